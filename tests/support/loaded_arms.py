@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from scipy.linalg import eigh
+from scipy.linalg import eig, eigh
 
 from arms import DENSITY, POISSON, YOUNG, _words
 from finite_elements import _rectangle_torsion
@@ -40,10 +40,51 @@ class Loaded:
             out.append(self.rows @ acceleration - self.tilt @ acceleration / -(w**2))
         return np.array(out)
 
+    def peaks(self, top):
+        """Poles up to `top` [rad/s] above the real axis, ascending, and their residues `(k, 6, 6)`."""
+        n = len(self.mass)
+        rates = -np.linalg.solve(self.mass, np.hstack([self.stiffness, self.damping]))
+        flow = np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), rates])
+        values, left, right = eig(flow, left=True)
+        found = np.flatnonzero((values.imag > 0.05) & (np.abs(values) < top))
+        found = found[np.argsort(np.abs(values[found]))]
+        push = np.vstack([np.zeros((n, 6)), np.linalg.solve(self.mass, self.rows.T)])
+        residues = []
+        for k in found:
+            seen = (self.rows * values[k] ** 2 - self.tilt) @ right[:n, k]
+            size = left[:, k].conj() @ right[:, k]
+            residues.append(np.outer(seen, left[:, k].conj() @ push) / size)
+        return values[found], np.array(residues)
+
     def frequencies(self, count):
         """The lowest above zero [rad/s]."""
         found = np.linalg.eigvals(np.linalg.solve(self.mass, self.stiffness))
         return np.sort(np.sqrt(found.real[found.real > 0.01]))[:count]
+
+
+def extrapolated(coarse, fine, ratio, omega, top):
+    """`(k, 6, 6)` accelerance for cells without end, of two numbers of cells (`ratio`: of them):
+    poles and residues, and the rest, have errors of second order."""
+    further = ratio**2 / (ratio**2 - 1.0)
+
+    def beyond(a, b):
+        return a + further * (b - a)
+
+    s = 1j * omega[:, None, None]
+
+    def of_peaks(poles, residues):
+        return sum(
+            r / (s - p) + r.conj() / (s - p.conjugate())
+            for p, r in zip(poles, residues, strict=True)
+        )
+
+    known = [model.peaks(top) for model in (coarse, fine)]
+    rest = [
+        model.accelerance(omega) - of_peaks(*peaks)
+        for model, peaks in zip((coarse, fine), known, strict=True)
+    ]
+    (poles, residues), (more, others) = known
+    return of_peaks(beyond(poles, more), beyond(residues, others)) + beyond(*rest)
 
 
 def cells(link, count, inside):
@@ -150,8 +191,10 @@ def loaded(arm, count, base, angles=None, ctrl=0.0, **craft):
     # what holds the hinges is constant; a free base turns out of the thrust's way
     mass = _mass(model, data, qpos)
     damping = np.diag(np.asarray(model.dof_damping, dtype=float).reshape(nv, -1)[:, 0])
-    alone = _mass(model, data, start, [i for i in range(model.nbody) if _is_beam(model, i, names)])
     for name in names:
+        alone = _mass(
+            model, data, start, [i for i in range(model.nbody) if _is_beam(model, i, name)]
+        )
         dofs = [i for i in bend if model.joint(int(model.dof_jntid[i])).name.startswith(name)]
         block = np.ix_(dofs, dofs)
         springs = np.diag([model.jnt_stiffness[int(model.dof_jntid[i])] for i in dofs])
@@ -171,8 +214,8 @@ def loaded(arm, count, base, angles=None, ctrl=0.0, **craft):
     return Loaded(mass, damping, slope, rows, tilt), model
 
 
-def _is_beam(model, body, names):
-    return model.body(body).name.startswith(tuple(names))
+def _is_beam(model, body, name):
+    return model.body(body).name.startswith(name)
 
 
 def _mass(model, data, qpos, only=None):

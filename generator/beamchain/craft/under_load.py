@@ -31,8 +31,8 @@ from beamchain.ports.motions import Array
 STEP = 3e-3  # rad (m of slides) by which places are differenced
 ROUNDS = 30  # of the search for the sag
 SETTLED = 1e-12  # of the largest sag
-FEEL = (300.0, 100.0, 30.0, 10.0)  # times the band: modes whose inertia changes with the sag
-MOST = 0.9  # of the inertia of a mode that may be lost by the sag: more is rounding of stiff modes
+FEEL = (600.0, 300.0, 100.0, 30.0, 10.0)  # times the band: modes whose inertia the sag changes
+MOST = 1.0 - 1e-6  # of the inertia of a mode that the sag may take: beyond, it is rounding
 BATCH = 2000  # states worked on at a time
 
 
