@@ -115,7 +115,9 @@ def cells(link, count, inside):
         )
         body = f"""<body name="{link.name}_{k}" pos="{before!r} 0 0">{joints}
 <inertial pos="{long / 2.0!r} 0 0" mass="{weight!r}" diaginertia="{_words(inertia)}"/>{body}</body>"""
-    return body.replace(f'<body name="{link.name}_0" pos="0.0 0 0">', f'<body name="{link.name}_0">')
+    return body.replace(
+        f'<body name="{link.name}_0" pos="0.0 0 0">', f'<body name="{link.name}_0">'
+    )
 
 
 def fine_mjcf(arm, count, base, quaternion="1 0 0 0", actuators=""):
@@ -149,7 +151,9 @@ def loaded(arm, count, base, angles=None, ctrl=0.0, **craft):
     data = mujoco.MjData(model)
     nv = model.nv
     names = [f"{link.name}_" for link in arm.links]
-    bend = [i for i in range(nv) if model.joint(int(model.dof_jntid[i])).name.startswith(tuple(names))]
+    bend = [
+        i for i in range(nv) if model.joint(int(model.dof_jntid[i])).name.startswith(tuple(names))
+    ]
     own = np.setdiff1d(np.arange(nv), bend)
     qpos = np.array(model.qpos0)
     for name, angle in (angles or {}).items():

@@ -69,6 +69,14 @@ Rigid = Annotated[
     bool,
     typer.Option("--rigid", help="Write the rigid twin: the same model with rigid appendages."),
 ]
+Loaded = Annotated[
+    bool,
+    typer.Option(
+        "--loaded",
+        help="Prove the spacecraft under its own load: its gravity where it is held, and the ctrl "
+        "of its keyframes, such as a constant thrust.",
+    ),
+]
 Key = Annotated[
     str | None, typer.Option(metavar="NAME", help="Print the modes at this keyframe as well.")
 ]
@@ -91,6 +99,7 @@ def embed(
     report: Report = True,
     max_modes: MaxModes = 12,
     rigid: Rigid = False,
+    loaded: Loaded = False,
     key: Key = None,
     explain: Explain = False,
     as_json: Json = False,
@@ -132,6 +141,7 @@ def embed(
                 max_modes=max_modes,
                 rigid=rigid,
                 carry=_carried(carry or []),
+                loaded=loaded,
             )
             _prove(result)
             at_key = () if key is None else result.modes_at(key)

@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from beamchain.cli.common import Json, Quiet, console
+from beamchain.cli.embed import Loaded
 from beamchain.cli.output import print_headed, print_table, print_warnings, spinner, tell
+from beamchain.errors import InputError
 
 if TYPE_CHECKING:
     from beamchain.craft.embedded import Embedded
@@ -25,6 +27,7 @@ Prove = Annotated[
 def inspect(
     model: Annotated[Path, typer.Argument(metavar="MODEL.xml", help="Any MuJoCo model.")],
     prove: Prove = False,
+    loaded: Loaded = False,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -34,6 +37,8 @@ def inspect(
     """
     from beamchain.craft.inspect import inspect_model
 
+    if loaded and not prove:
+        raise InputError("--loaded proves under a load; give --prove with it.")
     found = inspect_model(model)
     if not prove:
         tell(found.as_dict, lambda: _show(found), (), as_json, quiet)
@@ -41,7 +46,7 @@ def inspect(
     from beamchain.craft.proof import prove as prove_file
 
     with spinner("proving the file", quiet or as_json):
-        proof = prove_file(model)
+        proof = prove_file(model, loaded=loaded)
         record = {**found.as_dict(), "proof": proof.as_dict()}
 
     def show() -> None:

@@ -142,9 +142,7 @@ def bent_line(
         np.diff(cell_turns, axis=1, prepend=0.0),
         longer,
         tuple(ends),
-        np.maximum(
-            np.abs(cell_turns).max(axis=(1, 2)), np.abs(longer).sum(axis=1) / beam.length
-        ),
+        np.maximum(np.abs(cell_turns).max(axis=(1, 2)), np.abs(longer).sum(axis=1) / beam.length),
     )
 
 

@@ -51,6 +51,7 @@ class Embedded:
             False where `retime=False` left the step to others.
         source: file of the spacecraft, if it was given as one.
         inputs: that file and all others that were read, which `write` does not replace.
+        loaded: whether it is proved under its own load, as the argument of `embed` says.
 
     Example:
         >>> import beamchain as bc
@@ -75,6 +76,7 @@ class Embedded:
     stepped: bool = True
     source: Path | None = None
     inputs: tuple[Path, ...] = ()
+    loaded: bool = False
 
     def __repr__(self) -> str:
         return report.embedded_text(self)
@@ -94,7 +96,10 @@ class Embedded:
         the promise's view of the rest pose."""
         exact = carried(self.model, self.appendages)
         band = self.asked.band
-        return assembly_at_rest(self.craft, self.untimed, exact, self.promise, band, self._own)
+        pose = self._exact_poses["rest"][0] if self.loaded else None
+        return assembly_at_rest(
+            self.craft, self.untimed, exact, self.promise, band, self._own, pose
+        )
 
     @cached_property
     def _own(self) -> list[int]:
@@ -108,7 +113,8 @@ class Embedded:
         up to the scenes' largest bandwidth.
 
         If no scene states a bandwidth: in all motions,
-        up to where every appendage keeps all modes of its ports.
+        up to where every appendage keeps all modes of its ports. Where it is `loaded`: about the
+        pose to which the load bends the appendages, with the stiffness that it adds.
         """
         return craft_error(self.craft, self.untimed, self._exact_poses)
 
@@ -128,7 +134,7 @@ class Embedded:
         want = self.asked
         exact = carried(self.model, self.appendages)
         band = want.band or kept_band(self.appendages)
-        return craft_poses(self.craft, exact, band, want.motions, self._own)
+        return craft_poses(self.craft, exact, band, want.motions, self._own, loaded=self.loaded)
 
     @cached_property
     def time_error(self) -> TimeError:
@@ -165,7 +171,8 @@ class Embedded:
             InputError: the spacecraft has no such keyframe.
         """
         exact = carried(self.model, self.appendages)
-        return modes_at_pose(self.craft, self.untimed, exact, self.band, key, self._own)
+        pose = self._exact_poses.get(key, [None])[0] if self.loaded else None
+        return modes_at_pose(self.craft, self.untimed, exact, self.band, key, self._own, pose)
 
     @cached_property
     def composite(self) -> Composite:
@@ -195,7 +202,7 @@ class Embedded:
         None without a tolerance.
 
         The error is `sampled_error` where MuJoCo steps the model, and `craft_error` where another
-        host does (`retime=False`) or the appendages are rigid.
+        host does (`retime=False`) or the appendages are rigid; where it is `loaded` the larger one.
         """
         if self.tolerance is None:
             return None
@@ -204,7 +211,10 @@ class Embedded:
     @property
     def _decisive(self) -> float:
         """The error that a tolerance is held against."""
-        return self.sampled_error if self._by_step else self.craft_error
+        if not self._by_step:
+            return self.craft_error
+        # that at the step is without the load
+        return max(self.sampled_error, self.craft_error if self.loaded else 0.0)
 
     @property
     def _by_step(self) -> bool:
@@ -226,13 +236,31 @@ class Embedded:
                 f" (worst of {len(found.poses)} poses: "
                 f"{max(found.poses, key=lambda k: found.poses[k])})"
             )
+        if self.loaded:
+            said += f" {self._load_words}"
         if self._by_step:
             option = self.model.opt
             step = f"{NUMBERS[int(option.integrator)]} at {float(option.timestep):g} s"
             said += f"; stepped by {step} {off_by(self.sampled_error)}"
+            said += " without the load" if self.loaded else ""
         if tolerance is None:
             return f"{said}; no tolerance is asked for."
         return f"{said}, {tolerance_statement(self._decisive, tolerance)}."
+
+    @property
+    def _load_words(self) -> str:
+        """What acts at the worst pose, or that nothing does."""
+        worst = max(self.promise.poses, key=lambda name: self.promise.poses[name])
+        words = [pose.loading.words for pose in self._exact_poses[worst] if pose.loading]
+        return " and ".join(dict.fromkeys(words)) or f"at {worst}, where no load acts"
+
+    @property
+    def loads(self) -> dict[str, list[str]]:
+        """What acts at each pose, in words; empty where nothing does, or it is not asked for."""
+        return {
+            name: [pose.loading.words for pose in several if pose.loading is not None]
+            for name, several in (self._exact_poses.items() if self.loaded else ())
+        }
 
     @cached_property
     def untimed(self) -> "mujoco.MjModel":

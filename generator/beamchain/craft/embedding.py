@@ -72,6 +72,7 @@ def embed(
     max_modes: int = MOST_MODES,
     rigid: bool = False,
     carry: Mapping[str, str | Sequence[str]] | None = None,
+    loaded: bool = False,
 ) -> Embedded:
     """Attach appendages to a spacecraft and verify the assembled model.
 
@@ -100,10 +101,15 @@ def embed(
         carry: bodies of the spacecraft that hang on ports, by `PLACE:PORT`. In the spacecraft's
             file each is a child of the body that holds the place, where it is at rest; default:
             what the [[port]] of the specification names.
+        loaded: whether to prove the spacecraft under its own load: the gravity of its `<option>`,
+            where its base is held or stands on joints, and the `ctrl` of each keyframe, such as a
+            constant thrust that accelerates a free base. The appendages sag and are stiffened by
+            it; what holds the pose of the joints is taken as in balance. Modes are chosen, and the
+            error at the step is stated, without it.
 
     Raises:
         InputError: a place does not exist, is static or has no orthonormal frame, names clash, or a
-            setting of the spacecraft would change the appendage.
+            setting of the spacecraft would change the appendage; `loaded`, and nothing acts.
         EngineError: MuJoCo refuses the spacecraft.
         RealisationError: no chain exists.
 
@@ -118,6 +124,7 @@ def embed(
         >>> [(one.at, one.prefix) for one in flexible.appendages]
         [('mount', 'appendage_')]
     """
+    loaded = true_or_false("loaded", loaded)
     with noted_inputs() as inputs:
         result = _embed(craft, at, form, prefixes, retime, max_modes, rigid, carry)
     is_file = (
@@ -125,7 +132,8 @@ def embed(
         and result.document is not None
         and not str(craft).lstrip().startswith("<")
     )
-    return replace(result, source=Path(str(craft)) if is_file else None, inputs=tuple(inputs))
+    source = Path(str(craft)) if is_file else None
+    return replace(result, source=source, inputs=tuple(inputs), loaded=loaded)
 
 
 def _embed(

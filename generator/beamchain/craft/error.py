@@ -446,9 +446,9 @@ def loadings_of(
             out[name, base] = loading
     if not out:
         raise InputError(
-            "no load acts on the spacecraft: its gravity is zero or its base is free and falls with "
-            "it, and no keyframe has a ctrl that pushes it; hold its base (no free joint), or give "
-            'a keyframe the thrust (<key name="burn" ctrl="22"/>).'
+            "no load acts on the spacecraft: its gravity is zero or its base is free and falls "
+            "with it, and no keyframe has a ctrl that pushes it; hold its base (no free joint), or "
+            'give a keyframe the thrust (<key name="burn" ctrl="22"/>).'
         )
     return out
 

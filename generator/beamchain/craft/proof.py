@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from beamchain.checks import path_of
+from beamchain.checks import path_of, true_or_false
 from beamchain.craft.appendage import Appendage, motion_warnings, moved_bodies
 from beamchain.craft.disturbances import check_flags
 from beamchain.craft.embedded import Embedded
@@ -31,15 +31,16 @@ RESTORE = "restore the file from before, or embed again"
 
 
 @one_thread()
-def prove(path: str | Path) -> Embedded:
+def prove(path: str | Path, *, loaded: bool = False) -> Embedded:
     """Prove a file that `embed` wrote as it stands, after it was edited.
 
     The spacecraft (its masses, joints, drives, sites) is taken from the file, and its appendages
-    are the exact ones that the marks in the file name. What the file has in their place (links, hinges,
-    tendons) is compared with them as MuJoCo compiles it, at rest and at every keyframe.
+    are the exact ones that the marks in the file name. What the file has in their place (links,
+    hinges, tendons) is compared with them as MuJoCo compiles it, at rest and at every keyframe.
 
     Args:
         path: of the file.
+        loaded: whether to prove it under its own load, as in `embed`.
 
     Returns:
         What `embed` returns, for the file: `promise`, `modes_at`, `time_error`, `sampled_error`,
@@ -69,12 +70,13 @@ def prove(path: str | Path) -> Embedded:
         (True, True)
     """
     file = path_of("path", path)
+    loaded = true_or_false("loaded", loaded)
     with noted_inputs() as inputs:
         model = compile_model(file)
         marked = _read(file)
     if marked is None:
         raise InputError(f"{file}: {UNMARKED}; prove what embed wrote.")
-    return replace(proved(*marked, model), inputs=tuple(inputs))
+    return replace(proved(*marked, model), inputs=tuple(inputs), loaded=loaded)
 
 
 def _read(file: Path) -> "tuple[mujoco.MjModel, tuple[Appendage, ...]] | None":

@@ -181,7 +181,10 @@ class LoadedTree:
         """`(b,)` potential of the field [J]."""
         mass = self._masses[0]
         return -np.concatenate(
-            [np.einsum("e,bei,i->b", mass, s.places, self.loading.field) for s in self._states(moved)]
+            [
+                np.einsum("e,bei,i->b", mass, s.places, self.loading.field)
+                for s in self._states(moved)
+            ]
         )
 
     @cached_property

@@ -180,9 +180,7 @@ def loaded_linear(
             )
     stiffness = slopes(lambda i, by: moved(sagged, i, by), nv, POSITION)
     unbalanced(sagged)
-    return replace(
-        linear, mass=dense_mass(model, data), stiffness=loading.in_own_axes(stiffness)
-    )
+    return replace(linear, mass=dense_mass(model, data), stiffness=loading.in_own_axes(stiffness))
 
 
 def _with_gravity(model: "mujoco.MjModel", gravity: Array) -> "mujoco.MjModel":

@@ -110,6 +110,9 @@ def pose_table(embedded: "Embedded") -> Table:
         Column("error", list(poses.values()), format=relative),
         Column("at the step", [sampled[name].error for name in poses], format=relative),
     )
+    if embedded.loaded:
+        loads = [" and ".join(words) or None for words in embedded.loads.values()]
+        columns = (*columns, Column("load (not at the step)", loads, missing="none"))
     return Table(f"In-band error up to {number(embedded.band)} rad/s", columns)
 
 
