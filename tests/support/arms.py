@@ -101,8 +101,9 @@ def mjcf(
     `base`: joints of the bus; `quaternion`: how the arm is turned on it; `ctrl`: of a keyframe
     `burn`, which `actuators` push at.
     """
+    hand = f'mass="{arm.hand!r}" diaginertia="{_words(arm.hand_inertia)}"'
     body = f"""<body name="hand" pos="{arm.links[-1].length!r} 0 0">
-  <inertial pos="{_words(arm.hand_at)}" mass="{arm.hand!r}" diaginertia="{_words(arm.hand_inertia)}"/>
+  <inertial pos="{_words(arm.hand_at)}" {hand}/>
 </body>"""
     for number, link in reversed(list(enumerate(arm.links))):
         site = f'<site name="place_{link.name}"/>'

@@ -1,10 +1,11 @@
 """Arms of `arms` under gravity or thrust in plain MuJoCo: every beam a row of many rigid cells with
 three springs between each two, at rest where its own forces balance.
 
-What is linearised is what MuJoCo computes of forces and accelerations, by differences, in the axes of
-the world. Nothing is imported from the package.
+What is linearised is what MuJoCo computes of forces and accelerations, by differences, in the axes
+of the world. Nothing is imported from the package.
 """
 
+import copy
 from dataclasses import dataclass
 
 import mujoco
@@ -41,7 +42,7 @@ class Loaded:
         return np.array(out)
 
     def peaks(self, top):
-        """Poles up to `top` [rad/s] above the real axis, ascending, and their residues `(k, 6, 6)`."""
+        """Poles up to `top` [rad/s] above the real axis, ascending, and residues `(k, 6, 6)`."""
         n = len(self.mass)
         rates = -np.linalg.solve(self.mass, np.hstack([self.stiffness, self.damping]))
         flow = np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), rates])
@@ -60,6 +61,23 @@ class Loaded:
         """The lowest above zero [rad/s]."""
         found = np.linalg.eigvals(np.linalg.solve(self.mass, self.stiffness))
         return np.sort(np.sqrt(found.real[found.real > 0.01]))[:count]
+
+
+def in_band(file, truth, model):
+    """The largest error of an accelerance `(k, 6, 6)` by its definition; `model`: of the truth."""
+    moves = np.abs(model.rows).max(axis=0) > 0.0  # by the base's own joints, all others locked
+    rows = model.rows[:, moves]
+    rigid = rows @ np.linalg.solve(model.mass[np.ix_(moves, moves)], rows.T)
+    sizes = np.linalg.norm(rows, axis=1)
+    able = np.flatnonzero(sizes > 1e-9 * sizes.max())
+    scale = np.sqrt(np.diag(np.linalg.pinv(rigid, rcond=1e-9, hermitian=True)))[able]
+    weight = np.outer(scale, scale)
+    floor = np.linalg.norm(rigid[np.ix_(able, able)] * weight, 2)
+
+    def size(response):
+        return np.linalg.norm(response[:, able][:, :, able] * weight, 2, axis=(1, 2))
+
+    return float(np.max(size(file - truth) / np.maximum(size(truth), floor)))
 
 
 def extrapolated(coarse, fine, ratio, omega, top):
@@ -110,21 +128,21 @@ def cells(link, count, inside):
         # in turn one way round and the other, so that no order of the three is preferred
         order = "xyz" if k % 2 else "zyx"
         joints = "".join(
-            f'<joint name="{link.name}_{k}_{a}" axis="{axes[a]}" stiffness="{float(springs[a])!r}"/>'
+            f'<joint name="{link.name}_{k}_{a}" axis="{axes[a]}" stiffness="{springs[a]}"/>'
             for a in order * (k > 0)
         )
+        inertial = f'mass="{weight!r}" diaginertia="{_words(inertia)}"'
         body = f"""<body name="{link.name}_{k}" pos="{before!r} 0 0">{joints}
-<inertial pos="{long / 2.0!r} 0 0" mass="{weight!r}" diaginertia="{_words(inertia)}"/>{body}</body>"""
-    return body.replace(
-        f'<body name="{link.name}_0" pos="0.0 0 0">', f'<body name="{link.name}_0">'
-    )
+<inertial pos="{long / 2.0!r} 0 0" {inertial}/>{body}</body>"""
+    return body
 
 
 def fine_mjcf(arm, count, base, quaternion="1 0 0 0", actuators=""):
     """The arm with its beams cut into `count` cells; `base`: joints of the bus."""
+    hand = f'mass="{arm.hand!r}" diaginertia="{_words(arm.hand_inertia)}"'
     end = f'pos="{arm.links[-1].length / count / 2.0!r} 0 0"'
     body = f"""<body name="hand" {end}>
-<inertial pos="{_words(arm.hand_at)}" mass="{arm.hand!r}" diaginertia="{_words(arm.hand_inertia)}"/></body>"""
+<inertial pos="{_words(arm.hand_at)}" {hand}/></body>"""
     for number, link in reversed(list(enumerate(arm.links))):
         beam = cells(link, count, body)
         if number == 0:
@@ -146,33 +164,53 @@ def fine_mjcf(arm, count, base, quaternion="1 0 0 0", actuators=""):
 
 
 def loaded(arm, count, base, angles=None, ctrl=0.0, **craft):
-    """The arm at rest under its load, its hinges held at `angles`."""
+    """The arm in cells at rest under its load, its hinges held at `angles`."""
     model = mujoco.MjModel.from_xml_string(fine_mjcf(arm, count, base, **craft))
-    data = mujoco.MjData(model)
-    nv = model.nv
     names = [f"{link.name}_" for link in arm.links]
-    bend = [
-        i for i in range(nv) if model.joint(int(model.dof_jntid[i])).name.startswith(tuple(names))
-    ]
-    own = np.setdiff1d(np.arange(nv), bend)
     qpos = np.array(model.qpos0)
     for name, angle in (angles or {}).items():
         qpos[model.joint(f"hinge_{name}").qposadr[0]] = angle
-    start = qpos.copy()
-    model.qpos_spring[:] = start
+    data = mujoco.MjData(model)
+    damping = np.zeros((model.nv, model.nv))
+    for name in names:
+        dofs = dofs_of(model, [name])
+        own = [i for i in range(model.nbody) if model.body(i).name.startswith(name)]
+        block = np.ix_(dofs, dofs)
+        mass = _mass_of(model, data, qpos, own)[block]
+        springs = np.reshape(model.jnt_stiffness, (model.njnt, -1))[:, 0]
+        values, shapes = eigh(np.diag(springs[model.dof_jntid[dofs]]), mass)
+        push = mass @ shapes
+        damping[block] = push @ np.diag(2.0 * arm.ratio * np.sqrt(values)) @ push.T
+    return at_rest(model, qpos, dofs_of(model, names), ctrl, damping)
+
+
+def dofs_of(model, names):
+    """Degrees of freedom of joints whose names begin with some words."""
+    owner = [model.joint(int(model.dof_jntid[i])).name for i in range(model.nv)]
+    return [i for i in range(model.nv) if owner[i].startswith(tuple(names))]
+
+
+def at_rest(model, qpos, bend, ctrl=0.0, damping=0.0):
+    """Any model about the rest that its freedoms `bend` find under its gravity and `ctrl`, all
+    others held at `qpos`; what is added to its own damping."""
+    model = copy.copy(model)
+    data = mujoco.MjData(model)
+    nv = model.nv
+    qpos = np.array(qpos)
+    model.qpos_spring[:] = qpos  # what holds the pose is constant
     acceleration = np.zeros(nv)
-    is_free = int(model.jnt_type[0]) == 0
     pushed = np.zeros(nv)
 
-    def forces(at):
+    def forces(at, rate=None):
         data.qpos[:] = at
+        data.qvel[:] = 0.0 if rate is None else rate
         data.ctrl[:] = ctrl
         mujoco.mj_forward(model, data)
         mujoco.mj_mulM(model, data, pushed, acceleration)
         return pushed + data.qfrc_bias - data.qfrc_passive - data.qfrc_actuator
 
-    if is_free:
-        acceleration[:3] = -forces(start)[:3] / float(model.body_mass.sum())
+    if int(model.jnt_type[0]) == 0:
+        acceleration[:3] = -forces(qpos)[:3] / float(model.body_mass.sum())
 
     def stiffness(at, columns):
         out = np.zeros((nv, len(columns)))
@@ -192,50 +230,33 @@ def loaded(arm, count, base, angles=None, ctrl=0.0, **craft):
         if np.abs(change).max() < SETTLED:
             break
     slope = stiffness(qpos, range(nv))
-    # what holds the hinges is constant; a free base turns out of the thrust's way
-    mass = _mass(model, data, qpos)
-    damping = np.diag(np.asarray(model.dof_damping, dtype=float).reshape(nv, -1)[:, 0])
-    for name in names:
-        alone = _mass(
-            model, data, start, [i for i in range(model.nbody) if _is_beam(model, i, name)]
-        )
-        dofs = [i for i in bend if model.joint(int(model.dof_jntid[i])).name.startswith(name)]
-        block = np.ix_(dofs, dofs)
-        springs = np.diag([model.jnt_stiffness[int(model.dof_jntid[i])] for i in dofs])
-        values, shapes = eigh(springs.reshape(len(dofs), len(dofs), -1)[..., 0], alone[block])
-        push = alone[block] @ shapes
-        damping[block] += push @ np.diag(2.0 * arm.ratio * np.sqrt(values)) @ push.T
-    rows = np.zeros((6, nv))
+    rates = [(forces(qpos, s * e) for s in (1.0, -1.0)) for e in 1e-3 * np.eye(nv)]
+    drag = np.array([(a - b) / 2e-3 for a, b in rates]).T
     data.qpos[:] = qpos
+    data.qvel[:] = 0.0
     mujoco.mj_forward(model, data)
-    body = model.body("bus").id
-    mujoco.mj_jacBody(model, data, rows[:3], rows[3:], body)
+    mass = np.zeros((nv, nv))
+    column = np.zeros(nv)
+    for i, unit in enumerate(np.eye(nv)):
+        mujoco.mj_mulM(model, data, column, unit)
+        mass[:, i] = column
+    rows = np.zeros((6, nv))
+    mujoco.mj_jacBody(model, data, rows[:3], rows[3:], model.body("bus").id)
     x, y, z = acceleration[:3]
     tilt = np.zeros((6, nv))
     # of R^T a for a turn t of R: - t x a = a x t
     tilt[:3] = -np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]) @ rows[3:]
-    assert own.size + len(bend) == nv
-    return Loaded(mass, damping, slope, rows, tilt), model
+    return Loaded(mass, drag + damping, slope, rows, tilt)
 
 
-def _is_beam(model, body, name):
-    return model.body(body).name.startswith(name)
-
-
-def _mass(model, data, qpos, only=None):
-    """`(nv, nv)` at a pose; `only`: of some bodies."""
+def _mass_of(model, data, qpos, bodies):
+    """`(nv, nv)` mass matrix of some bodies at a pose."""
     data.qpos[:] = qpos
     mujoco.mj_forward(model, data)
     nv = model.nv
     out = np.zeros((nv, nv))
-    if only is None:
-        column = np.zeros(nv)
-        for i, unit in enumerate(np.eye(nv)):
-            mujoco.mj_mulM(model, data, column, unit)
-            out[:, i] = column
-        return out
     linear, angular = np.zeros((3, nv)), np.zeros((3, nv))
-    for body in only:
+    for body in bodies:
         mujoco.mj_jacBodyCom(model, data, linear, angular, body)
         axes = data.ximat[body].reshape(3, 3)
         inertia = axes @ np.diag(model.body_inertia[body]) @ axes.T

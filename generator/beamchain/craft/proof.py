@@ -123,7 +123,7 @@ def _elements(
     """Names of an appendage's elements in a compiled file, per kind; bodies `elsewhere` hang on it
     but are not its own."""
     root = f"{a.prefix}link1"
-    top = int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, root))
+    top = _number(model, "body", root)
     if top < 0:
         raise InputError(
             f"the mark of the appendage at {a.at} names its first body {root!r}, which is gone; "
@@ -161,6 +161,12 @@ def _elements(
     return names
 
 
+def _number(model: "mujoco.MjModel", kind: str, name: str) -> int:
+    """Of an element by its name; -1 for none."""
+    kinds = mujoco.mjtObj
+    return int(mujoco.mj_name2id(model, getattr(kinds, f"mjOBJ_{kind.upper()}"), name))
+
+
 def _check_ports(model: "mujoco.MjModel", a: Appendage, every: Sequence[Appendage]) -> None:
     """What an appendage's ports carry by its mark hangs on them in a compiled file."""
     hung = [(port, body) for port, bodies in a.carries.items() for body in bodies]
@@ -171,8 +177,8 @@ def _check_ports(model: "mujoco.MjModel", a: Appendage, every: Sequence[Appendag
             hung.append((on_port[1], f"{other.prefix}link1"))
     for port, body in hung:
         site = f"{a.prefix}{port}"
-        port_site = int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, site))
-        child = int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, body))
+        port_site = _number(model, "site", site)
+        child = _number(model, "body", body)
         if min(port_site, child) < 0 or (
             int(model.body_parentid[child]) != int(model.site_bodyid[port_site])
         ):

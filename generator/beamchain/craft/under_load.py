@@ -180,12 +180,9 @@ class LoadedTree:
     def _potential(self, moved: Array) -> Array:
         """`(b,)` potential of the field [J]."""
         mass = self._masses[0]
-        return -np.concatenate(
-            [
-                np.einsum("e,bei,i->b", mass, s.places, self.loading.field)
-                for s in self._states(moved)
-            ]
-        )
+        field = self.loading.field
+        parts = [np.einsum("e,bei,i->b", mass, s.places, field) for s in self._states(moved)]
+        return -np.concatenate(parts)
 
     @cached_property
     def sag(self) -> Array:
@@ -277,11 +274,12 @@ class LoadedTree:
         stiffness[np.ix_(to, to)] += self.loading.in_own_axes(curvature)
         # of what is slow enough to feel it: y = B^T M z of the modes B of the straight spacecraft
         squares, modes = eigh(craft.stiffness, craft.mass)
-        for share in FEEL:
-            slow = modes[:, squares < (share * band) ** 2]
-            changed = slow[to].T @ heavier @ slow[to]
-            if np.linalg.eigvalsh(changed)[0] > -MOST:
-                break
+        tops = [modes[:, squares < (share * band) ** 2] for share in FEEL]
+        changes = [slow[to].T @ heavier @ slow[to] for slow in tops]
+        fine = [bool(np.linalg.eigvalsh(changed)[0] > -MOST) for changed in changes]
+        chosen = fine.index(True) if any(fine) else -1
+        slow = tops[chosen]
+        changed = changes[chosen]
         to_slow = slow.T @ craft.mass
         mass = craft.mass + to_slow.T @ changed @ to_slow
         return replace(craft, mass=mass, stiffness=stiffness)

@@ -1,12 +1,14 @@
 """A spacecraft under a load that does not change: gravity where it is held, or a constant thrust.
 
-A free spacecraft is pushed by the field of its own acceleration: its motion is told in axes that it
-takes along, in which an accelerometer on it reads. Its joints stay where the pose has them, and what
-holds them is taken as in balance; its appendages sag.
+A free spacecraft is pushed by the field of its own acceleration: its motion is told in axes that
+it takes along, in which an accelerometer on it reads. Its joints stay where the pose has them, and
+what holds them is taken as in balance; its appendages sag.
 """
 
+import copy
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -58,9 +60,12 @@ class Loading:
     def words(self) -> str:
         """The load, for a sentence."""
         size = float(np.linalg.norm(self.field))
-        if self.free is None:
-            return f"under {size:.4g} m/s^2 of gravity"
-        return f"under a thrust that accelerates it by {size:.4g} m/s^2"
+        if self.free is not None:
+            return f"under a thrust that accelerates it by {size:.4g} m/s^2"
+        parts = [f"{size:.4g} m/s^2 of gravity"] if size > NOTHING else []
+        if np.any(self.ctrl != 0.0):
+            parts.append("the ctrl of its keyframe")
+        return f"under {' and '.join(parts)}"
 
 
 def loading_at(
@@ -105,7 +110,7 @@ def loading_at(
             return force(at, ctrl, act) - force(at, 0.0 * ctrl, 0.0 * act)
 
         pushed = -slopes(moved, still.nv, POSITION)
-    if np.linalg.norm(field) <= NOTHING and not np.any(pushed):
+    if np.linalg.norm(field) <= NOTHING and np.max(np.abs(pushed), initial=0.0) <= NOTHING:
         return None
     return Loading(gravity, ctrl, act, field, free, pushed)
 
@@ -123,9 +128,9 @@ def check_pushes(craft: "mujoco.MjModel", key: int, carried: Sequence[int], name
         if kind == int(known.mjTRN_SITE) and int(craft.site_bodyid[site]) not in carried:
             continue
         raise InputError(
-            f"keyframe {name!r}: {label!r} pushes with ctrl = {craft.key_ctrl[key, i]:g} on what an "
-            "appendage carries, or neither a joint nor a site; a load is proved for joints and for "
-            "sites on the spacecraft itself: set that ctrl to 0."
+            f"keyframe {name!r}: {label!r} pushes with ctrl = {craft.key_ctrl[key, i]:g} on what "
+            "an appendage carries, or on neither a joint nor a site; a load is proved for joints "
+            "and for sites on the spacecraft itself: set that ctrl to 0."
         )
 
 
@@ -166,10 +171,10 @@ def loaded_linear(
     some = list(dofs)
     if some:
         for _ in range(ROUNDS):
-            here = sagged.copy()
-            stiffness = slopes(lambda k, by: moved(here, some[k], by), len(some), POSITION)[some]
+            bent = partial(moved, sagged.copy())
+            stiffness = slopes(bent, nv, POSITION)[np.ix_(some, some)]
             change = np.zeros(nv)
-            change[some] = -np.linalg.solve(stiffness, unbalanced(here)[some])
+            change[some] = -np.linalg.solve(stiffness, unbalanced(sagged)[some])
             mujoco.mj_integratePos(model, sagged, change, 1.0)
             if np.max(np.abs(change)) < SETTLED:
                 break
@@ -184,8 +189,6 @@ def loaded_linear(
 
 
 def _with_gravity(model: "mujoco.MjModel", gravity: Array) -> "mujoco.MjModel":
-    import copy
-
     out = copy.copy(model)
     out.opt.gravity[:] = gravity
     return out
