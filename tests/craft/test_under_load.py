@@ -49,8 +49,8 @@ CASES = {
     "lies": (ONE, STAND, "rest", "1 0 0 0", 0.0, "", (20, 40)),
     "hangs": (ONE, STAND, "rest", DOWN, 0.0, "", (12, 24)),
     "bent elbow": (TWO, STAND, "bent", "1 0 0 0", 0.0, "", (12, 24)),
-    "thrust across": (ORBIT, FREE, "burn", "1 0 0 0", 2000.0, THRUSTER, (16, 32)),
-    "thrust along": (ORBIT, FREE, "burn", "1 0 0 0", 5000.0, ALONG, (16, 32)),
+    "thrust across": (ORBIT, FREE, "burn", "1 0 0 0", 2000.0, THRUSTER, (12, 24)),
+    "thrust along": (ORBIT, FREE, "burn", "1 0 0 0", 5000.0, ALONG, (12, 24)),
 }
 
 
@@ -91,6 +91,7 @@ def test_the_promise_under_a_load_is_what_many_cells_find(tmp_path, case):
     assert [mode.mujoco for mode in modes] == pytest.approx(file.frequencies(len(modes)), rel=1e-6)
 
 
+@SLOW
 def test_a_hanging_beam_is_stiffened_as_the_closed_form_says(tmp_path):
     """Rayleigh's quotient, exact to first order in g: w^2 + g int (L - x) v'^2 dx / int v^2 dx,
     1.5709 g / L for the first mode of a cantilever."""
@@ -132,6 +133,7 @@ def test_a_thrust_on_what_an_appendage_carries_is_refused(tmp_path):
         ).promise
 
 
+@SLOW
 def test_the_command_proves_under_the_load_and_says_so(tmp_path):
     (tmp_path / "arm.xml").write_text(mjcf(ONE, base=STAND, quaternion=DOWN))
     (tmp_path / "upper.toml").write_text(toml(ONE, UPPER, BAND, 0.05, MODES))

@@ -230,8 +230,10 @@ def at_rest(model, qpos, bend, ctrl=0.0, damping=0.0):
         if np.abs(change).max() < SETTLED:
             break
     slope = stiffness(qpos, range(nv))
-    rates = [(forces(qpos, s * e) for s in (1.0, -1.0)) for e in 1e-3 * np.eye(nv)]
-    drag = np.array([(a - b) / 2e-3 for a, b in rates]).T
+    step = 1e-3
+    drag = np.array([forces(qpos, e) - forces(qpos, -e) for e in step * np.eye(nv)]).T / (
+        2.0 * step
+    )
     data.qpos[:] = qpos
     data.qvel[:] = 0.0
     mujoco.mj_forward(model, data)

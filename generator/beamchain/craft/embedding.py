@@ -14,6 +14,7 @@ from beamchain.checks import whole_number as checked_int
 from beamchain.craft.appendage import (
     PROBE,
     Appendage,
+    carried,
     check_appendages_unchanged,
     check_craft_unchanged,
     check_names,
@@ -25,6 +26,7 @@ from beamchain.craft.appendage import (
 from beamchain.craft.disturbances import check_flags
 from beamchain.craft.documents import Wish, compile_document, layout_of, read_bare
 from beamchain.craft.embedded import Embedded
+from beamchain.craft.error import loadings_of
 from beamchain.craft.fits import Fits, fit_all
 from beamchain.craft.loads import (
     base_place,
@@ -133,6 +135,8 @@ def embed(
         and not str(craft).lstrip().startswith("<")
     )
     source = Path(str(craft)) if is_file else None
+    if loaded:
+        loadings_of(result.craft, carried(None, result.appendages))  # refuses what is not known
     return replace(result, source=source, inputs=tuple(inputs), loaded=loaded)
 
 

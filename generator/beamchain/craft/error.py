@@ -403,10 +403,8 @@ def craft_poses(
     under its own gravity and the ctrl of its keyframes.
     """
     quiet = quiet_copy(craft)
-    groups: dict[int, list[Carried]] = {}
-    for item in carried:
-        groups.setdefault(base_body(quiet, item.mount.body), []).append(item)
-    loadings = loadings_of(craft, groups) if loaded else {}
+    groups = _by_base(quiet, carried)
+    loadings = loadings_of(craft, carried) if loaded else {}
     return {
         name: [
             Pose(quiet, qpos, group, band, wanted, own, loadings.get((name, base)))
@@ -416,8 +414,16 @@ def craft_poses(
     }
 
 
+def _by_base(craft: "mujoco.MjModel", carried: Sequence[Carried]) -> dict[int, list[Carried]]:
+    """Appendages by the base body that carries them."""
+    groups: dict[int, list[Carried]] = {}
+    for item in carried:
+        groups.setdefault(base_body(craft, item.mount.body), []).append(item)
+    return groups
+
+
 def loadings_of(
-    craft: "mujoco.MjModel", groups: Mapping[int, Sequence[Carried]]
+    craft: "mujoco.MjModel", carried: Sequence[Carried]
 ) -> dict[tuple[str, int], Loading]:
     """What acts on the bare craft at each pose, by its name and the base body.
 
@@ -425,6 +431,7 @@ def loadings_of(
         InputError: nothing acts, or the exact spacecraft under it is not known.
     """
     still = still_copy(craft)
+    groups = _by_base(craft, carried)
     out: dict[tuple[str, int], Loading] = {}
     for k, name in enumerate(poses(craft)):
         key = None if k == 0 else k - 1

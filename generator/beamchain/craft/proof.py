@@ -12,10 +12,11 @@ from pathlib import Path
 import numpy as np
 
 from beamchain.checks import path_of, true_or_false
-from beamchain.craft.appendage import Appendage, motion_warnings, moved_bodies
+from beamchain.craft.appendage import Appendage, carried, motion_warnings, moved_bodies
 from beamchain.craft.disturbances import check_flags
 from beamchain.craft.embedded import Embedded
 from beamchain.craft.embedding import marked_appendages
+from beamchain.craft.error import loadings_of
 from beamchain.craft.loads import split_port
 from beamchain.craft.timing import attitude_warnings, without_timing
 from beamchain.engine.library import mujoco, one_thread
@@ -76,7 +77,10 @@ def prove(path: str | Path, *, loaded: bool = False) -> Embedded:
         marked = _read(file)
     if marked is None:
         raise InputError(f"{file}: {UNMARKED}; prove what embed wrote.")
-    return replace(proved(*marked, model), inputs=tuple(inputs), loaded=loaded)
+    result = replace(proved(*marked, model), inputs=tuple(inputs), loaded=loaded)
+    if loaded:
+        loadings_of(result.craft, carried(None, result.appendages))  # refuses what is not known
+    return result
 
 
 def _read(file: Path) -> "tuple[mujoco.MjModel, tuple[Appendage, ...]] | None":
@@ -97,12 +101,12 @@ def proved(
 ) -> Embedded:
     """What `embed` would say of a compiled file, whose bare spacecraft and appendages are known by
     its marks."""
-    carried = set(moved_bodies(appendages))
+    moved = set(moved_bodies(appendages))
     roots = {f"{a.prefix}link1" for a in appendages}
     is_timed = any(mark is not None for mark in timing_marks(model))
     known: list[Appendage] = []
     for a in appendages:
-        elements = _elements(model, a, carried | roots)
+        elements = _elements(model, a, moved | roots)
         rigid = not elements["jnt"] and bool(a.fit.chain.hinges)
         timed = model if is_timed else None
         known.append(replace(a, elements=elements, rigid=rigid, timed=timed))
@@ -201,4 +205,5 @@ def _with_poses_of(result: Embedded) -> "mujoco.MjModel":
         )
     for k in range(craft.nkey):
         craft.key_qpos[k] = result.bare_qpos(np.array(model.key_qpos[k]))
+        craft.key_ctrl[k] = model.key_ctrl[k]
     return craft
