@@ -48,8 +48,8 @@ class Loading:
         return self.gravity - self.field
 
     def in_own_axes(self, stiffness: Array) -> Array:
-        """A stiffness that a load adds, told in axes that a free base takes along: the base's own
-        motions change nothing then, and its weight pushes nothing along."""
+        """A stiffness that a load adds, told in axes that a free base takes along, in which its own
+        motions change no force."""
         if self.free is None:
             return (stiffness + stiffness.T) / 2.0
         out = stiffness.copy()
