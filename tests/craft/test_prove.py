@@ -74,7 +74,7 @@ EDITS = {
 @pytest.mark.parametrize(
     ("edit", "arm"),
     [
-        ("mass of the hand", ONE),
+        pytest.param("mass of the hand", ONE, marks=pytest.mark.slow),
         pytest.param("bus", ONE, marks=pytest.mark.slow),
         pytest.param("stiffness of the drive", TWO, marks=pytest.mark.slow),
     ],
