@@ -23,6 +23,17 @@ HAND = {"hand": 2.0, "hand_inertia": (0.1, 0.1, 0.1), "hand_at": (0.1, 0.2, 0.05
 EARTH = {"gravity": (0.0, 0.0, -9.81)}
 ONE = Arm((UPPER,), bus=50.0, **HAND, **EARTH)
 TWO = Arm((UPPER, FORE), bus=50.0, **HAND, **EARTH, keys={"bent": {"fore": 0.8}})
+SERVO = Link(
+    **{
+        **FORE.__dict__,
+        "stiffness": 0.0,
+        "damping": 0.0,
+        "kp": 2e3,
+        "kv": 40.0,
+        "servo": "position",
+    }
+)
+DRIVEN = Arm(**{**TWO.__dict__, "links": (UPPER, SERVO)})  # its keyframe's ctrl is its angle
 ORBIT = Arm((UPPER, FORE), bus=400.0, **HAND, keys={"burn": {"fore": 0.8}})
 STAND = '<joint name="stand" axis="0.3 0.5 1" stiffness="2e4" damping="3"/>'
 FREE = '<freejoint name="bus"/>'
@@ -49,6 +60,7 @@ CASES = {
     "lies": (ONE, STAND, "rest", "1 0 0 0", 0.0, "", (20, 40)),
     "hangs": (ONE, STAND, "rest", DOWN, 0.0, "", (12, 24)),
     "bent elbow": (TWO, STAND, "bent", "1 0 0 0", 0.0, "", (12, 24)),
+    "driven elbow": (DRIVEN, STAND, "bent", "1 0 0 0", 0.8, "", (12, 24)),
     "thrust across": (ORBIT, FREE, "burn", "1 0 0 0", 2000.0, THRUSTER, (12, 24)),
     "thrust along": (ORBIT, FREE, "burn", "1 0 0 0", 5000.0, ALONG, (12, 24)),
 }
@@ -155,3 +167,14 @@ def test_the_command_proves_under_the_load_and_says_so(tmp_path):
         answer.record["craft_error"], rel=1e-6
     )
     assert call("inspect", out, "--loaded").status == 2
+
+
+def test_a_load_on_imported_modes_is_refused(tmp_path):
+    mass = np.diag([30.0, 30.0, 30.0, 20.0, 600.0, 600.0])
+    mass[1, 5] = mass[5, 1] = 120.0
+    mass[2, 4] = mass[4, 2] = -120.0
+    row = np.array([[0.0, 4.0, 0.0, 0.0, 0.0, 23.0]])
+    modes = bc.ModalData(rigid_mass=mass, frequencies=np.array([1.3]), participation=row)
+    (tmp_path / "arm.xml").write_text(mjcf(ONE, base=STAND))
+    with pytest.raises(bc.InputError, match="place_upper is imported modes"):
+        bc.embed(tmp_path / "arm.xml", {"place_upper": modes}, retime=False, loaded=True)
