@@ -239,7 +239,7 @@ def _record(result: "Embedded", key: str | None, at_key: "Sequence[Mode]") -> di
 
 def _show(result: "Embedded") -> None:
     """What the terminal shows before the names of the files."""
-    from beamchain.report.tables.embed import appendage_table, coupled_table
+    from beamchain.report.tables.embed import appendage_table, coupled_table, pose_table
 
     out = console()
     assembly = result.assembly
@@ -247,6 +247,8 @@ def _show(result: "Embedded") -> None:
     out.print(result.composite.sentence, markup=False)
     print_table(appendage_table(result))
     print_table(coupled_table(assembly))
+    if result.loaded:
+        print_table(pose_table(result))
     out.print(assembly.worst_told)
     for item in result.appendages:
         scene = item.fit.spec.scene
