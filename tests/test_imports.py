@@ -105,6 +105,7 @@ PUBLIC = {
     "latch",
     "linearise",
     "plant",
+    "prove",
     "read_modes",
     "read_spec",
     "retime",

@@ -12,6 +12,7 @@ from beamchain.late import importing
 if TYPE_CHECKING:
     from beamchain.craft.embedded import Embedded as Embedded
     from beamchain.craft.embedding import embed as embed
+    from beamchain.craft.proof import prove as prove
     from beamchain.craft.stability import StabilityStudy as StabilityStudy
     from beamchain.craft.stability import stability as stability
     from beamchain.engine.linear import Linear as Linear
@@ -84,6 +85,7 @@ _PLACES = {
         "StabilityStudy",
         "stability",
     ),
+    "craft.proof": ("prove",),
     "engine.linear": ("Linear",),
     "engine.linearise": (
         "Linearisation",

@@ -45,6 +45,8 @@ def qpos_of(model, name):
 SLOW = pytest.mark.slow
 FREE, WELDED = {}, {"axis": None}
 SPRUNG = {"stiffness": 4000.0, "damping": 5.0}
+SERVO = {"kp": 2000.0, "kv": 40.0, "servo": "position"}
+GENERAL = {**SPRUNG, "kp": 500.0, "kv": 120.0, "servo": "general"}
 
 
 @pytest.mark.parametrize(
@@ -57,6 +59,8 @@ SPRUNG = {"stiffness": 4000.0, "damping": 5.0}
             for hinge in (FREE, SPRUNG, WELDED)
         ),
         pytest.param(10.0, SPRUNG, marks=SLOW),
+        pytest.param(10.0, SERVO, marks=SLOW),
+        pytest.param(1000.0, GENERAL, marks=SLOW),
         pytest.param(10.0, WELDED, marks=SLOW),
     ],
 )

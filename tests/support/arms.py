@@ -8,6 +8,7 @@ its static response. Nothing is imported from the package.
 
 from dataclasses import dataclass, field
 
+import mujoco
 import numpy as np
 from scipy.linalg import eigh
 
@@ -30,6 +31,8 @@ class Link:
         mass, inertia: of the body at its root, which turns with the hinge.
         axis: of the hinge in the arm's rest pose; None: no hinge, the body is welded.
         stiffness, damping: of the hinge.
+        kp, kv: of a position servo on the hinge, where `servo` names how it is written: "position"
+            or "general".
     """
 
     name: str
@@ -41,6 +44,9 @@ class Link:
     axis: tuple | None = None
     stiffness: float = 0.0
     damping: float = 0.0
+    kp: float = 0.0
+    kv: float = 0.0
+    servo: str = ""
 
     def stiffness_and_mass(self):
         """Of its section, as a `Leg` takes them."""
@@ -68,6 +74,8 @@ class Arm:
     at: tuple = (0.5, 0.0, 0.0)
     hand: float = 10.0
     hand_inertia: tuple = (0.4, 0.4, 0.4)
+    hand_at: tuple = (0.0, 0.0, 0.0)
+    gravity: tuple = (0.0, 0.0, 0.0)
     ratio: float = 0.005
     elements: int = ELEMENTS
     keys: dict = field(default_factory=dict)
@@ -95,17 +103,33 @@ tolerance = {tolerance!r}
 {modes}"""
 
 
-def mjcf(arm, timestep=0.0005, integrator="implicitfast"):
-    """The craft with rigid links left out: every body where it is at rest."""
+def mjcf(
+    arm,
+    timestep=0.0005,
+    integrator="implicitfast",
+    base='<freejoint name="bus"/>',
+    quaternion="1 0 0 0",
+    ctrl="",
+    actuators="",
+):
+    """The craft with rigid links left out: every body where it is at rest.
+
+    `base`: joints of the bus; `quaternion`: how the arm is turned on it; `ctrl`: of a keyframe
+    `burn`, which `actuators` push at.
+    """
+    hand = f'mass="{arm.hand!r}" diaginertia="{_words(arm.hand_inertia)}"'
     body = f"""<body name="hand" pos="{arm.links[-1].length!r} 0 0">
-  <inertial pos="0 0 0" mass="{arm.hand!r}" diaginertia="{_words(arm.hand_inertia)}"/>
+  <inertial pos="{_words(arm.hand_at)}" {hand}/>
 </body>"""
     for number, link in reversed(list(enumerate(arm.links))):
         site = f'<site name="place_{link.name}"/>'
         if number == 0:
-            site = f'<site name="place_{link.name}" pos="{_words(arm.at)}"/>'
-            end = np.add(arm.at, [link.length, 0.0, 0.0])
-            body = site + body.replace(f'pos="{link.length!r} 0 0"', f'pos="{_words(end)}"', 1)
+            turned = f'quat="{quaternion}"'
+            site = f'<site name="place_{link.name}" pos="{_words(arm.at)}" {turned}/>'
+            out = np.zeros(3)
+            mujoco.mju_rotVecQuat(out, [link.length, 0.0, 0.0], np.fromstring(quaternion, sep=" "))
+            place = f'pos="{_words(arm.at + out)}" {turned}'
+            body = site + body.replace(f'pos="{link.length!r} 0 0"', place, 1)
             continue
         joint = ""
         if link.axis is not None:
@@ -119,17 +143,32 @@ def mjcf(arm, timestep=0.0005, integrator="implicitfast"):
 <inertial pos="0 0 0" {inertial}/>{site}{body}</body>"""
     hinges = [link for link in arm.links if link.axis is not None]
     keys = ""
+    still = "0 0 0 1 0 0 0" if "freejoint" in base else "0 " * base.count("<joint")
     for name, angles in arm.keys.items():
         turned = _words([angles.get(hinge.name, 0.0) for hinge in hinges])
-        keys += f'<key name="{name}" qpos="0 0 0 1 0 0 0 {turned}"/>'
+        push = f'ctrl="{ctrl}"' if ctrl else ""
+        keys += f'<key name="{name}" qpos="{still} {turned}" {push}/>'
     return f"""<mujoco model="arm">
-<option timestep="{timestep!r}" gravity="0 0 0" integrator="{integrator}"/>
-<worldbody><body name="bus"><freejoint name="bus"/>
+<option timestep="{timestep!r}" gravity="{_words(arm.gravity)}" integrator="{integrator}"/>
+<worldbody><body name="bus">{base}
 <inertial pos="0 0 0" mass="{arm.bus!r}" diaginertia="{_words(arm.bus_inertia)}"/>
+<site name="thruster" pos="{_words(arm.at)}"/>
 {body}
 </body></worldbody>
+<actuator>{actuators}{"".join(_servo(link) for link in arm.links if link.servo)}</actuator>
 <keyframe>{keys}</keyframe>
 </mujoco>"""
+
+
+def _servo(link):
+    """A position servo on a hinge, `force = kp (ctrl - angle) - kv rate`."""
+    hinge = f'joint="hinge_{link.name}"'
+    if link.servo == "position":
+        return f'<position {hinge} kp="{link.kp!r}" kv="{link.kv!r}"/>'
+    return (
+        f'<general {hinge} gainprm="{link.kp!r}" biastype="affine" '
+        f'biasprm="0 {-link.kp!r} {-link.kv!r}"/>'
+    )
 
 
 def _words(values):
@@ -160,8 +199,8 @@ def _matrices(arm, angles):
             root = root.copy()
             axis = turn @ np.array(link.axis, dtype=float)
             root[3:, own] += axis
-            stiffness[own, own] += link.stiffness
-            damping[own, own] += link.damping
+            stiffness[own, own] += link.stiffness + link.kp
+            damping[own, own] += link.damping + link.kv
             turn = _rotation(axis, angles.get(link.name, 0.0)) @ turn
         _add_body(mass, root, link.mass, turn @ np.diag(link.inertia) @ turn.T)
         ends = [root]

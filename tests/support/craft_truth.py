@@ -87,9 +87,9 @@ def compiled(model, qpos):
     def force(position, rate):
         data.qpos[:], data.qvel[:] = position, rate
         mujoco.mj_forward(model, data)
-        return data.qfrc_passive.copy()
+        return data.qfrc_passive + data.qfrc_actuator
 
-    # springs, dampers and tendons of fixed coefficients are linear
+    # springs, dampers, servos and tendons of fixed coefficients are linear
     still = np.zeros(nv)
     step = 1e-3
     stiffness = np.zeros((nv, nv))

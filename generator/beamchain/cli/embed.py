@@ -69,6 +69,14 @@ Rigid = Annotated[
     bool,
     typer.Option("--rigid", help="Write the rigid twin: the same model with rigid appendages."),
 ]
+Loaded = Annotated[
+    bool,
+    typer.Option(
+        "--loaded",
+        help="Prove the spacecraft under its own load: its gravity where it is held, and the ctrl "
+        "of its keyframes, such as a constant thrust.",
+    ),
+]
 Key = Annotated[
     str | None, typer.Option(metavar="NAME", help="Print the modes at this keyframe as well.")
 ]
@@ -91,6 +99,7 @@ def embed(
     report: Report = True,
     max_modes: MaxModes = 12,
     rigid: Rigid = False,
+    loaded: Loaded = False,
     key: Key = None,
     retime_joints: RetimeJoints = False,
     explain: Explain = False,
@@ -134,6 +143,7 @@ def embed(
                 rigid=rigid,
                 carry=_carried(carry or []),
                 retime_joints=retime_joints,
+                loaded=loaded,
             )
             _prove(result)
             at_key = () if key is None else result.modes_at(key)
@@ -231,7 +241,7 @@ def _record(result: "Embedded", key: str | None, at_key: "Sequence[Mode]") -> di
 
 def _show(result: "Embedded") -> None:
     """What the terminal shows before the names of the files."""
-    from beamchain.report.tables.embed import appendage_table, coupled_table
+    from beamchain.report.tables.embed import appendage_table, coupled_table, pose_table
 
     out = console()
     assembly = result.assembly
@@ -241,6 +251,8 @@ def _show(result: "Embedded") -> None:
     out.print(result.composite.sentence, markup=False)
     print_table(appendage_table(result))
     print_table(coupled_table(assembly))
+    if result.loaded:
+        print_table(pose_table(result))
     out.print(assembly.worst_told)
     for item in result.appendages:
         scene = item.fit.spec.scene

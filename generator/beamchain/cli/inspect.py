@@ -6,14 +6,28 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from beamchain.cli.common import Json, Quiet, console
-from beamchain.cli.output import print_headed, print_table, print_warnings, tell
+from beamchain.cli.embed import Loaded
+from beamchain.cli.output import print_headed, print_table, print_warnings, spinner, tell
+from beamchain.errors import InputError
 
 if TYPE_CHECKING:
+    from beamchain.craft.embedded import Embedded
     from beamchain.craft.inspect import Inspection
+
+Prove = Annotated[
+    bool,
+    typer.Option(
+        "--prove",
+        help="Prove a file of `embed` as it stands, after it was edited: against the exact "
+        "appendages that its marks name. Exit status 3: above the tolerance of their scenes.",
+    ),
+]
 
 
 def inspect(
     model: Annotated[Path, typer.Argument(metavar="MODEL.xml", help="Any MuJoCo model.")],
+    prove: Prove = False,
+    loaded: Loaded = False,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -23,8 +37,25 @@ def inspect(
     """
     from beamchain.craft.inspect import inspect_model
 
+    if loaded and not prove:
+        raise InputError("--loaded proves under a load; give --prove with it.")
     found = inspect_model(model)
-    tell(found.as_dict, lambda: _show(found), (), as_json, quiet)
+    if not prove:
+        tell(found.as_dict, lambda: _show(found), (), as_json, quiet)
+        return
+    from beamchain.craft.proof import prove as prove_file
+
+    with spinner("proving the file", quiet or as_json):
+        proof = prove_file(model, loaded=loaded)
+        record = {**found.as_dict(), "proof": proof.as_dict()}
+
+    def show() -> None:
+        _show(found)
+        _show_proof(proof)
+
+    tell(lambda: record, show, (), as_json, quiet)
+    if proof.met is False:
+        raise typer.Exit(3)
 
 
 def _show(found: "Inspection") -> None:
@@ -51,3 +82,14 @@ def _show(found: "Inspection") -> None:
     print_warnings(found.warnings, "note")
     title = f"Largest time steps (the model asks for {found.integrator}, {found.timestep:g} s)"
     print_table(step_table(found.limits, title))
+
+
+def _show_proof(proof: "Embedded") -> None:
+    from beamchain.report.tables.embed import coupled_table, pose_table
+
+    out = console()
+    print_table(coupled_table(proof.assembly))
+    print_table(pose_table(proof))
+    out.print(proof.time_error.words, markup=False)
+    print_warnings(proof.warnings, "note")
+    out.print(proof.headline, markup=False)

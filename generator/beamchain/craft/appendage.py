@@ -3,13 +3,14 @@ its numbers and the spacecraft's are as they were."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from lxml import etree
 from lxml.etree import _Element as Element
 
 from beamchain.caution import Caution, at
+from beamchain.craft.bent_line import BentLine, bent_line
 from beamchain.craft.disturbances import TENDON_DAMPING, disturbances
 from beamchain.craft.error import Carried
 from beamchain.craft.loads import Carries, Load
@@ -19,7 +20,7 @@ from beamchain.engine.mount import Mount
 from beamchain.engine.operating_point import quiet_copy
 from beamchain.engine.unchanged import NAMED, Difference, differences, ids_of, in_order_of, others
 from beamchain.errors import EngineError, InputError
-from beamchain.fitting.exact import exact_appendage
+from beamchain.fitting.exact import ExactAppendage, exact_appendage
 from beamchain.fitting.hub import Hub
 from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec
@@ -53,6 +54,8 @@ class Appendage:
         rigid: without joints and tendons.
         carries: names of bodies of the spacecraft by port.
         loads: what its ports carry, other appendages included.
+        elements: names of its elements per kind, where they were read from a file; None: those of
+            the fit.
     """
 
     at: str
@@ -65,6 +68,7 @@ class Appendage:
     rigid: bool = False
     carries: Carries = field(default_factory=dict)
     loads: tuple[Load, ...] = ()
+    elements: Mapping[str, frozenset[str]] | None = None
 
     def element(self) -> Element:
         """Its drop-in MJCF, exact in time where the spacecraft is."""
@@ -105,6 +109,10 @@ def names(appendages: Sequence[Appendage]) -> dict[str, set[str]]:
     )
     out: dict[str, set[str]] = {kind: set() for kind in kinds.values()}
     for a in appendages:
+        if a.elements is not None:
+            for kind, known in a.elements.items():
+                out[kind] |= known
+            continue
         for node in insert.with_prefix(
             a.fit.appendage(timed=False), a.fit.spec.name, a.prefix
         ).iter(*kinds):
@@ -290,8 +298,21 @@ def carried(model: "mujoco.MjModel | None", appendages: Sequence[Appendage]) -> 
         own = {} if model is None else ids_of(model, names([a]))
         dofs = own.get("dof", [])
         alone = None if model is None or not a.loads else _mass_alone(model, own["body"], dofs)
-        out.append(Carried(a.mount, exact.model, exact.kept, dofs, band, a.loads, alone))
+        line = None if a.fit.space is not None else partial(_line, a, exact)
+        out.append(Carried(a.mount, exact.model, exact.kept, dofs, band, a.loads, alone, line))
     return out
+
+
+def _line(a: Appendage, exact: ExactAppendage, band: float) -> BentLine:
+    """How an appendage bends up to a band [rad/s]."""
+    return bent_line(
+        a.fit.spec.beam,
+        exact.ports,
+        exact.model.rigid_mass,
+        stations=[load.x for load in a.loads],
+        columns=[load.column for load in a.loads],
+        band=band,
+    )
 
 
 def _mass_alone(model: "mujoco.MjModel", bodies: Sequence[int], dofs: Sequence[int]) -> Array:

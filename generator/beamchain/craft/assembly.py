@@ -20,7 +20,6 @@ from beamchain.craft.error import (
     CraftError,
     Pose,
     counterpart,
-    craft_at,
     on_base,
     peaks_of_craft,
 )
@@ -102,19 +101,24 @@ def assembly_at_rest(
     promise: CraftError,
     band: float | None,
     own: Sequence[int] | None = None,
+    loaded: Pose | None = None,
 ) -> Assembly:
     """The MuJoCo model at rest beside the exact assembly of the bare `craft` and what it carries.
 
     MuJoCo's modes and accelerance are those of `mjd_transitionFD`. `band`: frequencies that
     matter end here [rad/s]; None: where the kept modes end; `own`: the bare craft's degrees of
-    freedom in the model.
+    freedom in the model; `loaded`: the pose under its load, whose slopes are then its own.
     """
     craft = quiet_copy(craft)
     model = quiet_copy(model)
-    pose = Pose(craft, poses(craft)["rest"], carried, promise.band, promise.motions, own)
+    rest = poses(model)["rest"]
+    pose = loaded or Pose(craft, poses(craft)["rest"], carried, promise.band, promise.motions, own)
     body = counterpart(craft, model, pose.body)
     band = band or max(w for item in carried for w in item.band.values())
-    compiled = pose.comparable(_transition(model, body))
+    if pose.loading is None:
+        compiled = pose.comparable(_transition(model, body))
+    else:
+        compiled = pose.compiled(model, rest, body)
     modes = coupled_modes(pose, compiled, band)
     peaks = [pose.peaks, peaks_of_craft(compiled)]
     omega = grid_of(peaks, DRAWN * max(band, promise.band))
@@ -141,8 +145,12 @@ def modes_at_pose(
     band: float,
     key: str,
     own: Sequence[int] | None = None,
+    loaded: Pose | None = None,
 ) -> tuple[Mode, ...]:
-    """Coupled modes up to `band` [rad/s] at a keyframe, exact and MuJoCo's."""
+    """Coupled modes up to `band` [rad/s] at a keyframe, exact and MuJoCo's.
+
+    `loaded`: the pose under its load.
+    """
     craft = quiet_copy(craft)
     model = quiet_copy(model)
     known = poses(craft)
@@ -151,9 +159,9 @@ def modes_at_pose(
         raise InputError(
             f"keyframe {key!r} is not in the spacecraft; choose from {', '.join(known)}."
         )
-    pose = Pose(craft, known[key], carried, band, range(6), own)
-    compiled = craft_at(model, poses(model)[key], counterpart(craft, model, pose.body))
-    modes = coupled_modes(pose, pose.comparable(compiled), band)
+    pose = loaded or Pose(craft, known[key], carried, band, range(6), own)
+    body = counterpart(craft, model, pose.body)
+    modes = coupled_modes(pose, pose.compiled(model, poses(model)[key], body), band)
     return tuple(mode for mode in modes if mode.exact is not None and mode.exact <= band)
 
 

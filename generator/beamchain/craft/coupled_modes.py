@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import eigh
+from scipy.linalg import eig, eigh
 from scipy.optimize import linear_sum_assignment
 
 from beamchain.craft.error import RANK, Pose
@@ -70,7 +70,7 @@ def coupled_modes(pose: Pose, compiled: Linear, band: float) -> tuple[Mode, ...]
     compiled_parts = [own, *(np.array(item.dofs, dtype=np.intp) for item in pose.carried)]
     ours = _Modes(frequency, compiled_shapes[own], _shares(compiled_energy, compiled_parts))
 
-    asked_for = np.concatenate([np.ones(nv, np.bool_), *(item.kept for item in pose.carried)])
+    asked_for = np.concatenate([np.ones(nv, np.bool_), *pose.kept])
     kept = energy[asked_for].sum(axis=0) > 0.5 * energy.sum(axis=0)
     partner = _pairs(exact, ours, kept, pose.bare.mass)
     modes = [
@@ -127,6 +127,8 @@ def slow_modes(linear: Linear, reach: float) -> tuple[Array, Array]:
     """
     # eigenvalues of the inverse, so that low frequencies keep their digits
     shift = (0.1 * reach) ** 2
+    if np.max(np.abs(linear.stiffness - linear.stiffness.T)) > 0.0:
+        return _modes_under_thrust(linear, shift)
     values, shapes = eigh(linear.mass, linear.stiffness + shift * linear.mass)
     # what is not is lost in the rounding of the slowest: far beyond any frequency of interest
     above = values > 0.0
@@ -138,6 +140,18 @@ def slow_modes(linear: Linear, reach: float) -> tuple[Array, Array]:
     return np.sqrt(squares[moving]), shapes[:, moving]
 
 
+def _modes_under_thrust(linear: Linear, shift: float) -> tuple[Array, Array]:
+    """As `slow_modes`; a thrust that stays with the craft makes the stiffness unsymmetric."""
+    turned, shapes = eig(linear.stiffness, linear.mass)
+    order = np.argsort(turned.real)
+    squares = turned.real[order]
+    shapes = np.asarray(shapes[:, order].real, dtype=np.float64)
+    moving = squares > 1e-9 * shift
+    shapes = shapes[:, moving]
+    mass = np.einsum("ik,ij,jk->k", shapes, linear.mass, shapes)
+    return np.sqrt(squares[moving]), shapes / np.sqrt(mass)
+
+
 def mode_words(pose: Pose, shape: Array) -> str:
     """One coupled mode in words, such as "left and right opposed, bending xz; bus about y".
 
@@ -145,7 +159,7 @@ def mode_words(pose: Pose, shape: Array) -> str:
     the exact appendages.
     """
     nv = pose.bare.mass.shape[0]
-    models = pose.whole
+    models = pose.models
     coordinates = [shape[part] for part in pose.modal_coordinates]
     # twice the strain energies
     own_energy = float(shape[:nv] @ pose.bare.stiffness @ shape[:nv])

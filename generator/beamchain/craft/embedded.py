@@ -56,6 +56,7 @@ class Embedded:
             False where `retime=False` left the step to others.
         source: file of the spacecraft, if it was given as one.
         inputs: that file and all others that were read, which `write` does not replace.
+        loaded: whether it is proved under its own load, as the argument of `embed` says.
 
     Example:
         >>> import beamchain as bc
@@ -80,6 +81,7 @@ class Embedded:
     stepped: bool = True
     source: Path | None = None
     inputs: tuple[Path, ...] = ()
+    loaded: bool = False
 
     def __repr__(self) -> str:
         return report.embedded_text(self)
@@ -88,7 +90,8 @@ class Embedded:
         return report.embedded_html(self)
 
     @cached_property
-    def _asked(self) -> JointRequest:
+    def asked(self) -> JointRequest:
+        """What the scenes of all appendages ask of the spacecraft together."""
         return joint_request([a.spec for a in self.appendages])
 
     @cached_property
@@ -97,8 +100,11 @@ class Embedded:
         """Coupled modes and the base body's accelerance at rest, exact and through MuJoCo:
         the promise's view of the rest pose."""
         exact = carried(self.model, self.appendages)
-        band = self._asked.band
-        return assembly_at_rest(self.craft, self.untimed, exact, self.promise, band, self._own)
+        band = self.asked.band
+        pose = self._exact_poses["rest"][0] if self.loaded else None
+        return assembly_at_rest(
+            self.craft, self.untimed, exact, self.promise, band, self._own, pose
+        )
 
     @cached_property
     def _own(self) -> list[int]:
@@ -112,7 +118,8 @@ class Embedded:
         up to the scenes' largest bandwidth.
 
         If no scene states a bandwidth: in all motions,
-        up to where every appendage keeps all modes of its ports.
+        up to where every appendage keeps all modes of its ports. Where it is `loaded`: about the
+        pose to which the load bends the appendages, with the stiffness that it adds.
         """
         return craft_error(self.craft, self.untimed, self._exact_poses)
 
@@ -129,13 +136,15 @@ class Embedded:
     @cached_property
     def _exact_poses(self) -> dict[str, list[Pose]]:
         """Every pose of the bare craft with its exact answer."""
-        return self._exact_at(poses)
+        return self._exact_at(poses, loaded=self.loaded)
 
-    def _exact_at(self, positions: Positions) -> dict[str, list[Pose]]:
-        want = self._asked
+    def _exact_at(self, positions: Positions, *, loaded: bool) -> dict[str, list[Pose]]:
+        want = self.asked
         exact = carried(self.model, self.appendages)
         band = want.band or kept_band(self.appendages)
-        return craft_poses(self.craft, exact, band, want.motions, self._own, positions)
+        return craft_poses(
+            self.craft, exact, band, want.motions, self._own, positions, loaded=loaded
+        )
 
     @cached_property
     def time_error(self) -> TimeError:
@@ -145,7 +154,7 @@ class Embedded:
         pole of the same file with timing taken out; up to the scenes' largest bandwidth, or the
         last kept coupled mode.
         """
-        return craft_time_error(self.model, self.untimed, self.appendages, self._asked.band)
+        return craft_time_error(self.model, self.untimed, self.appendages, self.asked.band)
 
     @cached_property
     def sampled_poses(self) -> dict[str, SampledError]:
@@ -158,7 +167,7 @@ class Embedded:
         errors = craft_sampled_error(self.craft, self.model, self._exact_poses)
         if any(a.loads and a.timed is not None for a in self.appendages):
             between = partial(poses_between, share=BETWEEN)
-            exact = self._exact_at(between)
+            exact = self._exact_at(between, loaded=False)
             if exact:
                 errors |= craft_sampled_error(self.craft, self.model, exact, between)
         return errors
@@ -182,7 +191,8 @@ class Embedded:
             InputError: the spacecraft has no such keyframe.
         """
         exact = carried(self.model, self.appendages)
-        return modes_at_pose(self.craft, self.untimed, exact, self.band, key, self._own)
+        pose = self._exact_poses.get(key, [None])[0] if self.loaded else None
+        return modes_at_pose(self.craft, self.untimed, exact, self.band, key, self._own, pose)
 
     @cached_property
     def composite(self) -> Composite:
@@ -204,7 +214,7 @@ class Embedded:
     @property
     def tolerance(self) -> float | None:
         """Smallest tolerance of the scenes that state a bandwidth; None if there is none."""
-        return self._asked.tolerance
+        return self.asked.tolerance
 
     @property
     def met(self) -> bool | None:
@@ -212,7 +222,7 @@ class Embedded:
         None without a tolerance.
 
         The error is `sampled_error` where MuJoCo steps the model, and `craft_error` where another
-        host does (`retime=False`) or the appendages are rigid.
+        host does (`retime=False`) or the appendages are rigid; where it is `loaded` the larger one.
         """
         if self.tolerance is None:
             return None
@@ -221,7 +231,10 @@ class Embedded:
     @property
     def _decisive(self) -> float:
         """The error that a tolerance is held against."""
-        return self.sampled_error if self._by_step else self.craft_error
+        if not self._by_step:
+            return self.craft_error
+        # that at the step is without the load
+        return max(self.sampled_error, self.craft_error if self.loaded else 0.0)
 
     @property
     def _by_step(self) -> bool:
@@ -234,7 +247,7 @@ class Embedded:
         model's own step keeps it, where none would, or without a tolerance."""
         if self.tolerance is None or self.met or not self._by_step:
             return None
-        band = self._asked.band
+        band = self.asked.band
         return largest_step(self.craft, self.untimed, self._exact_poses, self.tolerance, band)
 
     @property
@@ -253,13 +266,31 @@ class Embedded:
                 f" (worst of {len(found.poses)} poses: "
                 f"{max(found.poses, key=lambda k: found.poses[k])})"
             )
+        if self.loaded:
+            said += f" {self._load_words}"
         if self._by_step:
             option = self.model.opt
             step = f"{NUMBERS[int(option.integrator)]} at {float(option.timestep):g} s"
             said += f"; stepped by {step} {off_by(self.sampled_error)}"
+            said += " without the load" if self.loaded else ""
         if tolerance is None:
             return f"{said}; no tolerance is asked for."
         return f"{said}, {tolerance_statement(self._decisive, tolerance)}."
+
+    @property
+    def _load_words(self) -> str:
+        """What acts at the worst pose, or that nothing does."""
+        worst = max(self.promise.poses, key=lambda name: self.promise.poses[name])
+        words = [pose.loading.words for pose in self._exact_poses[worst] if pose.loading]
+        return " and ".join(dict.fromkeys(words)) or f"at {worst}, where no load acts"
+
+    @property
+    def loads(self) -> dict[str, list[str]]:
+        """What acts at each pose, in words; empty where nothing does, or it is not asked for."""
+        return {
+            name: [pose.loading.words for pose in several if pose.loading is not None]
+            for name, several in (self._exact_poses.items() if self.loaded else ())
+        }
 
     @cached_property
     def untimed(self) -> "mujoco.MjModel":
@@ -341,6 +372,7 @@ class Embedded:
     def _files(self, folder: Path | None, stem: str) -> tuple[Craft, dict[str, str]]:
         if self.document is None:
             raise InputError(
-                "this was made from an MjSpec, which was changed in place; use its own to_xml()."
+                "this was made from an MjSpec, which was changed in place (use its own to_xml()), "
+                "or proves a file, which is there already."
             )
         return assemble(self.document, self.appendages, self.form, folder, stem, self._layout)

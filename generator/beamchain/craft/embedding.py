@@ -14,6 +14,7 @@ from beamchain.checks import whole_number as checked_int
 from beamchain.craft.appendage import (
     PROBE,
     Appendage,
+    carried,
     check_appendages_unchanged,
     check_craft_unchanged,
     check_names,
@@ -25,6 +26,7 @@ from beamchain.craft.appendage import (
 from beamchain.craft.disturbances import check_flags
 from beamchain.craft.documents import Wish, assemble, compile_document, layout_of, read_bare
 from beamchain.craft.embedded import Embedded
+from beamchain.craft.error import loadings_of
 from beamchain.craft.fits import Fits, fit_all
 from beamchain.craft.loads import (
     base_place,
@@ -73,6 +75,7 @@ def embed(
     rigid: bool = False,
     carry: Mapping[str, str | Sequence[str]] | None = None,
     retime_joints: bool = False,
+    loaded: bool = False,
 ) -> Embedded:
     """Attach appendages to a spacecraft and verify the assembled model.
 
@@ -104,10 +107,15 @@ def embed(
         retime_joints: put armature on the spacecraft's own sprung and servo-driven joints as well,
             so that their step error is of fourth order too; the appendages are then made exact in
             time in any case.
+        loaded: whether to prove the spacecraft under its own load: the gravity of its `<option>`,
+            where its base is held or stands on joints, and the `ctrl` of each keyframe, such as a
+            constant thrust that accelerates a free base. The appendages sag and are stiffened by
+            it; what holds the pose of the joints is taken as in balance. Modes are chosen, and the
+            error at the step is stated, without it.
 
     Raises:
         InputError: a place does not exist, is static or has no orthonormal frame, names clash, or a
-            setting of the spacecraft would change the appendage.
+            setting of the spacecraft would change the appendage; `loaded`, and nothing acts.
         EngineError: MuJoCo refuses the spacecraft.
         RealisationError: no chain exists.
 
@@ -122,6 +130,7 @@ def embed(
         >>> [(one.at, one.prefix) for one in flexible.appendages]
         [('mount', 'appendage_')]
     """
+    loaded = true_or_false("loaded", loaded)
     with noted_inputs() as inputs:
         result = _embed(craft, at, form, prefixes, retime, max_modes, rigid, carry, retime_joints)
     is_file = (
@@ -129,7 +138,10 @@ def embed(
         and result.document is not None
         and not str(craft).lstrip().startswith("<")
     )
-    return replace(result, source=Path(str(craft)) if is_file else None, inputs=tuple(inputs))
+    source = Path(str(craft)) if is_file else None
+    if loaded:
+        loadings_of(result.craft, carried(None, result.appendages))  # refuses what is not known
+    return replace(result, source=source, inputs=tuple(inputs), loaded=loaded)
 
 
 def _embed(

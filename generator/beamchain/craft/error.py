@@ -8,7 +8,7 @@ rest pose and at every keyframe.
 Theory: docs/theory.md, section 6.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import pairwise
@@ -17,10 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
+from beamchain.craft.bent_line import BentLine
 from beamchain.craft.loads import Load, Root, carrying_of
+from beamchain.craft.under_load import LoadedTree
 from beamchain.engine.library import mujoco
 from beamchain.engine.linear import Carrying, Linear, linear_at
-from beamchain.engine.mount import Mount, motion
+from beamchain.engine.loaded import Loading, check_pushes, loaded_linear, loading_at
+from beamchain.engine.mount import Mount, motion, root_frame
 from beamchain.engine.operating_point import (
     OperatingPoint,
     Positions,
@@ -28,8 +31,10 @@ from beamchain.engine.operating_point import (
     poses,
     quiet_copy,
     rest_point,
+    still_copy,
 )
 from beamchain.engine.partial_fractions import accelerance_of
+from beamchain.errors import InputError
 from beamchain.ports.compare import (
     DEFAULT_RATIO,
     Response,
@@ -54,7 +59,8 @@ class Carried:
 
     `kept` `(n,)`: which of them the chain was asked to keep; `dofs`: its degrees of freedom in the
     MuJoCo model; `band`: last kept cantilever frequency of each kept port [rad/s]; `loads`: what
-    its ports carry; `alone`: the mass of its degrees of freedom without that, where it carries.
+    its ports carry; `alone`: the mass of its degrees of freedom without that, where it carries;
+    `line`: how it bends up to a band, where it is a beam.
     """
 
     mount: Mount
@@ -64,6 +70,7 @@ class Carried:
     band: dict[str, float]
     loads: tuple[Load, ...] = ()
     alone: Array | None = None
+    line: Callable[[float], BentLine] | None = None
 
 
 @dataclass(frozen=True)
@@ -131,7 +138,8 @@ def _poles(mass: Array, damping: Array, stiffness: Array) -> NDArray[np.complex1
 
 
 def _modes(mass: Array, damping: Array, stiffness: Array) -> Array:
-    values, shapes = eigh(stiffness, mass)
+    # a thrust makes it unsymmetric, a little
+    values, shapes = eigh((stiffness + stiffness.T) / 2.0, mass)
     moving = values > STILLEST * max(float(np.max(values, initial=0.0)), 1e-300)
     w = np.sqrt(values[moving])
     shapes = shapes[:, moving]
@@ -157,7 +165,7 @@ class Pose:
 
     Motions of the base body that are `wanted` but that it cannot make are left out; `band`:
     upper end [rad/s]; `own`: the craft's own degrees of freedom in the compiled model, where left
-    out those that are not of `carried`.
+    out those that are not of `carried`; `loading`: what acts on the craft there, None for nothing.
     """
 
     def __init__(
@@ -168,7 +176,11 @@ class Pose:
         band: float,
         wanted: Sequence[int],
         own: Sequence[int] | None = None,
+        loading: Loading | None = None,
     ) -> None:
+        self.loading: Loading | None = loading
+        self._qpos: Array = qpos
+        self._model: mujoco.MjModel = craft
         self._own: Sequence[int] | None = own
         self.body: int = base_body(craft, carried[0].mount.body)
         #: as it is, and with damping where it has none
@@ -214,7 +226,7 @@ class Pose:
     def modal_coordinates(self) -> list[NDArray[np.intp]]:
         """Places of the modes of each exact appendage, behind the craft's own coordinates."""
         nv = self.bare.mass.shape[0]
-        ends = nv + np.cumsum([0, *(item.whole.modes for item in self.carried)])
+        ends = nv + np.cumsum([0, *(model.modes for model in self.models)])
         return [np.arange(a, b) for a, b in pairwise(ends.tolist())]
 
     def own_dofs(self, count: int) -> NDArray[np.intp]:
@@ -274,12 +286,54 @@ class Pose:
 
     @cached_property
     def with_exact(self) -> Linear:
-        """The craft with the exact appendages, all their modes for coordinates."""
-        return self.with_appendages(self.whole)
+        """The craft with the exact appendages, their modes for coordinates; under its load,
+        where it has one."""
+        craft = self.with_appendages(self.models)
+        if self.loading is None:
+            return craft
+        counts = [model.modes for model in self.models]
+        bases = self.bare.mass.shape[0] + np.cumsum([0, *counts])[:-1]
+        return self._tree.loaded(craft, bases.tolist(), self.band)
+
+    @cached_property
+    def models(self) -> list[PortModel]:
+        """The exact appendages: all their modes or, under a load, those that feel it."""
+        if self.loading is None:
+            return self.whole
+        return [with_damping(line.model) for line in self._lines]
+
+    @cached_property
+    def kept(self) -> list[NDArray[np.bool_]]:
+        """Which modes of `models` the chains were asked to keep."""
+        if self.loading is None:
+            return [item.kept for item in self.carried]
+        return [
+            np.array([np.any(np.isclose(item.whole.frequencies[item.kept], w)) for w in each])
+            for item, model in zip(self.carried, self.models, strict=True)
+            for each in [model.frequencies]
+        ]
+
+    @cached_property
+    def _lines(self) -> list[BentLine]:
+        return [item.line(self.band) for item in self.carried if item.line is not None]
+
+    @cached_property
+    def _tree(self) -> LoadedTree:
+        assert self.loading is not None
+        return LoadedTree(
+            self._model,
+            self._qpos,
+            self.roots,
+            [item.mount for item in self.carried],
+            self._lines,
+            self.loading,
+        )
 
     @cached_property
     def peaks(self) -> Array:
         """`(k, 2)` peaks of the exact craft: frequency [rad/s] and damping ratio."""
+        if self.loading is not None:
+            return peaks_of_craft(self.with_exact)
         return self._peaks(self.near)
 
     @cached_property
@@ -290,6 +344,8 @@ class Pose:
 
     def exact(self, omega: Array) -> NDArray[np.complex128]:
         """`response` with the exact appendages, all their modes."""
+        if self.loading is not None:
+            return self.accelerance(self.with_exact, omega)
         return self._of_exact(omega)
 
     @cached_property
@@ -318,10 +374,22 @@ class Pose:
 
     def of_mujoco(self, model: "mujoco.MjModel", qpos: Array, body: int) -> float:
         """In-band error of the compiled `model` at `qpos`, where the base is its `body`."""
-        compiled = self.comparable(craft_at(model, qpos, body))
-        is_tree = self.carrying is not None
-        response = self._by_poles(compiled) if is_tree else partial(self.accelerance, compiled)
+        compiled = self.compiled(model, qpos, body)
+        by_poles = self.carrying is not None and self.loading is None
+        response = self._by_poles(compiled) if by_poles else partial(self.accelerance, compiled)
         return self._error(response, peaks_of_craft(compiled))
+
+    def compiled(self, model: "mujoco.MjModel", qpos: Array, body: int) -> Linear:
+        """The quiet compiled `model` at `qpos`, as it is compared with the exact craft; under its
+        load, where it has one."""
+        linear = self.comparable(craft_at(model, qpos, body))
+        if self.loading is None:
+            return linear
+        free = self.loading.free
+        if free is not None:
+            free = int(self.own_dofs(model.nv)[free])
+        dofs = [dof for item in self.carried for dof in item.dofs]
+        return loaded_linear(linear, model, qpos, dofs, replace(self.loading, free=free))
 
     def _peaks(self, models: Sequence[PortModel]) -> Array:
         return peaks_of_craft(self.with_appendages(models))
@@ -340,13 +408,8 @@ class Pose:
 
 def root_of(craft: "mujoco.MjModel", data: "mujoco.MjData", item: Carried) -> Root:
     """An appendage's root at a pose."""
-    body = item.mount.body
-    turn = np.zeros(9)
-    mujoco.mju_quat2Mat(turn, item.mount.quaternion / np.linalg.norm(item.mount.quaternion))
-    frame = data.xmat[body].reshape(3, 3)
-    origin = data.xpos[body] + frame @ item.mount.position
-    axes = frame @ turn.reshape(3, 3)
-    jacobian = motion(craft, data, body, origin, axes)
+    origin, axes = root_frame(item.mount, data)
+    jacobian = motion(craft, data, item.mount.body, origin, axes)
     return Root(item.mount.at, origin, axes, jacobian, item.loads)
 
 
@@ -357,20 +420,70 @@ def craft_poses(
     wanted: Sequence[int],
     own: Sequence[int] | None = None,
     positions: Positions = poses,
+    *,
+    loaded: bool = False,
 ) -> dict[str, list[Pose]]:
     """Every pose of the craft with its exact answer, one per base body that carries appendages.
 
     `own`: the craft's degrees of freedom in the compiled model, where that is compared;
-    `positions`: which poses.
+    `positions`: which poses; `loaded`: under its own gravity and the ctrl of its keyframes.
     """
-    craft = quiet_copy(craft)
+    quiet = quiet_copy(craft)
+    groups = _by_base(quiet, carried)
+    loadings = loadings_of(craft, carried) if loaded else {}
+    return {
+        name: [
+            Pose(quiet, qpos, group, band, wanted, own, loadings.get((name, base)))
+            for base, group in groups.items()
+        ]
+        for name, qpos in positions(quiet).items()
+    }
+
+
+def _by_base(craft: "mujoco.MjModel", carried: Sequence[Carried]) -> dict[int, list[Carried]]:
+    """Appendages by the base body that carries them."""
     groups: dict[int, list[Carried]] = {}
     for item in carried:
         groups.setdefault(base_body(craft, item.mount.body), []).append(item)
-    return {
-        name: [Pose(craft, qpos, group, band, wanted, own) for group in groups.values()]
-        for name, qpos in positions(craft).items()
-    }
+    return groups
+
+
+def loadings_of(
+    craft: "mujoco.MjModel", carried: Sequence[Carried]
+) -> dict[tuple[str, int], Loading]:
+    """What acts on the bare craft at each pose, by its name and the base body.
+
+    Raises:
+        InputError: nothing acts, or the exact spacecraft under it is not known.
+    """
+    still = still_copy(craft)
+    groups = _by_base(craft, carried)
+    out: dict[tuple[str, int], Loading] = {}
+    for k, name in enumerate(poses(craft)):
+        key = None if k == 0 else k - 1
+        for base, group in groups.items():
+            mass = float(craft.body_subtreemass[base])
+            mass += sum(float(item.whole.rigid_mass[0, 0]) for item in group)
+            loading = loading_at(craft, still, key, base, mass)
+            if loading is None:
+                continue
+            for item in group:
+                if item.line is None:
+                    raise InputError(
+                        f"the appendage at {item.mount.at} is imported modes, which do not say how "
+                        "it stiffens under a load; leave the load out, or describe it as a beam."
+                    )
+            if key is not None:
+                bodies = {b for item in group for load in item.loads for b in load.bodies}
+                check_pushes(craft, key, sorted(bodies), name)
+            out[name, base] = loading
+    if not out:
+        raise InputError(
+            "no load acts on the spacecraft: its gravity is zero or its base is free and falls "
+            "with it, and no keyframe has a ctrl that pushes it; hold its base (no free joint), or "
+            'give a keyframe the thrust (<key name="burn" ctrl="22"/>).'
+        )
+    return out
 
 
 def craft_error(

@@ -1,20 +1,16 @@
 """The command `retime`: a file with timing for another step,
 and what its step makes of the spacecraft, read back."""
 
-import copy
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from beamchain.caution import Caution, warnings_record
-from beamchain.craft.appendage import Appendage, carried
+from beamchain.craft.embedded import Embedded
 from beamchain.craft.embedding import marked_appendages
-from beamchain.craft.error import Pose, craft_poses
-from beamchain.craft.promise import joint_request, kept_band
-from beamchain.craft.sampled import craft_sampled_error
-from beamchain.craft.step_search import largest_step
-from beamchain.engine.library import mujoco
+from beamchain.craft.promise import joint_request
+from beamchain.craft.proof import UNMARKED, proved
 from beamchain.engine.linearise import NUMBERS
 from beamchain.engine.operating_point import poses, quiet_copy
 from beamchain.errors import BeamchainError
@@ -24,8 +20,6 @@ from beamchain.steps.retime_file import RetimedFile, retimed_file
 from beamchain.steps.sampled import off_by
 from beamchain.steps.step_map import TimeError, time_error
 
-UNMARKED = "the file does not say what its appendages are (it was not written by embed)"
-
 
 @dataclass(frozen=True, eq=False)
 class RetimedCraft:
@@ -34,27 +28,25 @@ class RetimedCraft:
     Args:
         file: text, models, rows of modes, notes.
         timestep: [s]; 0: the timing was taken out.
-        craft, appendages: the bare spacecraft and the exact appendages by the marks of the file;
-            None: not known.
+        proof: the file against the exact appendages that its marks name; None: not known.
         unknown: why they are not known.
     """
 
     file: RetimedFile
     timestep: float
-    craft: "mujoco.MjModel | None"
-    appendages: tuple[Appendage, ...]
+    proof: Embedded | None
     unknown: str
 
-    @cached_property
+    @property
     def band(self) -> float | None:
         """The largest band that the scenes of its appendages ask for [rad/s];
         None where none is known."""
-        return joint_request([a.spec for a in self.appendages]).band
+        return None if self.proof is None else self.proof.asked.band
 
-    @cached_property
+    @property
     def tolerance(self) -> float | None:
         """The smallest tolerance of scenes with a band; None where none is known."""
-        return joint_request([a.spec for a in self.appendages]).tolerance
+        return None if self.proof is None else self.proof.tolerance
 
     @cached_property
     def time_error(self) -> TimeError | None:
@@ -69,32 +61,21 @@ class RetimedCraft:
             self.band,
         )
 
-    @cached_property
+    @property
     def sampled_error(self) -> float | None:
         """In-band error of the response at the step, worst of all poses;
         None where the exact appendages are not known."""
-        if self.timestep == 0.0 or self.craft is None:
+        if self.timestep == 0.0 or self.proof is None:
             return None
-        errors = craft_sampled_error(self.craft, self.file.model, self._exact_poses)
-        return max(error.error for error in errors.values())
+        return self.proof.sampled_error
 
-    @cached_property
+    @property
     def largest_step(self) -> float | None:
         """The largest step that keeps the tolerance [s], to 9 %; None where this one does, where
         none would, or where the exact appendages or a tolerance are not known."""
-        if self.met is not False or self.craft is None or self.tolerance is None:
+        if self.timestep == 0.0 or self.proof is None:
             return None
-        plain = copy.copy(self.file.plain)
-        plain.opt.timestep = self.timestep
-        return largest_step(self.craft, plain, self._exact_poses, self.tolerance, self.band)
-
-    @cached_property
-    def _exact_poses(self) -> dict[str, list[Pose]]:
-        assert self.craft is not None
-        request = joint_request([a.spec for a in self.appendages])
-        exact = carried(None, self.appendages)
-        band = request.band or kept_band(self.appendages)
-        return craft_poses(self.craft, exact, band, request.motions)
+        return self.proof.largest_step
 
     @property
     def met(self) -> bool | None:
@@ -152,14 +133,17 @@ def retime_craft(
 ) -> RetimedCraft:
     """A file of `embed` with timing for a step and integrator, its paths relative to `folder`,
     and its errors there; `joints`: the spacecraft's own sprung joints too."""
-    craft, appendages, unknown = None, (), UNMARKED
-    if timestep > 0.0:
-        try:
-            known = marked_appendages(path)
-        except BeamchainError as error:
-            known, unknown = None, str(error).rstrip(".")
-        if known:
-            (craft, appendages), unknown = known, ""
-    band = joint_request([a.spec for a in appendages]).band
+    if timestep == 0.0:
+        return RetimedCraft(retimed_file(path, timestep, integrator, folder), timestep, None, "")
+    try:
+        known = marked_appendages(path)
+        unknown = "" if known else UNMARKED
+    except BeamchainError as error:
+        known, unknown = None, str(error).rstrip(".")
+    band = joint_request([a.spec for a in known[1]]).band if known else None
     file = retimed_file(path, timestep, integrator, folder, band, joints=joints)
-    return RetimedCraft(file, timestep, craft, appendages, unknown)
+    try:
+        proof = proved(*known, file.model) if known else None
+    except BeamchainError as error:
+        proof, unknown = None, str(error).rstrip(".")
+    return RetimedCraft(file, timestep, proof, unknown)

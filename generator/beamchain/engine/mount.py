@@ -176,7 +176,7 @@ def apparent_hubs(
     model: "mujoco.MjModel", mounts: Sequence[Mount], rigid: Mapping[str, Array]
 ) -> dict[str, Array]:
     """`(6, 6)` hub that each port feels, by name: `(J M^-1 J^T)^-1`, loose joints free,
-    sprung ones locked.
+    sprung ones locked unless there are no others.
 
     Motions that the spacecraft's joints hold get 1e9 times the largest mass.
     """
@@ -189,8 +189,11 @@ def apparent_hubs(
         for other in mounts:
             if other.at != own.at:
                 mass += other.jacobian.T @ rigid[other.at] @ other.jacobian
-        jacobian = own.jacobian[:, loose]
-        mobility = jacobian @ np.linalg.solve(mass[np.ix_(loose, loose)], jacobian.T)
+        # where springs hold all that moves the port, they give way
+        moves = [i for i in loose if np.any(own.jacobian[:, i] != 0.0)]
+        free = loose if moves else list(range(model.nv))
+        jacobian = own.jacobian[:, free]
+        mobility = jacobian @ np.linalg.solve(mass[np.ix_(free, free)], jacobian.T)
         scale = np.sqrt(np.diag(own.hub))
         values, vectors = np.linalg.eigh(mobility * np.outer(scale, scale))
         moving = values > RANK * values.max()
@@ -198,3 +201,11 @@ def apparent_hubs(
         hub = (vectors * masses) @ vectors.T * np.outer(scale, scale)
         out[own.at] = (hub + hub.T) / 2.0
     return out
+
+
+def root_frame(mount: Mount, data: "mujoco.MjData") -> tuple[Array, Array]:
+    """Origin `(3,)` and axes `(3, 3)`, in columns, of an appendage's root in the world."""
+    turn = np.zeros(9)
+    mujoco.mju_quat2Mat(turn, mount.quaternion / np.linalg.norm(mount.quaternion))
+    frame = data.xmat[mount.body].reshape(3, 3)
+    return data.xpos[mount.body] + frame @ mount.position, frame @ turn.reshape(3, 3)

@@ -53,11 +53,13 @@ class ExactAppendage(NamedTuple):
         kept: `(n,)` which of the modes the chain was asked to keep.
         band: the last kept cantilever frequency of each kept port, or of all ports together where
             modes are imported [rad/s]; empty where the appendage is rigid.
+        ports: the modes of a beam per port; empty where modes are imported.
     """
 
     model: PortModel
     kept: NDArray[np.bool_]
     band: dict[str, float]
+    ports: Mapping[str, PortModel]
 
 
 def exact_appendage(fit: Fitted, modes: int | None = None) -> ExactAppendage:
@@ -82,6 +84,7 @@ def exact_appendage(fit: Fitted, modes: int | None = None) -> ExactAppendage:
             for port, count in counts.items()
             if count
         },
+        ports=ports,
     )
 
 
@@ -108,6 +111,7 @@ def _of_imported(fit: Fitted) -> ExactAppendage:
         model=model,
         kept=np.isin(np.arange(1, model.modes + 1), space.numbers),
         band={"space": float(target[-1])} if target.size else {},
+        ports={},
     )
 
 

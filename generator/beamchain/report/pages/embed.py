@@ -167,4 +167,6 @@ def _command(embedded: "Embedded", craft: str, output: str, files: list[str]) ->
         words += [f"--prefix {a.prefix}" for a in appendages]
     if embedded.form != "inline":
         words.append(f"--form {embedded.form}")
+    if embedded.loaded:
+        words.append("--loaded")
     return " \\\n  ".join([*words, f"-o {output}"])

@@ -101,6 +101,21 @@ def keyframe_table(modes: "Sequence[Mode]", key: str) -> Table:
     return Table(f"Coupled modes at keyframe {key}", _frequency_columns(modes))
 
 
+def pose_table(embedded: "Embedded") -> Table:
+    """The error of the whole at every pose, in continuous time and at the file's own step."""
+    poses = embedded.promise.poses
+    sampled = embedded.sampled_poses
+    columns = (
+        Column("pose", list(poses)),
+        Column("error", list(poses.values()), format=relative),
+        Column("at the step", [sampled[name].error for name in poses], format=relative),
+    )
+    if embedded.loaded:
+        loads = [" and ".join(words) or None for words in embedded.loads.values()]
+        columns = (*columns, Column("load (not at the step)", loads, missing="none"))
+    return Table(f"In-band error up to {number(embedded.band)} rad/s", columns)
+
+
 def kept_word(assembly: "Assembly", mode: "Mode") -> str:
     """Whether a coupled mode is judged: yes, no, or kept but beyond the band."""
     if mode in assembly.judged:

@@ -1,0 +1,194 @@
+"""A spacecraft under a load that does not change: gravity where it is held, or a constant thrust.
+
+A free spacecraft is pushed by the field of its own acceleration: its motion is told in axes that
+it takes along, in which an accelerometer on it reads. Its joints stay where the pose has them, and
+what holds them is taken as in balance; its appendages sag.
+"""
+
+import copy
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from beamchain.engine.library import mujoco
+from beamchain.engine.linear import POSITION, Linear, slopes
+from beamchain.engine.linearise import dense_mass
+from beamchain.errors import EngineError, InputError
+from beamchain.ports.motions import Array
+
+ROUNDS = 30  # of the search for the sag
+SETTLED = 1e-12  # rad: a change of the sag that is rounding
+NOTHING = 1e-12  # m/s^2
+
+
+@dataclass(frozen=True, eq=False)
+class Loading:
+    """What acts on a spacecraft at a pose.
+
+    Args:
+        gravity: `(3,)` of its `<option>` [m/s^2].
+        ctrl, act: `(nu,)`, `(na,)` of its actuators.
+        field: `(3,)` what is felt in its own axes: gravity less its acceleration [m/s^2].
+        free: first of the six degrees of freedom of its base, where it is free.
+        pushed: `(nv, nv)` stiffness of the bare spacecraft that constant forces of actuators add.
+    """
+
+    gravity: Array
+    ctrl: Array
+    act: Array
+    field: Array
+    free: int | None
+    pushed: Array
+
+    @property
+    def acceleration(self) -> Array:
+        """`(3,)` of a free base [m/s^2]."""
+        return self.gravity - self.field
+
+    def in_own_axes(self, stiffness: Array) -> Array:
+        """A stiffness that a load adds, told in axes that a free base takes along, in which its own
+        motions change no force."""
+        if self.free is None:
+            return (stiffness + stiffness.T) / 2.0
+        out = stiffness.copy()
+        out[:, self.free : self.free + 6] = 0.0
+        return out
+
+    @property
+    def words(self) -> str:
+        """The load, for a sentence."""
+        size = float(np.linalg.norm(self.field))
+        if self.free is not None:
+            return f"under a thrust that accelerates it by {size:.4g} m/s^2"
+        parts = [f"{size:.4g} m/s^2 of gravity"] if size > NOTHING else []
+        if np.any(self.ctrl != 0.0):
+            parts.append("the ctrl of its keyframe")
+        return f"under {' and '.join(parts)}"
+
+
+def loading_at(
+    craft: "mujoco.MjModel", still: "mujoco.MjModel", key: int | None, body: int, mass: float
+) -> Loading | None:
+    """What acts on the bare spacecraft at a keyframe, or at rest; None for nothing.
+
+    Args:
+        craft: with its gravity; `still`: a still copy.
+        key: number of the keyframe; None: at rest, where actuators do nothing.
+        body: the base.
+        mass: of all that moves with it [kg].
+    """
+    off = int(craft.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
+    gravity = np.zeros(3) if off else np.array(craft.opt.gravity)
+    ctrl = np.zeros(craft.nu) if key is None else np.array(craft.key_ctrl[key])
+    act = np.zeros(craft.na) if key is None else np.array(craft.key_act[key])
+    qpos = np.array(craft.qpos0 if key is None else craft.key_qpos[key])
+    joint = int(craft.body_jntadr[body])
+    is_free = joint >= 0 and int(craft.jnt_type[joint]) == int(mujoco.mjtJoint.mjJNT_FREE)
+    free = int(craft.jnt_dofadr[joint]) if is_free else None
+    data = mujoco.MjData(still)
+
+    def force(at: Array, push: Array, state: Array) -> Array:
+        data.qpos[:], data.ctrl[:], data.act[:] = at, push, state
+        mujoco.mj_fwdPosition(still, data)
+        mujoco.mj_fwdVelocity(still, data)
+        mujoco.mj_fwdActuation(still, data)
+        return np.array(data.qfrc_actuator)
+
+    pushes = bool(np.any(ctrl != 0.0) or np.any(act != 0.0))
+    pushed = np.zeros((still.nv, still.nv))
+    field = gravity
+    if free is not None:
+        thrust = force(qpos, ctrl, act) - force(qpos, 0.0 * ctrl, 0.0 * act)
+        field = -thrust[free : free + 3] / mass
+    if pushes:
+
+        def moved(i: int, by: float) -> Array:
+            at = qpos.copy()
+            mujoco.mj_integratePos(still, at, np.eye(still.nv)[i], by)
+            return force(at, ctrl, act) - force(at, 0.0 * ctrl, 0.0 * act)
+
+        pushed = -slopes(moved, still.nv, POSITION)
+    if np.linalg.norm(field) <= NOTHING and np.max(np.abs(pushed), initial=0.0) <= NOTHING:
+        return None
+    return Loading(gravity, ctrl, act, field, free, pushed)
+
+
+def check_pushes(craft: "mujoco.MjModel", key: int, carried: Sequence[int], name: str) -> None:
+    """Refuse a constant force of which the exact spacecraft does not know where it goes: one on a
+    body that a port carries."""
+    for i in np.flatnonzero(np.asarray(craft.key_ctrl[key])):
+        kind = int(craft.actuator_trntype[i])
+        known = mujoco.mjtTrn
+        label = craft.actuator(int(i)).name or f"actuator {i}"
+        if kind in (int(known.mjTRN_JOINT), int(known.mjTRN_JOINTINPARENT)):
+            continue
+        site = int(craft.actuator_trnid[i, 0])
+        if kind == int(known.mjTRN_SITE) and int(craft.site_bodyid[site]) not in carried:
+            continue
+        raise InputError(
+            f"keyframe {name!r}: {label!r} pushes with ctrl = {craft.key_ctrl[key, i]:g} on what "
+            "an appendage carries, or on neither a joint nor a site; a load is proved for joints "
+            "and for sites on the spacecraft itself: set that ctrl to 0."
+        )
+
+
+def loaded_linear(
+    linear: Linear, model: "mujoco.MjModel", qpos: Array, dofs: Sequence[int], loading: Loading
+) -> Linear:
+    """A compiled, quiet model at a pose under a load, of which `linear` is the model without it.
+
+    `dofs`: of the appendages, which sag.
+    """
+    model = _with_gravity(model, loading.gravity)
+    data = mujoco.MjData(model)
+    nv = model.nv
+    acceleration = np.zeros(nv)
+    if loading.free is not None:
+        start = loading.free
+        acceleration[start : start + 3] = loading.acceleration
+    inertial = np.zeros(nv)
+
+    def unbalanced(at: Array) -> Array:
+        """What would have to push the model along for it to accelerate as it does, at rest in its
+        own axes."""
+        data.qpos[:] = at
+        data.ctrl[:] = loading.ctrl
+        data.act[:] = loading.act
+        mujoco.mj_fwdPosition(model, data)
+        mujoco.mj_fwdVelocity(model, data)
+        mujoco.mj_fwdActuation(model, data)
+        mujoco.mj_mulM(model, data, inertial, acceleration)
+        return inertial + data.qfrc_bias - data.qfrc_passive - data.qfrc_actuator
+
+    def moved(at: Array, i: int, by: float) -> Array:
+        there = at.copy()
+        mujoco.mj_integratePos(model, there, np.eye(nv)[i], by)
+        return unbalanced(there)
+
+    sagged = qpos.copy()
+    some = list(dofs)
+    if some:
+        for _ in range(ROUNDS):
+            bent = partial(moved, sagged.copy())
+            stiffness = slopes(bent, nv, POSITION)[np.ix_(some, some)]
+            change = np.zeros(nv)
+            change[some] = -np.linalg.solve(stiffness, unbalanced(sagged)[some])
+            mujoco.mj_integratePos(model, sagged, change, 1.0)
+            if np.max(np.abs(change)) < SETTLED:
+                break
+        else:
+            raise EngineError(
+                f"the appendages find no rest {loading.words}; give them more stiffness, or a "
+                "smaller load."
+            )
+    stiffness = slopes(lambda i, by: moved(sagged, i, by), nv, POSITION)
+    unbalanced(sagged)
+    return replace(linear, mass=dense_mass(model, data), stiffness=loading.in_own_axes(stiffness))
+
+
+def _with_gravity(model: "mujoco.MjModel", gravity: Array) -> "mujoco.MjModel":
+    out = copy.copy(model)
+    out.opt.gravity[:] = gravity
+    return out

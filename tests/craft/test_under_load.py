@@ -1,0 +1,180 @@
+"""The promise under gravity or thrust, against plain MuJoCo models of many rigid cells that rest
+under the same load."""
+
+import sys
+
+import numpy as np
+import pytest
+
+import beamchain as bc
+from arms import Arm, Link, mjcf, toml
+from command import call
+from loaded_arms import at_rest, dofs_of, extrapolated, in_band, loaded
+
+BAND = 20.0
+AGREE = 0.05  # stated and found error of the craft, relative
+# of the response: the truth is of two numbers of cells and extrapolated, 1e-6 of a frequency off,
+# which is 1e-4 to 1e-3 of a resonance with 0.5 % of damping
+ROUNDING = 1e-3
+MODES = "[modes]\nxy = 3\nxz = 3\ntorsion = 2\n"
+UPPER = Link("upper", 6.0, 0.05, 0.08)
+FORE = Link("fore", 5.0, 0.04, 0.05, 2.0, (0.01, 0.01, 0.01), (0.0, 0.0, 1.0), 4e3, 5.0)
+HAND = {"hand": 2.0, "hand_inertia": (0.1, 0.1, 0.1), "hand_at": (0.1, 0.2, 0.05)}
+EARTH = {"gravity": (0.0, 0.0, -9.81)}
+ONE = Arm((UPPER,), bus=50.0, **HAND, **EARTH)
+TWO = Arm((UPPER, FORE), bus=50.0, **HAND, **EARTH, keys={"bent": {"fore": 0.8}})
+SERVO = Link(
+    **{
+        **FORE.__dict__,
+        "stiffness": 0.0,
+        "damping": 0.0,
+        "kp": 2e3,
+        "kv": 40.0,
+        "servo": "position",
+    }
+)
+DRIVEN = Arm(**{**TWO.__dict__, "links": (UPPER, SERVO)})  # its keyframe's ctrl is its angle
+ORBIT = Arm((UPPER, FORE), bus=400.0, **HAND, keys={"burn": {"fore": 0.8}})
+STAND = '<joint name="stand" axis="0.3 0.5 1" stiffness="2e4" damping="3"/>'
+FREE = '<freejoint name="bus"/>'
+DOWN = "0.7071067811865476 0 0.7071067811865476 0"
+THRUSTER = '<motor name="thrust" site="thruster" gear="0 0 1 0 0 0"/>'
+ALONG = '<motor name="thrust" site="thruster" gear="-1 0 0 0 0 0"/>'
+
+
+def embedded(folder, arm, loads=True, **craft):
+    """An arm's result of `embed` under its load, and its files."""
+    (folder / "arm.xml").write_text(mjcf(arm, **craft))
+    for link in arm.links:
+        (folder / f"{link.name}.toml").write_text(toml(arm, link, BAND, 0.05, MODES))
+    at = {f"place_{link.name}": folder / f"{link.name}.toml" for link in arm.links}
+    return bc.embed(folder / "arm.xml", at, retime=False, loaded=loads), at
+
+
+def qpos_of(model, name):
+    return model.qpos0 if name == "rest" else model.key(name).qpos
+
+
+SLOW = pytest.mark.slow
+CASES = {
+    "lies": (ONE, STAND, "rest", "1 0 0 0", 0.0, "", (20, 40)),
+    "hangs": (ONE, STAND, "rest", DOWN, 0.0, "", (12, 24)),
+    "bent elbow": (TWO, STAND, "bent", "1 0 0 0", 0.0, "", (12, 24)),
+    "driven elbow": (DRIVEN, STAND, "bent", "1 0 0 0", 0.8, "", (12, 24)),
+    "thrust across": (ORBIT, FREE, "burn", "1 0 0 0", 2000.0, THRUSTER, (12, 24)),
+    "thrust along": (ORBIT, FREE, "burn", "1 0 0 0", 5000.0, ALONG, (12, 24)),
+}
+
+
+@pytest.mark.parametrize(
+    "case", ["hangs", *(pytest.param(c, marks=SLOW) for c in CASES if c != "hangs")]
+)
+def test_the_promise_under_a_load_is_what_many_cells_find(tmp_path, case):
+    arm, base, name, turned, push, actuators, counts = CASES[case]
+    ctrl = f"{push}" if push else ""
+    flexible, _ = embedded(
+        tmp_path, arm, base=base, quaternion=turned, ctrl=ctrl, actuators=actuators
+    )
+    stated = flexible.promise.poses[name]
+    angles = arm.keys.get(name)
+    acts = f"<actuator>{actuators}</actuator>" if actuators else ""
+    coarse, many = (
+        loaded(arm, count, base, angles, push, quaternion=turned, actuators=acts)
+        for count in counts
+    )
+    modes = [mode for mode in flexible.modes_at(name) if mode.exact is not None]
+    near = [m.exact * (1.0 + 0.005 * np.linspace(-4.0, 4.0, 41)) for m in modes]
+    near += [m.mujoco * (1.0 + 0.005 * np.linspace(-4.0, 4.0, 41)) for m in modes]
+    omega = np.unique(np.concatenate([np.linspace(BAND / 800.0, BAND, 800), *near]))
+    omega = omega[omega <= BAND]
+    truth = extrapolated(coarse, many, 2.0, omega, 3.0 * BAND)
+    bend = dofs_of(flexible.model, ["upper_", "fore_"])
+    file = at_rest(flexible.model, qpos_of(flexible.model, name), bend, push)
+    found = in_band(file.accelerance(omega), truth, many)
+    exact = [mode.exact for mode in modes]
+    coarser, finer = (model.frequencies(len(modes)) for model in (coarse, many))
+    true = (4.0 * finer - coarser) / 3.0
+    off = np.max(np.abs(exact / true - 1.0))
+    sys.stdout.write(
+        f"{case}: stated {stated:.4g}, found {found:.4g}; frequencies {exact} off by {off:.1e}\n"
+    )
+    assert stated == pytest.approx(found, rel=AGREE, abs=ROUNDING)
+    assert off < 3e-5
+    assert [mode.mujoco for mode in modes] == pytest.approx(file.frequencies(len(modes)), rel=1e-6)
+
+
+@SLOW
+def test_a_hanging_beam_is_stiffened_as_the_closed_form_says(tmp_path):
+    """Rayleigh's quotient, exact to first order in g: w^2 + g int (L - x) v'^2 dx / int v^2 dx,
+    1.5709 g / L for the first mode of a cantilever."""
+    alone = Arm((UPPER,), bus=1e9, bus_inertia=(1e9,) * 3, hand=1e-6, hand_inertia=(1e-9,) * 3)
+    beam = Arm(**{**alone.__dict__, "at": (0.0, 0.0, 0.0), **EARTH})
+    flexible, _ = embedded(tmp_path, beam, base=STAND, quaternion=DOWN)
+    still, _ = embedded(tmp_path, beam, False, base=STAND, quaternion=DOWN)
+    slow, before = (
+        next(m for m in each.modes_at("rest") if m.exact > 1.0) for each in (flexible, still)
+    )
+    added = slow.exact**2 - before.exact**2
+    assert added == pytest.approx(1.5709 * 9.81 / 6.0, rel=2e-3)
+
+
+def test_where_nothing_acts_the_load_is_refused(tmp_path):
+    falling = Arm(**{**ONE.__dict__, "keys": {"as_it_is": {}}})
+    with pytest.raises(bc.InputError, match="no load acts"):
+        embedded(tmp_path, falling)
+
+
+@SLOW
+def test_what_is_not_asked_for_is_left_out(tmp_path):
+    flexible, _ = embedded(tmp_path, ONE, False, base=STAND)
+    record = flexible.as_dict()
+    assert "loads" not in record
+    assert "gravity" in [warning["code"] for warning in record["warning_codes"]]
+    assert flexible.craft_error < 0.01
+
+
+def test_a_thrust_on_what_an_appendage_carries_is_refused(tmp_path):
+    pushed = Arm(**{**ORBIT.__dict__, "links": (UPPER,), "keys": {"burn": {}}})
+    text = mjcf(pushed, ctrl="5", actuators='<motor site="tip" gear="1 0 0 0 0 0"/>')
+    (tmp_path / "arm.xml").write_text(text.replace('<body name="hand"', '<body name="hand"', 1))
+    marked = text.replace(
+        '<inertial pos="0.1 0.2 0.05"', '<site name="tip"/><inertial pos="0.1 0.2 0.05"'
+    )
+    (tmp_path / "arm.xml").write_text(marked)
+    (tmp_path / "upper.toml").write_text(toml(pushed, UPPER, BAND, 0.05, MODES))
+    with pytest.raises(bc.InputError, match="on what an appendage carries"):
+        bc.embed(
+            tmp_path / "arm.xml",
+            {"place_upper": tmp_path / "upper.toml"},
+            retime=False,
+            loaded=True,
+        ).promise
+
+
+@SLOW
+def test_the_command_proves_under_the_load_and_says_so(tmp_path):
+    (tmp_path / "arm.xml").write_text(mjcf(ONE, base=STAND, quaternion=DOWN))
+    (tmp_path / "upper.toml").write_text(toml(ONE, UPPER, BAND, 0.05, MODES))
+    words = ["embed", tmp_path / "arm.xml", "--at", f"place_upper={tmp_path / 'upper.toml'}"]
+    out = tmp_path / "flexible.xml"
+    answer = call(*words, "--loaded", "--json", "-o", out)
+    assert answer.status == 3
+    assert answer.record["loads"] == {"rest": ["under 9.81 m/s^2 of gravity"]}
+    assert answer.record["craft_error"] > 0.05 > answer.record["sampled_error"]
+    proof = call("inspect", out, "--prove", "--loaded", "--json")
+    assert proof.status == 3
+    assert proof.record["proof"]["craft_error"] == pytest.approx(
+        answer.record["craft_error"], rel=1e-6
+    )
+    assert call("inspect", out, "--loaded").status == 2
+
+
+def test_a_load_on_imported_modes_is_refused(tmp_path):
+    mass = np.diag([30.0, 30.0, 30.0, 20.0, 600.0, 600.0])
+    mass[1, 5] = mass[5, 1] = 120.0
+    mass[2, 4] = mass[4, 2] = -120.0
+    row = np.array([[0.0, 4.0, 0.0, 0.0, 0.0, 23.0]])
+    modes = bc.ModalData(rigid_mass=mass, frequencies=np.array([1.3]), participation=row)
+    (tmp_path / "arm.xml").write_text(mjcf(ONE, base=STAND))
+    with pytest.raises(bc.InputError, match="place_upper is imported modes"):
+        bc.embed(tmp_path / "arm.xml", {"place_upper": modes}, retime=False, loaded=True)
