@@ -96,7 +96,8 @@ class Truth:
 
     def poles(self, locked=False):
         """Damped ones above the real axis, up to three times the band, over the modes up to 600
-        times the band (at 60 the elbow's damper would move them by 2e-5); `locked`: the elbow held."""
+        times the band (at 60 the damper of the elbow would move them by 2e-5); `locked`: it is
+        held."""
         keep = np.delete(np.arange(len(self.mass)), 6) if locked else np.arange(len(self.mass))
         pick = np.ix_(keep, keep)
         shift = BAND**2  # rigid motions are none of the stiffness matrix

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-from lxml.etree import _Element as Element
 
 from beamchain.checks import list_of_names, of_type, one_of, true_or_false
 from beamchain.checks import whole_number as checked_int
@@ -34,7 +33,6 @@ from beamchain.craft.documents import (
 from beamchain.craft.embedded import Embedded
 from beamchain.craft.fits import Fits, fit_all
 from beamchain.craft.loads import (
-    base_place,
     carries_of,
     check_carries,
     checked_carry,
