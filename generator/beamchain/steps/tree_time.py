@@ -34,7 +34,7 @@ from beamchain.steps.modal import Modal, condensed_mass
 EXACT = 1.0 / 12.0  # of h^2 k: the poles are right to fourth order
 LIMIT = 0.25  # of h^2 k: stable by itself, whatever the mass; RK4: 1/8
 ROOM = 0.02  # of S that is left over at least
-NOTHING = 1e-9  # of the mass of other bodies: none at all would be singular
+NOTHING = 1e-12  # of the mass of other bodies: none at all would be singular
 START = 0.3  # above the limit, where the search begins
 GAP = 1e-3  # of the objective at which the search ends
 NEWTON_STEPS = 40
