@@ -13,7 +13,7 @@ from beamchain.craft.inspect import inspect_model
 from craft_truth import compiled
 
 SHIPPED = files("beamchain") / "examples"
-FREQUENCY = 1e-3  # of damped modes and undamped ones
+FREQUENCY = 5e-3  # of damped modes and undamped ones
 SAID = 1.0  # per cent: shares are written without decimals
 
 
