@@ -147,16 +147,16 @@ def _view(scenes: Sequence[_Scene]) -> tuple[Array, tuple[str, str]]:
 def _triad(ax: "Axes") -> None:
     """The axes of the base, where the picture has others."""
     ax.set(xticks=[], yticks=[])
-    corner = np.array([0.0, 1.0])
+    inches: Any = ax.figure.dpi_scale_trans
     for axis, name in zip(OBLIQUE.T, "xyz", strict=True):
-        foot = ScaledTranslation(26.0 / 72.0, -34.0 / 72.0, ax.figure.dpi_scale_trans)
+        foot = ScaledTranslation(26.0 / 72.0, -34.0 / 72.0, inches)
         line = Line2D(*(np.vstack([np.zeros(2), axis / 3.0]).T), color="#777777", linewidth=1.2)
         to_corner = ScaledTranslation(0.0, 1.0, ax.transAxes)
-        line.set_transform(ax.figure.dpi_scale_trans + foot + to_corner)
+        line.set_transform(inches + foot + to_corner)
         ax.add_artist(line)
         ax.annotate(
             name,
-            corner,
+            (0.0, 1.0),
             xycoords="axes fraction",
             xytext=tuple(34.0 * axis + np.array([26.0, -34.0])),
             textcoords="offset points",
@@ -313,7 +313,7 @@ def _write(ax: "Axes", labels: Sequence[tuple[Array, str, str]], crowd: Array) -
         lines = np.vstack([lines, leader]) if far else lines
         ax.annotate(
             text,
-            place,
+            (float(place[0]), float(place[1])),
             xytext=tuple(corner + size / 2.0 - anchor),
             textcoords="offset points",
             ha="center",
