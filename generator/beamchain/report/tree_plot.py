@@ -148,10 +148,11 @@ def _triad(ax: "Axes") -> None:
     """The axes of the base, where the picture has others."""
     ax.set(xticks=[], yticks=[])
     inches: Any = ax.figure.dpi_scale_trans
+    fractions: Any = ax.transAxes
     for axis, name in zip(OBLIQUE.T, "xyz", strict=True):
         foot = ScaledTranslation(26.0 / 72.0, -34.0 / 72.0, inches)
         line = Line2D(*(np.vstack([np.zeros(2), axis / 3.0]).T), color="#777777", linewidth=1.2)
-        to_corner = ScaledTranslation(0.0, 1.0, ax.transAxes)
+        to_corner = ScaledTranslation(0.0, 1.0, fractions)
         line.set_transform(inches + foot + to_corner)
         ax.add_artist(line)
         ax.annotate(
