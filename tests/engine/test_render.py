@@ -7,6 +7,7 @@ import os
 import struct
 import subprocess
 import sys
+from importlib.resources import files
 
 import mujoco
 import numpy as np
@@ -405,3 +406,35 @@ def test_view_without_a_screen_says_so(boom, tmp_path):
     assert done.returncode == 2
     assert "no screen" in done.stderr
     assert "beamchain render" in done.stderr
+
+
+@pytest.fixture(scope="module")
+def arm():
+    examples = files("beamchain") / "examples"
+    at = {"shoulder": examples / "upper.toml", "forearm": examples / "fore.toml"}
+    made = bc.embed(examples / "arm.xml", at)
+    return draw.stage(made.to_mjcf())
+
+
+@pytest.mark.parametrize(
+    "degrees", [90.0, pytest.param(-60.0, marks=pytest.mark.slow)], ids=["forwards", "back"]
+)
+def test_the_elbow_of_an_arm_turns_by_the_angle_asked_for_and_rings(arm, degrees):
+    slew = simulate(arm, angle=np.radians(degrees), frames=60, joint="elbow")
+    elbow = np.degrees(slew.positions[:, arm.joint("elbow").qposadr[0]])
+    # the first mode that the elbow moves, beside what `test_trees.py` finds in finite elements
+    assert slew.omega == pytest.approx(15.37, rel=1e-3)
+    after = elbow[slew.times >= slew.duration]
+    # a torque of the rigid arm on a flexible one: the mean over the ringing
+    assert after.mean() == pytest.approx(degrees, abs=2.0)
+    rings = slew.positions[:, list(slew.elastic)]
+    assert 0.01 < np.abs(rings[slew.times >= slew.duration]).max() < 2.0 * MOST_BENT
+    # the bus turns the other way, as nothing pushes from outside
+    assert np.sign(slew.positions[-1, 6]) == -np.sign(degrees)
+
+
+def test_a_joint_that_cannot_be_turned_is_refused(arm):
+    with pytest.raises(bc.InputError, match="nobody.*elbow"):
+        simulate(arm, angle=1.0, frames=10, joint="nobody")
+    with pytest.raises(bc.InputError, match="upper_hinge1_xy.*without springs"):
+        simulate(arm, angle=1.0, frames=10, joint="upper_hinge1_xy")

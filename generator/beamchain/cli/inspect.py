@@ -71,7 +71,8 @@ def _show(found: "Inspection") -> None:
     for whole in found.composite:
         out.print(whole.sentence)
     print_table(tables.mode_table(found))
-    print_table(tables.spring_table(found))
+    if found.springs:
+        print_table(tables.spring_table(found))
     if found.tendons:
         print_table(tables.tendon_table(found))
     for made in found.made_for:

@@ -52,6 +52,10 @@ def render(
     angle: Annotated[
         float, typer.Option(metavar="DEG", help="Angle of the turn in degrees.")
     ] = 40.0,
+    joint: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Turn this hinge of the spacecraft in place of its hub."),
+    ] = None,
     modes: Annotated[
         int, typer.Option(metavar="N", help="Draw the first N coupled modes in place of a turn.")
     ] = 0,
@@ -69,6 +73,7 @@ def render(
 
     The hub turns from rest to rest in a time that excites its first mode.
     A rigid appendage is drawn faintly for comparison.
+    With --joint a hinge without a spring turns in place of the hub, such as the elbow of an arm.
     With --modes each coupled mode of the whole spacecraft is a film of one oscillation, slow or
     fast as it may be. Without ffmpeg there is no MP4, and the exit status is 3. Needs EGL or
     OSMesa, but no screen.
@@ -78,7 +83,11 @@ def render(
     Example: beamchain render boom/scene.xml -o pictures --exaggerate 5
 
     Example: beamchain render boom/scene.xml -o pictures --modes 2
+
+    Example: beamchain render flexible.xml -o pictures --joint elbow --angle 90
     """
+    if joint is not None and modes:
+        raise InputError("render: --joint and --modes are both given; leave one out.")
     sizes = (("width", width, 64, 4096), ("height", height, 64, 4096), ("modes", modes, 0, 100))
     for name, value, low, high in (
         ("exaggerate", exaggerate, 0.0, 1e6),
@@ -104,7 +113,7 @@ def render(
         films, told = _modes(model, name, modes, exaggerate, size)
         warnings: list[str] = []
     else:
-        film, told, slew = _turn(model, math.radians(angle), exaggerate, size)
+        film, told, slew = _turn(model, math.radians(angle), joint, exaggerate, size)
         films = {name: film}
         warnings = [] if fit is None else too_far(fit, slew)
     out: dict[Path, str | bytes] = {}
@@ -135,14 +144,18 @@ def render(
 
 
 def _turn(
-    model: "mujoco.MjModel", angle: float, exaggerate: float, size: dict[str, int]
+    model: "mujoco.MjModel",
+    angle: float,
+    joint: str | None,
+    exaggerate: float,
+    size: dict[str, int],
 ) -> "tuple[Film, Told, Slew]":
-    """The film of a turn by `angle` [rad]."""
+    """The film of a turn by `angle` [rad], of the hub or of a hinge."""
     from beamchain.engine.draw import draw_frames
     from beamchain.engine.slew import simulate
     from beamchain.report.film import write_text
 
-    slew = simulate(model, angle=angle, frames=FRAMES)
+    slew = simulate(model, angle=angle, frames=FRAMES, joint=joint)
     note = f"time x {slew.times[-1] / (FRAMES - 1) * RATE:.3g}"
     note += "" if exaggerate == 1.0 else f", elastic motion x {exaggerate:g}"
     digits = 0 if slew.times[-1] >= 100 else 1
@@ -157,16 +170,18 @@ def _turn(
     still = write_text(
         next(draw_frames(model, slew.body, shown[[k]], rigid[[k]], **size)), texts[k]
     )
-    axis = "xyz"[slew.axis]
+    axis = None if slew.joint else "xyz"[slew.axis]
     facts = {
         "body": slew.body,
+        "joint": slew.joint or None,
         "axis": axis,
         "angle": slew.angle,
         "seconds": slew.duration,
         "omega": slew.omega,
     }
     sentence = (
-        f"{slew.body} turned by {math.degrees(angle):g} degrees about {axis} in "
+        f"{slew.joint or slew.body} turned by {math.degrees(angle):g} degrees"
+        f"{f' about {axis}' if axis else ''} in "
         f"{slew.duration:.4g} s, ringing at {slew.omega:.4g} rad/s; {note}"
     )
     return (still, frames), ([sentence], {"slew": facts}), slew

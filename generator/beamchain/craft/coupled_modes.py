@@ -172,9 +172,7 @@ def mode_words(pose: Pose, shape: Array) -> str:
     if moving:
         first = max(moving, key=lambda i: energies[i])
         port = _port(models[first], coordinates[first])
-        momenta = [
-            pose.carried[i].mount.axes @ _momentum(models[i], coordinates[i], port) for i in moving
-        ]
+        momenta = [pose.roots[i].axes @ _momentum(models[i], coordinates[i], port) for i in moving]
         names = " and ".join(pose.carried[i].mount.at for i in moving)
         parts.append(f"{names}{_phase(momenta)}, {WORDS[port]}")
     if own_energy > SHARE * total:

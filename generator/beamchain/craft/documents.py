@@ -9,8 +9,9 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import msgspec
+from lxml.etree import _Element as Element
 
-from beamchain.craft.appendage import Appendage, craft_elements, moved_bodies
+from beamchain.craft.appendage import PROBE, Appendage, craft_elements, moved_bodies
 from beamchain.craft.loads import Carries, base_place, split_port
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
@@ -19,7 +20,7 @@ from beamchain.fitting.spec import Spec, spec_from_dict
 from beamchain.mjcf import insert
 from beamchain.mjcf import undo_marks as undo
 from beamchain.mjcf.craft import Craft, craft_from_text, read_craft
-from beamchain.mjcf.place import find_target, place_includes_with_targets
+from beamchain.mjcf.place import Target, find_target, place_includes_with_targets
 from beamchain.mjcf.relocate import relocate, spacecraft_before
 from beamchain.mjcf.text import Edit
 from beamchain.steps.joint_time import timed_joints
@@ -62,6 +63,33 @@ def _spec_of_mark(spec: Mapping[str, Any], at: str) -> Spec:
             kept["form"] = None
         spec = {**spec, "fit": kept}
     return spec_from_dict(spec, f"mark of {at}")
+
+
+def open_places(
+    original: Craft, places: Sequence[str], carries: Mapping[str, Carries]
+) -> tuple[Craft, dict[str, Target]]:
+    """The bare spacecraft to compile as text, its places and carried bodies written out, and the
+    element of every place; `carries`: bodies by port, by place."""
+    base = {at: base_place(at, places) for at in places}
+    hung = [f"body:{n}" for ports in carries.values() for names in ports.values() for n in names]
+    out = place_includes_with_targets(relocate(original, None), [*base.values(), *hung])
+    return out, {at: find_target(out, place) for at, place in base.items()}
+
+
+def with_probes(bare: Craft, targets: Mapping[str, Target]) -> Craft:
+    """With an empty body at every place: a hub whose frame MuJoCo would move while it carries
+    nothing stays where it is."""
+    probes: dict[Element, list[str]] = {}
+    for i, target in enumerate(targets.values()):
+        probes.setdefault(target.body, []).append(f'<body name="{PROBE}{i}"/>')
+    return bare.edit(bare.append(body, some) for body, some in probes.items())
+
+
+def without_keys(craft: Craft) -> Craft:
+    """Without keyframes, all included files put in place."""
+    out = craft.edit(undo.replace_include(craft, include) for include in craft.includes)
+    keyframes = [out.node(element) for element in out.root.iter("keyframe")]
+    return out.edit(Edit(node.start, node.end, "") for node in keyframes)
 
 
 def compile_document(
@@ -140,12 +168,6 @@ def layout_of(
 ) -> dict[str, Any]:
     """Which old position and velocity every new one is: compiled without keyframes,
     compared by bodies' order."""
-
-    def without_keys(out: Craft) -> Craft:
-        out = out.edit(undo.replace_include(out, include) for include in out.includes)
-        keyframes = [out.node(element) for element in out.root.iter("keyframe")]
-        return out.edit(Edit(node.start, node.end, "") for node in keyframes)
-
     model = compile_document(original, appendages, form, None, without_keys)
     old = craft_elements(craft, model, appendages)["jnt"]
     if len(old) != craft.njnt:

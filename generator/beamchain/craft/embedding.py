@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import msgspec
-from lxml.etree import _Element as Element
 
 from beamchain.checks import list_of_names, of_type, one_of, true_or_false
 from beamchain.checks import whole_number as checked_int
@@ -24,12 +23,19 @@ from beamchain.craft.appendage import (
     moved_by_load,
 )
 from beamchain.craft.disturbances import check_flags
-from beamchain.craft.documents import Wish, assemble, compile_document, layout_of, read_bare
+from beamchain.craft.documents import (
+    Wish,
+    assemble,
+    compile_document,
+    layout_of,
+    open_places,
+    read_bare,
+    with_probes,
+)
 from beamchain.craft.embedded import Embedded
 from beamchain.craft.error import loadings_of
 from beamchain.craft.fits import Fits, fit_all
 from beamchain.craft.loads import (
-    base_place,
     carries_of,
     check_carries,
     checked_carry,
@@ -56,7 +62,7 @@ from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec
 from beamchain.mjcf import compatibility, insert, write
 from beamchain.mjcf.craft import Craft
-from beamchain.mjcf.place import find_target, kinds_and_name, place_includes_with_targets
+from beamchain.mjcf.place import kinds_and_name
 from beamchain.mjcf.relocate import relocate
 from beamchain.structure.beam import Beam
 from beamchain.structure.modal_data import ModalData
@@ -323,20 +329,10 @@ def _fit_on_craft(
 ) -> "tuple[mujoco.MjModel, tuple[Appendage, ...], list[str], tuple[str, ...]]":
     """The bare spacecraft, compiled, the appendages fitted to it, notes,
     and the modes that were added."""
-    # an empty body at every place: a hub whose frame MuJoCo would move while it carries nothing
-    # stays where it is
-    plain = relocate(original, None)
-    base = {at: base_place(at, wanted) for at in wanted}
-    hung = [f"body:{n}" for w in wanted.values() for names in w.carries.values() for n in names]
-    probe = place_includes_with_targets(plain, [*base.values(), *hung])
-    targets = {at: find_target(probe, place) for at, place in base.items()}
-    check_carries(probe, targets, {at: wish.carries for at, wish in wanted.items()})
-    probes: dict[Element, list[str]] = {}
-    for i, target in enumerate(targets.values()):
-        probes.setdefault(target.body, []).append(f'<body name="{PROBE}{i}"/>')
-    craft = compile_model(
-        probe.edit(probe.append(body, some) for body, some in probes.items()).text
-    )
+    carries = {at: wish.carries for at, wish in wanted.items()}
+    bare, targets = open_places(original, list(wanted), carries)
+    check_carries(bare, targets, carries)
+    craft = compile_model(with_probes(bare, targets).text)
     mounts = {
         at: mounting.mount(craft, at, t.kind, t.name, reach=_reach(at, wanted))
         for at, t in targets.items()

@@ -1,6 +1,7 @@
 """Modes, masses and step limits of any MuJoCo model, from its own linearisation."""
 
 import copy
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -8,9 +9,13 @@ from typing import Any
 import numpy as np
 
 from beamchain import report
+from beamchain.craft.coupled_modes import SHARE, WORDS
+from beamchain.craft.mode_names import cantilever_names
 from beamchain.engine.bench import Composite, composite
 from beamchain.engine.library import mujoco
+from beamchain.engine.linear import linear_at
 from beamchain.engine.linearise import NUMBERS, compile_model
+from beamchain.engine.operating_point import quiet_copy, rest_point
 from beamchain.ports.motions import Array
 from beamchain.steps.budget import linear_model
 from beamchain.steps.limits import StepLimits, oscillations, step_limits
@@ -18,13 +23,17 @@ from beamchain.steps.modal import MadeFor, timing_marks
 from beamchain.steps.poles import PoleRow, mismatch, pole_rows
 from beamchain.steps.retime import retime
 
+NEAR = 0.05  # relative: how far damping may move a mode from its undamped frequency
+OWN_MODE = re.compile(r"(.+)_(?:mode|filler)\d+_(xy|xz|torsion|axial)$")
+
 
 @dataclass(frozen=True, eq=False)
 class Inspection:
     """What MuJoCo makes of a model about its rest pose.
 
     `composite`: of every body that moves in the world, with all that hangs on it; `frequencies`
-    [rad/s] and `damping` `(n,)` of the oscillating modes; `springs`, `tendons`: name, stiffness,
+    [rad/s] and `damping` `(n,)` of the oscillating modes; `moving`: what holds the strain energy of
+    each, by appendage and port, or sprung joint; `springs`, `tendons`: name, stiffness,
     damping (armature) of what has a spring; `limits`: timing taken out; `shown`: the modes as the
     model's own step shows them, where anything is exact in time.
     """
@@ -37,6 +46,7 @@ class Inspection:
     composite: list[Composite]
     frequencies: Array
     damping: Array
+    moving: list[str]
     springs: list[tuple[str, float, float]]
     tendons: list[tuple[str, float, float, float]]
     integrator: str
@@ -89,6 +99,7 @@ def inspect_model(source: "str | Path | mujoco.MjModel") -> Inspection:
         ],
         frequencies=frequencies,
         damping=ratios,
+        moving=_moving(plain, frequencies),
         springs=springs,
         tendons=tendons,
         integrator=NUMBERS[int(model.opt.integrator)],
@@ -98,3 +109,36 @@ def inspect_model(source: "str | Path | mujoco.MjModel") -> Inspection:
         shown=pole_rows(model) if made else [],
         warnings=mismatch(model),
     )
+
+
+def _moving(model: "mujoco.MjModel", frequencies: Array) -> list[str]:
+    """What holds the strain energy of the modes with some frequencies [rad/s], in words such as
+    "upper 62 % and fore 38 %, bending xz"."""
+    if not frequencies.size:
+        return []
+    linear = linear_at(rest_point(quiet_copy(model)))
+    modes = linear.modes()
+    names, rows = cantilever_names(model, linear.mass, linear.stiffness)
+    energy = (rows @ modes.shapes) ** 2
+    share = energy / np.maximum(energy.sum(axis=0), 1e-300)
+    out: list[str] = []
+    for frequency in frequencies:
+        away = np.abs(modes.frequency / frequency - 1.0)
+        k = int(np.argmin(away)) if away.size else 0
+        near = bool(names) and away.size > 0 and away[k] < NEAR
+        out.append(_words(names, share[:, k]) if near else "")
+    return out
+
+
+def _words(names: list[str], share: Array) -> str:
+    """Appendages with the ports in which they bend, and joints, by their share."""
+    parts: dict[tuple[str, str], float] = {}
+    for name, value in zip(names, share.tolist(), strict=True):
+        match = OWN_MODE.fullmatch(name)
+        where = (match[1], WORDS[match[2]]) if match else (name, "spring")
+        parts[where] = parts.get(where, 0.0) + value
+    seen = sorted((part for part in parts if parts[part] > SHARE), key=lambda part: -parts[part])
+    said: dict[str, list[str]] = {}
+    for name, kind in seen:
+        said.setdefault(kind, []).append(f"{name} {100.0 * parts[name, kind]:.0f} %")
+    return "; ".join(f"{' and '.join(those)}, {kind}" for kind, those in said.items())

@@ -10,6 +10,8 @@ import numpy as np
 from beamchain.craft.appendage import Appendage, carried
 from beamchain.craft.embedded import Embedded
 from beamchain.craft.error import Carried, root_of
+from beamchain.craft.loads import carrying_of
+from beamchain.craft.loose_ports import loose_craft
 from beamchain.craft.modal_form import SAMPLED, ModalForm, modal_form
 from beamchain.craft.mode_names import cantilever_names, mode_names
 from beamchain.craft.step_slopes import step_slopes
@@ -109,18 +111,18 @@ def exact_craft(
     `omega` the highest frequency of interest [rad/s].
     """
     items = carried(embedded.model, embedded.appendages)
-    if any(item.loads for item in items):
-        raise InputError(
-            "the exact plant is not made for a spacecraft whose appendages carry bodies; leave "
-            "exact out: the plant of the chains is proved by the promise."
-        )
     new = {dof for item in items for dof in item.dofs}
     old = [i for i in range(embedded.model.nv) if i not in new]
     bare = operating_point(embedded.craft, embedded.bare_qpos(point.qpos))
     bare = OperatingPoint(bare.model, bare.qpos, point.qvel[old])
+    data = bare.data()
+    roots = [root_of(bare.model, data, item) for item in items]
+    carrying = carrying_of(bare.model, data, roots)
+    loose = None if carrying is None else loose_craft(embedded, roots)
+    place = bare if loose is None else loose.point(bare)
     try:
-        driven = inputs_of(bare, inputs)
-        seen = outputs_of(bare, outputs)
+        driven = inputs_of(place, inputs)
+        seen = outputs_of(place, outputs)
     except InputError as error:
         raise InputError(
             f"the exact plant has the bare spacecraft's signals only: {error}"
@@ -130,16 +132,25 @@ def exact_craft(
             f"output {far[0]!r} reads what hangs on its body, which the exact plant cannot; leave "
             "it out of outputs."
         )
-    data = bare.data()
-    roots = [root_of(bare.model, data, item).motion for item in items]
     models = [_whole(a, item, omega) for a, item in zip(embedded.appendages, items, strict=True)]
-    alone = linear_at(bare, driven, seen)
     modes = [
         Signal(name, "")
         for a, model in zip(embedded.appendages, models, strict=True)
         for name in _names(a.prefix, model)
     ]
-    linear = replace(alone.with_appendages(models, roots), coordinates=(*alone.coordinates, *modes))
+    if carrying is None or loose is None:
+        alone = linear_at(bare, driven, seen)
+        linear = alone.with_appendages(models, [root.motion for root in roots])
+        coordinates = [*alone.coordinates, *modes]
+    else:
+        alone = loose.linear(place, driven, seen)  # over (q, p)
+        linear = alone.with_appendages(models, carrying.roots)  # over (q, p, modes)
+        coordinates = [*alone.coordinates[: len(loose.own)], *modes]
+        by_modes = carrying.by_modes(models)
+        count = by_modes.shape[1]
+        tied = np.vstack([by_modes, np.eye(count)[len(loose.own) :]])
+        linear = linear.in_coordinates(tied, coordinates)
+    linear = replace(linear, coordinates=tuple(coordinates))
     springs = np.diag(linear.stiffness)
     sprung = np.flatnonzero(springs > 0.0)
     rows = np.diag(np.sqrt(np.maximum(springs, 0.0)))[sprung]

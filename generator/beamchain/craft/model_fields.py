@@ -99,7 +99,9 @@ class Maker:
     def time(self, model: "mujoco.MjModel", mass: Array) -> None:
         """Make an untimed variant of that mass matrix exact in time as the nominal
         model is, in place."""
-        if self.mark is not None:  # what `retime` does, without reading the model anew
+        if self.mark is not None and self.mark.form == 5:
+            retime(model, self.mark.timestep, self.mark.integrator, form=5)
+        elif self.mark is not None:  # what `retime` does, without reading the model anew
             modal = self._drawn(model)
             c = condensed_mass(mass, modal.rows)[0]
             name = self.mark.integrator

@@ -99,6 +99,11 @@ class Carrying(NamedTuple):
             out[6 * row : 6 * row + 6, columns] = self.tip(models, row).T
         return out
 
+    def by_modes(self, models: Sequence[PortModel]) -> Array:
+        """`(nv + 6 l, nv + modes)` (q, p) by (q, modes of all appendages)."""
+        nv = self.mass.shape[0] - 6 * len(self.ports)
+        return block_diag(np.eye(nv), self.shapes(models))
+
     def tip(self, models: Sequence[PortModel], port: int) -> Array:
         """`(n, 6)` motion of a port in the modes of its appendage."""
         number, column = self.ports[port]
@@ -326,6 +331,29 @@ class Linear:
             ),
         )
 
+    def in_coordinates(self, motion: Array, coordinates: Sequence[Signal]) -> "Linear":
+        """The same in other coordinates x, of which its own are `q = motion @ x`.
+
+        Args:
+            motion: `(nv, n)`.
+            coordinates: name and unit of each x.
+        """
+        outputs = self.outputs
+        return replace(
+            self,
+            mass=motion.T @ self.mass @ motion,
+            damping=motion.T @ self.damping @ motion,
+            stiffness=motion.T @ self.stiffness @ motion,
+            coordinates=tuple(coordinates),
+            inputs=self.inputs._replace(force=motion.T @ self.inputs.force),
+            outputs=outputs._replace(
+                position=outputs.position @ motion,
+                rate=outputs.rate @ motion,
+                acceleration=outputs.acceleration @ motion,
+            ),
+            activations=self.activations._replace(force=motion.T @ self.activations.force),
+        )
+
     def with_appendages(
         self,
         models: Sequence[PortModel],
@@ -344,8 +372,8 @@ class Linear:
         nv = self.mass.shape[0]
         extra = sum(model.modes for model in models)
         mass = block_diag(self.mass, np.eye(extra))
-        if carrying is not None:  # the ports' coordinates by the modes
-            to_ports = block_diag(np.eye(nv), carrying.shapes(models))
+        if carrying is not None:
+            to_ports = carrying.by_modes(models)
             mass += to_ports.T @ carrying.mass @ to_ports
             roots = [root @ to_ports for root in carrying.roots]
         for model, root, modes in zip(models, roots, _slices(nv, models), strict=True):

@@ -1,13 +1,20 @@
-"""A spacecraft turned from rest to rest by its hub, so that its appendages ring."""
+"""A spacecraft turned from rest to rest by its hub or one of its hinges,
+so that its appendages ring."""
 
+import copy
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
+from beamchain.checks import unknown
 from beamchain.engine.bench import rigid_mass
 from beamchain.engine.forces import sprung
 from beamchain.engine.library import mujoco
 from beamchain.engine.linear import linear_at
+from beamchain.engine.linearise import mass_matrix
 from beamchain.engine.operating_point import quiet_copy, rest_point
 from beamchain.errors import EngineError, InputError
 from beamchain.ports.motions import Array, locked
@@ -18,6 +25,7 @@ RINGING = 3.5  # periods of the first mode shown after the turn
 TRIAL = 0.01  # rad: a turn so small that what bends is proportional to it
 MOST_BENT = 0.22  # rad in one hinge: small enough to be believed, large enough to be seen
 FELT = 1e-7  # of a mode's largest motion: less rotation of the hub is rounding
+ANGLES = 61  # of a hinge, at which its inertia is computed
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +40,7 @@ class Slew:
     duration: float  # of the turn [s]
     omega: float  # of the mode that rings [rad/s]
     elastic: tuple[int, ...]  # addresses of the sprung joints in the positions
+    joint: str = ""  # hinge that turned in place of the hub
 
     def shown(self, exaggerate: float) -> Array:
         """`(k, nq)` positions with the sprung joints' motion multiplied by `exaggerate`."""
@@ -55,9 +64,11 @@ class Slew:
         return int(np.argmax(np.linalg.norm(self.positions[:, list(self.elastic)], axis=1)))
 
 
-def simulate(model: "mujoco.MjModel", *, angle: float, frames: int) -> Slew:
+def simulate(
+    model: "mujoco.MjModel", *, angle: float, frames: int, joint: str | None = None
+) -> Slew:
     """Turn the spacecraft by `angle` [rad] with a torque forwards and back on its hub,
-    and let it ring.
+    or one of its hinges with the torque that turns the rigid spacecraft so, and let it ring.
 
     The turn takes an odd number of periods of the mode excited,
     so that what the two halves leave behind adds up.
@@ -78,42 +89,139 @@ def simulate(model: "mujoco.MjModel", *, angle: float, frames: int) -> Slew:
         )
     hub = int(model.jnt_bodyid[free[0]])
     name = model.body(hub).name
-    axis, omega = _lowest_turning_mode(model, int(model.jnt_dofadr[free[0]]))
+    start = int(model.jnt_dofadr[free[0]])
+    axis = 0
+    if joint is None:
+        axis, omega = _lowest_turning_mode(model, np.arange(start + 3, start + 6), start)
+        drive = _on_hub(model, hub, axis)
+    else:
+        number = _hinge(model, joint, held, angle)
+        model = _without_actuators(model, number)
+        omega = _lowest_turning_mode(model, np.array([int(model.jnt_dofadr[number])]), start)[1]
+        drive = _in_hinge(model, number, held, angle)
     elastic = tuple(int(model.jnt_qposadr[j]) for j in held)
     hinged = [a for j, a in zip(held, elastic, strict=True) if int(model.jnt_type[j]) == _HINGE]
     period = 2.0 * np.pi / omega
-    about = np.zeros(3)
-    about[axis] = 1.0 / np.linalg.inv(rigid_mass(model, name))[3 + axis, 3 + axis]
-    trial = _run(
-        model, hub, 4.0 * TRIAL / period**2 * about, period, (1.0 + RINGING) * period, frames
-    )
+    trial = _run(model, drive(TRIAL, period), (1.0 + RINGING) * period, frames)
     bent = float(np.abs(trial[:, hinged]).max(initial=0.0)) * abs(angle) / TRIAL
     halves = max(int(np.ceil(np.sqrt(bent / MOST_BENT))), 1)
     duration = (halves + 1 - halves % 2) * period
     times = np.linspace(0.0, duration + RINGING * period, frames)
-    positions = _run(
-        model, hub, 4.0 * angle / duration**2 * about, duration, float(times[-1]), frames
-    )
+    positions = _run(model, drive(angle, duration), float(times[-1]), frames)
     return Slew(
-        locked(times), locked(positions), name, axis, angle, float(duration), omega, elastic
+        locked(times),
+        locked(positions),
+        name,
+        axis,
+        angle,
+        float(duration),
+        omega,
+        elastic,
+        joint or "",
     )
 
 
-def _run(
-    model: "mujoco.MjModel", hub: int, torque: Array, duration: float, end: float, frames: int
-) -> Array:
-    """`(frames, nq)` positions; `torque` forwards and back in the hub's axes."""
+Push = Callable[
+    ["mujoco.MjData", float, float], None
+]  # forces over a step from one time to another
+Drive = Callable[[float, float], Push]  # of an angle [rad] and a duration [s]
+
+
+def _on_hub(model: "mujoco.MjModel", hub: int, axis: int) -> Drive:
+    """A torque on the hub, in the axes that it has at the start."""
+    inertia = rigid_mass(model, model.body(hub).name)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    torque = data.xmat[hub].reshape(3, 3) @ torque
+    line = data.xmat[hub].reshape(3, 3)[:, axis] / np.linalg.inv(inertia)[3 + axis, 3 + axis]
+
+    def drive(angle: float, duration: float) -> Push:
+        def push(data: "mujoco.MjData", before: float, after: float) -> None:
+            impulse = _impulse(after, duration) - _impulse(before, duration)
+            torque = 4.0 * angle / duration**2 * impulse / (after - before)
+            data.xfrc_applied[hub, 3:] = torque * line
+
+        return push
+
+    return drive
+
+
+def _in_hinge(model: "mujoco.MjModel", joint: int, held: "list[int]", angle: float) -> Drive:
+    """The torque in a hinge that turns the spacecraft with rigid appendages, at first at rest:
+    with J the inertia that the hinge feels, `J a'' + J' a'^2 / 2 + damping a'`."""
+    address = int(model.jnt_qposadr[joint])
+    dof = int(model.jnt_dofadr[joint])
+    loose = np.setdiff1d(np.arange(model.nv), model.jnt_dofadr[held])
+    at = int(np.flatnonzero(loose == dof)[0])
+    qpos = np.array(model.qpos0)
+    angles = np.linspace(min(0.0, angle), max(0.0, angle), ANGLES)
+    felt: list[float] = []
+    for turned in angles:
+        qpos[address] = model.qpos0[address] + turned
+        rigid = mass_matrix(model, qpos)[np.ix_(loose, loose)]
+        felt.append(1.0 / float(np.linalg.inv(rigid)[at, at]))
+    inertia = CubicSpline(angles, felt)
+    damping = float(model.dof_damping[dof])
+
+    def drive(angle: float, duration: float) -> Push:
+        most = 4.0 * angle / duration**2
+
+        def push(data: "mujoco.MjData", before: float, after: float) -> None:
+            middle = min((before + after) / 2.0, duration)
+            left = duration - middle
+            turned = most * middle**2 / 2.0 if middle < left else angle - most * left**2 / 2.0
+            rate = most * _impulse(middle, duration)
+            impulse = _impulse(after, duration) - _impulse(before, duration)
+            data.qfrc_applied[dof] = (
+                float(inertia(turned)) * most * impulse / (after - before)
+                + float(inertia(turned, 1)) * rate**2 / 2.0
+                + damping * rate
+            )
+
+        return push
+
+    return drive
+
+
+def _hinge(model: "mujoco.MjModel", name: str, held: "list[int]", angle: float) -> int:
+    """The number of a hinge of the spacecraft itself that may turn by an angle."""
+    hinges = {
+        str(model.joint(j).name): j
+        for j in range(model.njnt)
+        if int(model.jnt_type[j]) == _HINGE and j not in held
+    }
+    if name not in hinges:
+        raise unknown("joint", name, hinges, "Only hinges without springs can be turned.")
+    joint = hinges[name]
+    low, high = model.jnt_range[joint]
+    end = float(model.qpos0[model.jnt_qposadr[joint]]) + angle
+    if bool(model.jnt_limited[joint]) and not low <= end <= high:
+        raise InputError(
+            f"joint {name!r} would turn to {np.degrees(end):g} degrees, outside its range "
+            f"[{np.degrees(low):g}, {np.degrees(high):g}]; give an angle within it."
+        )
+    return joint
+
+
+def _without_actuators(model: "mujoco.MjModel", joint: int) -> "mujoco.MjModel":
+    """A copy in which no actuator of a joint acts: a servo would hold it."""
+    out = copy.copy(model)
+    kinds = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
+    of_joint = np.isin(out.actuator_trntype, kinds) & (out.actuator_trnid[:, 0] == joint)
+    out.actuator_gainprm[of_joint] = 0.0
+    out.actuator_biasprm[of_joint] = 0.0
+    return out
+
+
+def _run(model: "mujoco.MjModel", push: Push, end: float, frames: int) -> Array:
+    """`(frames, nq)` positions under a drive."""
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
     step = float(model.opt.timestep)
     positions = np.empty((frames, model.nq))
     for k, time in enumerate(np.linspace(0.0, end, frames)):
         while data.time < time - step / 2.0:
             before = data.time
-            data.xfrc_applied[hub, 3:] = (
-                torque * (_impulse(before + step, duration) - _impulse(before, duration)) / step
-            )
+            push(data, before, before + step)
             mujoco.mj_step(model, data)
             if data.time < before:  # MuJoCo starts anew where a state is not finite
                 raise EngineError(
@@ -129,14 +237,18 @@ def _impulse(time: float, duration: float) -> float:
     return max(min(time, duration - time), 0.0)
 
 
-def _lowest_turning_mode(model: "mujoco.MjModel", start: int) -> tuple[int, float]:
-    """Axis and frequency [rad/s] of the lowest mode in which the hub turns."""
+def _lowest_turning_mode(
+    model: "mujoco.MjModel", turning: "NDArray[np.intp]", start: int
+) -> tuple[int, float]:
+    """Which of some degrees of freedom the lowest mode turns that turns any, and its frequency
+    [rad/s]; those of the hub begin at `start`."""
     modes = linear_at(rest_point(quiet_copy(model))).modes()
     for omega, shape in zip(modes.frequency, np.abs(modes.shapes).T, strict=True):
-        turn = shape[start + 3 : start + 6]
+        turn = shape[turning]
         rest = np.delete(shape, np.s_[start : start + 6])
         if turn.max() > FELT * rest.max():
             return int(np.argmax(turn)), float(omega)
     raise InputError(
-        "no elastic mode of the scene turns its hub; there is nothing that a turn would show."
+        "no elastic mode of the scene turns its hub or that joint; there is nothing that a turn "
+        "would show."
     )

@@ -20,8 +20,9 @@ from beamchain.errors import InputError
 from beamchain.ports.motions import Array
 from beamchain.steps.forms import form2_many
 from beamchain.steps.integrators import SCHEMES
-from beamchain.steps.modal import Modal, foreign, modal_tendons
-from beamchain.steps.retime import coupled_mass
+from beamchain.steps.modal import Ints, MadeFor, Modal, foreign, modal_tendons
+from beamchain.steps.retime import carries_bodies, coupled_mass, retime
+from beamchain.steps.tree_draws import TreeDraws
 
 RANGES = ("frequency", "damping")
 #: All that a draw of modes changes.
@@ -51,7 +52,8 @@ class Modes:
         self._modal = modal_tendons(self._model)
         if not self._modal.names:
             raise foreign("a draw of modes")
-        self._mass = coupled_mass(self._model, self._modal, None)
+        self._tree = carries_bodies(self._model, self._modal, None)
+        self._timing = self._timing_for(timestep)
         #: of the fields of one world
         self.nbytes: int = sum(getattr(model, name).nbytes for name in TENDONS)
 
@@ -70,15 +72,27 @@ class Modes:
             out[name] = np.repeat(values[None], len(keys), 0)
         out["tendon_stiffness"][:, nominal.index] = w**2
         out["tendon_damping"][:, nominal.index] = 2.0 * ratio * w
-        if self.timestep is None:
+        if self.timestep is None or self._timing is None:
             return out
-        return exact_fields(out, nominal, self._mass, self._integrator, self.timestep)
+        if isinstance(self._timing, TreeDraws):
+            return _tree_fields(out, nominal, self._timing, self._integrator)
+        return exact_fields(out, nominal, self._timing, self._integrator, self.timestep)
 
     def at(self, timestep: float) -> "Modes":
         """The same ranges for another step."""
         out = copy.copy(self)
         out.timestep = timestep
+        out._timing = self._timing_for(timestep)
         return out
+
+    def _timing_for(self, timestep: float | None) -> "Array | TreeDraws | None":
+        """What makes draws exact in time: the condensed mass, or, where appendages carry bodies,
+        the timing of the nominal model."""
+        if timestep is None:
+            return None
+        if self._tree:
+            return TreeDraws.of(self._model, self._modal, self._integrator, timestep)
+        return coupled_mass(self._model, self._modal, None)
 
 
 class Table:
@@ -134,6 +148,8 @@ class Table:
         if not modal_tendons(base).names:
             timestep = None  # nothing is to be made exact
         derived: list[dict[str, Array]] = []
+        nominal = without_timing(base)
+        is_tree = carries_bodies(nominal, modal_tendons(nominal), None)
         marks = self._rows.get("tendon_solimp_lim")
         if timestep is not None and marks is None:
             base = without_timing(base)
@@ -143,7 +159,10 @@ class Table:
             model = with_fields(base, {name: values[i] for name, values in self._rows.items()})
             mujoco.mj_setConst(model, mujoco.MjData(model))
             fields = {name: np.array(getattr(model, name)) for name in DERIVED}
-            if timestep is not None:
+            if timestep is not None and is_tree:
+                retime(model, timestep, form=5)
+                fields |= {name: np.array(getattr(model, name)) for name in TENDONS}
+            elif timestep is not None:
                 plain = without_timing(model)
                 tendons = {name: np.array(getattr(plain, name))[None] for name in TENDONS}
                 modal = modal_tendons(plain)
@@ -191,15 +210,33 @@ def exact_fields(
     stiffness = plain["tendon_stiffness"][:, at]
     damping = plain["tendon_damping"][:, at]
     plan = form2_many(integrator, mass, stiffness, damping, timestep)
-    out = {name: values.copy() for name, values in plain.items()}
-    mark = out["tendon_solimp_lim"]
-    mark[:, at, 0] = timestep
-    mark[:, at, 1] = INTEGRATORS[integrator]
-    mark[:, at, 2] = 2
-    mark[:, at, 3] = damping
-    mark[:, at, 4] = stiffness
+    out = _marked(plain, at, MadeFor(timestep, integrator, 2))
     out["tendon_armature"][:, at] = plan.mass - 1.0
     out["tendon_damping"][:, at] = plan.damping
+    return out
+
+
+def _tree_fields(plain: Fields, modal: Modal, timing: TreeDraws, integrator: str) -> Fields:
+    """Fields of tendons without timing, timed by form 5 and marked as `retime` marks them."""
+    at = modal.index
+    plan = timing.drawn(plain["tendon_stiffness"][:, at], plain["tendon_damping"][:, at])
+    out = _marked(plain, at, MadeFor(timing.timestep, integrator, 5))
+    out["tendon_armature"][:, at] += plan.armature
+    out["tendon_stiffness"][:, at] = plan.stiffness
+    out["tendon_damping"][:, at] = plan.damping
+    return out
+
+
+def _marked(plain: Fields, at: Ints, mark: MadeFor) -> Fields:
+    """A copy of fields of tendons without timing, with what `retime` writes of them and of what
+    they are made for."""
+    out = {name: values.copy() for name, values in plain.items()}
+    marks = out["tendon_solimp_lim"]
+    marks[:, at, 0] = mark.timestep
+    marks[:, at, 1] = INTEGRATORS[mark.integrator]
+    marks[:, at, 2] = mark.form
+    marks[:, at, 3] = plain["tendon_damping"][:, at]
+    marks[:, at, 4] = plain["tendon_stiffness"][:, at]
     return out
 
 

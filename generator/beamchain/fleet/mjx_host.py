@@ -18,7 +18,7 @@ from beamchain.fleet.hosts import LARGEST, Flags, Ids
 from beamchain.ports.motions import Array
 from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.modal import foreign, modal_tendons
-from beamchain.steps.retime import retime
+from beamchain.steps.retime import carries_bodies, retime
 
 jax: Any = import_module("jax")
 jnp: Any = import_module("jax.numpy")
@@ -147,6 +147,11 @@ def response(
     modal = modal_tendons(plain)
     if not modal.names:
         raise foreign("a derivative with respect to its modes")
+    if carries_bodies(plain, modal, None):
+        raise InputError(
+            "response() is not made for appendages that carry bodies; the worlds themselves step, "
+            "and draws of modes change them."
+        )
     exact = runs_exact(model)
     h = float(model.opt.timestep)
     name = NUMBERS[int(model.opt.integrator)]

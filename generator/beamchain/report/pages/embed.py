@@ -18,6 +18,7 @@ from beamchain.report.shapes import all_shapes
 from beamchain.report.svg import to_svg
 from beamchain.report.tables import embed as tables
 from beamchain.report.tables.fit import left_out_table, port_table
+from beamchain.report.tree_plot import tree_figure
 from beamchain.steps.budget import budget
 
 if TYPE_CHECKING:
@@ -40,6 +41,9 @@ def embed_report(embedded: "Embedded", craft: str, output: str) -> str:
     }
     for i, group in enumerate(alike, 1):
         figures[f"chain{i}"] = plots.chain_figure(group.those[0].fit)
+    is_tree = any(a.loads for a in appendages)
+    if is_tree:
+        figures["tree"] = tree_figure(embedded)
     steps, no_steps = _steps(embedded)
     files = _spec_files(appendages)
     return page_text(

@@ -20,6 +20,8 @@ def mode_table(inspection: "Inspection") -> Table:
         Column("frequency", [w / math.tau for w in frequencies], "Hz", number),
         Column("damping ratio", ratios, format=damping_ratio, key="damping"),
     )
+    if any(inspection.moving):
+        columns += (Column("what bends", inspection.moving, key="bends"),)
     return Table("Modes about the rest pose", columns)
 
 

@@ -1,0 +1,123 @@
+"""Timing of many draws of one model whose appendages carry bodies, safe for every draw.
+
+A tendon of stiffness k and damping d has the armature `a = c h^2 k + h d/2` (`steps/tree_time.py`),
+and the tree is stable if for every appendage alone
+
+    S + diag(a - h d/2 - h^2 k/4) = S + diag(g) > 0
+
+A draw k' keeps its factor c where that is safe by itself. Where it is not, its armature goes from
+there towards `h d'/2 + h^2 k'/4 + max(g, (c - 1/4) h^2 k')`, as far as it has to. All the way it is
+safe whatever is drawn, since the left side is then not smaller than with the nominal g. The nominal
+draw is the nominal model.
+
+Theory: docs/theory.md, section 9.
+"""
+
+import copy
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamchain.engine.library import mujoco
+from beamchain.ports.motions import Array
+from beamchain.steps.integrators import SCHEMES
+from beamchain.steps.modal import Modal
+from beamchain.steps.retime import retime
+from beamchain.steps.tree_time import LIMIT, ROOM, Alone, appendages_alone
+
+HALVINGS = 10  # of the way to the armature that is safe for sure
+
+
+class DrawnTendons(NamedTuple):
+    """`(k, n)` of the modal tendons of k draws."""
+
+    armature: Array
+    stiffness: Array
+    damping: Array
+
+
+@dataclass(frozen=True, eq=False)
+class TreeDraws:
+    """The timing of a nominal model, carried over to draws of its modes.
+
+    Args:
+        timestep: [s].
+        late: what damping adds to the armature, over `h d`: 1/2, -1/2 where it is implicit.
+        limit: of `h^2 k`: 1/4, RK4 1/8.
+        factor: `(n,)` c.
+        gap: `(n,)` g.
+        stiffness, damping: `(n,)` timed over nominal.
+        parts: the appendages alone.
+    """
+
+    timestep: float
+    late: float
+    limit: float
+    factor: Array
+    gap: Array
+    stiffness: Array
+    damping: Array
+    parts: tuple[Alone, ...]
+
+    @classmethod
+    def of(
+        cls, model: "mujoco.MjModel", modal: Modal, integrator: str, timestep: float
+    ) -> "TreeDraws":
+        """Of a model without timing."""
+        h = float(timestep)
+        timed = copy.copy(model)
+        retime(timed, h, integrator, form=5)
+        at = modal.index
+        armature = np.asarray(timed.tendon_armature - model.tendon_armature)[at]
+        stiffness = np.array(timed.tendon_stiffness)[at]
+        damping = np.array(timed.tendon_damping)[at]
+        is_rk4 = integrator == "RK4"
+        late = 0.0 if is_rk4 else -0.5 if SCHEMES[integrator].implicit_damping else 0.5
+        limit = LIMIT / 2.0 if is_rk4 else LIMIT
+        squares = h**2 * stiffness
+        own = armature - late * h * damping
+        return cls(
+            h,
+            late,
+            limit,
+            factor=own / squares,
+            gap=own - limit * squares,
+            stiffness=stiffness / modal.stiffness,
+            damping=np.where(modal.damping > 0.0, damping / np.maximum(modal.damping, 1e-300), 1.0),
+            parts=tuple(appendages_alone(model, modal)),
+        )
+
+    def drawn(self, stiffness: Array, damping: Array) -> DrawnTendons:
+        """The tendons of draws, by stiffness and damping `(k, n)` without timing."""
+        stiffness = stiffness * self.stiffness
+        damping = damping * self.damping
+        squares = self.timestep**2 * stiffness
+        gap = (self.factor - self.limit) * squares
+        for part in self.parts:
+            at = part.tendons
+            gap[:, at] = self._safe(part, gap[:, at])
+        armature = gap + self.limit * squares + self.late * self.timestep * damping
+        return DrawnTendons(np.maximum(armature, 0.0), stiffness, damping)
+
+    def _safe(self, part: Alone, gap: Array) -> Array:
+        """`(k, m)` of one appendage: `gap`, or as much above it as is safe."""
+        sure = np.maximum(gap, self.gap[part.tendons])
+        unsafe = np.flatnonzero(~_is_safe(part.free, gap))
+        low = np.zeros((unsafe.size, 1))
+        high = np.ones((unsafe.size, 1))
+        way = (sure - gap)[unsafe]
+        for _ in range(HALVINGS):
+            middle = (low + high) / 2.0
+            good = _is_safe(part.free, gap[unsafe] + middle * way)[:, None]
+            low, high = np.where(good, low, middle), np.where(good, middle, high)
+        out = gap.copy()
+        out[unsafe] += high * way
+        return out
+
+
+def _is_safe(free: Array, gap: Array) -> NDArray[np.bool_]:
+    """`(k,)`: whether `S + diag(g) > 0`, with room."""
+    left = (1.0 - ROOM) * free + gap[:, :, None] * np.eye(free.shape[0])
+    return np.linalg.eigvalsh(left)[:, 0] >= -1e-9 * np.abs(np.diag(free)).max()
