@@ -274,7 +274,6 @@ class Implicit:
     def __init__(self, radius=None, *, dense=True, absolute=1e-9, iterates=True):
         self.radius, self.dense, self.absolute, self.iterates = radius, dense, absolute, iterates
         self.name = "trapezoidal" if radius is None else f"alpha {radius:g}"
-        self.name += "" if iterates else ", one iteration"
 
     def configure(self, given):
         alpha, newton = given.timeIntegration.generalizedAlpha, given.timeIntegration.newton
