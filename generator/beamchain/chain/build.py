@@ -73,8 +73,10 @@ class Wishes:
 
     `springs` "auto": on the hinges where the recursion serves all ports; `lines`: x where hinges
     must stand [m]; `further`: x of further ports [m], whose motion stands in the `columns` of the
-    targets' `tip`; `neutral`: per port, last frequency on the one hub [rad/s] that modes of surplus
-    hinges must not disturb.
+    targets' `tip`; `whole`: per port every mode that is known, of which fillers stand for those left
+    out; `band`: highest frequency at which the response counts [rad/s], 0 where it is that of the
+    modes; `neutral`: per port, last frequency on the one hub [rad/s] that modes of surplus hinges
+    must not disturb.
     """
 
     springs: Springs = "auto"
@@ -83,6 +85,8 @@ class Wishes:
     further: tuple[float, ...] = ()
     columns: tuple[int, ...] = ()
     cut: Cut | None = None
+    whole: Mapping[str, PortModel] = field(default_factory=dict[str, PortModel])
+    band: float = 0.0
     neutral: Mapping[str, float] = field(default_factory=dict[str, float])
 
 
@@ -133,12 +137,7 @@ def _cut_beam(
     """The chain on a chosen cut for all ports."""
     notes: list[str] = []
     targets = {port: _available(target_of, port, count, notes) for port, count in kept.items()}
-    beyond = (
-        {}
-        if wishes.further
-        else {port: _next(target_of, port, count) for port, count in kept.items()}
-    )
-    groups = [_modes_of(port, target, wishes, beyond.get(port)) for port, target in targets.items()]
+    groups = [_modes_of(port, target, wishes, kept[port]) for port, target in targets.items()]
     chain, how, cut = cut_chain(beam, groups, wishes.lines, wishes.further, wishes.cut)
     for port, target in () if wishes.further else targets.items():
         found = chain.port(port).frequencies[: target.modes]
@@ -170,34 +169,45 @@ def _message(
     return f"exact chain ({how}), modes kept: {modes}." + "".join(f" {note}" for note in notes)
 
 
-def _modes_of(
-    port: str, target: PortModel, wishes: Wishes, beyond: float | None = None
-) -> ModeGroup:
-    """A port's target as modes to be given to bodies."""
-    rows = [target.participation]
-    m = target.motions
-    for column in wishes.columns:
-        assert target.tip is not None
-        rows.append(target.tip[:, column * m : (column + 1) * m])
+def _modes_of(port: str, target: PortModel, wishes: Wishes, count: int) -> ModeGroup:
+    """A port's target, whose first `count` modes are modes, to be given to bodies."""
     damping = target.damping if wishes.per_mode else np.zeros(target.modes)
+    rows = _rows_at_ports(target, wishes.columns)
+    whole = wishes.whole.get(port)
     return ModeGroup(
         (port,),
         target.frequencies,
-        np.hstack(rows),
+        rows,
         damping,
         target.shapes,
         rigid=target.rigid_mass,
-        beyond=beyond,
+        left_out=None
+        if whole is None
+        else left_out(
+            _rows_at_ports(whole, wishes.columns) / whole.frequencies[:, None],
+            rows / target.frequencies[:, None],
+        ),
+        normal=min(count, target.modes),
+        band=wishes.band,
         neutral=wishes.neutral.get(port),
     )
 
 
-def _next(target_of: TargetOf, port: str, count: int) -> float | None:
-    """Frequency of the first mode left out of a port [rad/s]; None where it is not known."""
-    try:
-        return float(target_of(port, count + 1).frequencies[-1])
-    except (InputError, RealisationError):
-        return None
+def _rows_at_ports(model: PortModel, columns: Sequence[int]) -> Array:
+    """`(n, m + p)` participation of each mode, then its motion of the further ports."""
+    rows = [model.participation]
+    m = model.motions
+    for column in columns:
+        assert model.tip is not None
+        rows.append(model.tip[:, column * m : (column + 1) * m])
+    return np.hstack(rows)
+
+
+def left_out(whole: Array, kept: Array) -> Array:
+    """Rows `(k, m)` whose sum of squares is the static flexibility that `kept` `(n, m)` lacks
+    against `whole` `(w, m)`, both rows of modes over their frequencies."""
+    values, vectors = np.linalg.eigh(whole.T @ whole - kept.T @ kept)
+    return np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
 
 
 def _available(target_of: TargetOf, port: str, count: int, notes: list[str]) -> PortModel:

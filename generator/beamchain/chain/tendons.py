@@ -26,9 +26,11 @@ RAISED = 0.3  # least singular value on what the root does not see
 DROPPED = 1e-13  # relative armature that is rounding
 ROOM = 0.9  # of the modes, where surplus hinges shall not move the root
 FAINT = 4e-3  # of a motion that the root would feel
-ABOVE = 2.0  # frequency of such modes over that of the last mode on the hub
 LEAST_ROOM = 0.01  # squared length of such a motion
-FILLER = 60.0  # frequency over that of the last mode kept, where the next is unknown
+ABOVE = 2.0  # lowest frequency of a filler over that of the last mode kept, or over the band
+HIGHEST = 2.9  # the highest, so that on a hub a plain step is a third of the last mode's limit
+SLIGHT = 0.02  # of a motion that the root would feel, where nothing known is left out there
+NONE_FELT = 1e-9  # relative: a filler that moves the root by less does not
 LEAST_LEFT = 1e-6  # of the rigid mass, that participation must leave
 SAME_MASS = 1e-10  # relative, of two rigid mass matrices
 WORST_CONDITION = 1e3  # of the modes in hinge coordinates, beyond which digits are lost
@@ -48,7 +50,11 @@ class ModeGroup:
             every port of the group where left out.
         rigid: `(m, m)` rigid mass that goes with the participation;
             that of the bodies where left out.
-        beyond: frequency of the first mode left out, where known [rad/s].
+        left_out: `(k, m)` rows whose sum of squares is the static flexibility of what is left out,
+            for instance rows of modes over their frequencies; none where nothing is known.
+        normal: how many of the modes are modes, first; the others are static responses of further
+            ports. All where left out.
+        band: highest frequency at which the response counts [rad/s], where above the last mode.
         neutral: last frequency on the one hub [rad/s],
             where modes of surplus hinges must not move the root.
     """
@@ -62,14 +68,16 @@ class ModeGroup:
     numbers: tuple[int, ...] = ()
     weights: Mapping[str, float] = field(default_factory=dict)
     rigid: Array | None = None
-    beyond: float | None = None
+    left_out: Array | None = None
+    normal: int | None = None
+    band: float = 0.0
     neutral: float | None = None
 
-    def filler_frequency(self, last: float) -> float:
-        """Frequency of the modes of surplus hinges [rad/s]; `last`: highest kept."""
-        if self.neutral is not None:
-            return ABOVE * max(self.neutral, last)
-        return FILLER * last if self.beyond is None else max(self.beyond, 2.0 * last)
+    @property
+    def last(self) -> float:
+        """Frequency of the last mode, or the end of the band [rad/s]."""
+        modes = self.frequencies[: self.normal]
+        return max(self.band, self.neutral or 0.0, float(np.max(modes)))
 
     def fitting(self, rigid: Array) -> "ModeGroup":
         """The modes with participation that fits a slightly different `rigid` `(m, m)`."""
@@ -102,11 +110,14 @@ class ModeGroup:
         return self if self.shapes is None else replace(self, momenta=self.shapes.momenta(hinges))
 
 
-def modal_matrix(kinematics: Array, inertia: Array, modes: ModeGroup) -> tuple[Array, Array]:
+def modal_matrix(
+    kinematics: Array, inertia: Array, modes: ModeGroup, last: float = 0.0
+) -> tuple[Array, Array, Array]:
     """Mass-normalised modes in hinge coordinates `(f, f)`, wanted ones first,
-    and the armature `(f, f)` they need.
+    the armature `(f, f)` they need, and the frequencies of all `(f,)`.
 
-    `kinematics` `(m, f)`: P over the rows of further ports; `inertia` `(f, f)`: Q.
+    `kinematics` `(m, f)`: P over the rows of further ports; `inertia` `(f, f)`: Q;
+    `last`: fillers stand above it, and above the last mode of the group [rad/s].
     """
     n = modes.frequencies.size
     size = inertia.shape[0]
@@ -118,7 +129,12 @@ def modal_matrix(kinematics: Array, inertia: Array, modes: ModeGroup) -> tuple[A
     rank = int(np.sum(s > SINGULAR * s[0]))
     seen = right[:rank].T
     unseen = right[rank:].T
-    b = (left[:, :rank].T @ (modes.rows / scale).T) / s[:rank, None]
+
+    def on_seen(rows: Array) -> Array:
+        """What of `seen` has these rows `(k, m)` at root and ports, `(rank, k)`."""
+        return (left[:, :rank].T @ (rows / scale).T) / s[:rank, None]
+
+    b = on_seen(modes.rows)
     _, values, vt = np.linalg.svd(b)
     count = int(np.sum(values > SINGULAR * max(values[0], 1e-300))) if values.size else 0
     if size < n + rank - count:
@@ -156,13 +172,54 @@ def modal_matrix(kinematics: Array, inertia: Array, modes: ModeGroup) -> tuple[A
             f"{stretch[0] / max(stretch[-1], 1e-300):.1e}, limit {WORST_CONDITION:g}); keep fewer "
             "modes, or cut the appendage elsewhere."
         )
-    if apart:
-        # the root feels these, of which there is one where a plane keeps one mode
-        u[:, known:] *= FAINT
+    frequencies = np.concatenate(
+        [modes.frequencies, np.full(size - n, ABOVE * max(last, modes.last))]
+    )
+    if size > known:
+        rows = modes.left_out if modes.left_out is not None and not apart else None
+        beyond = on_seen(np.zeros((0, len(scale))) if rows is None else rows)
+        turn, frequencies[known:] = _fillers(seen.T @ u[:, known:], beyond, modes, last)
+        u[:, known:] = u[:, known:] @ turn
     missing = np.linalg.inv(u @ u.T) - np.eye(size)
-    return np.asarray(np.linalg.solve(root.T, u), dtype=np.float64), root @ (
-        (missing + missing.T) / 2.0
-    ) @ root.T
+    shapes = np.asarray(np.linalg.solve(root.T, u), dtype=np.float64)
+    return shapes, root @ ((missing + missing.T) / 2.0) @ root.T, frequencies
+
+
+def _fillers(felt: Array, beyond: Array, modes: ModeGroup, last: float) -> tuple[Array, Array]:
+    """Combinations `(k, k)` of the motions that the modes leave free, and their frequencies
+    `(k,)` [rad/s]: fillers as flexible as what is left out.
+
+    `felt` `(rank, k)`: what root and ports feel of these motions; `beyond` `(rank, j)`: rows of
+    what is left out over its frequencies. Least squares of
+    `felt S felt^T = beyond beyond^T`; `S = V diag(s) V^T` is a motion `g v` at the frequency w,
+    `s = g^2 / w^2`. Between the lowest and the highest frequency of a filler the whole motion
+    stands at w; beyond, g < 1 takes the rest.
+    """
+    highest = HIGHEST * max(last, modes.last)
+    lowest = ABOVE * max(last, modes.last)
+    if modes.neutral is not None:
+        highest = lowest
+    # static responses set the step of the file anyway
+    highest = max(highest, float(modes.frequencies[-1]))
+    left, sizes, right = np.linalg.svd(felt)
+    full = np.zeros(right.shape[0])
+    full[: sizes.size] = sizes
+    moving = int(np.sum(full > NONE_FELT))
+    turn = right.T.copy()
+    frequencies = np.full(turn.shape[1], highest)
+    if moving == 0:
+        return turn, frequencies
+    wanted = (left[:, :moving].T @ beyond) / full[:moving, None]
+    vectors, roots, _ = np.linalg.svd(wanted)
+    yielding = np.zeros(moving)
+    yielding[: roots.size] = roots**2
+    with np.errstate(divide="ignore"):
+        w = np.clip(1.0 / np.sqrt(yielding), lowest, highest)
+    felt_by_root = np.linalg.norm(full[:moving, None] * vectors, axis=0)
+    least = np.minimum((SLIGHT if modes.neutral is None else FAINT) / felt_by_root, 1.0)
+    turn[:, :moving] = turn[:, :moving] @ vectors * np.clip(w * np.sqrt(yielding), least, 1.0)
+    frequencies[:moving] = w
+    return turn, frequencies
 
 
 def _unfelt(u: Array, seen: Array, unseen: Array, count: int) -> Array:
@@ -223,7 +280,7 @@ def given_modes(
     tendons: list[Tendon] = []
     armatures: list[Tendon] = []
     fillers = 0
-    last = max(float(group.frequencies[-1]) for group in groups)
+    last = max(group.last for group in groups)
     for group in groups:
         freedoms = chain.freedoms(group.ports)
         motion = group_motion(group.ports)
@@ -231,11 +288,9 @@ def given_modes(
         port = [port_rows(chain, freedoms, motion, x) for x in further]
         kinematics = np.vstack([(rigid @ motion).T @ elastic, *port])
         inertia = elastic.T @ elastic
-        shapes, armature = modal_matrix(kinematics, inertia, group)
+        shapes, armature, frequencies = modal_matrix(kinematics, inertia, group, last)
         n = group.frequencies.size
         surplus = len(freedoms) - n
-        top = group.filler_frequency(last)
-        frequencies = np.concatenate([group.frequencies, np.full(surplus, top)])
         if surplus and further:
             shapes, frequencies = _stiffen_attachments(
                 shapes, frequencies, np.vstack(port) @ shapes, n

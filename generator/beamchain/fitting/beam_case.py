@@ -144,6 +144,8 @@ def build(
         further=tuple(spec.further.values()),
         columns=further_columns(spec),
         cut=cut,
+        whole=plan.full,
+        band=(spec.scene.bandwidth if spec.scene is not None else None) or 0.0,
         neutral=_last_on_hub(spec, plan),
     )
     return build_exact(beam, kept, target_of, wishes)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from msgspec import structs
 
-from beamchain.chain.build import Built, Status, Wishes, build_exact, cut_chain
+from beamchain.chain.build import Built, Status, Wishes, build_exact, cut_chain, left_out
 from beamchain.chain.chain import Chain
 from beamchain.chain.tendons import ModeGroup, group_motion, joint_damping
 from beamchain.engine.bench import Measured
@@ -329,9 +329,7 @@ def _separate(case: ImportedCase, line: MassLine) -> Built:
     target = case.target
     if target == "hub" and case.hub is None:
         raise InputError('target = "hub" needs the hub; add root.hub, or use target = "clamped".')
-    whole = (
-        {port: data.port(port, own=True) for port in targets} if target in ("free", "hub") else {}
-    )
+    whole = {port: data.port(port, own=True) for port in targets}
 
     hubs = {port: port_hub_mass(case.carrier, port) for port in targets}
 
@@ -346,7 +344,14 @@ def _separate(case: ImportedCase, line: MassLine) -> Built:
         if target == "clamped"
         else {port: m.last_on_hub(hubs[port]) for port, m in targets.items()}
     )
-    wishes = Wishes(spec.fit.springs, _per_mode(spec, kept), spec.fit.cuts, neutral=last)
+    wishes = Wishes(
+        spec.fit.springs,
+        _per_mode(spec, kept),
+        spec.fit.cuts,
+        whole=whole,
+        band=case.scene.bandwidth or 0.0,
+        neutral=last,
+    )
     return build_exact(line, counts, target_of, wishes)
 
 
@@ -388,6 +393,7 @@ def _couple_ports(case: ImportedCase, line: MassLine) -> Built:
         numbers = tuple(range(1, own.size + 1)) if len(ports) == 1 else tuple((own + 1).tolist())
         rows = kept.participation[own] @ group_motion(ports)
         mass = group_motion(ports).T @ kept.rigid_mass @ group_motion(ports)
+        every = case.data.participation @ group_motion(ports)
         groups.append(
             ModeGroup(
                 ports,
@@ -397,6 +403,10 @@ def _couple_ports(case: ImportedCase, line: MassLine) -> Built:
                 numbers=numbers,
                 weights=weights,
                 rigid=mass,
+                left_out=left_out(
+                    every / case.data.frequencies[:, None], rows / kept.frequencies[own, None]
+                ),
+                band=case.scene.bandwidth or 0.0,
                 neutral=last,
             )
         )
