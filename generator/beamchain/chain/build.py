@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from beamchain.chain.chain import Chain, Hinge, sprung
-from beamchain.chain.cut import Cut, choose_cut
+from beamchain.chain.cut import MOST_ADDED, Cut, choose_cut
 from beamchain.chain.links import (
     NO_POLAR,
     TINY,
@@ -360,8 +360,10 @@ def cut_chain(
     lines: Sequence[float],
     further: Sequence[float] = (),
     cut: Cut | None = None,
+    most_added: int = MOST_ADDED,
 ) -> tuple[Chain, str, Cut]:
-    """A chain with one tendon per mode, how it was found, and the cut."""
+    """A chain with one tendon per mode, how it was found, and the cut;
+    `most_added`: see `choose_cut`."""
     rigid = line.behind(np.array([-line.length]))[0]
     groups = [
         group.fitting(group_motion(group.ports).T @ rigid @ group_motion(group.ports))
@@ -375,7 +377,7 @@ def cut_chain(
         Wanted(w.modes, {p: max(count, len(w.fixed[p])) for p, count in w.counts.items()}, w.fixed)
         for w in wanted
     ]
-    cut = cut or choose_cut(line, wanted, lines, further)
+    cut = cut or choose_cut(line, wanted, lines, further, most_added)
     try:
         links = settle_links(line, bodies(line, cut.x), cut.x)
     except RealisationError:

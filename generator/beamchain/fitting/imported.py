@@ -3,12 +3,14 @@ else with one cut for all."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from msgspec import structs
 
 from beamchain.chain.build import Built, Status, Wishes, build_exact, cut_chain, left_out
 from beamchain.chain.chain import Chain
+from beamchain.chain.cut import MOST_ADDED
 from beamchain.chain.tendons import ModeGroup, group_motion, joint_damping
 from beamchain.engine.bench import Measured
 from beamchain.errors import InputError, RealisationError
@@ -276,12 +278,14 @@ def _first(data: ModalData, counts: dict[str, int]) -> tuple[int, ...]:
 # -- the chain -------------------------------------------------------------------------------------
 def _build(case: ImportedCase, *, coupled: bool) -> tuple[Built, MassLine]:
     """The chain, and the mass it is cut from:
-    what the file leaves open of it lies farther out where that is needed."""
+    what the file leaves open of it lies farther out where that saves hinges, or is needed."""
     reason: RealisationError | None = None
-    for power in POWERS:
+    for most_added, power in product((0, MOST_ADDED) if coupled else (MOST_ADDED,), POWERS):
         try:
             line = _roomy(case.data.line(power), case.selected)
-            return (_couple_ports(case, line) if coupled else _separate(case, line)), line
+            if coupled:
+                return _couple_ports(case, line, most_added), line
+            return _separate(case, line), line
         except RealisationError as error:
             reason = reason or error
         except InputError:
@@ -366,8 +370,8 @@ def _per_mode(spec: Spec, kept: ModalData) -> bool:
     return damped or timed or spec.sensors.modes
 
 
-def _couple_ports(case: ImportedCase, line: MassLine) -> Built:
-    """Modes that couple ports, on one cut."""
+def _couple_ports(case: ImportedCase, line: MassLine, most_added: int) -> Built:
+    """Modes that couple ports, on one cut, with up to `most_added` hinges beyond the fewest."""
     spec, kept = case.spec, case.selected
     if spec.fit.springs == "hinges":
         raise InputError(
@@ -410,7 +414,7 @@ def _couple_ports(case: ImportedCase, line: MassLine) -> Built:
                 neutral=last,
             )
         )
-    chain, how, cut = cut_chain(line, groups, spec.fit.cuts)
+    chain, how, cut = cut_chain(line, groups, spec.fit.cuts, most_added=most_added)
     alive = [
         port
         for port in PORTS
