@@ -73,10 +73,9 @@ class Wishes:
 
     `springs` "auto": on the hinges where the recursion serves all ports; `lines`: x where hinges
     must stand [m]; `further`: x of further ports [m], whose motion stands in the `columns` of the
-    targets' `tip`; `whole`: per port every mode that is known, of which fillers stand for those left
-    out; `band`: highest frequency at which the response counts [rad/s], 0 where it is that of the
-    modes; `neutral`: per port, last frequency on the one hub [rad/s] that modes of surplus hinges
-    must not disturb.
+    targets' `tip`; `left_out`: per port the modes that are left out, for which fillers stand;
+    `band`: highest frequency at which the response counts, and of the modes kept on the hub
+    [rad/s]; `neutral`: the modes are exact on one hub, which fillers must not disturb.
     """
 
     springs: Springs = "auto"
@@ -85,9 +84,9 @@ class Wishes:
     further: tuple[float, ...] = ()
     columns: tuple[int, ...] = ()
     cut: Cut | None = None
-    whole: Mapping[str, PortModel] = field(default_factory=dict[str, PortModel])
+    left_out: Mapping[str, ModeGroup] = field(default_factory=dict[str, ModeGroup])
     band: float = 0.0
-    neutral: Mapping[str, float] = field(default_factory=dict[str, float])
+    neutral: bool = False
 
 
 def build_exact(
@@ -171,43 +170,24 @@ def _message(
 
 def _modes_of(port: str, target: PortModel, wishes: Wishes, count: int) -> ModeGroup:
     """A port's target, whose first `count` modes are modes, to be given to bodies."""
+    rows = [target.participation]
+    m = target.motions
+    for column in wishes.columns:
+        assert target.tip is not None
+        rows.append(target.tip[:, column * m : (column + 1) * m])
     damping = target.damping if wishes.per_mode else np.zeros(target.modes)
-    rows = _rows_at_ports(target, wishes.columns)
-    whole = wishes.whole.get(port)
     return ModeGroup(
         (port,),
         target.frequencies,
-        rows,
+        np.hstack(rows),
         damping,
         target.shapes,
         rigid=target.rigid_mass,
-        left_out=None
-        if whole is None
-        else left_out(
-            _rows_at_ports(whole, wishes.columns) / whole.frequencies[:, None],
-            rows / target.frequencies[:, None],
-        ),
+        left_out=wishes.left_out.get(port),
         normal=min(count, target.modes),
         band=wishes.band,
-        neutral=wishes.neutral.get(port),
+        neutral=wishes.neutral,
     )
-
-
-def _rows_at_ports(model: PortModel, columns: Sequence[int]) -> Array:
-    """`(n, m + p)` participation of each mode, then its motion of the further ports."""
-    rows = [model.participation]
-    m = model.motions
-    for column in columns:
-        assert model.tip is not None
-        rows.append(model.tip[:, column * m : (column + 1) * m])
-    return np.hstack(rows)
-
-
-def left_out(whole: Array, kept: Array) -> Array:
-    """Rows `(k, m)` whose sum of squares is the static flexibility that `kept` `(n, m)` lacks
-    against `whole` `(w, m)`, both rows of modes over their frequencies."""
-    values, vectors = np.linalg.eigh(whole.T @ whole - kept.T @ kept)
-    return np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
 
 
 def _available(target_of: TargetOf, port: str, count: int, notes: list[str]) -> PortModel:

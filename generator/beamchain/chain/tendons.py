@@ -50,13 +50,12 @@ class ModeGroup:
             every port of the group where left out.
         rigid: `(m, m)` rigid mass that goes with the participation;
             that of the bodies where left out.
-        left_out: `(k, m)` rows whose sum of squares is the static flexibility of what is left out,
-            for instance rows of modes over their frequencies; none where nothing is known.
+        left_out: the modes that are left out, for which fillers stand; None where none is known.
         normal: how many of the modes are modes, first; the others are static responses of further
             ports. All where left out.
-        band: highest frequency at which the response counts [rad/s], where above the last mode.
-        neutral: last frequency on the one hub [rad/s],
-            where modes of surplus hinges must not move the root.
+        band: highest frequency at which the response counts, and of these modes on the
+            hub [rad/s]; fillers stand above it.
+        neutral: whether the modes are exact on one hub, so that fillers must not move the root.
     """
 
     ports: tuple[str, ...]
@@ -68,16 +67,15 @@ class ModeGroup:
     numbers: tuple[int, ...] = ()
     weights: Mapping[str, float] = field(default_factory=dict)
     rigid: Array | None = None
-    left_out: Array | None = None
+    left_out: "ModeGroup | None" = None
     normal: int | None = None
     band: float = 0.0
-    neutral: float | None = None
+    neutral: bool = False
 
     @property
     def last(self) -> float:
-        """Frequency of the last mode, or the end of the band [rad/s]."""
-        modes = self.frequencies[: self.normal]
-        return max(self.band, self.neutral or 0.0, float(np.max(modes)))
+        """Frequency of the last mode [rad/s]."""
+        return float(np.max(self.frequencies[: self.normal]))
 
     def fitting(self, rigid: Array) -> "ModeGroup":
         """The modes with participation that fits a slightly different `rigid` `(m, m)`."""
@@ -98,6 +96,12 @@ class ModeGroup:
         rows = np.column_stack([self.rows[:, :m] @ turn.T, self.rows[:, m:]])
         return replace(self, rows=rows, rigid=rigid)
 
+    def yielding(self, omega: float) -> Array:
+        """`(n, m)` rows of these modes whose sum of squares is their flexibility at a frequency
+        below them [rad/s]."""
+        squares = self.frequencies**2
+        return self.rows / np.sqrt(np.maximum(squares - omega**2, squares / 2.0))[:, None]
+
     @property
     def moving(self) -> tuple[str, ...]:
         """Ports that get hinges: those that a mode moves."""
@@ -111,13 +115,13 @@ class ModeGroup:
 
 
 def modal_matrix(
-    kinematics: Array, inertia: Array, modes: ModeGroup, last: float = 0.0
+    kinematics: Array, inertia: Array, modes: ModeGroup, fillers: tuple[float, float]
 ) -> tuple[Array, Array, Array]:
     """Mass-normalised modes in hinge coordinates `(f, f)`, wanted ones first,
     the armature `(f, f)` they need, and the frequencies of all `(f,)`.
 
     `kinematics` `(m, f)`: P over the rows of further ports; `inertia` `(f, f)`: Q;
-    `last`: fillers stand above it, and above the last mode of the group [rad/s].
+    `fillers`: lowest and highest frequency of fillers [rad/s].
     """
     n = modes.frequencies.size
     size = inertia.shape[0]
@@ -156,7 +160,7 @@ def modal_matrix(
     if modes.momenta is not None:
         guide = np.asarray(unseen.T @ np.linalg.solve(root, modes.momenta.T), dtype=np.float64)
     turned = _nearest_turn(lift, free, unseen.shape[1], guide)
-    apart = modes.neutral is not None and size > n
+    apart = modes.neutral and size > n
     if apart:
         turned = ROOM * turned  # leaves the surplus hinges motions that the root does not feel
     u = seen @ b + unseen @ turned @ lift
@@ -172,54 +176,80 @@ def modal_matrix(
             f"{stretch[0] / max(stretch[-1], 1e-300):.1e}, limit {WORST_CONDITION:g}); keep fewer "
             "modes, or cut the appendage elsewhere."
         )
-    frequencies = np.concatenate(
-        [modes.frequencies, np.full(size - n, ABOVE * max(last, modes.last))]
-    )
+    frequencies = np.concatenate([modes.frequencies, np.full(size - n, fillers[0])])
     if size > known:
-        rows = modes.left_out if modes.left_out is not None and not apart else None
-        beyond = on_seen(np.zeros((0, len(scale))) if rows is None else rows)
-        turn, frequencies[known:] = _fillers(seen.T @ u[:, known:], beyond, modes, last)
+        # on one hub the modes are exact as they are
+        beyond = None if apart else modes.left_out
+        rows = np.zeros((0, len(scale))) if beyond is None else beyond.yielding(modes.last)
+        turn, frequencies[known:] = _fillers(
+            seen.T @ u[:, known:],
+            on_seen(rows),
+            modes.last,
+            fillers,
+            least=FAINT if apart else SLIGHT,
+        )
         u[:, known:] = u[:, known:] @ turn
     missing = np.linalg.inv(u @ u.T) - np.eye(size)
     shapes = np.asarray(np.linalg.solve(root.T, u), dtype=np.float64)
     return shapes, root @ ((missing + missing.T) / 2.0) @ root.T, frequencies
 
 
-def _fillers(felt: Array, beyond: Array, modes: ModeGroup, last: float) -> tuple[Array, Array]:
+def _fillers(
+    felt: Array, beyond: Array, omega: float, between: tuple[float, float], *, least: float
+) -> tuple[Array, Array]:
     """Combinations `(k, k)` of the motions that the modes leave free, and their frequencies
-    `(k,)` [rad/s]: fillers as flexible as what is left out.
+    `(k,)` [rad/s]: fillers as flexible at `omega` as what is left out.
 
-    `felt` `(rank, k)`: what root and ports feel of these motions; `beyond` `(rank, j)`: rows of
-    what is left out over its frequencies. Least squares of
-    `felt S felt^T = beyond beyond^T`; `S = V diag(s) V^T` is a motion `g v` at the frequency w,
-    `s = g^2 / w^2`. Between the lowest and the highest frequency of a filler the whole motion
-    stands at w; beyond, g < 1 takes the rest.
+    `felt` `(rank, k)`: what root and ports feel of these motions; `beyond` `(rank, j)`: rows whose
+    sum of squares is the flexibility of what is left out. That of the fillers, `felt S felt^T`
+    with `0 <= S <= 1 / (lowest^2 - omega^2)`, is the nearest to it. An eigenvalue of S,
+    `s = g^2 / (w^2 - omega^2)`, is a motion `g v` at the frequency w: the whole motion, g = 1,
+    where w lies `between` the lowest and the highest frequency, else less of it at the highest;
+    at `least` is felt of it.
     """
-    highest = HIGHEST * max(last, modes.last)
-    lowest = ABOVE * max(last, modes.last)
-    if modes.neutral is not None:
-        highest = lowest
-    # static responses set the step of the file anyway
-    highest = max(highest, float(modes.frequencies[-1]))
-    left, sizes, right = np.linalg.svd(felt)
+    _, sizes, right = np.linalg.svd(felt)
     full = np.zeros(right.shape[0])
     full[: sizes.size] = sizes
     moving = int(np.sum(full > NONE_FELT))
     turn = right.T.copy()
-    frequencies = np.full(turn.shape[1], highest)
+    frequencies = np.full(turn.shape[1], between[1])
     if moving == 0:
         return turn, frequencies
-    wanted = (left[:, :moving].T @ beyond) / full[:moving, None]
-    vectors, roots, _ = np.linalg.svd(wanted)
-    yielding = np.zeros(moving)
-    yielding[: roots.size] = roots**2
-    with np.errstate(divide="ignore"):
-        w = np.clip(1.0 / np.sqrt(yielding), lowest, highest)
-    felt_by_root = np.linalg.norm(full[:moving, None] * vectors, axis=0)
-    least = np.minimum((SLIGHT if modes.neutral is None else FAINT) / felt_by_root, 1.0)
-    turn[:, :moving] = turn[:, :moving] @ vectors * np.clip(w * np.sqrt(yielding), least, 1.0)
-    frequencies[:moving] = w
+    lowest, highest = (w**2 - omega**2 for w in between)
+    felt = felt @ turn[:, :moving]
+    shares, vectors = np.linalg.eigh(_nearest_flexibility(felt, lowest * beyond @ beyond.T))
+    stiff = np.minimum(lowest / np.clip(shares, 1e-300, 1.0), highest)
+    smallest = np.minimum(least / np.linalg.norm(felt @ vectors, axis=0), 1.0)
+    part = np.clip(np.sqrt(np.maximum(shares, 0.0) * stiff / lowest), smallest, 1.0)
+    turn[:, :moving] = turn[:, :moving] @ vectors * part
+    frequencies[:moving] = np.sqrt(stiff + omega**2)
     return turn, frequencies
+
+
+def _nearest_flexibility(felt: Array, wanted: Array) -> Array:
+    """`(k, k)` S, eigenvalues between 0 and 1, with `felt S felt^T` nearest to `wanted`;
+    `felt` `(rank, k)` of full column rank."""
+    inverse = np.linalg.pinv(felt)
+    share = ahead = _clip_eigenvalues(inverse @ wanted @ inverse.T)
+    pace = 1.0
+    steepest = float(np.linalg.norm(felt, 2)) ** 4
+    # projected gradient with Nesterov's momentum
+    for _ in range(PASSES):
+        last = share
+        share = _clip_eigenvalues(
+            ahead - felt.T @ (felt @ ahead @ felt.T - wanted) @ felt / steepest
+        )
+        moved = share - last
+        if np.max(np.abs(moved)) < STILL:
+            break
+        before, pace = pace, (1.0 + np.sqrt(1.0 + 4.0 * pace**2)) / 2.0
+        ahead = share + (before - 1.0) / pace * moved
+    return share
+
+
+def _clip_eigenvalues(matrix: Array) -> Array:
+    values, vectors = np.linalg.eigh((matrix + matrix.T) / 2.0)
+    return (vectors * np.clip(values, 0.0, 1.0)) @ vectors.T
 
 
 def _unfelt(u: Array, seen: Array, unseen: Array, count: int) -> Array:
@@ -281,14 +311,18 @@ def given_modes(
     armatures: list[Tendon] = []
     fillers = 0
     last = max(group.last for group in groups)
+    lowest = ABOVE * max(last, *(group.band for group in groups))
+    highest = max(HIGHEST * last, lowest)
     for group in groups:
+        # static responses of further ports set the step anyway
+        top = max(highest, float(group.frequencies[-1]))
         freedoms = chain.freedoms(group.ports)
         motion = group_motion(group.ports)
         rigid, elastic = chain.rows(freedoms)
         port = [port_rows(chain, freedoms, motion, x) for x in further]
         kinematics = np.vstack([(rigid @ motion).T @ elastic, *port])
         inertia = elastic.T @ elastic
-        shapes, armature, frequencies = modal_matrix(kinematics, inertia, group, last)
+        shapes, armature, frequencies = modal_matrix(kinematics, inertia, group, (lowest, top))
         n = group.frequencies.size
         surplus = len(freedoms) - n
         if surplus and further:

@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 from msgspec import structs
 
-from beamchain.chain.build import Built, Status, Wishes, build_exact, cut_chain, left_out
+from beamchain.chain.build import Built, Status, Wishes, build_exact, cut_chain
 from beamchain.chain.chain import Chain
 from beamchain.chain.cut import MOST_ADDED
 from beamchain.chain.tendons import ModeGroup, group_motion, joint_damping
@@ -77,6 +77,22 @@ class ImportedCase:
         """`(6, 6)` the hub on which a free or hub target is exact, about the root:
         a free one's has no mass."""
         return np.zeros((6, 6)) if self.hub is None or self.target == "free" else self.hub
+
+    @property
+    def fillers_above(self) -> float:
+        """The scene's bandwidth, or the last kept frequency on the hub, of a free target on none,
+        whichever is higher; 0 where neither is stated [rad/s]."""
+        bandwidth = self.scene.bandwidth or 0.0
+        if self.target != "free" and self.hub is None:
+            return bandwidth
+        live = np.ix_(self.live, self.live)
+        return max(bandwidth, self.selected.space().last_on_hub(self.carrier[live]))
+
+    def left_out(self, ports: tuple[str, ...]) -> ModeGroup:
+        """The modes of the file that are not kept, as they move some ports."""
+        beyond = [k for k in range(self.data.modes) if k + 1 not in self.numbers]
+        rows = self.data.participation[beyond] @ group_motion(ports)
+        return ModeGroup(ports, self.data.frequencies[beyond], rows, np.zeros(0))
 
     @property
     def chooses(self) -> bool:
@@ -333,7 +349,9 @@ def _separate(case: ImportedCase, line: MassLine) -> Built:
     target = case.target
     if target == "hub" and case.hub is None:
         raise InputError('target = "hub" needs the hub; add root.hub, or use target = "clamped".')
-    whole = {port: data.port(port, own=True) for port in targets}
+    whole = (
+        {port: data.port(port, own=True) for port in targets} if target in ("free", "hub") else {}
+    )
 
     hubs = {port: port_hub_mass(case.carrier, port) for port in targets}
 
@@ -343,18 +361,13 @@ def _separate(case: ImportedCase, line: MassLine) -> Built:
         return whole[port].reduced(count, hubs[port]).replaced(damping=whole[port].damping[:count])
 
     counts = {port: model.modes for port, model in targets.items()}
-    last = (
-        {}
-        if target == "clamped"
-        else {port: m.last_on_hub(hubs[port]) for port, m in targets.items()}
-    )
     wishes = Wishes(
         spec.fit.springs,
         _per_mode(spec, kept),
         spec.fit.cuts,
-        whole=whole,
-        band=case.scene.bandwidth or 0.0,
-        neutral=last,
+        left_out={port: case.left_out((port,)) for port in targets},
+        band=case.fillers_above,
+        neutral=target != "clamped",
     )
     return build_exact(line, counts, target_of, wishes)
 
@@ -379,11 +392,9 @@ def _couple_ports(case: ImportedCase, line: MassLine, most_added: int) -> Built:
             'use fit.springs = "auto".'
         )
     _check_body(kept)
-    last: float | None = None
     if case.target != "clamped":
         live = list(kept.live)
         hub = case.carrier[np.ix_(live, live)]
-        last = kept.space().last_on_hub(hub)
         reduced = case.data.space().reduced(kept.modes, hub)
         rows = np.zeros((kept.modes, 6))
         rows[:, live] = reduced.participation
@@ -397,7 +408,6 @@ def _couple_ports(case: ImportedCase, line: MassLine, most_added: int) -> Built:
         numbers = tuple(range(1, own.size + 1)) if len(ports) == 1 else tuple((own + 1).tolist())
         rows = kept.participation[own] @ group_motion(ports)
         mass = group_motion(ports).T @ kept.rigid_mass @ group_motion(ports)
-        every = case.data.participation @ group_motion(ports)
         groups.append(
             ModeGroup(
                 ports,
@@ -407,11 +417,9 @@ def _couple_ports(case: ImportedCase, line: MassLine, most_added: int) -> Built:
                 numbers=numbers,
                 weights=weights,
                 rigid=mass,
-                left_out=left_out(
-                    every / case.data.frequencies[:, None], rows / kept.frequencies[own, None]
-                ),
-                band=case.scene.bandwidth or 0.0,
-                neutral=last,
+                left_out=case.left_out(ports),
+                band=case.fillers_above,
+                neutral=case.target != "clamped",
             )
         )
     chain, how, cut = cut_chain(line, groups, spec.fit.cuts, most_added=most_added)
