@@ -28,7 +28,7 @@ ROOM = 0.9  # of the modes, where surplus hinges shall not move the root
 FAINT = 4e-3  # of a motion that the root would feel
 LEAST_ROOM = 0.01  # squared length of such a motion
 ABOVE = 2.0  # lowest frequency of a filler over that of the last mode kept, or over the band
-HIGHEST = 2.9  # the highest, so that on a hub a plain step is a third of the last mode's limit
+HIGHEST = 2.6  # the highest: on a hub a plain step is still a third of the last mode's limit
 SLIGHT = 0.02  # of a motion that the root would feel, where nothing known is left out there
 NONE_FELT = 1e-9  # relative: a filler that moves the root by less does not
 LEAST_LEFT = 1e-6  # of the rigid mass, that participation must leave
@@ -216,6 +216,7 @@ def _fillers(
     if moving == 0:
         return turn, frequencies
     lowest, highest = (w**2 - omega**2 for w in between)
+    turn[:, :moving] *= ROOM
     felt = felt @ turn[:, :moving]
     shares, vectors = np.linalg.eigh(_nearest_flexibility(felt, lowest * beyond @ beyond.T))
     stiff = np.minimum(lowest / np.clip(shares, 1e-300, 1.0), highest)

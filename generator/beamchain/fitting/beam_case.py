@@ -170,10 +170,8 @@ def _band(spec: Spec, plan: Plan) -> float:
     if hub is None:
         return bandwidth
     kept = {port: plan.full[port].truncated(count) for port, count in plan.kept.items()}
-    return max(
-        bandwidth,
-        *(model.last_on_hub(port_hub_mass(hub, port)) for port, model in kept.items()),
-    )
+    coupled = (model.last_on_hub(port_hub_mass(hub, port)) for port, model in kept.items())
+    return max((bandwidth, *coupled))
 
 
 def _check_free(target: PortModel) -> None:

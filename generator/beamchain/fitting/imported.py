@@ -295,20 +295,20 @@ def _first(data: ModalData, counts: dict[str, int]) -> tuple[int, ...]:
 def _build(case: ImportedCase, *, coupled: bool) -> tuple[Built, MassLine]:
     """The chain, and the mass it is cut from:
     what the file leaves open of it lies farther out where that saves hinges, or is needed."""
-    reason: RealisationError | None = None
-    for most_added, power in product((0, MOST_ADDED) if coupled else (MOST_ADDED,), POWERS):
+    saves = coupled and not case.data.states_line
+    reasons: dict[int, RealisationError] = {}
+    for most_added, power in product((0, MOST_ADDED) if saves else (MOST_ADDED,), POWERS):
         try:
             line = _roomy(case.data.line(power), case.selected)
             if coupled:
                 return _couple_ports(case, line, most_added), line
             return _separate(case, line), line
         except RealisationError as error:
-            reason = reason or error
+            reasons.setdefault(most_added, error)
         except InputError:
             if power == 0:
                 raise
-    assert reason is not None
-    raise reason
+    raise reasons[MOST_ADDED]
 
 
 def _roomy(line: MassLine, kept: ModalData) -> MassLine:
