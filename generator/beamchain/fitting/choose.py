@@ -38,8 +38,9 @@ class Plan:
     """What the chain shall keep: modes per port that has any, for a target "clamped",
     "free" or "hub".
 
-    `full`: the whole appendage per port; `reduce`: model of (target, port, modes); `choice`: how the scene decided, None where the spec
-    states the modes; `promise`: the in-band error in space, where the scene states a bandwidth.
+    `full`: the whole appendage per port; `reduce`: model of (target, port, modes); `choice`: how
+    the scene decided, None where the spec states the modes; `promise`: the in-band error in space,
+    where the scene states a bandwidth.
     """
 
     kept: dict[str, int]
