@@ -113,6 +113,12 @@ def _fewest(
                 out[k] = least
                 break
             least = least.more()
+        for port in first.counts if len(first.counts) > 1 else ():
+            while out[k].counts[port] > first.counts[port]:
+                fewer = out[k].fewer(port)
+                if Margins(search.table, (fewer,), search.further).assigned(x)[0] < MARGIN:
+                    break
+                out[k] = fewer
     return out
 
 
