@@ -14,6 +14,7 @@ import beamchain as bc
 from frames import Body, frame_modes, strip, tube, write_modes
 from mechanics import mass_matrix, stiffness_matrix
 from readback import mode_error, on_free_base, read
+from specs import spec_of
 
 MODES = 22
 EXACT = 1e-9  # relative: kept modes as MuJoCo has them
@@ -182,3 +183,23 @@ def test_fillers_take_coupled_frequencies_towards_the_truth(kept, masses, tmp_pa
     assert error < NO_WORSE * without
     if kept == 1:
         assert error < without / 10.0
+
+
+def test_fillers_of_a_body_with_a_further_port_do_not_set_its_step():
+    """One mode a plane and the static responses of the port take a hinge more than they are."""
+    tube = {"shape": "tube", "outer_diameter": 0.06, "wall": 0.002}
+    aluminium = {"youngs_modulus": 7e10, "density": 2700.0, "poissons_ratio": 0.33}
+    spec = spec_of(
+        {
+            "name": "boom",
+            "segment": [{"length": 6.0, "section": tube, "material": aluminium}],
+            "port": [{"name": "end", "x": 6.0}],
+            "modes": {"xy": 1, "xz": 1},
+        }
+    )
+    model = read(bc.fit(spec).to_mjcf()).model
+    w = np.sqrt(np.ravel(model.tendon_stiffness))
+    surplus = np.array(["filler" in model.tendon(i).name for i in range(model.ntendon)])
+    assert surplus.any()
+    assert np.max(w[surplus]) <= np.max(w[~surplus])
+    assert 2.0 * np.min(w[w > 0.0]) < np.min(w[surplus])  # and stand above the modes
