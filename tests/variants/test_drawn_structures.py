@@ -5,13 +5,16 @@ import numpy as np
 import pytest
 from msgspec import structs
 from test_sweep import ARRAY, SAME, variants
-from test_variants import CRAFT, REFITTED, beam, frequencies
+from test_variants import CRAFT, beam, frequencies
 
 import beamchain as bc
 from beamchain.fitting.uncertain import Uncertain, Uncertainty
 from beamchain.fitting.varied import vary_spec
 
 CHANCE = 5.0  # standard errors a statistic of 4,000 draws may lie off
+# relative: a sweep fits a structure again for the bus of the file, by whose mass its fillers
+# stand, and embedding anew for the drawn one (5e-8 measured)
+OTHER_HUB = 2e-7
 
 __all__ = ["variants"]  # the fixture
 
@@ -146,4 +149,4 @@ def test_structures_are_fitted_again_in_the_craft(tmp_path):
         mass = float(found.values[i, names.index("bus.mass")])
         craft = CRAFT.replace('mass="300"', f'mass="{mass!r}"')
         whole = bc.embed(craft, {"left": left, "right": at["right"]}).untimed
-        np.testing.assert_allclose(frequencies(whole), found.coupled[i], rtol=REFITTED)
+        np.testing.assert_allclose(frequencies(whole), found.coupled[i], rtol=OTHER_HUB)

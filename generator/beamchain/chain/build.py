@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from beamchain.chain.chain import Chain, Hinge, sprung
-from beamchain.chain.cut import Cut, choose_cut
+from beamchain.chain.cut import MOST_ADDED, Cut, choose_cut
 from beamchain.chain.links import (
     NO_POLAR,
     TINY,
@@ -73,8 +73,9 @@ class Wishes:
 
     `springs` "auto": on the hinges where the recursion serves all ports; `lines`: x where hinges
     must stand [m]; `further`: x of further ports [m], whose motion stands in the `columns` of the
-    targets' `tip`; `neutral`: per port, last frequency on the one hub [rad/s] that modes of surplus
-    hinges must not disturb.
+    targets' `tip`; `left_out`: per port the modes that are left out, for which fillers stand;
+    `band`: highest frequency at which the response counts, and of the modes kept on the hub
+    [rad/s]; `neutral`: the modes are exact on one hub, which fillers must not disturb.
     """
 
     springs: Springs = "auto"
@@ -83,7 +84,9 @@ class Wishes:
     further: tuple[float, ...] = ()
     columns: tuple[int, ...] = ()
     cut: Cut | None = None
-    neutral: Mapping[str, float] = field(default_factory=dict[str, float])
+    left_out: Mapping[str, ModeGroup] = field(default_factory=dict[str, ModeGroup])
+    band: float = 0.0
+    neutral: bool = False
 
 
 def build_exact(
@@ -133,12 +136,7 @@ def _cut_beam(
     """The chain on a chosen cut for all ports."""
     notes: list[str] = []
     targets = {port: _available(target_of, port, count, notes) for port, count in kept.items()}
-    beyond = (
-        {}
-        if wishes.further
-        else {port: _next(target_of, port, count) for port, count in kept.items()}
-    )
-    groups = [_modes_of(port, target, wishes, beyond.get(port)) for port, target in targets.items()]
+    groups = [_modes_of(port, target, wishes, kept[port]) for port, target in targets.items()]
     chain, how, cut = cut_chain(beam, groups, wishes.lines, wishes.further, wishes.cut)
     for port, target in () if wishes.further else targets.items():
         found = chain.port(port).frequencies[: target.modes]
@@ -170,10 +168,8 @@ def _message(
     return f"exact chain ({how}), modes kept: {modes}." + "".join(f" {note}" for note in notes)
 
 
-def _modes_of(
-    port: str, target: PortModel, wishes: Wishes, beyond: float | None = None
-) -> ModeGroup:
-    """A port's target as modes to be given to bodies."""
+def _modes_of(port: str, target: PortModel, wishes: Wishes, count: int) -> ModeGroup:
+    """A port's target, whose first `count` modes are modes, to be given to bodies."""
     rows = [target.participation]
     m = target.motions
     for column in wishes.columns:
@@ -187,17 +183,11 @@ def _modes_of(
         damping,
         target.shapes,
         rigid=target.rigid_mass,
-        beyond=beyond,
-        neutral=wishes.neutral.get(port),
+        left_out=wishes.left_out.get(port),
+        normal=min(count, target.modes),
+        band=wishes.band,
+        neutral=wishes.neutral,
     )
-
-
-def _next(target_of: TargetOf, port: str, count: int) -> float | None:
-    """Frequency of the first mode left out of a port [rad/s]; None where it is not known."""
-    try:
-        return float(target_of(port, count + 1).frequencies[-1])
-    except (InputError, RealisationError):
-        return None
 
 
 def _available(target_of: TargetOf, port: str, count: int, notes: list[str]) -> PortModel:
@@ -350,8 +340,10 @@ def cut_chain(
     lines: Sequence[float],
     further: Sequence[float] = (),
     cut: Cut | None = None,
+    most_added: int = MOST_ADDED,
 ) -> tuple[Chain, str, Cut]:
-    """A chain with one tendon per mode, how it was found, and the cut."""
+    """A chain with one tendon per mode, how it was found, and the cut;
+    `most_added`: see `choose_cut`."""
     rigid = line.behind(np.array([-line.length]))[0]
     groups = [
         group.fitting(group_motion(group.ports).T @ rigid @ group_motion(group.ports))
@@ -365,7 +357,7 @@ def cut_chain(
         Wanted(w.modes, {p: max(count, len(w.fixed[p])) for p, count in w.counts.items()}, w.fixed)
         for w in wanted
     ]
-    cut = cut or choose_cut(line, wanted, lines, further)
+    cut = cut or choose_cut(line, wanted, lines, further, most_added)
     try:
         links = settle_links(line, bodies(line, cut.x), cut.x)
     except RealisationError:

@@ -51,9 +51,16 @@ class Cut:
 
 
 def choose_cut(
-    line: MassLine, wanted: Sequence[Wanted], lines: Sequence[float], further: Sequence[float] = ()
+    line: MassLine,
+    wanted: Sequence[Wanted],
+    lines: Sequence[float],
+    further: Sequence[float] = (),
+    most_added: int = MOST_ADDED,
 ) -> Cut:
-    """The most even cut that holds the modes; hinges at `lines`, ports at `further` [m]."""
+    """The most even cut that holds the modes; hinges at `lines`, ports at `further` [m].
+
+    Up to `most_added` hinges, and one per line, are tried beyond those that the modes need.
+    """
     length = line.length
     fixed = _merge_close(
         [*lines, *(x for group in wanted for places in group.fixed.values() for x in places)],
@@ -63,7 +70,7 @@ def choose_cut(
     table = MassTable(line)
     first: str | None = None
     tried = 0
-    for added in range(MOST_ADDED + fixed.size + 1):
+    for added in range(most_added + fixed.size + 1 if most_added else 1):
         if table.tried > MOST_TRIED:
             break
         tried = added
@@ -106,6 +113,12 @@ def _fewest(
                 out[k] = least
                 break
             least = least.more()
+        for port in first.counts if len(first.counts) > 1 else ():
+            while out[k].counts[port] > first.counts[port]:
+                fewer = out[k].fewer(port)
+                if Margins(search.table, (fewer,), search.further).assigned(x)[0] < MARGIN:
+                    break
+                out[k] = fewer
     return out
 
 

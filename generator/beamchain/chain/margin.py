@@ -47,6 +47,10 @@ class Wanted:
             self.modes, {port: count + 1 for port, count in self.counts.items()}, self.fixed
         )
 
+    def fewer(self, port: str) -> "Wanted":
+        """The same with one hinge less in a port."""
+        return Wanted(self.modes, {**self.counts, port: self.counts[port] - 1}, self.fixed)
+
 
 def shortest_link(x: Array, length: float) -> float:
     """Shortest distance between neighbouring hinges, root and tip, over the length."""

@@ -26,9 +26,11 @@ RAISED = 0.3  # least singular value on what the root does not see
 DROPPED = 1e-13  # relative armature that is rounding
 ROOM = 0.9  # of the modes, where surplus hinges shall not move the root
 FAINT = 4e-3  # of a motion that the root would feel
-ABOVE = 2.0  # frequency of such modes over that of the last mode on the hub
 LEAST_ROOM = 0.01  # squared length of such a motion
-FILLER = 60.0  # frequency over that of the last mode kept, where the next is unknown
+ABOVE = 2.0  # lowest frequency of a filler over that of the last mode kept, or over the band
+HIGHEST = 2.6  # the highest: on a hub a plain step is still a third of the last mode's limit
+SLIGHT = 0.02  # of a motion that the root would feel, where nothing known is left out there
+NONE_FELT = 1e-9  # relative: a filler that moves the root by less does not
 LEAST_LEFT = 1e-6  # of the rigid mass, that participation must leave
 SAME_MASS = 1e-10  # relative, of two rigid mass matrices
 WORST_CONDITION = 1e3  # of the modes in hinge coordinates, beyond which digits are lost
@@ -48,9 +50,12 @@ class ModeGroup:
             every port of the group where left out.
         rigid: `(m, m)` rigid mass that goes with the participation;
             that of the bodies where left out.
-        beyond: frequency of the first mode left out, where known [rad/s].
-        neutral: last frequency on the one hub [rad/s],
-            where modes of surplus hinges must not move the root.
+        left_out: the modes that are left out, for which fillers stand; None where none is known.
+        normal: how many of the modes are modes, first; the others are static responses of further
+            ports. All where left out.
+        band: highest frequency at which the response counts, and of these modes on the
+            hub [rad/s]; fillers stand above it.
+        neutral: whether the modes are exact on one hub, so that fillers must not move the root.
     """
 
     ports: tuple[str, ...]
@@ -62,14 +67,15 @@ class ModeGroup:
     numbers: tuple[int, ...] = ()
     weights: Mapping[str, float] = field(default_factory=dict)
     rigid: Array | None = None
-    beyond: float | None = None
-    neutral: float | None = None
+    left_out: "ModeGroup | None" = None
+    normal: int | None = None
+    band: float = 0.0
+    neutral: bool = False
 
-    def filler_frequency(self, last: float) -> float:
-        """Frequency of the modes of surplus hinges [rad/s]; `last`: highest kept."""
-        if self.neutral is not None:
-            return ABOVE * max(self.neutral, last)
-        return FILLER * last if self.beyond is None else max(self.beyond, 2.0 * last)
+    @property
+    def last(self) -> float:
+        """Frequency of the last mode [rad/s]."""
+        return float(np.max(self.frequencies[: self.normal]))
 
     def fitting(self, rigid: Array) -> "ModeGroup":
         """The modes with participation that fits a slightly different `rigid` `(m, m)`."""
@@ -90,6 +96,12 @@ class ModeGroup:
         rows = np.column_stack([self.rows[:, :m] @ turn.T, self.rows[:, m:]])
         return replace(self, rows=rows, rigid=rigid)
 
+    def yielding(self, omega: float) -> Array:
+        """`(n, m)` rows of these modes whose sum of squares is their flexibility at a frequency
+        below them [rad/s]."""
+        squares = self.frequencies**2
+        return self.rows / np.sqrt(np.maximum(squares - omega**2, squares / 2.0))[:, None]
+
     @property
     def moving(self) -> tuple[str, ...]:
         """Ports that get hinges: those that a mode moves."""
@@ -102,11 +114,14 @@ class ModeGroup:
         return self if self.shapes is None else replace(self, momenta=self.shapes.momenta(hinges))
 
 
-def modal_matrix(kinematics: Array, inertia: Array, modes: ModeGroup) -> tuple[Array, Array]:
+def modal_matrix(
+    kinematics: Array, inertia: Array, modes: ModeGroup, fillers: tuple[float, float]
+) -> tuple[Array, Array, Array]:
     """Mass-normalised modes in hinge coordinates `(f, f)`, wanted ones first,
-    and the armature `(f, f)` they need.
+    the armature `(f, f)` they need, and the frequencies of all `(f,)`.
 
-    `kinematics` `(m, f)`: P over the rows of further ports; `inertia` `(f, f)`: Q.
+    `kinematics` `(m, f)`: P over the rows of further ports; `inertia` `(f, f)`: Q;
+    `fillers`: lowest and highest frequency of fillers [rad/s].
     """
     n = modes.frequencies.size
     size = inertia.shape[0]
@@ -118,7 +133,12 @@ def modal_matrix(kinematics: Array, inertia: Array, modes: ModeGroup) -> tuple[A
     rank = int(np.sum(s > SINGULAR * s[0]))
     seen = right[:rank].T
     unseen = right[rank:].T
-    b = (left[:, :rank].T @ (modes.rows / scale).T) / s[:rank, None]
+
+    def on_seen(rows: Array) -> Array:
+        """What of `seen` has these rows `(k, m)` at root and ports, `(rank, k)`."""
+        return (left[:, :rank].T @ (rows / scale).T) / s[:rank, None]
+
+    b = on_seen(modes.rows)
     _, values, vt = np.linalg.svd(b)
     count = int(np.sum(values > SINGULAR * max(values[0], 1e-300))) if values.size else 0
     if size < n + rank - count:
@@ -140,7 +160,7 @@ def modal_matrix(kinematics: Array, inertia: Array, modes: ModeGroup) -> tuple[A
     if modes.momenta is not None:
         guide = np.asarray(unseen.T @ np.linalg.solve(root, modes.momenta.T), dtype=np.float64)
     turned = _nearest_turn(lift, free, unseen.shape[1], guide)
-    apart = modes.neutral is not None and size > n
+    apart = modes.neutral and size > n
     if apart:
         turned = ROOM * turned  # leaves the surplus hinges motions that the root does not feel
     u = seen @ b + unseen @ turned @ lift
@@ -156,13 +176,81 @@ def modal_matrix(kinematics: Array, inertia: Array, modes: ModeGroup) -> tuple[A
             f"{stretch[0] / max(stretch[-1], 1e-300):.1e}, limit {WORST_CONDITION:g}); keep fewer "
             "modes, or cut the appendage elsewhere."
         )
-    if apart:
-        # the root feels these, of which there is one where a plane keeps one mode
-        u[:, known:] *= FAINT
+    frequencies = np.concatenate([modes.frequencies, np.full(size - n, fillers[0])])
+    if size > known:
+        # on one hub the modes are exact as they are
+        beyond = None if apart else modes.left_out
+        rows = np.zeros((0, len(scale))) if beyond is None else beyond.yielding(modes.last)
+        turn, frequencies[known:] = _fillers(
+            seen.T @ u[:, known:],
+            on_seen(rows),
+            modes.last,
+            fillers,
+            least=FAINT if apart else SLIGHT,
+        )
+        u[:, known:] = u[:, known:] @ turn
     missing = np.linalg.inv(u @ u.T) - np.eye(size)
-    return np.asarray(np.linalg.solve(root.T, u), dtype=np.float64), root @ (
-        (missing + missing.T) / 2.0
-    ) @ root.T
+    shapes = np.asarray(np.linalg.solve(root.T, u), dtype=np.float64)
+    return shapes, root @ ((missing + missing.T) / 2.0) @ root.T, frequencies
+
+
+def _fillers(
+    felt: Array, beyond: Array, omega: float, between: tuple[float, float], *, least: float
+) -> tuple[Array, Array]:
+    """Combinations `(k, k)` of the motions that the modes leave free, and their frequencies
+    `(k,)` [rad/s]: fillers as flexible at `omega` as what is left out.
+
+    `felt` `(rank, k)`: what root and ports feel of these motions; `beyond` `(rank, j)`: rows whose
+    sum of squares is the flexibility of what is left out. That of the fillers, `felt S felt^T`
+    with `0 <= S <= 1 / (lowest^2 - omega^2)`, is the nearest to it. An eigenvalue of S,
+    `s = g^2 / (w^2 - omega^2)`, is a motion `g v` at the frequency w: the whole motion, g = 1,
+    where w lies `between` the lowest and the highest frequency, else less of it at the highest;
+    at `least` is felt of it.
+    """
+    _, sizes, right = np.linalg.svd(felt)
+    full = np.zeros(right.shape[0])
+    full[: sizes.size] = sizes
+    moving = int(np.sum(full > NONE_FELT))
+    turn = right.T.copy()
+    frequencies = np.full(turn.shape[1], between[1])
+    if moving == 0:
+        return turn, frequencies
+    lowest, highest = (w**2 - omega**2 for w in between)
+    turn[:, :moving] *= ROOM
+    felt = felt @ turn[:, :moving]
+    shares, vectors = np.linalg.eigh(_nearest_flexibility(felt, lowest * beyond @ beyond.T))
+    stiff = np.minimum(lowest / np.clip(shares, 1e-300, 1.0), highest)
+    smallest = np.minimum(least / np.linalg.norm(felt @ vectors, axis=0), 1.0)
+    part = np.clip(np.sqrt(np.maximum(shares, 0.0) * stiff / lowest), smallest, 1.0)
+    turn[:, :moving] = turn[:, :moving] @ vectors * part
+    frequencies[:moving] = np.sqrt(stiff + omega**2)
+    return turn, frequencies
+
+
+def _nearest_flexibility(felt: Array, wanted: Array) -> Array:
+    """`(k, k)` S, eigenvalues between 0 and 1, with `felt S felt^T` nearest to `wanted`;
+    `felt` `(rank, k)` of full column rank."""
+    inverse = np.linalg.pinv(felt)
+    share = ahead = _clip_eigenvalues(inverse @ wanted @ inverse.T)
+    pace = 1.0
+    steepest = float(np.linalg.norm(felt, 2)) ** 4
+    # projected gradient with Nesterov's momentum
+    for _ in range(PASSES):
+        last = share
+        share = _clip_eigenvalues(
+            ahead - felt.T @ (felt @ ahead @ felt.T - wanted) @ felt / steepest
+        )
+        moved = share - last
+        if np.max(np.abs(moved)) < STILL:
+            break
+        before, pace = pace, (1.0 + np.sqrt(1.0 + 4.0 * pace**2)) / 2.0
+        ahead = share + (before - 1.0) / pace * moved
+    return share
+
+
+def _clip_eigenvalues(matrix: Array) -> Array:
+    values, vectors = np.linalg.eigh((matrix + matrix.T) / 2.0)
+    return (vectors * np.clip(values, 0.0, 1.0)) @ vectors.T
 
 
 def _unfelt(u: Array, seen: Array, unseen: Array, count: int) -> Array:
@@ -223,19 +311,21 @@ def given_modes(
     tendons: list[Tendon] = []
     armatures: list[Tendon] = []
     fillers = 0
-    last = max(float(group.frequencies[-1]) for group in groups)
+    last = max(group.last for group in groups)
+    lowest = ABOVE * max(last, *(group.band for group in groups))
+    highest = max(HIGHEST * last, lowest)
     for group in groups:
+        # static responses of further ports set the step anyway
+        top = max(highest, float(group.frequencies[-1]))
         freedoms = chain.freedoms(group.ports)
         motion = group_motion(group.ports)
         rigid, elastic = chain.rows(freedoms)
         port = [port_rows(chain, freedoms, motion, x) for x in further]
         kinematics = np.vstack([(rigid @ motion).T @ elastic, *port])
         inertia = elastic.T @ elastic
-        shapes, armature = modal_matrix(kinematics, inertia, group)
+        shapes, armature, frequencies = modal_matrix(kinematics, inertia, group, (lowest, top))
         n = group.frequencies.size
         surplus = len(freedoms) - n
-        top = group.filler_frequency(last)
-        frequencies = np.concatenate([group.frequencies, np.full(surplus, top)])
         if surplus and further:
             shapes, frequencies = _stiffen_attachments(
                 shapes, frequencies, np.vstack(port) @ shapes, n

@@ -9,13 +9,13 @@ from msgspec import structs
 from beamchain.chain.build import Built, Wishes, build_exact
 from beamchain.chain.chain import Chain
 from beamchain.chain.cut import Cut
-from beamchain.chain.tendons import joint_damping
+from beamchain.chain.tendons import ModeGroup, joint_damping
 from beamchain.engine.bench import Measured
 from beamchain.errors import InputError, RealisationError
 from beamchain.fitting.choose import Plan, further_columns, make_plan, whole_beam
 from beamchain.fitting.hub import port_hub_mass
 from beamchain.fitting.needs import Choice, Promise
-from beamchain.fitting.options import Damping
+from beamchain.fitting.options import Damping, Scene
 from beamchain.fitting.spec import Spec
 from beamchain.fitting.warnings import doubtful, fit_warnings
 from beamchain.mjcf.write import check_hub
@@ -144,25 +144,34 @@ def build(
         further=tuple(spec.further.values()),
         columns=further_columns(spec),
         cut=cut,
-        neutral=_last_on_hub(spec, plan),
+        # at further ports the static responses that are kept are all that is left out
+        left_out={} if spec.further else _left_out(plan),
+        band=_band(spec, plan),
+        neutral=plan.target != "clamped",
     )
     return build_exact(beam, kept, target_of, wishes)
 
 
-def _last_on_hub(spec: Spec, plan: Plan) -> dict[str, float]:
-    """Per port the last kept frequency on the hub on which a free or hub target is exact;
-    empty for a clamped one [rad/s]."""
-    if plan.target == "clamped":
-        return {}
-    hub = (
-        spec.root.hub.mass_matrix()
-        if plan.target == "hub" and spec.root.hub is not None
-        else np.zeros((6, 6))
-    )
+def _left_out(plan: Plan) -> dict[str, ModeGroup]:
+    """Per port the modes beyond those kept, for which fillers stand."""
     return {
-        port: plan.reduce("clamped", port, count).last_on_hub(port_hub_mass(hub, port))
-        for port, count in plan.kept.items()
+        port: ModeGroup((port,), whole.frequencies[n:], whole.participation[n:], np.zeros(0))
+        for port, n in plan.kept.items()
+        if (whole := plan.full[port]).modes > n
     }
+
+
+def _band(spec: Spec, plan: Plan) -> float:
+    """The scene's bandwidth, or the last kept frequency on the hub, of a free target on none,
+    whichever is higher; 0 where neither is stated [rad/s]."""
+    stated = None if spec.root.hub is None else spec.root.hub.mass_matrix()
+    hub = np.zeros((6, 6)) if plan.target == "free" else stated
+    bandwidth = (spec.scene or Scene()).bandwidth or 0.0
+    if hub is None:
+        return bandwidth
+    kept = {port: plan.full[port].truncated(count) for port, count in plan.kept.items()}
+    coupled = (model.last_on_hub(port_hub_mass(hub, port)) for port, model in kept.items())
+    return max((bandwidth, *coupled))
 
 
 def _check_free(target: PortModel) -> None:

@@ -38,12 +38,14 @@ class Plan:
     """What the chain shall keep: modes per port that has any, for a target "clamped",
     "free" or "hub".
 
-    `reduce`: model of (target, port, modes); `choice`: how the scene decided, None where the spec
-    states the modes; `promise`: the in-band error in space, where the scene states a bandwidth.
+    `full`: the whole appendage per port; `reduce`: model of (target, port, modes); `choice`: how
+    the scene decided, None where the spec states the modes; `promise`: the in-band error in space,
+    where the scene states a bandwidth.
     """
 
     kept: dict[str, int]
     target: str
+    full: Mapping[str, PortModel]
     reduce: Reduce
     choice: Choice | None
     promise: Promise | None
@@ -158,7 +160,7 @@ def make_plan(
         wanted_motions = {AXES[axis] for axis in scene.axes}
         promise = Promise(exact, hub, sorted(wanted_motions), scene.bandwidth)
     if not spec.chooses or promise is None or scene is None:
-        return Plan(dict(spec.kept), wanted or "clamped", reduce, None, promise)
+        return Plan(dict(spec.kept), wanted or "clamped", full, reduce, None, promise)
     free = ["clamped", "free"] if hub is None else ["clamped", "hub", "free"]
     free = free[:1] if columns else free
     targets = free if wanted in (None, "auto") else [str(wanted)]
@@ -176,7 +178,12 @@ def make_plan(
     candidates = Candidates(whole, frequencies, reduced)
     choice = choose(promise, candidates, targets, scene.tolerance, fixed, scene.tip)
     return Plan(
-        {port: n for port, n in choice.modes.items() if n}, choice.target, reduce, choice, promise
+        {port: n for port, n in choice.modes.items() if n},
+        choice.target,
+        full,
+        reduce,
+        choice,
+        promise,
     )
 
 

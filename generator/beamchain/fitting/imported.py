@@ -3,12 +3,14 @@ else with one cut for all."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from msgspec import structs
 
 from beamchain.chain.build import Built, Status, Wishes, build_exact, cut_chain
 from beamchain.chain.chain import Chain
+from beamchain.chain.cut import MOST_ADDED
 from beamchain.chain.tendons import ModeGroup, group_motion, joint_damping
 from beamchain.engine.bench import Measured
 from beamchain.errors import InputError, RealisationError
@@ -75,6 +77,22 @@ class ImportedCase:
         """`(6, 6)` the hub on which a free or hub target is exact, about the root:
         a free one's has no mass."""
         return np.zeros((6, 6)) if self.hub is None or self.target == "free" else self.hub
+
+    @property
+    def fillers_above(self) -> float:
+        """The scene's bandwidth, or the last kept frequency on the hub, of a free target on none,
+        whichever is higher; 0 where neither is stated [rad/s]."""
+        bandwidth = self.scene.bandwidth or 0.0
+        if self.target != "free" and self.hub is None:
+            return bandwidth
+        live = np.ix_(self.live, self.live)
+        return max(bandwidth, self.selected.space().last_on_hub(self.carrier[live]))
+
+    def left_out(self, ports: tuple[str, ...]) -> ModeGroup:
+        """The modes of the file that are not kept, as they move some ports."""
+        beyond = [k for k in range(self.data.modes) if k + 1 not in self.numbers]
+        rows = self.data.participation[beyond] @ group_motion(ports)
+        return ModeGroup(ports, self.data.frequencies[beyond], rows, np.zeros(0))
 
     @property
     def chooses(self) -> bool:
@@ -276,19 +294,21 @@ def _first(data: ModalData, counts: dict[str, int]) -> tuple[int, ...]:
 # -- the chain -------------------------------------------------------------------------------------
 def _build(case: ImportedCase, *, coupled: bool) -> tuple[Built, MassLine]:
     """The chain, and the mass it is cut from:
-    what the file leaves open of it lies farther out where that is needed."""
-    reason: RealisationError | None = None
-    for power in POWERS:
+    what the file leaves open of it lies farther out where that saves hinges, or is needed."""
+    saves = coupled and not case.data.states_line
+    reasons: dict[int, RealisationError] = {}
+    for most_added, power in product((0, MOST_ADDED) if saves else (MOST_ADDED,), POWERS):
         try:
             line = _roomy(case.data.line(power), case.selected)
-            return (_couple_ports(case, line) if coupled else _separate(case, line)), line
+            if coupled:
+                return _couple_ports(case, line, most_added), line
+            return _separate(case, line), line
         except RealisationError as error:
-            reason = reason or error
+            reasons.setdefault(most_added, error)
         except InputError:
             if power == 0:
                 raise
-    assert reason is not None
-    raise reason
+    raise reasons[MOST_ADDED]
 
 
 def _roomy(line: MassLine, kept: ModalData) -> MassLine:
@@ -341,12 +361,14 @@ def _separate(case: ImportedCase, line: MassLine) -> Built:
         return whole[port].reduced(count, hubs[port]).replaced(damping=whole[port].damping[:count])
 
     counts = {port: model.modes for port, model in targets.items()}
-    last = (
-        {}
-        if target == "clamped"
-        else {port: m.last_on_hub(hubs[port]) for port, m in targets.items()}
+    wishes = Wishes(
+        spec.fit.springs,
+        _per_mode(spec, kept),
+        spec.fit.cuts,
+        left_out={port: case.left_out((port,)) for port in targets},
+        band=case.fillers_above,
+        neutral=target != "clamped",
     )
-    wishes = Wishes(spec.fit.springs, _per_mode(spec, kept), spec.fit.cuts, neutral=last)
     return build_exact(line, counts, target_of, wishes)
 
 
@@ -361,8 +383,8 @@ def _per_mode(spec: Spec, kept: ModalData) -> bool:
     return damped or timed or spec.sensors.modes
 
 
-def _couple_ports(case: ImportedCase, line: MassLine) -> Built:
-    """Modes that couple ports, on one cut."""
+def _couple_ports(case: ImportedCase, line: MassLine, most_added: int) -> Built:
+    """Modes that couple ports, on one cut, with up to `most_added` hinges beyond the fewest."""
     spec, kept = case.spec, case.selected
     if spec.fit.springs == "hinges":
         raise InputError(
@@ -370,11 +392,9 @@ def _couple_ports(case: ImportedCase, line: MassLine) -> Built:
             'use fit.springs = "auto".'
         )
     _check_body(kept)
-    last: float | None = None
     if case.target != "clamped":
         live = list(kept.live)
         hub = case.carrier[np.ix_(live, live)]
-        last = kept.space().last_on_hub(hub)
         reduced = case.data.space().reduced(kept.modes, hub)
         rows = np.zeros((kept.modes, 6))
         rows[:, live] = reduced.participation
@@ -397,10 +417,12 @@ def _couple_ports(case: ImportedCase, line: MassLine) -> Built:
                 numbers=numbers,
                 weights=weights,
                 rigid=mass,
-                neutral=last,
+                left_out=case.left_out(ports),
+                band=case.fillers_above,
+                neutral=case.target != "clamped",
             )
         )
-    chain, how, cut = cut_chain(line, groups, spec.fit.cuts)
+    chain, how, cut = cut_chain(line, groups, spec.fit.cuts, most_added=most_added)
     alive = [
         port
         for port in PORTS

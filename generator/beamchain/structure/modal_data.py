@@ -451,6 +451,11 @@ class ModalData:
             steps=(*self.steps, step),
         )
 
+    @property
+    def states_line(self) -> bool:
+        """Whether the file says how the mass lies along x."""
+        return self.length is not None and (bool(self.pieces) or self.points.size > 0)
+
     def line(self, power: int = 0) -> MassLine:
         """Mass distribution along x: that of the file,
         otherwise the simplest that the rigid mass allows.
@@ -468,8 +473,7 @@ class ModalData:
             frequencies = self.frequencies[belongs == port]
             if frequencies.size:
                 stiffness[port] = self._average_stiffness(port, float(frequencies[0]), length)
-        is_stated = bool(self.pieces) or self.points.size > 0
-        if self.length is not None and is_stated and power == 0:
+        if self.states_line and self.length is not None and power == 0:
             return mass_line_of_pieces(
                 length,
                 self.rigid_mass,
