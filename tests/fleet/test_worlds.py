@@ -481,7 +481,7 @@ def test_hinges_latch_in_every_world_as_they_do_alone(integrator, before_3_17, m
             assert done[world][name].time == pytest.approx(energy.time, rel=SAME)
         np.testing.assert_allclose(many.qpos[world], data.qpos, atol=SAME)
         np.testing.assert_allclose(many.qvel[world], data.qvel, atol=SAME)
-        for name in ("jnt_stiffness", "jnt_limited", "dof_damping", "dof_solimp"):
+        for name in ("jnt_stiffness", "jnt_limited", "dof_damping", "jnt_solimp"):
             np.testing.assert_array_equal(getattr(many.model_of(world), name), getattr(plain, name))
     assert many.latched("one").all()
 

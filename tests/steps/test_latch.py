@@ -308,7 +308,8 @@ def test_bad_input_is_refused_in_a_sentence(changed, sentence):
         ('range="-9 60" stiffness="2" springref="99"', 1.1, "is 0.0528 rad beyond its stop at"),
         ('range="-9 60"', 0.1, "angle is missing: hinge 'hinge' has stops at"),
         ('range="-9 60" stiffness="2" springref="99" margin="0.1"', 0.1, "has margin=0.1"),
-        ('stiffness="2" solreffriction="0.1 1"', 0.1, "solreffriction or solimpfriction"),
+        ('stiffness="2" solimplimit="0.8 0.9 0.01"', 0.1, "solreffriction or solimplimit"),
+        ('stiffness="2" solreffriction="0.1 1"', 0.1, "solreffriction or solimplimit"),
     ],
 )
 def test_a_hinge_that_cannot_latch_is_refused_in_a_sentence(joint, state, sentence):

@@ -177,7 +177,7 @@ FIELDS = (
     "dof_armature",
     "dof_frictionloss",
     "dof_solref",
-    "dof_solimp",
+    "jnt_solimp",
 )
 
 

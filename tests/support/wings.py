@@ -32,6 +32,7 @@ class Panel(Link):
     """A panel by its stiffness and mass per length."""
 
     ratio: float = RATIO  # of every mode with the root held
+    elements: int = ELEMENTS
 
     def stiffness_and_mass(self):
         return {

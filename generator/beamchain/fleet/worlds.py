@@ -374,11 +374,11 @@ class Worlds:
         names = {self.model.joint(j).name: j for j in range(self.model.njnt)}
         if joint not in names:
             raise unknown("hinge", joint, [name for name in names if name])
-        dof = int(self.model.jnt_dofadr[names[joint]])
-        marks = self.fields.get("dof_solimp")
+        place = names[joint]
+        marks = self.fields.get("jnt_solimp")
         if marks is None:
-            return np.full(self.count, is_latched(self.model, dof))
-        return np.array([is_mark(values[dof]) for values in marks], dtype=np.bool_)
+            return np.full(self.count, is_latched(self.model, place))
+        return np.array([is_mark(values[place]) for values in marks], dtype=np.bool_)
 
     def response(self) -> Callable[..., dict[str, Any]]:
         """One world's response as a function that JAX can differentiate, map and compile;
@@ -510,13 +510,13 @@ class Worlds:
 
     def _set_free(self, which: NDArray[np.intp]) -> None:
         """Undo every latch in some worlds."""
-        if "dof_solimp" not in self.fields:
+        if "jnt_solimp" not in self.fields:
             return
         model = self._scratch[0]
         for world in which:
             for name in LATCH_FIELDS:
                 getattr(model, name)[:] = self.fields[name][world]
-            free = [j for j in range(model.njnt) if is_latched(model, int(model.jnt_dofadr[j]))]
+            free = [j for j in range(model.njnt) if is_latched(model, j)]
             for joint in free:
                 take_out(model, joint)
             if free:

@@ -1,10 +1,10 @@
 """Latching of deployment hinges in a running simulation: at the instant at which the hinge reaches
 its angle, with the energy that is dropped.
 
-What the hinge was before stays in the model, in the friction parameters of its degree of freedom,
-which MuJoCo reads only where there is friction; a latched hinge has none:
+What the hinge was before stays in the model, in parameters of its stops and its friction, which
+MuJoCo reads only where there are any; a latched hinge has none:
 
-    dof_solimp = -1 or -2, stiffness, springref, damping, armature    (-2: it has stops)
+    jnt_solimp = -1 or -2, stiffness, springref, damping, armature    (-2: it has stops)
     dof_solref = frictionloss, 1
 
 Copies, binary files and worlds therefore keep it.
@@ -34,14 +34,17 @@ LATCH_FIELDS = (
     "dof_armature",
     "dof_frictionloss",
     "dof_solref",
-    "dof_solimp",
+    "jnt_solimp",
 )
 PHASE = 0.2  # rad per step of the latched hinge, where no stiffness is given
 NEAR = 1e-6  # rad: a hinge at rest so near to its angle is there
 LONGEST = 1.125  # of a step: what ends just before the angle goes on to it
 SHORTEST = 1e-12  # of a step: what is shorter is none
 MOTION = 10.0  # times what rate and acceleration give for a step: it does not get further
-UNMARKED = ((0.02, 1.0), (0.9, 0.95, 0.001, 0.5, 2.0))  # MuJoCo's own solref and solimp
+UNMARKED = (
+    (0.02, 1.0),
+    (0.9, 0.95, 0.001, 0.5, 2.0),
+)  # MuJoCo's own solreffriction and solimplimit
 WITHOUT_STOPS, WITH_STOPS = -1.0, -2.0
 NOT_LINEAR = ("jnt_stiffnesspoly", "dof_dampingpoly", "jnt_springyield")
 
@@ -249,7 +252,7 @@ def unlatch(model: "mujoco.MjModel", data: "mujoco.MjData", joint: str) -> float
         (2.0, 0.1, True)
     """
     hinge = _hinge(model, data, joint)
-    if not is_latched(model, hinge.dof):
+    if not is_latched(model, hinge.joint):
         raise InputError(f"hinge {joint!r} is not latched, so that there is nothing to undo.")
     held = _spring_energy(model, data, hinge)
     moving = 0.5 * float(data.qvel[hinge.dof]) ** 2
@@ -260,33 +263,33 @@ def unlatch(model: "mujoco.MjModel", data: "mujoco.MjData", joint: str) -> float
     return _spring_energy(model, data, hinge) - held + added
 
 
-def is_latched(model: "mujoco.MjModel", dof: int) -> bool:
-    """Whether a degree of freedom is that of a latched hinge."""
-    return is_mark(model.dof_solimp[dof])
+def is_latched(model: "mujoco.MjModel", joint: int) -> bool:
+    """Whether a joint is a latched hinge."""
+    return is_mark(model.jnt_solimp[joint])
 
 
 def is_mark(impedance: Array) -> bool:
-    """Whether a `dof_solimp` is what a latched hinge was before."""
+    """Whether a `jnt_solimp` is what a latched hinge was before."""
     return float(impedance[0]) in (WITHOUT_STOPS, WITH_STOPS)
 
 
 def take_out(model: "mujoco.MjModel", joint: int) -> None:
     """The fields of a latched hinge as they were before."""
     dof = int(model.jnt_dofadr[joint])
-    mark, stiffness, reference, damping, armature = (float(v) for v in model.dof_solimp[dof])
+    mark, stiffness, reference, damping, armature = (float(v) for v in model.jnt_solimp[joint])
     model.jnt_limited[joint] = mark == WITH_STOPS
     model.jnt_stiffness[joint] = stiffness
     model.qpos_spring[int(model.jnt_qposadr[joint])] = reference
     model.dof_damping[dof] = damping
     model.dof_armature[dof] = armature
     model.dof_frictionloss[dof] = model.dof_solref[dof, 0]
-    model.dof_solref[dof], model.dof_solimp[dof] = UNMARKED
+    model.dof_solref[dof], model.jnt_solimp[joint] = UNMARKED
 
 
 def _mark(model: "mujoco.MjModel", hinge: Hinge) -> None:
     """Remember what the hinge is; stops and friction do not act any more."""
     joint, position, dof = hinge[1:]
-    model.dof_solimp[dof] = (
+    model.jnt_solimp[joint] = (
         WITH_STOPS if model.jnt_limited[joint] else WITHOUT_STOPS,
         float(model.jnt_stiffness[joint]),
         float(model.qpos_spring[position]),
@@ -318,7 +321,7 @@ def _hinge(model: "mujoco.MjModel", data: "mujoco.MjData", name: str) -> Hinge:
 
 def _check_can_latch(model: "mujoco.MjModel", hinge: Hinge) -> None:
     name, joint, _, dof = hinge
-    if is_latched(model, dof):
+    if is_latched(model, joint):
         raise InputError(f"hinge {name!r} is latched already; bc.unlatch sets it free.")
     for field in NOT_LINEAR:
         values = getattr(model, field, None)  # not in every MuJoCo
@@ -327,9 +330,9 @@ def _check_can_latch(model: "mujoco.MjModel", hinge: Hinge) -> None:
                 f"hinge {name!r} has a {field}, so that its spring or damper is not linear; latch "
                 "takes hinges with one stiffness and one damping."
             )
-    if tuple(model.dof_solref[dof]) != UNMARKED[0] or tuple(model.dof_solimp[dof]) != UNMARKED[1]:
+    if tuple(model.dof_solref[dof]) != UNMARKED[0] or tuple(model.jnt_solimp[joint]) != UNMARKED[1]:
         raise InputError(
-            f"hinge {name!r} has a solreffriction or solimpfriction of its own, where latch keeps "
+            f"hinge {name!r} has a solreffriction or solimplimit of its own, where latch keeps "
             "what the hinge was before; leave both at MuJoCo's defaults."
         )
 
