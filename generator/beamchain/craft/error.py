@@ -285,7 +285,7 @@ class Pose:
     def known(self) -> tuple[Array, Array, NDArray[np.complex128]]:
         """Peaks of the exact craft, a grid that resolves them, and the exact response there."""
         omega = grid_of([self.peaks], self.band)
-        return self.peaks, omega, self.exact(omega)
+        return self.peaks, omega, self.response(self.whole, omega)
 
     def exact(self, omega: Array) -> NDArray[np.complex128]:
         """`response` with the exact appendages, all their modes."""
@@ -293,17 +293,19 @@ class Pose:
 
     @cached_property
     def _of_exact(self) -> Response:
-        return self._response_of(self.whole, self.with_exact if self.carrying else None)
+        return self._response_of(self.whole, self.with_exact if self.carrying else self.craft)
 
-    def of_models(self, models: Sequence[PortModel]) -> float:
-        """In-band error with `models` for appendages."""
+    def of_models(self, models: Sequence[PortModel], tolerance: float | None = None) -> float:
+        """In-band error with `models` for appendages; `tolerance` as of `maximum_of`."""
         appendages = [with_damping(model) for model in models]
         together = self.with_appendages(appendages)
-        return self._error(self._response_of(appendages, together), peaks_of_craft(together))
+        return self._error(
+            self._response_of(appendages, together), peaks_of_craft(together), tolerance
+        )
 
-    def _response_of(self, models: Sequence[PortModel], together: Linear | None) -> Response:
+    def _response_of(self, models: Sequence[PortModel], together: Linear) -> Response:
         """`response` with these appendages; where they carry, by the poles of it all `together`."""
-        if self.carrying is None or together is None:
+        if self.carrying is None:
             return partial(self.response, models)
         hub = self.craft.picked(inputs=self.motions, outputs=self.motions)
         return self._by_poles(
@@ -325,7 +327,7 @@ class Pose:
     def _peaks(self, models: Sequence[PortModel]) -> Array:
         return peaks_of_craft(self.with_appendages(models))
 
-    def _error(self, response: Response, peaks: Array) -> float:
+    def _error(self, response: Response, peaks: Array, tolerance: float | None = None) -> float:
         """In-band error of any `response` that has these `peaks`."""
         known, omega, exact = self.known
         more = peak_clusters(unresolved_peaks(peaks, known), self.band)
@@ -334,7 +336,7 @@ class Pose:
             return relative_error(response(at), self.exact(at), self.frozen)
 
         values = np.concatenate([relative_error(response(omega), exact, self.frozen), curve(more)])
-        return maximum_of(curve, np.concatenate([omega, more]), values)
+        return maximum_of(curve, np.concatenate([omega, more]), values, tolerance)
 
 
 def root_of(craft: "mujoco.MjModel", data: "mujoco.MjData", item: Carried) -> Root:
