@@ -28,7 +28,7 @@ from beamchain.engine.operating_point import (
     quiet_copy,
     rest_point,
 )
-from beamchain.engine.partial_fractions import accelerance_of
+from beamchain.engine.partial_fractions import MOST, accelerance_of
 from beamchain.ports.compare import (
     DEFAULT_RATIO,
     Response,
@@ -44,6 +44,8 @@ from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array, system_matrix
 
 RANK = 1e-9  # relative singular value below which a motion of the base is held
+FAR = 1000.0  # times the band: modes beyond are gathered in searches
+NEARLY = 1e-4  # in-band error that this may make
 STILLEST = 1e-12  # of the largest squared frequency, below which a motion is rigid
 
 
@@ -295,8 +297,21 @@ class Pose:
     def _of_exact(self) -> Response:
         return self._response_of(self.whole, self.with_exact if self.carrying else self.craft)
 
+    @cached_property
+    def _of_nearly_exact(self) -> Response:
+        """`exact` to `NEARLY`, for searches: what lies far above the band is gathered, where the
+        exact craft has too many modes for its poles."""
+        if self.carrying is None or self.with_exact.mass.shape[0] <= MOST:
+            return self.exact
+        models = [with_damping(item.whole.condensed(FAR * self.band)) for item in self.carried]
+        response = self._response_of(models, self.with_appendages(models))
+        _, omega, there = self.known
+        apart = np.max(relative_error(response(omega), there, self.frozen))
+        return response if apart <= NEARLY else self.exact
+
     def of_models(self, models: Sequence[PortModel], tolerance: float | None = None) -> float:
-        """In-band error with `models` for appendages; `tolerance` as of `maximum_of`."""
+        """In-band error with `models` for appendages; with a `tolerance` as a search needs it (see
+        `maximum_of`)."""
         appendages = [with_damping(model) for model in models]
         together = self.with_appendages(appendages)
         return self._error(
@@ -330,10 +345,11 @@ class Pose:
     def _error(self, response: Response, peaks: Array, tolerance: float | None = None) -> float:
         """In-band error of any `response` that has these `peaks`."""
         known, omega, exact = self.known
+        of_exact = self.exact if tolerance is None else self._of_nearly_exact
         more = peak_clusters(unresolved_peaks(peaks, known), self.band)
 
         def curve(at: Array) -> Array:
-            return relative_error(response(at), self.exact(at), self.frozen)
+            return relative_error(response(at), of_exact(at), self.frozen)
 
         values = np.concatenate([relative_error(response(omega), exact, self.frozen), curve(more)])
         return maximum_of(curve, np.concatenate([omega, more]), values, tolerance)
