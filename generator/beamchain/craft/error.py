@@ -297,13 +297,19 @@ class Pose:
     def _of_exact(self) -> Response:
         return self._response_of(self.whole, self.with_exact if self.carrying else self.craft)
 
+    def gathered(self, models: Sequence[PortModel]) -> list[PortModel]:
+        """Appendages as searches take them: in trees, far modes are gathered."""
+        if self.carrying is None:
+            return list(models)
+        return [with_damping(model.condensed(FAR * self.band)) for model in models]
+
     @cached_property
     def _of_nearly_exact(self) -> Response:
         """`exact` to `NEARLY`, for searches: what lies far above the band is gathered, where the
         exact craft has too many modes for its poles."""
         if self.carrying is None or self.with_exact.mass.shape[0] <= MOST:
             return self.exact
-        models = [with_damping(item.whole.condensed(FAR * self.band)) for item in self.carried]
+        models = self.gathered([item.whole for item in self.carried])
         response = self._response_of(models, self.with_appendages(models))
         _, omega, there = self.known
         apart = np.max(relative_error(response(omega), there, self.frozen))

@@ -136,7 +136,7 @@ def _grow(
             exact = [item.whole for item in worst.carried]
             alone = {
                 (i, key): worst.of_models(
-                    [*exact[:i], ours[i].alone(key), *exact[i + 1 :]], tolerance
+                    worst.gathered([*exact[:i], ours[i].alone(key), *exact[i + 1 :]]), tolerance
                 )
                 for i, key in further
             }
