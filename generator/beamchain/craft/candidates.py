@@ -16,7 +16,7 @@ from beamchain.fitting.spec import Spec
 from beamchain.ports.compare import with_damping
 from beamchain.ports.compose import model_in_space
 from beamchain.ports.model import PortModel
-from beamchain.ports.motions import PORTS
+from beamchain.ports.motions import PORTS, Array
 from beamchain.structure.readers.imported import MOST_MODES as MOST_NAMED
 
 TRIED = 16  # modes of an imported appendage that are tried at a time: those that move the hub most
@@ -89,10 +89,9 @@ class PerPort:
     @property
     def model(self) -> PortModel:
         """The appendage in six motions, as MuJoCo has it or would."""
-        fit = self.a.fit
         if not self.changed:
             return model_of(self.a)
-        return model_in_space({**_kept(self.a), **self.changed}, fit.measured.rigid_mass)
+        return model_in_space({**_kept(self.a), **self.changed}, self._rigid_mass)
 
     @property
     def spec(self) -> Spec:
@@ -127,14 +126,21 @@ class PerPort:
 
     def alone(self, key: str) -> PortModel:
         """The exact appendage, but for one port, which stays as it is."""
-        fit = self.a.fit
         own = {
             port: model
             for port in PORTS
             if port != key and (model := self._exact(port)) is not None
         }
         now = self.changed.get(key, _kept(self.a).get(key))
-        return model_in_space(own if now is None else {**own, key: now}, fit.measured.rigid_mass)
+        return model_in_space(own if now is None else {**own, key: now}, self._rigid_mass)
+
+    @property
+    def _rigid_mass(self) -> Array:
+        """`(6, 6)` a chain of few ports may miss that of imported modes in the others."""
+        fit = self.a.fit
+        if fit.space is None:
+            return fit.measured.rigid_mass
+        return carried(None, [self.a])[0].whole.rigid_mass
 
     def _whole(self, port: str, count: int) -> PortModel | None:
         """All modes of a port, at least some more than `count` of a beam;

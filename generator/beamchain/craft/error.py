@@ -33,7 +33,7 @@ from beamchain.engine.operating_point import (
     rest_point,
     still_copy,
 )
-from beamchain.engine.partial_fractions import accelerance_of
+from beamchain.engine.partial_fractions import MOST, accelerance_of
 from beamchain.errors import InputError
 from beamchain.ports.compare import (
     DEFAULT_RATIO,
@@ -50,6 +50,8 @@ from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array, system_matrix
 
 RANK = 1e-9  # relative singular value below which a motion of the base is held
+FAR = 1000.0  # times the band: modes beyond are gathered in searches
+NEARLY = 1e-4  # in-band error that this may make
 STILLEST = 1e-12  # of the largest squared frequency, below which a motion is rigid
 
 
@@ -340,7 +342,7 @@ class Pose:
     def known(self) -> tuple[Array, Array, NDArray[np.complex128]]:
         """Peaks of the exact craft, a grid that resolves them, and the exact response there."""
         omega = grid_of([self.peaks], self.band)
-        return self.peaks, omega, self.exact(omega)
+        return self.peaks, omega, self.response(self.whole, omega)
 
     def exact(self, omega: Array) -> NDArray[np.complex128]:
         """`response` with the exact appendages, all their modes."""
@@ -350,17 +352,38 @@ class Pose:
 
     @cached_property
     def _of_exact(self) -> Response:
-        return self._response_of(self.whole, self.with_exact if self.carrying else None)
+        return self._response_of(self.whole, self.with_exact if self.carrying else self.craft)
 
-    def of_models(self, models: Sequence[PortModel]) -> float:
-        """In-band error with `models` for appendages."""
+    def gathered(self, models: Sequence[PortModel]) -> list[PortModel]:
+        """Appendages as searches take them: in trees, far modes are gathered."""
+        if self.carrying is None:
+            return list(models)
+        return [with_damping(model.condensed(FAR * self.band)) for model in models]
+
+    @cached_property
+    def _of_nearly_exact(self) -> Response:
+        """`exact` to `NEARLY`, for searches: what lies far above the band is gathered, where the
+        exact craft has too many modes for its poles."""
+        if self.carrying is None or self.with_exact.mass.shape[0] <= MOST:
+            return self.exact
+        models = self.gathered([item.whole for item in self.carried])
+        response = self._response_of(models, self.with_appendages(models))
+        _, omega, there = self.known
+        apart = np.max(relative_error(response(omega), there, self.frozen))
+        return response if apart <= NEARLY else self.exact
+
+    def of_models(self, models: Sequence[PortModel], tolerance: float | None = None) -> float:
+        """In-band error with `models` for appendages; with a `tolerance` as a search needs it (see
+        `maximum_of`)."""
         appendages = [with_damping(model) for model in models]
         together = self.with_appendages(appendages)
-        return self._error(self._response_of(appendages, together), peaks_of_craft(together))
+        return self._error(
+            self._response_of(appendages, together), peaks_of_craft(together), tolerance
+        )
 
-    def _response_of(self, models: Sequence[PortModel], together: Linear | None) -> Response:
+    def _response_of(self, models: Sequence[PortModel], together: Linear) -> Response:
         """`response` with these appendages; where they carry, by the poles of it all `together`."""
-        if self.carrying is None or together is None:
+        if self.carrying is None:
             return partial(self.response, models)
         hub = self.craft.picked(inputs=self.motions, outputs=self.motions)
         return self._by_poles(
@@ -394,16 +417,17 @@ class Pose:
     def _peaks(self, models: Sequence[PortModel]) -> Array:
         return peaks_of_craft(self.with_appendages(models))
 
-    def _error(self, response: Response, peaks: Array) -> float:
+    def _error(self, response: Response, peaks: Array, tolerance: float | None = None) -> float:
         """In-band error of any `response` that has these `peaks`."""
         known, omega, exact = self.known
+        of_exact = self.exact if tolerance is None else self._of_nearly_exact
         more = peak_clusters(unresolved_peaks(peaks, known), self.band)
 
         def curve(at: Array) -> Array:
-            return relative_error(response(at), self.exact(at), self.frozen)
+            return relative_error(response(at), of_exact(at), self.frozen)
 
         values = np.concatenate([relative_error(response(omega), exact, self.frozen), curve(more)])
-        return maximum_of(curve, np.concatenate([omega, more]), values)
+        return maximum_of(curve, np.concatenate([omega, more]), values, tolerance)
 
 
 def root_of(craft: "mujoco.MjModel", data: "mujoco.MjData", item: Carried) -> Root:

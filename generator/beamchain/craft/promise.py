@@ -128,14 +128,16 @@ def _grow(
         if not further:
             break
         tried = {
-            (i, key): worst.of_models(models(i, longer.model))
+            (i, key): worst.of_models(models(i, longer.model), tolerance)
             for (i, key), longer in further.items()
         }
         found = min(tried, key=lambda k: (tried[k], further[k].newest))
         if tried[found] > PAYS * error:  # it takes several: what alone costs most, all others exact
             exact = [item.whole for item in worst.carried]
             alone = {
-                (i, key): worst.of_models([*exact[:i], ours[i].alone(key), *exact[i + 1 :]])
+                (i, key): worst.of_models(
+                    worst.gathered([*exact[:i], ours[i].alone(key), *exact[i + 1 :]]), tolerance
+                )
                 for i, key in further
             }
             heavy = max(alone, key=lambda k: alone[k])

@@ -108,7 +108,9 @@ class Carrying(NamedTuple):
         """`(n, 6)` motion of a port in the modes of its appendage."""
         number, column = self.ports[port]
         tip = models[number].tip
-        assert tip is not None
+        if tip is None:
+            assert models[number].modes == 0  # rigid
+            return np.zeros((0, 6))
         return tip[:, 6 * column : 6 * column + 6]
 
 

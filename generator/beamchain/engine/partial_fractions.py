@@ -19,7 +19,7 @@ from scipy.linalg import LinAlgError, eigh
 from beamchain.engine.linear import Linear
 from beamchain.ports.motions import Array
 
-MOST = 300  # coordinates: more are slower as an eigenvalue problem than frequency by frequency
+MOST = 400  # coordinates: more take over a second as an eigenvalue problem
 SAME = 1e-8  # of the response: how well the sum must give it
 TRIED = (0.01, 0.3, 1.0)  # of the band: where that is tried
 
