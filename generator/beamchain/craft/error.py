@@ -342,6 +342,8 @@ class Pose:
     def known(self) -> tuple[Array, Array, NDArray[np.complex128]]:
         """Peaks of the exact craft, a grid that resolves them, and the exact response there."""
         omega = grid_of([self.peaks], self.band)
+        if self.loading is not None:
+            return self.peaks, omega, self.exact(omega)
         return self.peaks, omega, self.response(self.whole, omega)
 
     def exact(self, omega: Array) -> NDArray[np.complex128]:
