@@ -126,6 +126,7 @@ TEN = 10.0  # times smaller than without
 
 SPEC = bc.Spec(
     name="boom",
+    fit=bc.FitOptions(springs="modes"),
     segment=(
         bc.Segment(
             length=4.0,
@@ -218,3 +219,21 @@ def test_the_largest_step_that_keeps_the_tolerance_is_named(tmp_path):
     record = flexible.as_dict()
     assert record["largest_step"] == named
     assert embedded(tmp_path, made, 0.95 * named).as_dict()["largest_step"] is None
+
+
+@pytest.mark.parametrize("latched_first", [True, False])
+def test_timing_and_latching_of_a_joint_do_not_meet(latched_first):
+    """Whichever comes first, the joint ends as it began."""
+    model = driven("sprung", "Euler", 0.004, retime=False).model
+    before = model.dof_armature.copy()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    if not latched_first:
+        bc.retime(model, 0.004, joints=True)
+    assert bc.latch(model, data, "drive", stiffness=2000.0, armature=0.025) is not None
+    if latched_first:
+        bc.retime(model, 0.004, joints=True)
+    assert model.joint("drive").armature[0] == 0.025
+    for undo in (lambda: bc.retime(model, 0.0), lambda: bc.unlatch(model, data, "drive")):
+        undo()
+    assert np.array_equal(model.dof_armature, before)

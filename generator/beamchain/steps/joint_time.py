@@ -22,6 +22,7 @@ from beamchain.engine.operating_point import quiet_copy, rest_point
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
 from beamchain.steps.integrators import SCHEMES
+from beamchain.steps.latch import ARMATURE, is_latched
 from beamchain.steps.modal import HINGE_OR_SLIDE, TREE, UNMARKED, MadeFor, Modal, made_for
 
 FAST = 2.0  # h^2 k over the inertia that a joint feels, above which it is slowed
@@ -30,13 +31,13 @@ SLOWED = 3.0  # times k h^2/12
 
 def sprung_joints(model: "mujoco.MjModel", modal: Modal) -> dict[int, float]:
     """Stiffness of the craft's own hinges and slides that have one [N m/rad, N/m], by degree of
-    freedom."""
+    freedom; latched hinges have their own armature."""
     inner = np.any(modal.rows != 0.0, axis=0)
     stiffness = np.diag(linear_at(rest_point(quiet_copy(model))).stiffness)
     dofs = [
         int(model.jnt_dofadr[j])
         for j in range(model.njnt)
-        if int(model.jnt_type[j]) in HINGE_OR_SLIDE
+        if int(model.jnt_type[j]) in HINGE_OR_SLIDE and not is_latched(model, j)
     ]
     return {dof: float(stiffness[dof]) for dof in dofs if not inner[dof] and stiffness[dof] > 0.0}
 
@@ -86,5 +87,9 @@ def timed_joints(model: "mujoco.MjModel") -> list[int]:
 def take_out_joints(model: "mujoco.MjModel") -> None:
     """The joints as they were before they got timing."""
     for dof in timed_joints(model):
-        model.dof_armature[dof] = model.dof_solimp[dof, 3]
+        joint = int(model.dof_jntid[dof])
+        if is_latched(model, joint):  # since then: what it gets back when it is unlatched
+            model.jnt_solimp[joint, ARMATURE] = model.dof_solimp[dof, 3]
+        else:
+            model.dof_armature[dof] = model.dof_solimp[dof, 3]
         model.dof_solimp[dof] = UNMARKED

@@ -36,6 +36,7 @@ LATCH_FIELDS = (
     "dof_solref",
     "jnt_solimp",
 )
+ARMATURE = 4  # place of the armature in the record of a latched hinge
 PHASE = 0.2  # rad per step of the latched hinge, where no stiffness is given
 NEAR = 1e-6  # rad: a hinge at rest so near to its angle is there
 LONGEST = 1.125  # of a step: what ends just before the angle goes on to it
