@@ -1,6 +1,7 @@
 """Flexible bodies on flexible bodies against three-dimensional finite elements of the whole arm,
 and the stability of their timing at every pose, payload and step."""
 
+import re
 import sys
 
 import mujoco
@@ -9,7 +10,7 @@ import pytest
 from lxml import etree
 
 import beamchain as bc
-from arms import Arm, Link, frequencies, mjcf, side, toml
+from arms import DENSITY, Arm, Link, frequencies, mjcf, side, toml
 from command import call
 from craft_truth import Pair, compiled
 
@@ -90,6 +91,39 @@ def test_coupled_modes_of_an_arm_are_those_of_finite_elements(tmp_path, hand):
         count = int(np.sum(true <= BAND))
         assert [m.exact for m in ours[:count]] == pytest.approx(true[:count], rel=1e-5)
         assert [m.mujoco for m in ours[:count]] == pytest.approx(true[:count], rel=1e-3)
+
+
+@pytest.mark.slow
+def test_modes_of_what_carries_are_added_one_at_a_time(tmp_path):
+    """Static shapes of loads on the port do not count as modes of the appendage."""
+    flexible = bc.embed(*written(tmp_path, arm(), tolerance=4e-3, modes=""), retime=False)
+    assert flexible.met
+    highest = {}
+    for step in flexible.steps:
+        place, number, port = re.match(r"(\S+): mode (\d+) in (\w+):", step).groups()
+        before = highest.get((place, port), int(number) - 1)
+        assert int(number) == before + 1
+        highest[place, port] = int(number)
+    assert highest
+    for appendage in flexible.appendages:
+        for (place, port), number in highest.items():
+            if place == appendage.at:
+                assert getattr(appendage.fit.spec.modes, port) == number
+                kept = appendage.fit.target[port].frequencies
+                assert kept[:number] == pytest.approx(cantilever(place, port, number), rel=1e-6)
+
+
+def cantilever(place, port, count):
+    """Frequencies of a link of the arm with its root held, in closed form."""
+    link = UPPER if place.endswith("upper") else FORE
+    stiffness, mass = link.stiffness_and_mass(), DENSITY * link.width_y * link.width_z
+    if port in ("torsion", "axial"):
+        over = stiffness["polar"] if port == "torsion" else mass
+        speed = np.sqrt(stiffness[port] / over)
+        return [(k + 0.5) * np.pi / link.length * speed for k in range(count)]
+    bending = stiffness["bending_z" if port == "xy" else "bending_y"]
+    roots = [1.8751040687, 4.6940911330, 7.8547574382, 10.9955407349, 14.1371683910][:count]
+    return [(root / link.length) ** 2 * np.sqrt(bending / mass) for root in roots]
 
 
 def test_a_carried_body_is_moved_as_it_is_written_and_comes_back(tmp_path):

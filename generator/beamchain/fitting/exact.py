@@ -70,7 +70,7 @@ def exact_appendage(fit: Fitted, modes: int | None = None) -> ExactAppendage:
     ports = _ports_of_beam(fit, modes)
     rigid_mass = _with_inertia(fit, fit.spec.beam.rigid_mass())
     counts = {
-        port: _normal_modes(target, ports[port]) if fit.spec.further else target.modes
+        port: normal_modes(target, ports[port]) if fit.spec.further else target.modes
         for port, target in fit.target.items()
     }
     numbers = [np.arange(model.modes) < counts.get(port, 0) for port, model in ports.items()]
@@ -88,7 +88,7 @@ def exact_appendage(fit: Fitted, modes: int | None = None) -> ExactAppendage:
     )
 
 
-def _normal_modes(target: PortModel, exact: PortModel) -> int:
+def normal_modes(target: PortModel, exact: PortModel) -> int:
     """How many of the modes kept are the appendage's own; attachment modes follow."""
     k = min(target.modes, exact.modes)
     same = np.isclose(target.frequencies[:k], exact.frequencies[:k], rtol=1e-6)
