@@ -372,6 +372,18 @@ def test_a_tolerance_no_model_meets_is_said_and_the_best_is_given():
     assert result.target["xy"].modes >= 3
 
 
+def test_free_ports_do_not_fill_up_where_typed_modes_miss_the_tolerance():
+    hub = Hub(mass=30.0, inertia=(10.0, 12.0, 15.0), offset=(0.5, 0.4, 0.3))
+    result = fit(
+        tube(),
+        root=Root(hub=hub),
+        scene=Scene(bandwidth=200.0, tolerance=1e-3),
+        modes={"xy": 1, "xz": 1, "torsion": 1},
+    )
+    assert not result.status.ok
+    assert result.choice.modes["axial"] <= 1  # further ones lower the error by less than 1 %
+
+
 def test_elements_that_nothing_uses_are_left_out():
     scene = Scene(bandwidth=20.0, axes=("z",), visuals=False)
     bare = fit(tube(), root=Root(hub=HUB), scene=scene).to_mjcf()

@@ -23,6 +23,8 @@ BENT = 0.02  # of the value: how far the middle may lie off the straight line be
 NEAR = 0.2  # of the largest value: what lies lower is not looked at any closer
 ROUNDS = 30  # of bisection
 AT_ONCE = 500  # frequencies: memory
+ROUNDED = 2e-3  # of a value: rounding above which it is not looked at, where motion is slow
+SLOW = 1e-2  # of the band: there the base's acceleration is a small difference of large forces
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,6 +169,11 @@ class Pair:
         omega = np.concatenate(grid)
         omega = np.unique(omega[(omega > 0.0) & (omega <= self.band)])
         values = self.curve(omega)
+        # rounding grows with the square of the period
+        rounding = np.abs(self.curve(omega * (1.0 + 1e-9)) - values)
+        lost = omega[(rounding > ROUNDED * values) & (omega < SLOW * self.band)]
+        sound = omega > 2.0 * lost.max(initial=0.0)
+        omega, values = omega[sound], values[sound]
         for _ in range(ROUNDS):
             middle = (omega[1:] + omega[:-1]) / 2.0
             slope = np.diff(values)

@@ -32,6 +32,7 @@ FAR = 25.0  # times the bandwidth: modes above act through their static flexibil
 COUPLED = 1e-12  # relative, below which nothing couples two motions
 STEPS = 30  # from neighbour to neighbour, at most
 MOST = 8  # modes tried per port: beyond, the exact chain is rarely physical
+IDLE = 0.01  # of an error that misses the tolerance: modes that lower it by less are not kept
 
 #: Motions of the hub by the names of SPEC's `scene.axes`.
 AXES = {"tx": 0, "ty": 1, "tz": 2, "x": 3, "y": 4, "z": 5}
@@ -278,11 +279,12 @@ class _Search:
 
     def choice(self) -> Choice:
         """The numbers of modes, with an empty ledger."""
-        counts = {port: self._enough_alone(port) for port in self.most}
-        alone = {port: self._searched(counts, self.others(port)) for port in counts}
-        counts = self._enough_together(counts)
+        enough = {port: self._enough_alone(port) for port in self.most}
+        alone = {port: self._searched(enough, self.others(port)) for port in enough}
+        counts = self._enough_together(enough)
         counts = self._no_more_than_needed(counts)
         counts = self._no_better_neighbour(counts)
+        counts = self._no_idle_modes(counts, enough)
         error = self._searched(counts)
         return Choice(
             modes=counts,
@@ -403,6 +405,18 @@ class _Search:
             if at is None or not _better(ranks[at], best):
                 break
             counts, best = around[at], ranks[at]
+        return counts
+
+    def _no_idle_modes(self, counts: dict[str, int], enough: Mapping[str, int]) -> dict[str, int]:
+        """Where the tolerance is missed all the same, the same without modes beyond those `enough`
+        for a port alone that hardly lower the error: those of typed counts may be all of it."""
+        bound = self._searched(counts) * (1.0 + IDLE)
+        for port in self.free:
+            while counts[port] > enough[port] and not self._keeps(counts):
+                fewer = {**counts, port: counts[port] - 1}
+                if self._searched(fewer) > bound:
+                    break
+                counts = fewer
         return counts
 
 

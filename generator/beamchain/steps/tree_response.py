@@ -11,7 +11,8 @@ With R the motions of the base and of the craft's own joints inside the tree, z 
 Theory: docs/theory.md, section 9.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -116,15 +117,17 @@ class Seen:
 @dataclass(frozen=True, eq=False)
 class Compared:
     """A response at given `z - 1` `(k,)`, the exact one `(k, m, m)`, and what differences are
-    relative to `(k,)`."""
+    relative to `(k,)`; `known`: the last one, since a search asks for it again."""
 
     seen: Seen
     step: Complex
     exact: NDArray[np.complex128]
     size: Array
+    known: dict[bytes, NDArray[np.complex128]] = field(default_factory=dict)
 
     def difference(self, tendons: Tendons) -> Array:
-        """`(2 k m^2,)` real and imaginary parts of what the response misses, relative."""
+        """`(k m (m + 1),)` real and imaginary parts of what the response misses, relative; pairs
+        of equal entries once, by `sqrt(2)`."""
         return self._error(self._solved(tendons))
 
     def worst(self, tendons: Tendons) -> float:
@@ -133,21 +136,37 @@ class Compared:
         return float(np.max(np.linalg.norm(missed, 2, axis=(1, 2))))
 
     def slopes(self, tendons: Tendons) -> tuple[Array, Array]:
-        """`difference`, and its slopes `(2 k m^2, 3 n)` by stiffness, damping and armature."""
+        """`difference`, and its slopes `(k m (m + 1), 3 n)` by stiffness, damping and armature."""
         solved = self._solved(tendons)
-        g = self.seen.tendons @ solved  # (k, n, m)
-        lever = -np.einsum("knp,knq->kpqn", g, g) / self.size[:, None, None, None]
-        by_stiffness, by_damping, _ = (f[:, None, None, None] * lever for f in self._factors())
-        table = np.concatenate([by_stiffness, by_damping, lever], axis=3)
-        slopes = np.asarray(table.reshape(-1, table.shape[3]), dtype=np.complex128)
+        g = np.swapaxes(self.seen.tendons @ solved, 1, 2)  # (k, m, n)
+        first, second, weight = self._entries
+        lever = g[:, first] * g[:, second] * (-weight[:, None] / self.size[:, None, None])
+        by_stiffness, by_damping, _ = (f[:, None, None] * lever for f in self._factors())
+        table = np.concatenate([by_stiffness, by_damping, lever], axis=2)
+        slopes = np.asarray(table.reshape(-1, table.shape[2]), dtype=np.complex128)
         return self._error(solved), np.vstack([np.real(slopes), np.imag(slopes)])
+
+    @cached_property
+    def _entries(self) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
+        """Rows, columns and weights of the entries of a symmetric response."""
+        rows, columns = np.triu_indices(self.seen.rows.shape[0])
+        return rows, columns, np.where(rows == columns, 1.0, np.sqrt(2.0))
 
     def _error(self, solved: NDArray[np.complex128]) -> Array:
         missed = (self.seen.rows @ solved - self.exact) / self.size[:, None, None]
-        return np.concatenate([missed.real.ravel(), missed.imag.ravel()])
+        first, second, weight = self._entries
+        entries = missed[:, first, second] * weight
+        return np.concatenate([entries.real.ravel(), entries.imag.ravel()])
 
     def _solved(self, tendons: Tendons) -> NDArray[np.complex128]:
         """`P^-1 R^T` `(k, nv, m)`."""
+        key = b"".join(values.tobytes() for values in tendons)
+        if key not in self.known:
+            self.known.clear()
+            self.known[key] = self._solve(tendons)
+        return self.known[key]
+
+    def _solve(self, tendons: Tendons) -> NDArray[np.complex128]:
         seen = self.seen
         motion = seen.motion
         b = seen.tendons

@@ -352,11 +352,13 @@ def _newton_step(
     """A step of Gauss and Newton, and the decrease of the objective that it promises."""
     tendons = room.tendons(unknowns)
     gradient, hessian = (weight * part for part in room.derivatives(unknowns))
+    uphill, squares = np.zeros(unknowns.size), np.zeros_like(hessian)
     for response in compared:
         missed, slopes = response.slopes(tendons)
-        by_unknowns = room.by_unknowns(slopes)
-        gradient += by_unknowns.T @ missed
-        hessian += by_unknowns.T @ by_unknowns
+        uphill += slopes.T @ missed
+        squares += slopes.T @ slopes
+    gradient += room.by_unknowns(uphill[None])[0]
+    hessian += room.by_unknowns(room.by_unknowns(squares).T)
     step = np.asarray(-np.linalg.solve(hessian, gradient), dtype=np.float64)
     return step, float(-gradient @ step)
 
