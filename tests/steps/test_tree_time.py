@@ -174,19 +174,23 @@ def test_sprung_drives_get_armature_only_where_it_is_asked_for(tmp_path, drive, 
     assert np.array_equal(written.dof_solimp, left.untimed.dof_solimp)
 
 
-def test_the_command_times_joints_and_takes_it_out_again(tmp_path):
+@pytest.mark.parametrize("first", [("--retime-joints",), ("--retime",)])
+def test_the_command_times_joints_and_takes_it_out_again(tmp_path, first):
     text = SPRUNG.format(step=0.01, integrator="Euler", drive=DRIVES["sprung"][0], more="")
     craft = tmp_path / "craft.xml"
     craft.write_text(text)
     (tmp_path / "boom.toml").write_text(BOOM)
     out = tmp_path / "out.xml"
     at = f"mount={tmp_path / 'boom.toml'}"
-    assert call("embed", craft, "--at", at, "--retime-joints", "-o", out).status == 0
+    assert call("embed", craft, "--at", at, *first, "-o", out).status == 0
     timed = mujoco.MjModel.from_xml_path(str(out)).joint("drive").armature[0]
     again = tmp_path / "again.xml"
     words = ("retime", out, "--timestep", "0.004", "--retime-joints", "-o", again)
     assert call(*words).status == 0
     assert mujoco.MjModel.from_xml_path(str(again)).joint("drive").armature[0] != timed
+    back = tmp_path / "back.xml"
+    assert call("embed", again, "--remove", "-o", back).status == 0
+    assert back.read_text().replace('timestep="0.004"', 'timestep="0.01"') == text
     assert call("retime", again, "--timestep", "0", "-o", again, "--force").status == 0
     assert mujoco.MjModel.from_xml_path(str(again)).joint("drive").armature[0] == 0.01
     assert call("embed", again, "--remove", "-o", again, "--force").status == 0

@@ -9,7 +9,7 @@ import msgspec
 from beamchain.craft.appendage import Appendage, carried
 from beamchain.errors import InputError
 from beamchain.fitting.choose import further_columns
-from beamchain.fitting.exact import normal_modes
+from beamchain.fitting.exact import kept_counts
 from beamchain.fitting.fewest import weights
 from beamchain.fitting.hub import port_hub_mass
 from beamchain.fitting.options import Modes
@@ -27,11 +27,7 @@ def candidate(a: Appendage) -> "Candidate":
     """An appendage as it was fitted."""
     if a.fit.space is not None and any(len(ports) > 1 for ports in a.fit.space.data.groups):
         return Coupled(a, a.fit.space.numbers)
-    counts = {
-        port: normal_modes(target, a.fit.full[port]) if a.spec.further else target.modes
-        for port, target in a.fit.target.items()
-    }
-    return PerPort(a, counts)
+    return PerPort(a, kept_counts(a.fit))
 
 
 def model_of(a: Appendage) -> PortModel:

@@ -90,7 +90,7 @@ class Embedded:
         return report.embedded_html(self)
 
     @cached_property
-    def asked(self) -> JointRequest:
+    def _asked(self) -> JointRequest:
         """What the scenes of all appendages ask of the spacecraft together."""
         return joint_request([a.spec for a in self.appendages])
 
@@ -100,7 +100,7 @@ class Embedded:
         """Coupled modes and the base body's accelerance at rest, exact and through MuJoCo:
         the promise's view of the rest pose."""
         exact = carried(self.model, self.appendages)
-        band = self.asked.band
+        band = self._asked.band
         pose = self._exact_poses["rest"][0] if self.loaded else None
         return assembly_at_rest(
             self.craft, self.untimed, exact, self.promise, band, self._own, pose
@@ -139,7 +139,7 @@ class Embedded:
         return self._exact_at(poses, loaded=self.loaded)
 
     def _exact_at(self, positions: Positions, *, loaded: bool) -> dict[str, list[Pose]]:
-        want = self.asked
+        want = self._asked
         exact = carried(self.model, self.appendages)
         band = want.band or kept_band(self.appendages)
         return craft_poses(
@@ -154,7 +154,7 @@ class Embedded:
         pole of the same file with timing taken out; up to the scenes' largest bandwidth, or the
         last kept coupled mode.
         """
-        return craft_time_error(self.model, self.untimed, self.appendages, self.asked.band)
+        return craft_time_error(self.model, self.untimed, self.appendages, self._asked.band)
 
     @cached_property
     def sampled_poses(self) -> dict[str, SampledError]:
@@ -214,7 +214,7 @@ class Embedded:
     @property
     def tolerance(self) -> float | None:
         """Smallest tolerance of the scenes that state a bandwidth; None if there is none."""
-        return self.asked.tolerance
+        return self._asked.tolerance
 
     @property
     def met(self) -> bool | None:
@@ -247,7 +247,7 @@ class Embedded:
         model's own step keeps it, where none would, or without a tolerance."""
         if self.tolerance is None or self.met or not self._by_step:
             return None
-        band = self.asked.band
+        band = self._asked.band
         return largest_step(self.craft, self.untimed, self._exact_poses, self.tolerance, band)
 
     @property

@@ -23,6 +23,7 @@ from beamchain.engine.linearise import compile_model
 from beamchain.engine.mount import Mount
 from beamchain.engine.operating_point import OperatingPoint, quiet_copy
 from beamchain.engine.signals import Input, Output
+from beamchain.errors import InputError
 from beamchain.mjcf.compatibility import default_attributes, shield_from_defaults
 from beamchain.mjcf.place import find_target
 from beamchain.mjcf.text import Edit
@@ -75,7 +76,11 @@ class LooseCraft(NamedTuple):
 
 def loose_craft(embedded: Embedded, roots: Sequence[Root]) -> LooseCraft:
     """The bare spacecraft of a file with its ports loose; `roots`: of all its appendages."""
-    assert embedded.document is not None  # only documents hold carried bodies
+    if embedded.document is None:
+        raise InputError(
+            "the exact plant of a spacecraft whose appendages carry bodies needs the spacecraft's "
+            "document, which a proof of a written file has not; give what bc.embed returns."
+        )
     carries = {a.at: a.carries for a in embedded.appendages}
     bare, targets = open_places(embedded.document, list(carries), carries)
     document = without_keys(with_probes(bare, targets))

@@ -41,7 +41,9 @@ class RetimedCraft:
     def band(self) -> float | None:
         """The largest band that the scenes of its appendages ask for [rad/s];
         None where none is known."""
-        return None if self.proof is None else self.proof.asked.band
+        if self.proof is None:
+            return None
+        return joint_request([a.spec for a in self.proof.appendages]).band
 
     @property
     def tolerance(self) -> float | None:

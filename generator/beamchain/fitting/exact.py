@@ -69,10 +69,7 @@ def exact_appendage(fit: Fitted, modes: int | None = None) -> ExactAppendage:
         return _of_imported(fit)
     ports = _ports_of_beam(fit, modes)
     rigid_mass = _with_inertia(fit, fit.spec.beam.rigid_mass())
-    counts = {
-        port: normal_modes(target, ports[port]) if fit.spec.further else target.modes
-        for port, target in fit.target.items()
-    }
+    counts = kept_counts(fit)
     numbers = [np.arange(model.modes) < counts.get(port, 0) for port, model in ports.items()]
     frequencies = [model.frequencies for model in ports.values()]
     ascending = np.argsort(np.concatenate([np.zeros(0), *frequencies]), kind="stable")
@@ -88,8 +85,15 @@ def exact_appendage(fit: Fitted, modes: int | None = None) -> ExactAppendage:
     )
 
 
-def normal_modes(target: PortModel, exact: PortModel) -> int:
-    """How many of the modes kept are the appendage's own; attachment modes follow."""
+def kept_counts(fit: Fitted) -> dict[str, int]:
+    """How many modes of the appendage are kept per port; static shapes of loads on further points
+    stand behind them."""
+    if not fit.spec.further:
+        return {port: target.modes for port, target in fit.target.items()}
+    return {port: _normal_modes(target, fit.full[port]) for port, target in fit.target.items()}
+
+
+def _normal_modes(target: PortModel, exact: PortModel) -> int:
     k = min(target.modes, exact.modes)
     same = np.isclose(target.frequencies[:k], exact.frequencies[:k], rtol=1e-6)
     return int(np.argmin(same)) if not np.all(same) else k

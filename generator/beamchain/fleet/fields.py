@@ -37,14 +37,20 @@ class Modes:
     each mode of each world for itself.
 
     `ranges`: half widths relative to the nominal values, `{"frequency": 0.05, "damping": 0.3}`.
-    `timestep`: for which draws are made exact in time [s]; None: they are not.
+    `timestep`: for which draws are made exact in time [s]; None: they are not. `band`: as of
+    `retime` [rad/s].
     """
 
     size: int | None = None  #: any number can be drawn
 
     def __init__(
-        self, model: "mujoco.MjModel", ranges: Mapping[str, float], timestep: float | None
+        self,
+        model: "mujoco.MjModel",
+        ranges: Mapping[str, float],
+        timestep: float | None,
+        band: float | None,
     ) -> None:
+        self._band = band
         self._widths = [_width(name, ranges.get(name, 0.0)) for name in RANGES]
         self.timestep: float | None = timestep
         self._integrator = NUMBERS[int(model.opt.integrator)]
@@ -91,20 +97,24 @@ class Modes:
         if timestep is None:
             return None
         if self._tree:
-            return TreeDraws.of(self._model, self._modal, self._integrator, timestep)
+            return TreeDraws.of(self._model, self._modal, self._integrator, timestep, self._band)
         return coupled_mass(self._model, self._modal, None)
 
 
 class Table:
     """Given variants, arrays `(k, ...)` by name of MuJoCo's field, taken in their order at first
-    and then drawn with equal chances; made exact in time for `timestep` [s], or taken as they
-    are where it is None.
+    and then drawn with equal chances; made exact in time for `timestep` [s] (`band` as of
+    `retime`), or taken as they are where it is None.
     """
 
     def __init__(
-        self, model: "mujoco.MjModel", fields: Mapping[str, Any], timestep: float | None
+        self,
+        model: "mujoco.MjModel",
+        fields: Mapping[str, Any],
+        timestep: float | None,
+        band: float | None,
     ) -> None:
-        self._model, self._given = model, fields
+        self._model, self._given, self._band = model, fields, band
         self.size: int = max(np.shape(next(iter(fields.values())))[:1], default=0)
         for name, values in fields.items():
             of_type("a field of variants", name, str, "the name of a field of MuJoCo's model")
@@ -139,7 +149,7 @@ class Table:
 
     def at(self, timestep: float) -> "Table":
         """The same variants for another step."""
-        return Table(self._model, self._given, timestep)
+        return Table(self._model, self._given, timestep, self._band)
 
     def _derive(self, timestep: float | None) -> None:
         """What follows from the fields: MuJoCo's constants, and numbers exact in time;
@@ -160,7 +170,7 @@ class Table:
             mujoco.mj_setConst(model, mujoco.MjData(model))
             fields = {name: np.array(getattr(model, name)) for name in DERIVED}
             if timestep is not None and is_tree:
-                retime(model, timestep, form=5)
+                retime(model, timestep, form=5, band=self._band)
                 fields |= {name: np.array(getattr(model, name)) for name in TENDONS}
             elif timestep is not None:
                 plain = without_timing(model)
@@ -180,7 +190,9 @@ class Table:
 Source = Modes | Table
 
 
-def source_of(model: "mujoco.MjModel", variants: Any, timestep: float | None) -> Source | None:
+def source_of(
+    model: "mujoco.MjModel", variants: Any, timestep: float | None, band: float | None = None
+) -> Source | None:
     """What `variants` means; None for worlds that are all the same."""
     given = getattr(variants, "fields", variants)
     if given is None:
@@ -192,13 +204,13 @@ def source_of(model: "mujoco.MjModel", variants: Any, timestep: float | None) ->
             'ranges on the modes: {"frequency": 0.05, "damping": 0.3}.'
         )
     if set(given) <= set(RANGES):
-        return Modes(model, given, timestep)
+        return Modes(model, given, timestep, band)
     if wrong := [name for name in given if name in RANGES]:
         raise InputError(
             f"variants mix {wrong[0]!r}, a range on modes, with fields of MuJoCo's model; give one "
             "or the other."
         )
-    return Table(model, given, timestep)
+    return Table(model, given, timestep, band)
 
 
 def exact_fields(
@@ -224,6 +236,8 @@ def _tree_fields(plain: Fields, modal: Modal, timing: TreeDraws, integrator: str
     out["tendon_armature"][:, at] += plan.armature
     out["tendon_stiffness"][:, at] = plan.stiffness
     out["tendon_damping"][:, at] = plan.damping
+    stiffer = plan.stiffness / plain["tendon_stiffness"][:, at] - 1.0
+    out["tendon_solimp_lim"][:, at, 2] += stiffer
     return out
 
 

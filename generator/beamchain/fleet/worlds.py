@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from beamchain.checks import finite_array, of_type, one_of, positive, unknown, whole_number
 from beamchain.craft.embedded import Embedded
+from beamchain.craft.promise import joint_request
 from beamchain.engine.library import mujoco, one_thread
 from beamchain.engine.linearise import compile_model
 from beamchain.errors import InputError
@@ -27,7 +28,7 @@ from beamchain.steps.latch import (
     take_out,
     unlatch,
 )
-from beamchain.steps.modal import modal_tendons
+from beamchain.steps.modal import modal_tendons, timing_marks
 from beamchain.steps.retime import retime
 
 MOST = 10**12  # worlds that are counted; memory ends long before
@@ -97,10 +98,13 @@ def worlds(
     if timestep is not None:
         compiled.opt.timestep = positive("timestep", timestep, "s")
     step = float(compiled.opt.timestep)
-    exact = timestep is not None or runs_exact(compiled)
-    source = source_of(compiled, variants, step if exact else None)
+    timed = any(mark is not None for mark in timing_marks(compiled))  # under RK4 too
+    band = None
+    if isinstance(model, Embedded):
+        band = joint_request([a.spec for a in model.appendages]).band
+    source = source_of(compiled, variants, step if timed or timestep is not None else None, band)
     if timestep is not None and modal_tendons(compiled).names:
-        retime(compiled, step)
+        retime(compiled, step, band=band)
     size = None if source is None else source.size
     if count is None and size is None:
         raise InputError("count is missing: say how many worlds to make, for example count=64.")
@@ -115,6 +119,7 @@ def worlds(
         observe=observe,
         threads=threads,
         seed=seed,
+        band=band,
     )
 
 
@@ -133,6 +138,7 @@ class Worlds:
         observe: names of what is read; None: all.
         threads: of the host "mujoco".
         seed: of the draws.
+        band: up to where timing of trees keeps the response [rad/s]; None: as `bc.retime` has it.
 
     Example:
         >>> import beamchain as bc
@@ -161,7 +167,9 @@ class Worlds:
         observe: Sequence[str] | None,
         threads: int,
         seed: int,
+        band: float | None = None,
     ) -> None:
+        self._band = band
         self.model: Any = model
         self.count: int = count
         self.rng: np.random.Generator = np.random.default_rng(seed)
@@ -274,7 +282,7 @@ class Worlds:
         model = with_fields(self.model, {})
         model.opt.timestep = positive("timestep", timestep, "s")
         if modal_tendons(model).names:
-            retime(model, float(timestep))
+            retime(model, float(timestep), band=self._band)
         self.model = model
         if self._source is not None:
             self._source = self._source.at(float(timestep))

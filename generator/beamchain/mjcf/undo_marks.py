@@ -198,6 +198,19 @@ def change_marked(
     return edit._replace(text=comment + craft.newline + craft.indent(node) + edit.text)
 
 
+def change_once_marked(
+    craft: Craft, element: Element, mark: type[Changed], changes: dict[str, str]
+) -> Edit:
+    """The same, where such a mark may stand before the element already."""
+    node = craft.node(element)
+    if any(
+        isinstance(known, mark) and _node_behind(craft, comment, known) is node
+        for comment, known in marks(craft)
+    ):
+        return craft.change(element, changes)
+    return change_marked(craft, element, mark, changes)
+
+
 def replace_include(craft: Craft, include: Include) -> Edit:
     """Put what an included file holds where its `<include>` stands, between two marks."""
     node = craft.node(include.element)

@@ -34,6 +34,8 @@ EDGE = 1.0 + 1e-12  # the end of a band belongs to it
 
 Accelerance = Callable[[Array], Array]
 
+ABOUT = 21  # points about the top of an error curve
+
 
 def kept_count(fit: "Fit", port: str) -> int:
     """How many modes of a port were kept.
@@ -226,4 +228,14 @@ def error_curves(
         np.concatenate([np.geomspace(*limits, 280), beyond[beyond > band], inside, [band]])
     )
     omega = omega[(omega >= limits[0]) & (omega <= limits[1])]
+    tops = [_about_the_top(omega, reference.curve(0, model, omega), band) for model in models]
+    omega = np.unique(np.concatenate([omega, *tops]))
     return [ErrorCurve(omega, reference.curve(0, model, omega)) for model in models]
+
+
+def _about_the_top(omega: Array, values: Array, band: float) -> Array:
+    """Points about the largest value of a curve in the band."""
+    k = int(np.argmax(np.where(omega <= band, values, 0.0)))
+    low = omega[max(k - 1, 0)]
+    high = min(omega[min(k + 1, omega.size - 1)], max(band, omega[k]))
+    return np.linspace(low, high, ABOUT)

@@ -181,6 +181,11 @@ def latch(
     inertia = None if armature is None else not_negative("armature", armature, "kg m^2")
     is_impact = true_or_false("impact", impact)
     _check_can_latch(model, hinge)
+    if is_impact and np.any(data.eq_active):
+        raise InputError(
+            "impact=True stops one hinge by itself, and the model has active equality constraints, "
+            "which would stop more with it; latch with stiffness and damping alone."
+        )
     if target is None:
         target = _stop_ahead(model, data, hinge)
     if not _step_to(model, data, hinge, target):
@@ -262,6 +267,18 @@ def unlatch(model: "mujoco.MjModel", data: "mujoco.MjData", joint: str) -> float
     mujoco.mj_forward(model, data)
     added = moving * (float(model.dof_armature[hinge.dof]) - armature)
     return _spring_energy(model, data, hinge) - held + added
+
+
+def keep_latches_stable(model: "mujoco.MjModel") -> None:
+    """Raise the armature of hinges that are latched beside flexible bodies to what their springs
+    need at the step of the model; what they were before stays on record."""
+    for joint in range(model.njnt):
+        if is_latched(model, joint) and _has_flexible_neighbour(model, joint):
+            dof = int(model.jnt_dofadr[joint])
+            stiffness = float(model.jnt_stiffness[joint])
+            needed = _stable_armature(model, stiffness, dof)
+            least = float(model.jnt_solimp[joint, ARMATURE]) + needed
+            model.dof_armature[dof] = max(float(model.dof_armature[dof]), least)
 
 
 def is_latched(model: "mujoco.MjModel", joint: int) -> bool:
@@ -358,8 +375,8 @@ def _step_to(model: "mujoco.MjModel", data: "mujoco.MjData", hinge: Hinge, targe
     """Make a step that ends where a hinge is at its target; False where the next step does not
     reach it."""
     start = float(data.qpos[hinge.position]) - target
-    is_stop = _is_stop(model, hinge, start, target)
-    if start == 0.0:
+    is_stop = _is_stop(model, data, hinge, start, target)
+    if start == 0.0 or (is_stop and _has_just_passed(model, data, hinge, start)):
         return True
     whole = float(model.opt.timestep)
     rate, acceleration = abs(data.qvel[hinge.dof]), abs(data.qacc[hinge.dof])
@@ -388,7 +405,18 @@ def _step_to(model: "mujoco.MjModel", data: "mujoco.MjData", hinge: Hinge, targe
     return True
 
 
-def _is_stop(model: "mujoco.MjModel", hinge: Hinge, start: float, target: float) -> bool:
+def _has_just_passed(
+    model: "mujoco.MjModel", data: "mujoco.MjData", hinge: Hinge, start: float
+) -> bool:
+    """Whether a hinge passed its angle, from which it is `start` [rad] away, within the last step:
+    in the shortened step in which another hinge latched."""
+    passed = float(data.qvel[hinge.dof]) * float(model.opt.timestep)
+    return start * passed > 0.0 and NEAR < abs(start) <= LONGEST * abs(passed)
+
+
+def _is_stop(
+    model: "mujoco.MjModel", data: "mujoco.MjData", hinge: Hinge, start: float, target: float
+) -> bool:
     """Whether a hinge latches at one of its stops, `start` [rad] beyond it; refused where the stop
     acts before."""
     if not model.jnt_limited[hinge.joint]:
@@ -409,7 +437,7 @@ def _is_stop(model: "mujoco.MjModel", hinge: Hinge, start: float, target: float)
             f"{target:.6g} rad is reached; set the margin of the joint to 0."
         )
     beyond = max(start if above else 0.0, -start if below else 0.0)
-    if beyond > NEAR:
+    if beyond > NEAR and not _has_just_passed(model, data, hinge, start):
         raise InputError(
             f"hinge {hinge.name!r} is {beyond:.3g} rad beyond its stop at {target:.6g} rad, where "
             "it would be held bent; call bc.latch before every step, from before the stop is "

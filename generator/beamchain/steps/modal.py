@@ -6,8 +6,8 @@ reads for limited tendons only:
 
     solimplimit = "timestep  integrator  form  damping  stiffness"
 
-damping and stiffness as they were. Attaching, including, replicating,
-MJX and Warp keep all five to the last bit.
+damping and stiffness as they were; form 5 plus the relative change of stiffness. Attaching,
+including, replicating, MJX and Warp keep all five to the last bit.
 """
 
 import re
@@ -34,6 +34,8 @@ HINGE_OR_SLIDE = (2, 3)
 UNMARKED = (0.9, 0.95, 0.001, 0.5, 2.0)  # MuJoCo's own solimplimit
 TREE = 5  # the form that changes stiffness as well
 FORMS = (2, 4, TREE)
+MOST_STIFFER = 0.25  # relative change of stiffness that a mark of form 5 may state
+UNTOUCHED = 1e-12  # relative difference of two stiffnesses that is rounding
 
 
 class MadeFor(NamedTuple):
@@ -76,11 +78,12 @@ def modal_tendons(model: "mujoco.MjModel") -> Modal:
     timed = np.array([mark is not None for mark in marks], dtype=np.bool_)
     stiffened = np.array([mark is not None and mark.form == TREE for mark in marks], dtype=np.bool_)
     before = model.tendon_solimp_lim[own]
+    stiffness = np.array(model.tendon_stiffness[own], dtype=np.float64)
     return Modal(
         own,
         tuple(str(model.tendon(int(i)).name) for i in own),
         locked(np.array([along(model, i) for i in own]).reshape(own.size, model.nv)),
-        locked(np.where(stiffened, before[:, 4], model.tendon_stiffness[own])),
+        locked(stiffness_before(stiffness, before, stiffened)),
         locked(np.where(timed, before[:, 3], model.tendon_damping[own])),
         marks,
     )
@@ -111,10 +114,23 @@ def foreign(what: str) -> InputError:
 
 def made_for(values: Array) -> MadeFor | None:
     """What five numbers in a place for `solimp` were written for; None: they are no mark."""
-    step, number, form, *_ = (float(v) for v in values)
-    if not (step > 0.0 and number in NUMBERS and form in FORMS):
+    step, number, mark, *_ = (float(v) for v in values)
+    form = round(mark) if np.isfinite(mark) else 0
+    known = form in FORMS and abs(mark - form) <= (MOST_STIFFER if form == TREE else 0.0)
+    if not (step > 0.0 and number in NUMBERS and known):
         return None
-    return MadeFor(step, NUMBERS[int(number)], int(form))
+    return MadeFor(step, NUMBERS[int(number)], form)
+
+
+def stiffness_before(stiffness: Array, marks: Array, changed: NDArray[np.bool_]) -> Array:
+    """`(n,)` stiffness before form 5 `changed` some of it; `marks` `(n, 5)`.
+
+    What was changed since then is changed by the same factor; untouched, it is what it was to the
+    last bit.
+    """
+    stiffer = np.where(changed, 1.0 + (marks[:, 2] - TREE), 1.0)
+    untouched = np.abs(stiffness - marks[:, 4] * stiffer) <= UNTOUCHED * stiffness
+    return np.where(changed & untouched, marks[:, 4], stiffness / stiffer)
 
 
 def _mark(model: "mujoco.MjModel", i: int) -> MadeFor | None:

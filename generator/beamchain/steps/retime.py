@@ -30,6 +30,7 @@ from beamchain.ports.motions import Array
 from beamchain.steps.forms import ModeTime, TendonValues, appendage_poles, form2, form4
 from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.joint_time import joint_armature, take_out_joints, write_joints
+from beamchain.steps.latch import keep_latches_stable
 from beamchain.steps.modal import (
     FORMS,
     TREE,
@@ -181,10 +182,10 @@ def retime(
             otherwise it is 2. 5: for appendages that carry bodies, taken by itself where one does:
             stable for every payload and pose; stiffness, damping and armature are chosen for the
             response at rest, at the keyframes and on the way between them.
-        qpos: pose at which the craft's coupling is computed; default: the initial one. Form 5:
-            the only pose that is looked at.
-        band: up to where form 5 keeps the response [rad/s]; default: the last kept mode. Beyond
-            half a radian per step nothing is kept.
+        qpos: pose at which the craft's coupling is computed; default: the initial one. Form 5
+            looks at several poses, whatever is given.
+        band: up to where form 5 keeps the response [rad/s]; default: the last kept mode, and at
+            most 0.2 rad per step. Beyond half a radian per step nothing is kept.
         joints: put armature on the spacecraft's own sprung and servo-driven joints as well, whose
             step error is then of fourth order; they have no friction.
 
@@ -243,6 +244,8 @@ def retime(
     write_values(model, modal, plan, MadeFor(h, name, form))
     written = copy.copy(model)
     written.opt.timestep, written.opt.integrator = h, INTEGRATORS[name]
+    keep_latches_stable(written)
+    model.dof_armature[:] = written.dof_armature
     return Retimed(
         h,
         name,
@@ -268,7 +271,7 @@ def _plan(
 ) -> TendonValues:
     """The numbers of the tendons; `joints` `(nv,)`: armature of the craft's own joints."""
     if form == TREE:
-        return tree_form(model, modal, integrator, timestep, joints=joints, qpos=qpos, band=band)
+        return tree_form(model, modal, integrator, timestep, joints=joints, band=band)
     stepped = copy.copy(model)
     stepped.dof_armature[:] += joints
     c = coupled_mass(stepped, modal, qpos)
@@ -375,12 +378,12 @@ def _modal_mass(mass: Array, row: Array) -> float:
 
 def _take_out(model: "mujoco.MjModel", modal: Modal, qpos: Array | None) -> None:
     """The tendons as they were before they were made exact in time."""
-    for i, mark in zip(modal.index, modal.made_for, strict=True):
+    for i, stiffness, mark in zip(modal.index, modal.stiffness, modal.made_for, strict=True):
         if mark is not None:
             model.tendon_damping[i] = model.tendon_solimp_lim[i, 3]
             model.tendon_armature[i] = 0.0
         if mark is not None and mark.form == TREE:
-            model.tendon_stiffness[i] = model.tendon_solimp_lim[i, 4]
+            model.tendon_stiffness[i] = stiffness
     # of a participation other than the nominal one, or a user's default
     if np.any(model.tendon_margin[modal.index]):
         mass = mass_matrix(model, qpos)
@@ -396,11 +399,14 @@ def _take_out(model: "mujoco.MjModel", modal: Modal, qpos: Array | None) -> None
 def write_values(model: "mujoco.MjModel", modal: Modal, plan: TendonValues, mark: MadeFor) -> None:
     """Write the numbers of a form, and what they were made for,
     into the tendons of a model that is not timed."""
+    stiffer = np.zeros(modal.stiffness.size)
+    if plan.stiffness is not None:
+        stiffer = plan.stiffness / modal.stiffness - 1.0
     for j, i in enumerate(modal.index):
         model.tendon_solimp_lim[i] = (
             mark.timestep,
             INTEGRATORS[mark.integrator],
-            mark.form,
+            mark.form + stiffer[j],
             modal.damping[j],
             modal.stiffness[j],
         )

@@ -14,6 +14,7 @@ from beamchain.engine.linearise import INTEGRATORS, NUMBERS, compile_model
 from beamchain.errors import InputError
 from beamchain.mjcf.craft import Craft, read_craft
 from beamchain.mjcf.relocate import relocate
+from beamchain.mjcf.undo_marks import JointMark, change_once_marked
 from beamchain.mjcf.write import number
 from beamchain.steps.integrators import SCHEMES, hinge_armature
 from beamchain.steps.joint_time import timed_joints
@@ -131,7 +132,7 @@ def retimed_file(
         _check_stable(model)
     changes = time_attributes(document.parts(), model)
     _check_tendons(document, model, changes)
-    changes |= joint_attributes(document.parts(), model, {*before, *timed_joints(model)})
+    joints_changed = joint_attributes([document.root], model, {*before, *timed_joints(model)})
     option = document.root.find("option")
     settings: dict[str, str] = {}
     if timestep > 0.0:
@@ -141,6 +142,10 @@ def retimed_file(
     if option is not None and settings:
         changes[option] = settings
     edits = [document.change(element, attributes) for element, attributes in changes.items()]
+    edits += [
+        change_once_marked(document, element, JointMark, attributes)
+        for element, attributes in joints_changed.items()
+    ]
     if option is None and settings:
         words = " ".join(f'{name}="{value}"' for name, value in settings.items())
         edits.append(document.prepend(document.root, f"<option {words}/>"))

@@ -63,12 +63,17 @@ class TreeDraws:
 
     @classmethod
     def of(
-        cls, model: "mujoco.MjModel", modal: Modal, integrator: str, timestep: float
+        cls,
+        model: "mujoco.MjModel",
+        modal: Modal,
+        integrator: str,
+        timestep: float,
+        band: float | None,
     ) -> "TreeDraws":
-        """Of a model without timing."""
+        """Of a model without timing; `band` as of `retime`."""
         h = float(timestep)
         timed = copy.copy(model)
-        retime(timed, h, integrator, form=5)
+        retime(timed, h, integrator, form=5, band=band)
         at = modal.index
         armature = np.asarray(timed.tendon_armature - model.tendon_armature)[at]
         stiffness = np.array(timed.tendon_stiffness)[at]

@@ -46,6 +46,7 @@ ROUNDING = 1e-9  # of that
 MOST_PARTS = 12  # of the way from one keyframe to the next
 TURNED = (np.pi / 4.0, np.pi / 2.0, 3.0 * np.pi / 4.0)  # where no keyframe turns anything
 FASTEST = 0.5  # rad per step up to which the response is kept
+UNASKED = 0.2  # the same where no band is asked for: the lower, the nearer
 LIMIT = 0.25  # c at which a tendon is stable by itself, whatever the mass; RK4: 1/8
 ROOM = 0.02  # of S that is left over at least
 START = 0.3  # of c above its limit, where the search begins
@@ -130,19 +131,17 @@ def tree_form(
     timestep: float,
     *,
     joints: Array,
-    qpos: Array | None = None,
     band: float | None = None,
 ) -> TendonValues:
     """Stiffness, damping and armature of every modal tendon of a model that is not timed.
 
-    `joints` `(nv,)`: armature that the craft's own joints get; `qpos` `(nq,)`: the pose at which
-    the response is kept, those of `tuned_poses` where left out; `band` [rad/s]: up to where, the
-    last kept mode where left out.
+    `joints` `(nv,)`: armature that the craft's own joints get; `band` [rad/s]: up to where the
+    response is kept; where left out the last kept mode, and at most 0.2 rad per step.
     """
     h = float(timestep)
-    places = tuned_poses(model, modal) if qpos is None else [qpos]
+    places = tuned_poses(model, modal)
     motions = [motion_for(model, h, integrator, place) for place in places]
-    top = min(band or last_kept(model, motions[0]), FASTEST / h)
+    top = min(band or min(last_kept(model, motions[0]), UNASKED / h), FASTEST / h)
     room = _Room.of(appendages_alone(model, modal), modal, integrator, h, top)
     seen = [
         Seen.of(model, modal, place, motion, top, joints)

@@ -17,6 +17,7 @@ from beamchain.engine.linearise import compile_model
 from beamchain.errors import RealisationError
 from beamchain.fitting.beam_case import damp_chain
 from beamchain.fitting.choose import make_plan, whole_beam
+from beamchain.fitting.exact import kept_counts
 from beamchain.fitting.fit import LEAST_INERTIA
 from beamchain.fitting.options import Modes
 from beamchain.fitting.result import Fit
@@ -54,7 +55,7 @@ class Refit:
     @classmethod
     def of(cls, prefix: str, fit: Fit, owner: str) -> "Refit":
         """The refit of a nominal fit: its modes are no longer chosen."""
-        counts = {port: target.modes for port, target in fit.target.items()}
+        counts = kept_counts(fit)
         root = structs.replace(fit.spec.root, target=fit.kept_for)
         return cls(
             prefix,
