@@ -174,6 +174,17 @@ def test_sprung_drives_get_armature_only_where_it_is_asked_for(tmp_path, drive, 
     assert np.array_equal(written.dof_solimp, left.untimed.dof_solimp)
 
 
+@pytest.mark.parametrize("drive", sorted(DRIVES))
+def test_sprung_drives_that_are_too_fast_for_rk4_are_slowed_where_it_is_asked_for(drive):
+    left = driven(drive, "RK4", 1.0, retime=True)
+    timed = driven(drive, "RK4", 1.0, retime_joints=True)
+    growth = [np.abs(np.linalg.eigvals(stepped.stepped(m.model)[0])).max() for m in (left, timed)]
+    assert growth[0] > 1.1
+    assert growth[1] < 1.0 + 1e-5  # rigid motions are a double eigenvalue 1
+    slow = driven(drive, "RK4", 0.01, retime_joints=True)
+    assert slow.model.joint("drive").armature[0] == 0.01
+
+
 @pytest.mark.parametrize("first", [("--retime-joints",), ("--retime",)])
 def test_the_command_times_joints_and_takes_it_out_again(tmp_path, first):
     text = SPRUNG.format(step=0.01, integrator="Euler", drive=DRIVES["sprung"][0], more="")

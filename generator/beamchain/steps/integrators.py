@@ -228,6 +228,18 @@ def hinge_armature(stiffness: ArrayLike, timestep: float) -> Array:
     return np.asarray(stiffness, dtype=np.float64) * timestep**2 / 12.0
 
 
+def stable_armature(integrator: str, timestep: float, stiffness: float, damping: float) -> float:
+    """Inertia with which a spring of a joint is stable at the step by itself, whatever hangs on
+    either side [kg m^2, kg].
+
+    Bodies of appendages are stable by themselves at their limit, so that a spring between them has
+    no room: it needs h^2 k/4, of RK4 h^2 k/8. RK4 takes dampers explicitly, whose limit is 2.79.
+    """
+    if integrator == "RK4":
+        return timestep**2 * stiffness / 8.0 + timestep * damping / 2.0
+    return timestep**2 * stiffness / 4.0
+
+
 def start_rate(
     position: ArrayLike, rate: ArrayLike, frequency: ArrayLike, ratio: ArrayLike, timestep: float
 ) -> Array:

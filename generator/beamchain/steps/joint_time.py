@@ -7,8 +7,9 @@ A joint of stiffness k (its spring and a position servo on it) gets the armature
 d_e its damping that the integrator takes at the start of the step, d_i that at its end: its own
 step error is then of fourth order, as that of a tendon is. Where the step would be unstable so,
 joints that turn by more than `sqrt(2)` per step get `k h^2/4` instead, which is stable whatever
-they join. What was before stands in `solimpfriction`, which MuJoCo reads for joints with friction
-only. What is damped at the end of the step leaves `zeta x^2/6`.
+they join. RK4 needs none for its error; where its step would be unstable, such joints get
+`k h^2/8 + h d/2`. What was before stands in `solimpfriction`, which MuJoCo reads for joints with
+friction only. What is damped at the end of the step leaves `zeta x^2/6`.
 
 Theory: docs/theory.md, section 9.
 """
@@ -21,11 +22,11 @@ from beamchain.engine.linearise import INTEGRATORS
 from beamchain.engine.operating_point import quiet_copy, rest_point
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
-from beamchain.steps.integrators import SCHEMES
+from beamchain.steps.integrators import SCHEMES, stable_armature
 from beamchain.steps.latch import ARMATURE, is_latched
 from beamchain.steps.modal import HINGE_OR_SLIDE, TREE, UNMARKED, MadeFor, Modal, made_for
 
-FAST = 2.0  # h^2 k over the inertia that a joint feels, above which it is slowed
+FAST = 2.0  # h^2 k (RK4: and h d) over the inertia that a joint feels, above which it is slowed
 SLOWED = 3.0  # times k h^2/12
 
 
@@ -47,15 +48,22 @@ def joint_armature(
 ) -> Array:
     """`(nv,)` armature that the craft's own sprung joints get; `slowed`: fast ones more."""
     out = np.zeros(model.nv)
-    if not SCHEMES[integrator].exact:
+    is_rk4 = integrator == "RK4"
+    if not SCHEMES[integrator].exact and not (is_rk4 and slowed):
         return out
     linear = linear_at(rest_point(quiet_copy(model)))
     lightness = np.diag(np.linalg.inv(linear.mass))
     for dof, stiffness in sprung_joints(model, modal).items():
         spring = stiffness * timestep**2 / 12.0
-        if slowed and 12.0 * spring * lightness[dof] > FAST:
-            spring *= SLOWED
         damping = float(linear.damping[dof, dof])
+        fastest = max(stiffness * timestep**2, damping * timestep if is_rk4 else 0.0)
+        is_fast = slowed and fastest * lightness[dof] > FAST
+        if is_rk4:
+            if is_fast:
+                out[dof] = stable_armature(integrator, timestep, stiffness, damping)
+            continue
+        if is_fast:
+            spring *= SLOWED
         at_end = damping
         if not SCHEMES[integrator].implicit_damping:
             at_end = min(float(model.dof_damping[dof]), damping)

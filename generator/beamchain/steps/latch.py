@@ -23,6 +23,7 @@ from beamchain.engine.library import mujoco, one_thread
 from beamchain.engine.linearise import NUMBERS, mass_matrix
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
+from beamchain.steps.integrators import stable_armature
 from beamchain.steps.modal import modal_tendons
 
 #: All that `latch` and `unlatch` change in a model.
@@ -212,7 +213,7 @@ def latch(
     if spring is None:
         spring = _default_stiffness(model, data, hinge.dof)
     if inertia is None and is_flexible:
-        model.dof_armature[hinge.dof] += _stable_armature(model, spring, hinge.dof)
+        model.dof_armature[hinge.dof] += _armature_of_spring(model, spring, hinge.dof)
     model.jnt_stiffness[hinge.joint] = spring
     model.qpos_spring[hinge.position] = target
     mujoco.mj_forward(model, data)
@@ -276,9 +277,16 @@ def keep_latches_stable(model: "mujoco.MjModel") -> None:
         if is_latched(model, joint) and _has_flexible_neighbour(model, joint):
             dof = int(model.jnt_dofadr[joint])
             stiffness = float(model.jnt_stiffness[joint])
-            needed = _stable_armature(model, stiffness, dof)
+            needed = _armature_of_spring(model, stiffness, dof)
             least = float(model.jnt_solimp[joint, ARMATURE]) + needed
             model.dof_armature[dof] = max(float(model.dof_armature[dof]), least)
+
+
+def _armature_of_spring(model: "mujoco.MjModel", stiffness: float, dof: int) -> float:
+    """With which the spring of a latched hinge is stable at the step of the model."""
+    integrator = NUMBERS[int(model.opt.integrator)]
+    step = float(model.opt.timestep)
+    return stable_armature(integrator, step, stiffness, float(model.dof_damping[dof]))
 
 
 def is_latched(model: "mujoco.MjModel", joint: int) -> bool:
@@ -462,19 +470,6 @@ def _default_stiffness(model: "mujoco.MjModel", data: "mujoco.MjData", dof: int)
     """With which the hinge alone, all other springs taken away, swings by `PHASE` in a step."""
     compliance = float(_spread(model, data, dof)[dof])
     return (PHASE / float(model.opt.timestep)) ** 2 / compliance
-
-
-def _stable_armature(model: "mujoco.MjModel", stiffness: float, dof: int) -> float:
-    """Inertia with which a spring of a hinge is stable at the step by itself, whatever hangs on
-    either side [kg m^2].
-
-    Bodies of appendages are stable by themselves at their limit, so that a spring between them has
-    no room: it needs h^2 k/4, of RK4 h^2 k/8. RK4 takes dampers explicitly, whose limit is 2.79.
-    """
-    h = float(model.opt.timestep)
-    if NUMBERS[int(model.opt.integrator)] == "RK4":
-        return h**2 * stiffness / 8.0 + h * float(model.dof_damping[dof]) / 2.0
-    return h**2 * stiffness / 4.0
 
 
 def _stop(model: "mujoco.MjModel", data: "mujoco.MjData", dof: int) -> float:
