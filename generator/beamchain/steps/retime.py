@@ -42,7 +42,7 @@ from beamchain.steps.modal import (
     modal_tendons,
 )
 from beamchain.steps.step_map import GROWN, TimeError, motion_for, time_error, wrong_from
-from beamchain.steps.tree_time import appendages_alone, tree_form, tuned_poses
+from beamchain.steps.tree_time import appendages_alone, tree_form, tuned_poses, turned_poses
 
 UNIT_MASS = 1e-4  # by which the modal mass of a tendon of ours may miss 1
 ARRAYS = (
@@ -295,7 +295,9 @@ def _grows(
     timed = copy.copy(model)
     write_values(timed, modal, plan, mark)
     timed.dof_armature[:] += joints
-    places = tuned_poses(model, modal) if qpos is None else [qpos]
+    places = tuned_poses(model, modal) + turned_poses(model, modal)
+    if qpos is not None:
+        places.append(qpos)
     motions = (motion_for(timed, mark.timestep, mark.integrator, place) for place in places)
     return any(motion.growth > 1.0 + GROWN for motion in motions)
 

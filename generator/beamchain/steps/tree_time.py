@@ -164,7 +164,7 @@ def tuned_poses(model: "mujoco.MjModel", modal: Modal) -> list[Array]:
     turns by more than 30 degrees; without keyframes each of its hinges in the tree, turned."""
     known = list(poses(model).values())
     if len(known) == 1:
-        return [*known, *_turned(model, modal)]
+        return [*known, *turned_poses(model, modal)]
     out = known[:1]
     motion = np.zeros(model.nv)
     for start, end in pairwise(known):
@@ -178,7 +178,8 @@ def tuned_poses(model: "mujoco.MjModel", modal: Modal) -> list[Array]:
     return out
 
 
-def _turned(model: "mujoco.MjModel", modal: Modal) -> list[Array]:
+def turned_poses(model: "mujoco.MjModel", modal: Modal) -> list[Array]:
+    """The pose of rest with each of the craft's hinges in the tree turned."""
     out: list[Array] = []
     for dof in outer_dofs(model, modal):
         joint = int(model.dof_jntid[dof])
