@@ -77,7 +77,8 @@ def _fractions(linear: Linear) -> Accelerance | None:
         s = 1j * np.asarray(omega, dtype=np.float64)
         weight = s[:, None] ** 2 / (1.0 - s[:, None] * poles)
         size = products.shape[1:]
-        elastic = (weight @ products.reshape(poles.size, -1)).reshape(s.size, *size)
+        table = products.reshape(poles.size, size[0] * size[1])  # a rigid craft has no poles
+        elastic = (weight @ table).reshape(s.size, *size)
         return np.moveaxis(constant + elastic, 0, -1)
 
     return accelerance
