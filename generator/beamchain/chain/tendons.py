@@ -219,7 +219,7 @@ def _fillers(
     turn[:, :moving] *= ROOM
     felt = felt @ turn[:, :moving]
     shares, vectors = np.linalg.eigh(_nearest_flexibility(felt, lowest * beyond @ beyond.T))
-    stiff = np.minimum(lowest / np.clip(shares, 1e-300, 1.0), highest)
+    stiff = lowest / np.clip(shares, lowest / highest, 1.0)  # `highest` at most
     smallest = np.minimum(least / np.linalg.norm(felt @ vectors, axis=0), 1.0)
     part = np.clip(np.sqrt(np.maximum(shares, 0.0) * stiff / lowest), smallest, 1.0)
     turn[:, :moving] = turn[:, :moving] @ vectors * part
