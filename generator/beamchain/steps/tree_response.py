@@ -11,6 +11,7 @@ With R the motions of the base and of the craft's own joints inside the tree, z 
 Theory: docs/theory.md, section 9.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -201,9 +202,8 @@ class Compared:
 def outer_motions(model: "mujoco.MjModel", modal: Modal, data: "mujoco.MjData") -> Array:
     """`(m, nv)` motion of every body that carries all else, in its own axes, and of the craft's own
     hinges and slides between appendages."""
-    inner = np.flatnonzero(np.any(modal.rows != 0.0, axis=0))
-    links = dict.fromkeys(int(model.dof_bodyid[dof]) for dof in inner)
-    bases = dict.fromkeys(base_body(model, link) for link in links)
+    inner = _inner_dofs(modal)
+    bases = dict.fromkeys(base_body(model, link) for link in _links(model, inner))
     rows = [
         motion(model, data, base, data.xpos[base], data.xmat[base].reshape(3, 3)) for base in bases
     ]
@@ -212,8 +212,8 @@ def outer_motions(model: "mujoco.MjModel", modal: Modal, data: "mujoco.MjData") 
 
 def outer_dofs(model: "mujoco.MjModel", modal: Modal) -> list[int]:
     """Degrees of freedom of the craft's own hinges and slides that hang on appendages."""
-    inner = np.flatnonzero(np.any(modal.rows != 0.0, axis=0))
-    links = dict.fromkeys(int(model.dof_bodyid[dof]) for dof in inner)
+    inner = _inner_dofs(modal)
+    links = _links(model, inner)
     return [
         int(model.jnt_dofadr[j])
         for j in range(model.njnt)
@@ -221,3 +221,13 @@ def outer_dofs(model: "mujoco.MjModel", modal: Modal) -> list[int]:
         and int(model.jnt_dofadr[j]) not in inner
         and any(hangs_on(model, int(model.jnt_bodyid[j]), link) for link in links)
     ]
+
+
+def _inner_dofs(modal: Modal) -> list[int]:
+    """Degrees of freedom of the hinges of appendages."""
+    return np.flatnonzero(np.any(modal.rows != 0.0, axis=0)).tolist()
+
+
+def _links(model: "mujoco.MjModel", inner: Sequence[int]) -> list[int]:
+    """The bodies that hinges of appendages move."""
+    return list(dict.fromkeys(int(model.dof_bodyid[dof]) for dof in inner))
