@@ -44,6 +44,10 @@ if TYPE_CHECKING:
     from beamchain.plants.controllers import Controller as Controller
     from beamchain.plants.controllers import Filter as Filter
     from beamchain.plants.controllers import Loop as Loop
+    from beamchain.plants.instability import Instability as Instability
+    from beamchain.plants.margins import LoopMargins as LoopMargins
+    from beamchain.plants.margins import Margins as Margins
+    from beamchain.plants.margins import margins as margins
     from beamchain.plants.plant import plant as plant
     from beamchain.plants.realisation import Plant as Plant
     from beamchain.plants.scheduled import ScheduledPlant as ScheduledPlant
@@ -129,6 +133,8 @@ _PLACES = {
         "Filter",
         "Loop",
     ),
+    "plants.instability": ("Instability",),
+    "plants.margins": ("LoopMargins", "Margins", "margins"),
     "plants.plant": ("plant",),
     "plants.realisation": ("Plant",),
     "plants.scheduled": ("ScheduledPlant",),

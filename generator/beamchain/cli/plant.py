@@ -11,7 +11,7 @@ from beamchain.cli.output import print_table, print_warnings, spinner, tell
 from beamchain.errors import InputError
 
 if TYPE_CHECKING:
-    from beamchain.plants.loops import Margins
+    from beamchain.plants.margins import Margins
     from beamchain.plants.realisation import Plant
     from beamchain.plants.scheduled import ScheduledPlant
     from beamchain.plants.uncertain_plant import WorstCase
@@ -98,7 +98,7 @@ def plant(
     """
     from beamchain.files import beside, check_outputs
     from beamchain.plants.controllers import read_controller
-    from beamchain.plants.loops import margin_warnings, margins
+    from beamchain.plants.margins import Margins, margin_warnings, margins
     from beamchain.plants.plant import plant as linearise
     from beamchain.plants.realisation import Plant
     from beamchain.report.pages.plant import plant_report
@@ -113,7 +113,8 @@ def plant(
         pose = _angles(angle) if angle else at
         result = linearise(model, inputs or None, outputs or None, pose, discrete=discrete)
         plants = [result] if isinstance(result, Plant) else list(result.plants)
-        margins_by_plant = [[] if loops is None else margins(each, loops) for each in plants]
+        found = () if loops is None else margins(result, loops)
+        margins_by_plant = [found] if isinstance(found, Margins) else list(found)
         cases: list[WorstCase] = []
         if loops is not None and uncertain is not None:
             models = [each.uncertain(uncertain) for each in plants]
@@ -130,7 +131,7 @@ def plant(
         as_json,
         quiet,
     )
-    loops_stable = all(loop.stable for loops in margins_by_plant for loop in loops)
+    loops_stable = all(margins.stable for margins in margins_by_plant)
     if not loops_stable or not all(case.stable for case in cases):
         raise typer.Exit(3)
 
@@ -179,7 +180,7 @@ def _angles(text: str) -> "dict[str, Any]":
 def _record(
     result: "Plant | ScheduledPlant",
     first: "Plant",
-    margins_by_plant: "list[list[Margins]]",
+    margins_by_plant: "list[Margins]",
     cases: "list[WorstCase]",
     warnings: list[str],
 ) -> dict[str, Any]:
@@ -197,15 +198,34 @@ def _record(
         "states": list(first.state_names),
         "modes": tables.mode_table(first).records(),
         "angles": angles,
-        "margins": [[loop.as_dict() for loop in loops] for loops in margins_by_plant],
+        "margins": [_loop_records(margins) for margins in margins_by_plant] or [[]],
+        "closed_loops": [
+            {key: value for key, value in margins.as_dict().items() if key != "loops"}
+            for margins in margins_by_plant
+        ],
         "worst": [case.as_dict() for case in cases],
         **warnings_record(warnings),
     }
 
 
+def _loop_records(margins: "Margins") -> list[dict[str, Any]]:
+    """The margins at every input, and the instabilities that its loop is to blame for."""
+    return [
+        loop.as_dict()
+        | {
+            "instabilities": [
+                one.as_dict()
+                for one in margins.instabilities
+                if loop.input in one.causes or not one.causes
+            ]
+        }
+        for loop in margins.loops
+    ]
+
+
 def _show(
     first: "Plant",
-    margins_by_plant: "list[list[Margins]]",
+    margins_by_plant: "list[Margins]",
     cases: "list[WorstCase]",
     warnings: list[str],
 ) -> None:

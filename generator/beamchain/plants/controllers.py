@@ -172,9 +172,9 @@ def _check_finite(loop: Loop, *values: NDArray[Any]) -> None:
         )
 
 
-def realise(controller: Controller) -> tuple[Array, Array, Array, Array]:
-    """A, B, C, D of all loops side by side, dead times as Pade approximations."""
-    parts = [_balance(loop) for loop in controller.loop]
+def realise(controller: Controller, order: int = ORDER) -> tuple[Array, Array, Array, Array]:
+    """A, B, C, D of all loops side by side, dead times as Pade approximations of an order."""
+    parts = [_balance(loop, order) for loop in controller.loop]
     a, b, c, d = (
         np.asarray(block_diag(*same), dtype=np.float64) for same in zip(*parts, strict=True)
     )
@@ -194,30 +194,35 @@ def _companion(top: Array, bottom: Array) -> tuple[Array, Array, Array, Array]:
     return a, b, c, top[None, :1]
 
 
-def _balance(loop: Loop) -> tuple[Array, Array, Array, Array]:
-    """One loop with its states scaled alike;
-    the companion form alone has entries as large as the delay's to the power -6."""
+def _balance(loop: Loop, order: int) -> tuple[Array, Array, Array, Array]:
+    """One loop as states."""
     fractions = (
-        control.pade(loop.delay, ORDER),
+        control.pade(loop.delay, order),
         *((part.numerator, part.denominator) for part in loop.parts),
     )
     tops, bottoms = zip(*fractions, strict=True)
     top, bottom = (
         np.trim_zeros(reduce(np.polymul, polynomials), "f") for polynomials in (tops, bottoms)
     )
-    if bottom.size == 1:
-        return (
-            np.zeros((0, 0)),
-            np.zeros((0, 1)),
-            np.zeros((1, 0)),
-            np.full((1, 1), (top.sum() / bottom)[0]),
-        )
     with np.errstate(all="ignore"):
-        a, b, c, d = _companion(top, bottom)
-        whole = np.block([[a, b], [c, np.zeros((1, 1))]])
-        _check_finite(loop, whole, d)
-        _, (scale, _) = matrix_balance(whole, permute=False, separate=True)
-        ratio = np.asarray(scale[:-1] / scale[-1], dtype=np.float64)
-        out = a * ratio / ratio[:, None], b / ratio[:, None], c * ratio, d
-    _check_finite(loop, *out)
-    return out
+        parts = realise_fraction(top, bottom)
+    _check_finite(loop, *parts)
+    return parts
+
+
+def realise_fraction(top: Array, bottom: Array) -> tuple[Array, Array, Array, Array]:
+    """A, B, C, D of a proper transfer function with its states scaled alike; the companion form
+    alone of a delay has entries as large as the delay to the power -6.
+
+    What double precision cannot compute is NaN.
+    """
+    if bottom.size == 1:
+        gain = np.full((1, 1), (top.sum() / bottom)[0])
+        return np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), gain
+    a, b, c, d = _companion(top, bottom)
+    whole = np.block([[a, b], [c, np.zeros((1, 1))]])
+    if not np.all(np.isfinite(whole)):
+        return a, b, c, np.full((1, 1), np.nan)
+    _, (scale, _) = matrix_balance(whole, permute=False, separate=True)
+    ratio = np.asarray(scale[:-1] / scale[-1], dtype=np.float64)
+    return a * ratio / ratio[:, None], b / ratio[:, None], c * ratio, d

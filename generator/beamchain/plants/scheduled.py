@@ -71,6 +71,11 @@ class ScheduledPlant:
         return self.plants[number]
 
     @property
+    def labels(self) -> tuple[str, ...]:
+        """What the poses are called, in degrees."""
+        return tuple(f"{self.joint} {angle:g}°" for angle in np.degrees(self.angles))
+
+    @property
     def modes(self) -> tuple[str, ...]:
         """Names of the flexible modes, those at the first angle."""
         return self.plants[0].modes

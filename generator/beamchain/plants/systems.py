@@ -38,16 +38,15 @@ def close_loop(
     system: System, controller: System, rows: Sequence[int], columns: Sequence[int]
 ) -> System:
     """A system with a controller from its outputs `rows` to its inputs `columns`, negative
-    feedback; all signals stay."""
+    feedback; all signals stay, the controller's behind its own."""
     a, b, c, d = (
         np.asarray(block_diag(p, q), dtype=np.float64)
         for p, q in zip(system, controller, strict=True)
     )
     outputs, inputs = system[3].shape
-    loops = np.arange(len(rows))
     gain = np.zeros(d.T.shape)
-    gain[inputs + loops, rows] = 1.0
-    gain[columns, outputs + loops] = -1.0
+    gain[inputs + np.arange(len(rows)), rows] = 1.0
+    gain[columns, outputs + np.arange(len(columns))] = -1.0
     return close_feedback((a, b, c, d), gain)
 
 
@@ -60,14 +59,25 @@ def taking_part(
     return np.flatnonzero(driven & seen).tolist()
 
 
-def picked(system: System, outputs: list[int], inputs: list[int]) -> System:
-    """Some of the signals, and the states that link them."""
-    a, b, c, d = system
-    b, c, d = b[:, inputs], c[outputs], d[np.ix_(outputs, inputs)]
+def linking(system: System) -> list[int]:
+    """The states that link an input of a system to an output."""
+    a, b, c, _ = system
     link = np.abs(a) > LINKED * np.abs(a).max(axis=1, initial=1e-300)[:, None]
     driven = (np.abs(b) > UNSEEN * np.abs(b).max(axis=0, initial=1e-300)).any(axis=1)
     seen = (np.abs(c) > UNSEEN * np.abs(c).max(axis=1, initial=1e-300)[:, None]).any(axis=0)
-    keep = taking_part(link, driven, seen)
+    return taking_part(link, driven, seen)
+
+
+def picked(system: System, outputs: list[int], inputs: list[int]) -> System:
+    """Some of the signals, and the states that link them."""
+    a, b, c, d = system
+    some = a, b[:, inputs], c[outputs], d[np.ix_(outputs, inputs)]
+    return with_states(some, linking(some))
+
+
+def with_states(system: System, keep: list[int]) -> System:
+    """Only some of the states."""
+    a, b, c, d = system
     return a[np.ix_(keep, keep)], b[keep], c[:, keep], d
 
 

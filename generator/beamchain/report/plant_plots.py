@@ -27,7 +27,7 @@ from beamchain.report.plots import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from beamchain.plants.loops import Margins
+    from beamchain.plants.margins import LoopMargins
     from beamchain.plants.realisation import Plant
     from beamchain.plants.scheduled import ScheduledPlant
     from beamchain.plants.uncertain_plant import WorstCase
@@ -212,7 +212,7 @@ def poles_figure(plants: "Sequence[Plant]") -> Figure:
 
 
 @drawing()
-def nichols_figure(loops: "Sequence[Margins]") -> Figure:
+def nichols_figure(loops: "Sequence[LoopMargins]") -> Figure:
     """Open loops in the Nichols plane."""
     figure, ax = panel(4.2)
     for loop in loops:

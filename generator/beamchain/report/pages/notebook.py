@@ -10,12 +10,14 @@ from beamchain.report.formats import number, relative, step_text, typeset
 from beamchain.report.table import Table
 from beamchain.report.tables.embed import coupled_table
 from beamchain.report.tables.fit import matched_modes, mode_table
+from beamchain.report.tables.plant import margin_table
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from beamchain.craft.embedded import Embedded
     from beamchain.fitting.result import Fit
+    from beamchain.plants.margins import Margins
 
 
 def fit_text(fit: "Fit") -> str:
@@ -60,6 +62,11 @@ def embedded_html(embedded: "Embedded") -> str:
     notes = [embedded.headline, embedded.assembly.worst_told]
     notes += [f"note: {text}" for text in embedded.warnings]
     return table_html(coupled_table(embedded.assembly), notes, title=", ".join(places))
+
+
+def margins_html(margins: "Margins") -> str:
+    """The margins, and what lies above the modes kept."""
+    return table_html(margin_table([margins]), margins.beyond)
 
 
 def table_html(table: Table, notes: "Iterable[str]" = (), title: str = "") -> str:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from beamchain.plants.loops import Margins, margin_warnings
+from beamchain.plants.margins import Margins, margin_warnings
 from beamchain.plants.realisation import Plant
 from beamchain.plants.uncertain_plant import WorstCase
 from beamchain.report import plant_plots
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 def plant_report(
     found: "Plant | ScheduledPlant",
-    of_loops: Sequence[Sequence[Margins]],
+    of_loops: Sequence[Margins],
     name: str,
     worst: Sequence[WorstCase] = (),
 ) -> str:
@@ -29,9 +29,9 @@ def plant_report(
         "singular": plant_plots.singular_figure(plants),
     }
     figures["poles"] = plant_plots.poles_figure(plants)
-    if of_loops and of_loops[0]:
+    if of_loops:
         figures["nichols"] = plant_plots.nichols_figure(
-            [one for several in of_loops for one in several]
+            [loop for margins in of_loops for loop in margins.loops]
         )
     if not isinstance(found, Plant):
         figures["angles"] = plant_plots.scheduled_figure(found)
@@ -56,21 +56,20 @@ def plant_report(
     )
 
 
-def _verdict(
-    plant: Plant, of_loops: Sequence[Sequence[Margins]], of_samples: Sequence[WorstCase]
-) -> Verdict:
-    every = [one for several in of_loops for one in several]
+def _verdict(plant: Plant, of_loops: Sequence[Margins], of_samples: Sequence[WorstCase]) -> Verdict:
     size = f"{plant.nstates} states, {len(plant.modes)} flexible modes"
-    if not every:
+    if not of_loops:
         return Verdict(True, f"{size}; no controller was given.")
-    if not all(one.stable for one in every):
-        return Verdict(False, f"{size}; the closed loop is unstable.")
+    if unstable := [margins for margins in of_loops if not margins.stable]:
+        why = " ".join(one.sentence for one in unstable[0].instabilities)
+        return Verdict(False, f"{size}; the closed loop is unstable. {why}".strip())
     if not all(one.stable for one in of_samples):
         return Verdict(
             False,
             f"{size}; the closed loop is unstable for some values of the uncertain quantities.",
         )
-    worst = min(every, key=lambda one: one.disk)
+    every = [loop for margins in of_loops for loop in margins.loops]
+    worst = min(every, key=lambda loop: loop.disk)
     return Verdict(
         True,
         f"{size}; every closed loop is stable, least disk margin {worst.disk:.3g} "

@@ -1,14 +1,14 @@
 """The tables of a plant: signals, modes and their gains, margins, the worst case."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from beamchain.report.formats import digits, number
 from beamchain.report.table import Column, Table
 
 if TYPE_CHECKING:
-    from beamchain.plants.loops import Margins
+    from beamchain.plants.margins import Margins
     from beamchain.plants.realisation import Plant
     from beamchain.plants.uncertain_plant import WorstCase
 
@@ -59,29 +59,21 @@ def margin_text(value: float) -> str:
     return "-" if math.isnan(value) else f"{value:.4g}"
 
 
-def margin_table(margins_by_plant: "Sequence[Sequence[Margins]]") -> Table:
-    """Margins at every input that a loop drives, plant by plant."""
-    names: list[str] = []
-    states: list[str] = []
-    kinds: list[str] = []
-    values: list[float] = []
-    frequencies: list[float | None] = []
-    for number_of_plant, margins in enumerate(margins_by_plant, 1):
-        prefix = f"{number_of_plant}: " if len(margins_by_plant) > 1 else ""
-        for margin in margins:
-            rows = (
-                ("gain, factor", margin.gain, margin.gain_frequency),
-                ("gain down to, factor", margin.lowest_gain, None),
-                ("phase, degrees", margin.phase, margin.phase_frequency),
-                ("delay, s", margin.delay, None),
-                ("disk", margin.disk, margin.disk_frequency),
-            )
-            blank = [""] * (len(rows) - 1)
-            names += [f"{prefix}{margin.name}", *blank]
-            states += ["stable" if margin.stable else "UNSTABLE", *blank]
-            kinds += [kind for kind, _, _ in rows]
-            values += [value for _, value, _ in rows]
-            frequencies += [frequency for _, _, frequency in rows]
+def margin_table(several: "Sequence[Margins]") -> Table:
+    """Margins at every input that a loop drives and of all at once, plant by plant; why a closed
+    loop is unstable in its notes."""
+    rows: list[tuple[str, str, str, float, float | None]] = []
+    notes: list[str] = []
+    for count, margins in enumerate(several, 1):
+        pose = margins.pose or str(count)
+        prefix = f"{pose}: " if len(several) > 1 else ""
+        for name, state, figures in _margin_groups(margins):
+            heads = [(f"{prefix}{name}", state)] + [("", "")] * (len(figures) - 1)
+            rows += [(*head, *figure) for head, figure in zip(heads, figures, strict=True)]
+        notes += [f"{prefix}{one.sentence}" for one in margins.instabilities]
+    if any(margins.timestep for margins in several):
+        notes.append("Sampled: all figures hold at the samples, up to pi/T.")
+    names, states, kinds, values, frequencies = ([row[k] for row in rows] for k in range(5))
     columns = (
         Column("input broken", names),
         Column("closed loop", states),
@@ -89,7 +81,31 @@ def margin_table(margins_by_plant: "Sequence[Sequence[Margins]]") -> Table:
         Column("value", values, format=margin_text),
         Column("at", frequencies, "rad/s", margin_text),
     )
-    return Table("Margins, the other loops closed", columns)
+    return Table("Margins, the other loops closed", columns, tuple(notes))
+
+
+_Figure = tuple[str, float, float | None]
+
+
+def _margin_groups(margins: "Margins") -> Iterator[tuple[str, str, list[_Figure]]]:
+    """What is broken, the state of its loop, and the figures: of every input, and of all."""
+    for loop in margins.loops:
+        state = "stable" if loop.stable else "UNSTABLE" if loop.causes else "unstable by others"
+        figures: list[_Figure] = [
+            ("gain, dB", loop.gain_db, loop.gain_frequency),
+            ("gain down to, dB", loop.lowest_gain_db, loop.lowest_gain_frequency),
+            ("phase, degrees", loop.phase, loop.phase_frequency),
+            ("delay, s", loop.delay, None),
+            ("modulus", loop.modulus, loop.modulus_frequency),
+            ("disk", loop.disk, loop.disk_frequency),
+        ]
+        yield loop.name, state, figures
+    figures = [
+        ("disk", *margins.all_at_once),
+        ("peak of S", *margins.peak_sensitivity),
+        ("peak of T", *margins.peak_complementary),
+    ]
+    yield "all inputs at once", "stable" if margins.stable else "UNSTABLE", figures
 
 
 def _gain_text(value: float) -> str:

@@ -1,0 +1,283 @@
+"""A plant and a controller closed: open loops with exact dead times, poles, a grid that resolves
+them, and the count of unstable poles by Nyquist's criterion."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import control
+import numpy as np
+
+from beamchain.checks import of_type
+from beamchain.errors import InputError
+from beamchain.plants.controllers import ORDER
+from beamchain.plants.feedback import Feedback, Given, Signals, feedback
+from beamchain.plants.realisation import Plant
+from beamchain.plants.sampling import sampled
+from beamchain.plants.systems import Complex, System, close_loop, linking, response, with_states
+from beamchain.ports.motions import Array
+
+GROWS = 1e-9  # growth of a pole relative to the fastest one, below which it is rounding
+# size of a pole relative to the fastest one, below which it is at zero: what rounding, 1e-16,
+# makes of a double integrator
+AT_REST = 1e-7
+ORDERS = (ORDER, 8, 10, 12)  # of Pade approximations, until the number of unstable poles is right
+NEAR = np.sinh(np.linspace(-6.0, 6.0, 62))  # half widths of a resonance, at which it is looked at
+PER_DECADE = 400  # frequencies
+ALGEBRAIC = 1e-12  # relative, of an algebraic loop that is singular
+BESIDE = 1e-6  # rad beside the imaginary axis, where Nyquist's criterion counts
+TURN = 0.4  # rad between neighbouring points of the count
+ROUNDS = 40  # of points put between
+
+
+class Names(NamedTuple):
+    """How a plant calls its signals, states and modes."""
+
+    signals: Signals
+    states: tuple[str, ...]
+    modes: tuple[str, ...]
+
+
+def names_of(plant: control.StateSpace) -> Names:
+    """Those of `bc.plant`, or python-control's labels."""
+    inputs, outputs = list(plant.input_labels), list(plant.output_labels)
+    if isinstance(plant, Plant):
+        own = Signals(list(plant.input_names), list(plant.output_names), inputs, outputs)
+        return Names(own, plant.state_names, plant.modes)
+    return Names(Signals(inputs, outputs, inputs, outputs), tuple(plant.state_labels), ())
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedLoop:
+    """`u = -K G u` at the inputs that a controller drives.
+
+    Args:
+        plant: A, B, C, D from these inputs to the outputs it measures, at its samples.
+        controller: A, B, C, D of K, dead times as Pade approximations.
+        fed: K.
+        inputs: names of the inputs.
+        measured: names of the outputs that each is fed from.
+        states: names of the states of the plant.
+        modes: names of its modes.
+        step: [s] of the samples; 0: continuous.
+        count: of unstable poles by Nyquist's criterion, dead times exact; None: not counted.
+    """
+
+    plant: System
+    controller: System
+    fed: Feedback
+    inputs: tuple[str, ...]
+    measured: tuple[tuple[str, ...], ...]
+    states: tuple[str, ...]
+    modes: tuple[str, ...]
+    step: float
+    count: int | None = None
+
+    def closed(self, gain: float, loops: Array) -> Array:
+        """The matrix of the closed loop with the gains of all loops times `gain`, and those of
+        each input times 0 or 1."""
+        a, b, c, d = self.controller
+        # K = g C (s - A)^-1 B + g D, in equal parts on B and C: without gain nothing is coupled
+        root = np.sqrt(gain)
+        scaled = a, root * b, root * loops[:, None] * c, gain * loops[:, None] * d
+        every = [list(range(count)) for count in self.plant[3].shape]
+        return close_loop(self.plant, scaled, *every)[0]
+
+    @cached_property
+    def eigenvalues(self) -> Complex:
+        """`(n,)` poles s, or z, of the closed loop."""
+        matrix = self.closed(1.0, np.ones(len(self.inputs)))
+        return np.linalg.eigvals(matrix).astype(np.complex128)
+
+    def to_s(self, poles: Complex) -> Complex:
+        """Poles s of poles s, or z; dead-beat ones, at z = 0, are very fast."""
+        if not self.step:
+            return poles
+        size = np.maximum(np.abs(poles), 1e-300)
+        return (np.log(size) + 1j * np.angle(poles)) / self.step
+
+    def to_point(self, omega: Array) -> Complex:
+        """`(k,)` s, or z, at frequencies `(k,)` [rad/s]."""
+        return np.exp(1j * omega * self.step) if self.step else (1j * omega).astype(np.complex128)
+
+    @cached_property
+    def top(self) -> float:
+        """Size of the fastest pole [rad/s]."""
+        size = np.abs(self.to_s(self.eigenvalues))
+        size = size[size > 0.0]
+        if self.step:
+            return np.pi / self.step
+        return float(size.max(initial=1e-300))
+
+    def growth(self, poles: Complex) -> Array:
+        """`(k,)` growth [1/s] of poles s, or z; above zero: unstable. Those at rest do not grow."""
+        s = self.to_s(poles)
+        growth = s.real - GROWS * self.top
+        return np.where(np.abs(s) < AT_REST * self.top, -GROWS * self.top, growth)
+
+    @cached_property
+    def growing(self) -> Complex:
+        """Unstable poles s, or z."""
+        return self.eigenvalues[self.growth(self.eigenvalues) > 0.0]
+
+    @property
+    def stable(self) -> bool:
+        """Whether no pole grows; where dead times were counted exactly, that counts."""
+        return self.growing.size == 0 if self.count is None else self.count == 0
+
+    def open_loop(self, omega: Array) -> Complex:
+        """`(k, inputs, inputs)` K G at frequencies [rad/s]."""
+        return self.open_loop_at(self.to_point(omega))
+
+    def open_loop_at(self, point: Complex) -> Complex:
+        """`(k, inputs, inputs)` K G at s, or z."""
+        return self.fed.response(point) @ response(self.plant, point)
+
+    @cached_property
+    def open_poles(self) -> Complex:
+        """Poles s of plant and controller."""
+        both = [np.linalg.eigvals(part[0]) for part in (self.plant, self.controller)]
+        return self.to_s(np.concatenate(both).astype(np.complex128))
+
+    @cached_property
+    def omega(self) -> Array:
+        """`(k,)` frequencies that resolve open and closed loop [rad/s]; of a sampled one up to
+        pi/T."""
+        poles = np.concatenate([self.to_s(self.eigenvalues), self.open_poles])
+        limit = np.pi / self.step if self.step else np.inf
+        size = np.abs(poles)
+        seen = (size > AT_REST * min(float(size.max(initial=0.0)), limit)) & (size < 1e3 * limit)
+        poles = poles[seen & (poles.imag >= 0.0)]
+        if not poles.size:
+            poles = np.ones(1, dtype=np.complex128)
+        size = np.abs(poles)
+        ratio = np.clip(np.abs(poles.real) / size, 1e-6, 0.02)
+        fine = size[:, None] * (1.0 + ratio[:, None] * NEAR)
+        low, high = 0.01 * min(float(size.min()), limit), min(10.0 * float(size.max()), limit)
+        decades = np.log10(high / low)
+        wide = np.geomspace(low, high, int(PER_DECADE * decades) + 2)
+        wide[-1] = high
+        grid = np.unique(np.concatenate([fine.ravel(), wide]))
+        return grid[(grid >= low) & (grid <= high)]
+
+
+def close(plant: control.StateSpace, controller: Given) -> ClosedLoop:
+    """A controller closed around a plant.
+
+    Raises:
+        InputError: they do not fit each other.
+    """
+    of_type("plant", plant, control.StateSpace, "what bc.plant returns, or a control.StateSpace")
+    names = names_of(plant)
+    fed = feedback(controller, names.signals)
+    plant_step = _plant_step(plant)
+    step = plant_step if fed.step is None else fed.step
+    if plant_step and not step:
+        raise InputError(
+            f"controller: it is continuous, the plant sampled at {plant_step:g} s; sample the "
+            f"controller, control.c2d(system, {plant_step:g}), or leave discrete out of the plant "
+            "(dead times are then exact)."
+        )
+    a, b, c, d = (np.asarray(getattr(plant, name), dtype=np.float64) for name in "ABCD")
+    if not all(np.all(np.isfinite(part)) for part in (a, b, c, d)):
+        raise InputError("plant: A, B, C or D holds a number that is not finite.")
+    system = a, b[:, fed.columns], c[fed.rows], d[np.ix_(fed.rows, fed.columns)]
+    keep = linking(system)
+    system = sampled(with_states(system, keep), plant_step, step)
+    loops = fed.realise(ORDER)
+    _check_algebraic(system, loops)
+    closed = ClosedLoop(
+        plant=system,
+        controller=loops,
+        fed=fed,
+        inputs=tuple(names.signals.inputs[i] for i in fed.columns),
+        measured=tuple(
+            tuple(names.signals.outputs[i] for i in some) for some in fed.measured(loops)
+        ),
+        states=tuple(names.states[i] for i in keep),
+        modes=names.modes,
+        step=step,
+    )
+    return _counted(closed) if fed.delayed else closed
+
+
+def _plant_step(plant: control.StateSpace) -> float:
+    """Step of a plant [s]; 0: continuous."""
+    step: float | bool | None = plant.dt  # pyright: ignore[reportUnknownMemberType]
+    if step is True:
+        raise InputError("plant: it does not say its step (dt = True); give it in seconds.")
+    return float(step or 0.0)
+
+
+def _check_algebraic(plant: System, controller: System) -> None:
+    """Refuse loops that no time passes in, and that have no solution."""
+    through = np.eye(plant[3].shape[1]) + controller[3] @ plant[3]
+    least = float(np.linalg.svd(through, compute_uv=False).min(initial=np.inf))
+    if not least > ALGEBRAIC * max(1.0, float(np.abs(through).max(initial=0.0))):
+        raise InputError(
+            "controller: with the direct part of the plant it makes an algebraic loop that has no "
+            "solution, 1 + K G = 0 at infinite frequency; give the controller a pole or a delay."
+        )
+
+
+def _counted(closed: ClosedLoop) -> ClosedLoop:
+    """The same with a Pade approximation that has as many unstable poles as the dead times
+    themselves, if there is one."""
+    count = unstable_count(closed)
+    if count is None:
+        return closed
+    for order in ORDERS:
+        better = replace(closed, controller=closed.fed.realise(order), count=count)
+        if better.growing.size == count:
+            return better
+    return replace(closed, count=count)
+
+
+def unstable_count(closed: ClosedLoop) -> int | None:
+    """Poles that grow of a continuous closed loop, dead times exact, by the turns of
+    `det(1 + K G)` along a ray just right of the imaginary axis; None: it does not end at rest.
+
+    The half turns of the determinant along the ray are those of the open loop's unstable poles less
+    those of the closed loop's.
+    """
+    low, high = 1e-3 * float(closed.omega[0]), float(closed.omega[-1])
+
+    def size(omega: float) -> float:
+        return float(np.linalg.norm(closed.open_loop(np.array([omega]))[0], 2))
+
+    for _ in range(4):
+        if size(high) > 0.2:
+            high *= 10.0
+    if size(high) > 0.2:
+        return None
+    arc = np.linspace(0.0, np.pi / 2.0 - BESIDE, 60)
+    ray = np.concatenate([closed.omega, np.geomspace(low, high, 2000)])
+    ray = np.unique(ray[(ray > low) & (ray <= high)])
+    path = np.concatenate([low * np.exp(1j * arc), ray * np.exp(1j * arc[-1])])
+    turned = _turn(lambda s: _determinant(closed, s), path.astype(np.complex128))
+    poles = np.concatenate(
+        [np.linalg.eigvals(closed.plant[0]), np.linalg.eigvals(closed.fed.realise(0)[0])]
+    )
+    right = (np.abs(np.angle(poles)) < np.pi / 2.0 - BESIDE) & (np.abs(poles) > low)
+    found = int(np.sum(right)) - turned / np.pi
+    count = round(found)
+    return count if abs(found - count) < 0.2 and count >= 0 else None
+
+
+def _determinant(closed: ClosedLoop, s: Complex) -> Complex:
+    loop = closed.open_loop_at(s)
+    return np.asarray(np.linalg.det(np.eye(loop.shape[1]) + loop), dtype=np.complex128)
+
+
+def _turn(function: Callable[[Complex], Complex], path: Complex) -> float:
+    """Angle [rad] by which a function turns along a path, points put between where it turns far."""
+    values = function(path)
+    for _ in range(ROUNDS):
+        far = np.flatnonzero(np.abs(np.angle(values[1:] / values[:-1])) > TURN)
+        if not far.size:
+            break
+        between = (path[far] + path[far + 1]) / 2.0
+        path = np.insert(path, far + 1, between)
+        values = np.insert(values, far + 1, function(between))
+    return float(np.sum(np.angle(values[1:] / values[:-1])))

@@ -1,0 +1,469 @@
+"""Margins of a controller on a plant: at every input with the other loops closed, of all loops at
+once, and why a closed loop is unstable."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple, overload
+
+import control
+import numpy as np
+from scipy.optimize import brentq, minimize_scalar
+
+from beamchain import report
+from beamchain.engine.library import one_thread
+from beamchain.plants.blame import instabilities
+from beamchain.plants.closed_loop import ClosedLoop, close
+from beamchain.plants.controllers import Response
+from beamchain.plants.feedback import Given
+from beamchain.plants.instability import Instability
+from beamchain.plants.realisation import Plant
+from beamchain.plants.scheduled import ScheduledPlant
+from beamchain.plants.structured import balanced_bounds, bound
+from beamchain.plants.systems import Complex
+from beamchain.ports.motions import Array, locked
+from beamchain.steps.modal import FILLER
+
+POLISHED = 4  # maxima on the grid that are polished
+AT_ZERO = 1e-6  # of the lowest frequency, at which the response at rest is taken
+REAL = 1e-4  # imaginary by real part of a response that is real at rest
+NO = float("nan")
+
+
+class Extremum(NamedTuple):
+    """A figure that is the least, or the largest, over all frequencies, and where [rad/s]."""
+
+    value: float
+    frequency: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LoopMargins:
+    """Margins at an input of the plant, the loops of all others closed;
+    infinite where there is no limit.
+
+    Of an unstable closed loop they are not defined: NaN.
+
+    Args:
+        input, outputs: the input that is broken, and what its loops measure.
+        stable: whether the closed loop is stable, all loops together.
+        causes: whether, of an unstable one, this loop is to blame (`Instability.causes`).
+        gain: factor by which the gain may rise, and `gain_frequency` at which the loop
+            then rings [rad/s].
+        lowest_gain: factor below one to which it may fall, and `lowest_gain_frequency`; 0 where it
+            may vanish.
+        phase: [degrees], at `phase_frequency` [rad/s].
+        delay: further dead time that the loop bears [s].
+        modulus: modulus margin, the least `|1 + L|`, at `modulus_frequency` [rad/s].
+        disk: disk margin (balanced, skew 0) at `disk_frequency` [rad/s]:
+            gain and phase may change together by it, the gain up to `(2 + disk)/(2 - disk)`.
+        omega, response: `(k,)` [rad/s] and the open loop's response.
+    """
+
+    input: str
+    outputs: tuple[str, ...]
+    stable: bool
+    causes: bool
+    gain: float
+    gain_frequency: float
+    lowest_gain: float
+    lowest_gain_frequency: float
+    phase: float
+    phase_frequency: float
+    delay: float
+    modulus: float
+    modulus_frequency: float
+    disk: float
+    disk_frequency: float
+    omega: Array
+    response: Response
+
+    def __repr__(self) -> str:
+        state = "stable" if self.stable else "unstable"
+        return (
+            f"<LoopMargins of {self.name}, {state}: gain {self.gain_db:.4g} dB, phase "
+            f"{self.phase:.4g} degrees, delay {self.delay:.4g} s, disk {self.disk:.4g}>"
+        )
+
+    @property
+    def name(self) -> str:
+        """Input and what its loops measure."""
+        return f"{self.input} from {' + '.join(self.outputs)}"
+
+    @property
+    def gain_db(self) -> float:
+        """`gain` [dB]."""
+        return _decibels(self.gain)
+
+    @property
+    def lowest_gain_db(self) -> float:
+        """`lowest_gain` [dB]; minus infinity where it may vanish."""
+        return _decibels(self.lowest_gain)
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON, without the curve; None where there is no limit."""
+        figures = (
+            "gain",
+            "gain_db",
+            "gain_frequency",
+            "lowest_gain",
+            "lowest_gain_db",
+            "lowest_gain_frequency",
+            "phase",
+            "phase_frequency",
+            "delay",
+            "modulus",
+            "modulus_frequency",
+            "disk",
+            "disk_frequency",
+        )
+        return {
+            "input": self.input,
+            "output": " + ".join(self.outputs),
+            "stable": self.stable,
+            "causes": self.causes,
+            **{key: _finite(getattr(self, key)) for key in figures},
+        }
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Margins:
+    """Margins of a closed loop; of an unstable one all figures are NaN.
+
+    Args:
+        loops: at every input that the controller drives, the loops of the others closed.
+        stable: whether the closed loop is stable.
+        all_at_once: disk margin of all inputs at once, each by a gain and phase of its own: the
+            loop stays stable for all factors `(1 + d)/(1 - d)`, `|d|` below half of it. From an
+            upper bound of mu of `(S - T)/2`, which is mu itself for up to three inputs.
+        peak_sensitivity, peak_complementary: largest singular values of S and T at the inputs.
+        poles: `(n,)` of the closed loop [rad/s], dead times as Pade approximations; of a sampled
+            one `log(z)/T`, those at z = 0 left out.
+        instabilities: why it is unstable; empty where it is stable.
+        timestep: [s] of the samples at which all of it holds; 0: continuous.
+        pose: label of the pose; empty of a single plant.
+        beyond: sentences on figures above the highest mode kept.
+        omega, sensitivity, complementary: `(k,)` [rad/s] and largest singular values of S and T.
+
+    Example:
+        >>> import beamchain as bc, control
+        >>> plant = control.ss(control.tf([1.0], [1.0, 1.0, 0.0]))
+        >>> found = bc.margins(plant, control.tf([2.0], [0.1, 1.0]))
+        >>> found.stable, round(found.loops[0].gain, 3), round(found.loops[0].phase, 1)
+        (True, 5.5, 31.8)
+        >>> bool(found.all_at_once.value <= found.loops[0].modulus * 2.0)
+        True
+    """
+
+    loops: tuple[LoopMargins, ...]
+    stable: bool
+    all_at_once: Extremum
+    peak_sensitivity: Extremum
+    peak_complementary: Extremum
+    poles: Complex
+    instabilities: tuple[Instability, ...]
+    timestep: float
+    pose: str
+    beyond: tuple[str, ...]
+    omega: Array
+    sensitivity: Array
+    complementary: Array
+
+    def __repr__(self) -> str:
+        when = f", sampled at {self.timestep:g} s" if self.timestep else ""
+        what = "; ".join(
+            [repr(loop)[1:-1] for loop in self.loops]
+            if self.stable
+            else [one.sentence for one in self.instabilities]
+        )
+        return f"<Margins{f' at {self.pose}' if self.pose else ''}{when}: {what or 'UNSTABLE'}>"
+
+    @property
+    def table(self) -> "report.Table":
+        """All figures, gains in dB."""
+        return report.margin_table([self])
+
+    def _repr_html_(self) -> str:
+        return report.margins_html(self)
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON, without curves; None where there is no limit."""
+        extrema = {
+            key: {name: _finite(value) for name, value in getattr(self, key)._asdict().items()}
+            for key in ("all_at_once", "peak_sensitivity", "peak_complementary")
+        }
+        return {
+            "pose": self.pose,
+            "stable": self.stable,
+            "timestep": self.timestep,
+            **extrema,
+            "poles": [[pole.real, pole.imag] for pole in self.poles.tolist()],
+            "instabilities": [one.as_dict() for one in self.instabilities],
+            "loops": [loop.as_dict() for loop in self.loops],
+        }
+
+
+@overload
+def margins(plant: ScheduledPlant, controller: Given) -> tuple[Margins, ...]: ...
+@overload
+def margins(plant: control.StateSpace, controller: Given) -> Margins: ...
+@one_thread()
+def margins(
+    plant: control.StateSpace | ScheduledPlant, controller: Given
+) -> Margins | tuple[Margins, ...]:
+    """Margins of a controller on a plant, `input = -K output`: gain, phase, delay, modulus and disk
+    margin at every input that it drives with the other loops closed, the disk margin of all inputs
+    at once, peaks of sensitivities, and why the closed loop is unstable.
+
+    All is at the inputs of the plant: `L = K G`, `S = 1/(1 + L)`, `T = 1 - S`. With the other loops
+    closed, the open loop at input i is `1/S_ii - 1`. Figures are the least (or largest) over all
+    frequencies, on a grid that resolves the poles of open and closed loop, and polished.
+
+    Dead times of a file are exact in all figures. Poles are those of a Pade approximation of order
+    6, or of a higher one that has as many unstable poles as Nyquist's criterion counts.
+
+    A sampled controller sees the plant at its samples and holds its inputs between them: a
+    continuous plant is sampled exactly; a plant of `discrete=h` at a multiple of h as well. All is
+    then said at the samples, at frequencies up to pi/T.
+
+    Args:
+        plant: of `bc.plant`, or any `control.StateSpace`; of several poses one result each.
+        controller: a TOML file of loops or what it holds (`bc.Controller`); a TransferFunction or
+            StateSpace of python-control, whose inputs are outputs of the plant and whose outputs
+            are inputs of it, by their labels (points as `_`), else in order where the sizes agree;
+            or `{(input, output): system}`, single systems or numbers, which add up at an input.
+            One with `dt=True` is refused, one without states fits any step.
+
+    Raises:
+        InputError: the controller names no signal of the plant, has other sizes, is improper or not
+            finite, makes an algebraic loop, is continuous on a sampled plant, or sampled at several
+            rates or at one that is no multiple of the plant's.
+
+    Example:
+        >>> import beamchain as bc, control
+        >>> craft = '''<mujoco><worldbody><body name="bus"><freejoint/>
+        ... <inertial pos="0 0 0" mass="300" diaginertia="90 90 90"/>
+        ... <site name="mount" pos="0.5 0 0"/></body></worldbody></mujoco>'''
+        >>> section = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
+        >>> spec = bc.Spec(segment=(bc.Segment(length=8.0, section=section),))
+        >>> plant = bc.plant(bc.embed(craft, {"mount": spec}), inputs=["torque:bus"])
+        >>> controller = {("torque_z", "attitude_z"): control.tf([200.0, 20.0], [0.1, 1.0])}
+        >>> bc.margins(plant, controller).stable
+        True
+    """
+    if isinstance(plant, ScheduledPlant):
+        pairs = zip(plant.plants, plant.labels, strict=True)
+        return tuple(_margins(one, controller, label) for one, label in pairs)
+    return _margins(plant, controller, "")
+
+
+def _margins(plant: control.StateSpace, controller: Given, pose: str) -> Margins:
+    closed = close(plant, controller)
+    omega = closed.omega
+    loop = closed.open_loop(omega)
+    eye = np.eye(len(closed.inputs))
+    sensitivity = np.asarray(np.linalg.inv(eye + loop), dtype=np.complex128)
+    causes = instabilities(closed) if not closed.stable else ()
+    blamed = {name for one in causes for name in one.causes}
+    loops = tuple(
+        _loop_margins(closed, i, 1.0 / sensitivity[:, i, i] - 1.0, not blamed or name in blamed)
+        for i, name in enumerate(closed.inputs)
+    )
+    at_all, peak_s, peak_t = _of_all(closed, sensitivity)
+    poles = closed.to_s(closed.eigenvalues)
+    limit = 1e3 * np.pi / closed.step if closed.step else np.inf
+    poles = poles[np.abs(poles) < limit]
+    return Margins(
+        loops=loops,
+        stable=closed.stable,
+        all_at_once=at_all,
+        peak_sensitivity=peak_s,
+        peak_complementary=peak_t,
+        poles=poles,
+        instabilities=causes,
+        timestep=closed.step,
+        pose=pose,
+        beyond=tuple(_beyond(plant, loops)),
+        omega=locked(omega),
+        sensitivity=locked(_largest(sensitivity)),
+        complementary=locked(_largest(eye - sensitivity)),
+    )
+
+
+def margin_warnings(plants: Sequence[Plant], found: Sequence[Margins]) -> list[str]:
+    """Warnings of the first plant, and what to say of the margins of each;
+    there are none without a controller."""
+    far = (said for one in found for said in one.beyond)
+    return [*plants[0].warnings, *dict.fromkeys(far)]
+
+
+def _beyond(plant: control.StateSpace, found: Sequence[LoopMargins]) -> list[str]:
+    """What to say of margins at frequencies that the plant's kept modes do not reach."""
+    if not isinstance(plant, Plant):
+        return []
+    top = max(
+        (
+            w
+            for name, w in zip(plant.modes, plant.frequency, strict=True)
+            if not FILLER.search(name)
+        ),
+        default=np.inf,
+    )
+    out: list[str] = []
+    for one in found:
+        at = {
+            "gain": one.gain_frequency,
+            "phase": one.phase_frequency,
+            "modulus": one.modulus_frequency,
+            "disk": one.disk_frequency,
+        }
+        far = [
+            f"{what} margin (at {omega:.4g} rad/s)"
+            for what, omega in at.items()
+            if top < omega < np.inf
+        ]
+        if far:
+            out.append(
+                f"{one.name}: {', '.join(far)} above the highest mode kept ({top:.4g} rad/s); keep "
+                "more modes before relying on it, for example by a scene with a larger bandwidth."
+            )
+    return out
+
+
+def _of_all(closed: ClosedLoop, sensitivity: Complex) -> tuple[Extremum, Extremum, Extremum]:
+    """Disk margin of all inputs at once, and the peaks of S and T."""
+    if not closed.stable:
+        return (Extremum(NO, NO),) * 3
+    omega = closed.omega
+    eye = np.eye(len(closed.inputs))
+
+    def at(w: float) -> Complex:
+        loop = closed.open_loop(np.array([w]))[0]
+        return np.asarray(np.linalg.inv(eye + loop), dtype=np.complex128)
+
+    peak_s = _peak(omega, _largest(sensitivity), lambda w: float(np.linalg.norm(at(w), 2)))
+    peak_t = _peak(
+        omega, _largest(eye - sensitivity), lambda w: float(np.linalg.norm(eye - at(w), 2))
+    )
+    # (S - T)/2 = S - 1/2
+    middle = sensitivity - eye / 2.0
+    bounds = _refined(middle, balanced_bounds(middle))
+    mu = _peak(omega, bounds, lambda w: bound(at(w) - eye / 2.0))
+    return Extremum(1.0 / mu.value, mu.frequency), peak_s, peak_t
+
+
+def _refined(matrices: Complex, bounds: Array) -> Array:
+    """Upper bounds `(k,)` of mu, made as small as scaling makes them where that can matter for
+    the largest."""
+    out = bounds.copy()
+    top = 0.0
+    for k in np.argsort(-bounds):
+        if bounds[k] <= top:
+            break
+        out[k] = bound(matrices[k])
+        top = max(top, float(out[k]))
+    return np.minimum(out, top)
+
+
+def _largest(matrices: Complex) -> Array:
+    """`(k,)` largest singular values of matrices `(k, n, n)`."""
+    return np.asarray(np.linalg.norm(matrices, 2, axis=(1, 2)), dtype=np.float64)
+
+
+def _peak(omega: Array, values: Array, function: Callable[[float], float]) -> Extremum:
+    """The largest of values on a grid, the highest maxima polished."""
+    before = np.concatenate([[-np.inf], values[:-1]])
+    after = np.concatenate([values[1:], [-np.inf]])
+    tops = np.flatnonzero((values >= before) & (values >= after))
+    tops = tops[np.argsort(-values[tops])][:POLISHED]
+    best = Extremum(float(values[tops[0]]), float(omega[tops[0]]))
+    for k in tops:
+        low, high = float(omega[max(k - 1, 0)]), float(omega[min(k + 1, omega.size - 1)])
+        found = minimize_scalar(
+            lambda w: -function(float(w)),
+            bounds=(low, high),
+            method="bounded",
+            options={"xatol": 1e-10 * high},
+        )
+        if -float(found.fun) > best.value:
+            best = Extremum(-float(found.fun), float(found.x))
+    return best
+
+
+def _loop_margins(closed: ClosedLoop, i: int, response: Complex, causes: bool) -> LoopMargins:
+    """Margins of one open loop, on the grid of all."""
+    omega = closed.omega
+    names = closed.inputs[i], closed.measured[i], closed.stable, causes and not closed.stable
+    curve = locked(omega), response
+    if not closed.stable:
+        return LoopMargins(*names, *[NO] * 11, *curve)
+
+    def at(w: float) -> complex:
+        loop = closed.open_loop(np.array([w]))[0]
+        inverse = np.linalg.inv(np.eye(len(closed.inputs)) + loop)
+        return complex(1.0 / inverse[i, i] - 1.0)
+
+    factors = _phase_crossings(closed, omega, response, at)
+    gain = min((one for one in factors if one.value > 1.0), default=Extremum(np.inf, np.inf))
+    lowest = max((one for one in factors if one.value < 1.0), default=Extremum(0.0, np.inf))
+    crossings = _gain_crossings(omega, response, at)
+    phases = [(np.degrees(np.angle(-value)), w) for w, value in crossings]
+    phase = min(phases, key=lambda one: abs(one[0]), default=(np.inf, np.inf))
+    later = [np.radians(np.mod(angle, 360.0)) / w for angle, w in phases]
+    modulus = _peak(omega, -np.abs(1.0 + response), lambda w: -abs(1.0 + at(w)))
+    size = np.abs((1.0 - response) / (1.0 + response))
+    disk = _peak(omega, size, lambda w: abs((1.0 - at(w)) / (1.0 + at(w))))
+    figures = (
+        *gain,
+        *lowest,
+        *phase,
+        min(later, default=np.inf),
+        -modulus.value,
+        modulus.frequency,
+        2.0 / disk.value,
+        disk.frequency,
+    )
+    return LoopMargins(*names, *(float(figure) for figure in figures), *curve)
+
+
+def _phase_crossings(
+    closed: ClosedLoop, omega: Array, response: Complex, at: Callable[[float], complex]
+) -> list[Extremum]:
+    """Factors of the gain that bring an open loop to -1, and where."""
+    changes = np.flatnonzero(np.sign(response.imag[1:]) * np.sign(response.imag[:-1]) < 0.0)
+    out: list[Extremum] = []
+    for k in changes:
+        if response.real[k] >= 0.0 and response.real[k + 1] >= 0.0:
+            continue
+        w = _root(lambda w: at(w).imag, float(omega[k]), float(omega[k + 1]))
+        out.append(Extremum(-1.0 / at(w).real, w))
+    still = AT_ZERO * float(omega[0])
+    rest = at(still), at(10.0 * still)
+    if abs(rest[1].imag) < REAL * abs(rest[1]) and abs(rest[1] - rest[0]) < REAL * abs(rest[0]):
+        out.append(Extremum(-1.0 / rest[0].real, 0.0))
+    if closed.step and omega[-1] >= np.pi / closed.step:
+        out.append(Extremum(-1.0 / response[-1].real, float(omega[-1])))
+    return [one for one in out if np.isfinite(one.value) and one.value > 0.0]
+
+
+def _gain_crossings(
+    omega: Array, response: Complex, at: Callable[[float], complex]
+) -> list[tuple[float, complex]]:
+    """Frequencies at which an open loop has the size one, and its values."""
+    size = np.abs(response) - 1.0
+    changes = np.flatnonzero(np.sign(size[1:]) * np.sign(size[:-1]) < 0.0)
+    roots = [
+        _root(lambda w: abs(at(w)) - 1.0, float(omega[k]), float(omega[k + 1])) for k in changes
+    ]
+    return [(w, at(w)) for w in roots]
+
+
+def _root(function: Callable[[float], float], low: float, high: float) -> float:
+    return float(brentq(function, low, high, xtol=1e-13 * high, rtol=1e-13))
+
+
+def _decibels(factor: float) -> float:
+    return float(20.0 * np.log10(factor)) if factor != 0.0 else float("-inf")
+
+
+def _finite(value: float) -> float | None:
+    return value if np.isfinite(value) else None
