@@ -103,7 +103,11 @@ def linear_craft(
 
 
 def exact_craft(
-    embedded: Embedded, point: OperatingPoint, inputs: InputNames, outputs: OutputNames, omega: float
+    embedded: Embedded,
+    point: OperatingPoint,
+    inputs: InputNames,
+    outputs: OutputNames,
+    omega: float,
 ) -> LinearCraft:
     """The bare spacecraft with all modes of its appendages,
     at the pose and rates of a point of the whole model.

@@ -13,6 +13,7 @@ from beamchain.engine.operating_point import (
     At,
     check_pose,
     is_cyclic,
+    is_slide,
     single_joints,
     state_at,
     value_text,
@@ -38,12 +39,14 @@ class Poses(NamedTuple):
     Args:
         each: the poses.
         joints: names of the joints that the poses name or that move between them.
+        units: of their positions, `rad` or `m`.
         values: `(k, joints)` [rad, m] in every pose.
         joint: the one joint that a grid of its angles moves; None of a list of poses.
     """
 
     each: tuple[Pose, ...]
     joints: tuple[str, ...]
+    units: tuple[str, ...]
     values: Array
     joint: str | None = None
 
@@ -151,7 +154,8 @@ def _made(
         _label(model, at, qpos, i) for i, (at, qpos) in enumerate(zip(each, states, strict=True), 1)
     ]
     made = tuple(Pose(*row) for row in zip(labels, each, states, strict=True))
-    return Poses(made, tuple(moved), locked(values), joint)
+    units = tuple("m" if is_slide(model, singles[name]) else "rad" for name in moved)
+    return Poses(made, tuple(moved), units, locked(values), joint)
 
 
 def _moves(model: "mujoco.MjModel", states: list[Array], joint: int) -> bool:

@@ -292,9 +292,7 @@ def outputs_of(point: OperatingPoint, names: OutputNames) -> list[Output]:
             groups.append(_Group(name, tuple(_renamed(name, output.labels)), fixed=True))
         signals.append(output)
     labels = _told_apart("outputs", groups)
-    return [
-        replace(output, labels=those) for output, those in zip(signals, labels, strict=True)
-    ]
+    return [replace(output, labels=those) for output, those in zip(signals, labels, strict=True)]
 
 
 def allocations_of(point: OperatingPoint, names: InputNames) -> dict[str, Allocated]:
@@ -481,8 +479,8 @@ def _inverse(torque: Array, allocation: Allocation, field: str, body: str) -> Ar
         rank = int(np.linalg.matrix_rank(torque, tol=REACHED * float(np.abs(torque).max())))
         less = f', or ask for about = "{"".join(reached)}" alone' if reached else ""
         raise InputError(
-            f"{field}: its actuators give torque on {body!r} in {rank} of 3 directions, and none "
-            f"about {' and '.join(lacking)} alone; add an actuator{less}."
+            f"{field}: its actuators give torque on {body!r} in {rank} of 3 directions, and not "
+            f"about {', '.join(lacking)} alone; add an actuator{less}."
         )
     return inverse[:, [AXES.index(axis) for axis in allocation.about]]
 
@@ -498,7 +496,9 @@ def _null_directions(torque: Array, names: Sequence[str]) -> list[dict[str, floa
     directions[order[rank:]] = np.eye(len(names) - rank)
     out: list[dict[str, float]] = []
     for column in directions.T:
-        shares = column / column[int(np.argmax(np.abs(column) > (1.0 - REACHED) * max(abs(column))))]
+        shares = (
+            column / column[int(np.argmax(np.abs(column) > (1.0 - REACHED) * max(abs(column))))]
+        )
         out.append(
             {
                 name: round(float(share), DECIMALS)
@@ -516,8 +516,7 @@ def _torques(model: "mujoco.MjModel", name: str, found: Allocated) -> list[Input
     out: list[Input] = []
     for axis, column in zip(found.about, found.commands.T, strict=True):
         parts = tuple(
-            (float(share), Input(known[i], "", i))
-            for i, share in zip(numbers, column, strict=True)
+            (float(share), Input(known[i], "", i)) for i, share in zip(numbers, column, strict=True)
         )
         out.append(Input(f"{name}_{axis}", "N m", parts=parts))
     return out

@@ -169,9 +169,7 @@ def _wrench_inputs(
     return out
 
 
-def named_output(
-    point: OperatingPoint, data: "mujoco.MjData", name: str
-) -> tuple[str, Output]:
+def named_output(point: OperatingPoint, data: "mujoco.MjData", name: str) -> tuple[str, Output]:
     """The place and the output of a name, `data` at the point."""
     model = point.model
     kind, _, place = name.partition(":")
@@ -182,9 +180,7 @@ def named_output(
     if kind == "motion" and place:
         return place, _motion(data, number_of(model, "site", place, "site of outputs 'motion'"))
     cure = "Or give attitude, rate, motion:SITE."
-    return place, _sensor(
-        point, data, number_of(model, "sensor", name, "sensor of outputs", cure)
-    )
+    return place, _sensor(point, data, number_of(model, "sensor", name, "sensor of outputs", cure))
 
 
 def sensor_axes(model: "mujoco.MjModel", data: "mujoco.MjData", number: int) -> Array | None:

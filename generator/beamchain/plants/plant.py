@@ -154,7 +154,9 @@ class _Given:
             self.plant(craft, form.reduced(keep), names, said)
             for craft, form in zip(crafts, forms, strict=True)
         )
-        return ScheduledPlant(plants, poses.labels, poses.joints, poses.values, poses.joint)
+        return ScheduledPlant(
+            plants, poses.labels, poses.joints, poses.units, poses.values, poses.joint
+        )
 
     def modes_at(self, qpos: Array) -> NormalModes:
         """The normal modes at positions, without time or at the step."""

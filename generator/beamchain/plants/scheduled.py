@@ -39,6 +39,7 @@ class ScheduledPlant:
         plants: one per pose; `scheduled[i]` is one of them.
         labels: what the poses are called: joints in degrees or metres, keyframes by name.
         joints: names of the joints that the poses name or that move between them.
+        units: of their positions, `rad` or `m`.
         values: `(k, joints)` positions of these joints [rad, m].
         joint: the one joint of a grid `at={joint: [angles]}`; None of a list of poses.
 
@@ -65,6 +66,7 @@ class ScheduledPlant:
     plants: tuple[Plant, ...]
     labels: tuple[str, ...]
     joints: tuple[str, ...]
+    units: tuple[str, ...]
     values: Array
     joint: str | None = None
 
@@ -134,8 +136,8 @@ class ScheduledPlant:
         """Write all plants to one `.npz`, `.json` or `.mat`, see `Plant.write`;
         in `.mat` the pose is the last index.
 
-        `PoseLabel` are the labels, `Pose` `(k, joints)` the positions [rad, m] of `PoseJoint`; of a
-        grid there are also `Joint` and its `Angle`.
+        `PoseLabel` are the labels, `Pose` `(k, joints)` the positions of `PoseJoint`; of a grid
+        there are also `Joint` and its `Angle`.
 
         Args:
             path: its ending says the format.
@@ -145,7 +147,7 @@ class ScheduledPlant:
         record = self.plants[0].record() | dict(zip("ABCD", self.matrices(), strict=True))
         record |= {"Frequency": self.frequency, "DampingRatio": self.damping_ratio}
         record |= {"PoseLabel": list(self.labels), "Pose": self.values}
-        record |= {"PoseJoint": list(self.joints)}
+        record |= {"PoseJoint": list(self.joints), "PoseUnit": list(self.units)}
         if self.joint is not None:
             record |= {"Angle": self.angles, "Joint": self.joint}
         return write(path, record, force=force, also=also)

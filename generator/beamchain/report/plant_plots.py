@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from beamchain.ports.motions import Array
+from beamchain.report.tables.plant import grid_positions
 from beamchain.report.plots import (
     BEAM,
     OURS,
@@ -36,19 +37,20 @@ PAIRS = 4  # of inputs and outputs that a Bode plot shows
 
 
 def plot_scheduled(scheduled: "ScheduledPlant", ax: "Axes | None" = None) -> "Axes":
-    """Frequencies of the modes over a drive's angle; the larger a marker,
-    the larger the mode's gain."""
+    """Frequencies of the modes over the poses, or the positions of a grid's joint; the larger a
+    marker, the larger the mode's gain."""
     ax = panel(3.8)[1] if ax is None else ax
-    degrees = np.degrees(scheduled.angles)
+    grid = grid_positions(scheduled)
+    places = np.arange(len(scheduled), dtype=np.float64) if grid is None else grid[0]
     gain = scheduled.gain
     top = np.maximum(
         gain.max(axis=(0, 1), keepdims=True, initial=0.0), 1e-9 * gain.max(initial=0.0) + 1e-300
     )
     size = 4.0 + 60.0 * (gain / top).max(axis=(2, 3), initial=0.0)
     for k, name in enumerate(scheduled.modes):
-        ax.plot(degrees, scheduled.frequency[:, k], color=BEAM, linewidth=0.8)
-        ax.scatter(degrees, scheduled.frequency[:, k], s=size[:, k], color=OURS, linewidths=0.0)
-        end = degrees[-1], scheduled.frequency[-1, k]
+        ax.plot(places, scheduled.frequency[:, k], color=BEAM, linewidth=0.8)
+        ax.scatter(places, scheduled.frequency[:, k], s=size[:, k], color=OURS, linewidths=0.0)
+        end = places[-1], scheduled.frequency[-1, k]
         ax.annotate(
             literal(name),
             end,
@@ -59,7 +61,12 @@ def plot_scheduled(scheduled: "ScheduledPlant", ax: "Axes | None" = None) -> "Ax
         )
     ax.set_yscale("log")
     log_axis(ax.yaxis, ax.get_ylim(), plain)
-    ax.set(xlabel=f"{literal(scheduled.joint)}, degrees", ylabel="frequency, rad/s")
+    ax.set_ylabel("frequency, rad/s")
+    if grid is None:
+        labels = [literal(label) for label in scheduled.labels]
+        ax.set_xticks(places, labels, rotation=20.0, ha="right", fontsize=8)
+    else:
+        ax.set_xlabel(f"{literal(scheduled.joint or '')}, {grid[1]}")
     return ax
 
 

@@ -24,6 +24,7 @@ def plant_report(
     """The text of one HTML file; `of_loops`, `worst`: margins and worst case per plant,
     empty where there are none."""
     plants = [found] if isinstance(found, Plant) else list(found.plants)
+    labels = () if isinstance(found, Plant) else found.labels
     figures = {
         "bode": plant_plots.bode_figure(plants),
         "singular": plant_plots.singular_figure(plants),
@@ -46,12 +47,13 @@ def plant_report(
         verdict=_verdict(plants[0], of_loops, worst),
         inputs=tables.signal_table("Inputs", plants[0].input_names, plants[0].input_units),
         outputs=tables.signal_table("Outputs", plants[0].output_names, plants[0].output_units),
-        modes=tables.mode_table(plants[0]),
+        modes=tables.mode_table(plants[0], labels[0] if labels else ""),
+        poses=tables.pose_table(plants, labels) if labels else None,
         gains=tables.gain_table(plants[0]),
         warnings=margin_warnings(plants, of_loops),
-        margins=tables.margin_table(of_loops),
-        worst=tables.worst_table(worst),
-        worst_values=tables.worst_value_table(worst),
+        margins=tables.margin_table(of_loops, labels),
+        worst=tables.worst_table(worst, labels),
+        worst_values=tables.worst_value_table(worst, labels),
         drawn={key: to_svg(figure, key) for key, figure in figures.items()},
     )
 

@@ -10,9 +10,12 @@ from beamchain.report.table import Column, Table
 if TYPE_CHECKING:
     from beamchain.plants.loops import Margins
     from beamchain.plants.realisation import Plant
+    from beamchain.plants.scheduled import ScheduledPlant
+    from beamchain.ports.motions import Array
     from beamchain.plants.uncertain_plant import WorstCase
 
 LARGEST_PAIRS = 6  # pairs of input and output whose modal gains a page shows
+FEW = 4  # poses whose frequencies the terminal shows
 ROUNDING = 1e-9  # gain relative to the largest, below which it is rounding
 
 
@@ -22,8 +25,8 @@ def signal_table(title: str, names: Sequence[str], units: Sequence[str]) -> Tabl
     return Table(title, columns)
 
 
-def mode_table(plant: "Plant") -> Table:
-    """The flexible modes; in brief with the pair of signals that each shows most in."""
+def mode_table(plant: "Plant", pose: str = "") -> Table:
+    """The flexible modes, in a pose; in brief with the pair of signals that each shows most in."""
     pairs = [f"{seen} per {driven}" for seen in plant.output_names for driven in plant.input_names]
     gains = plant.gain.reshape(len(plant.modes), -1)
     frequencies = plant.frequency.tolist()
@@ -35,7 +38,26 @@ def mode_table(plant: "Plant") -> Table:
         Column("largest gain", list(gains.max(axis=1)), format=digits(3), place="brief"),
         Column("of", [pairs[strongest] for strongest in gains.argmax(axis=1)], place="brief"),
     )
-    return Table("Flexible modes", columns)
+    return Table(f"Flexible modes{f', {pose}' if pose else ''}", columns)
+
+
+def pose_table(plants: "Sequence[Plant]", labels: Sequence[str]) -> Table:
+    """Frequencies of the modes in every pose."""
+    columns = [Column("mode", plants[0].modes)]
+    for i, (plant, label) in enumerate(zip(plants, labels, strict=True)):
+        place = "everywhere" if i < FEW else "page"
+        columns.append(Column(label, plant.frequency.tolist(), format=number, place=place))
+    return Table("Frequencies in every pose, rad/s", tuple(columns))
+
+
+def grid_positions(scheduled: "ScheduledPlant") -> "tuple[Array, str] | None":
+    """`(k,)` positions of the joint of a grid as they are read, and their unit; None of a list of
+    poses."""
+    if scheduled.angles is None or scheduled.joint is None:
+        return None
+    if scheduled.units[scheduled.joints.index(scheduled.joint)] == "m":
+        return scheduled.angles, "m"
+    return scheduled.angles * (180.0 / math.pi), "degrees"
 
 
 def gain_table(plant: "Plant") -> Table:
@@ -59,15 +81,17 @@ def margin_text(value: float) -> str:
     return "-" if math.isnan(value) else f"{value:.4g}"
 
 
-def margin_table(margins_by_plant: "Sequence[Sequence[Margins]]") -> Table:
-    """Margins at every input that a loop drives, plant by plant."""
+def margin_table(
+    margins_by_plant: "Sequence[Sequence[Margins]]", labels: Sequence[str] = ()
+) -> Table:
+    """Margins at every input that a loop drives, plant by plant; `labels`: of their poses."""
     names: list[str] = []
     states: list[str] = []
     kinds: list[str] = []
     values: list[float] = []
     frequencies: list[float | None] = []
-    for number_of_plant, margins in enumerate(margins_by_plant, 1):
-        prefix = f"{number_of_plant}: " if len(margins_by_plant) > 1 else ""
+    for i, margins in enumerate(margins_by_plant):
+        prefix = f"{labels[i]}: " if labels else ""
         for margin in margins:
             rows = (
                 ("gain, factor", margin.gain, margin.gain_frequency),
@@ -100,11 +124,12 @@ def _sample_text(gain: float) -> str:
     return "unstable" if math.isinf(gain) else _gain_text(gain)
 
 
-def worst_table(cases: "Sequence[WorstCase]") -> Table:
-    """The worst sample of the gain from a disturbance to an output, plant by plant."""
+def worst_table(cases: "Sequence[WorstCase]", labels: Sequence[str] = ()) -> Table:
+    """The worst sample of the gain from a disturbance to an output, plant by plant; `labels`: of
+    their poses."""
     names = [f"{case.input} → {case.output}" for case in cases]
-    if len(cases) > 1:
-        names = [f"{i}: {name}" for i, name in enumerate(names, 1)]
+    if cases and labels:
+        names = [f"{label}: {name}" for label, name in zip(labels, names, strict=True)]
     predicted = [case.gain if case.stable else math.inf for case in cases]
     drawn = [float(max(case.drawn, default=math.nan)) for case in cases]
     columns = (
@@ -118,11 +143,11 @@ def worst_table(cases: "Sequence[WorstCase]") -> Table:
     return Table("Worst case", columns)
 
 
-def worst_value_table(cases: "Sequence[WorstCase]") -> Table:
+def worst_value_table(cases: "Sequence[WorstCase]", labels: Sequence[str] = ()) -> Table:
     """Values of the uncertain quantities in the worst sample of every plant."""
     quantities: Mapping[str, float] = cases[0].values if cases else {}
     columns = [Column("quantity", list(quantities))]
-    for i, case in enumerate(cases, 1):
-        name = f"worst sample {i}" if len(cases) > 1 else "worst sample"
+    for i, case in enumerate(cases):
+        name = f"worst sample, {labels[i]}" if labels else "worst sample"
         columns.append(Column(name, [case.values[q] for q in quantities], format=number))
     return Table("Values of the worst sample", tuple(columns))
