@@ -93,6 +93,7 @@ PARTS = {
         "engine.normal_modes.NormalModes",
     ),
     "Linearisation": ("engine.linearise.Held",),
+    "Plant": ("engine.combinations.Allocated",),
     "Retimed": ("steps.forms.ModeTime",),
     "Segment": ("structure.segment.Stations", "structure.section.Geometry"),
     "StabilityStudy": (

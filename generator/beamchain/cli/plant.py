@@ -13,8 +13,7 @@ from beamchain.errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    import mujoco
-
+    from beamchain.engine.library import mujoco
     from beamchain.engine.operating_point import At
     from beamchain.plants.loops import Margins
     from beamchain.plants.realisation import Plant
@@ -227,7 +226,7 @@ def _record(
     from beamchain.report.tables import plant as tables
 
     scheduled = None if isinstance(result, Plant) else result
-    grid = None if scheduled is None else tables.grid_positions(scheduled)
+    grid = None if scheduled is None else scheduled.grid
     inputs = tables.signal_table("Inputs", first.input_names, first.input_units)
     outputs = tables.signal_table("Outputs", first.output_names, first.output_units)
     return {

@@ -5,15 +5,18 @@ import math
 from typing import TYPE_CHECKING
 
 from beamchain.checks import number, unknown
+from beamchain.engine.library import mujoco
 from beamchain.engine.operating_point import is_slide, keyframe_names, single_joints
 from beamchain.errors import InputError
 
 if TYPE_CHECKING:
-    import mujoco
-
     from beamchain.engine.operating_point import At
 
-EXAMPLE = "--pose north=45,south=-45 (degrees of hinges, metres of slides)"
+FORMS = {
+    "--pose": "JOINT=POSITION,... or a keyframe; for example --pose north=45,south=-45, degrees of "
+    "hinges and metres of slides",
+    "--angle": "JOINT=ANGLES; for example --angle drive=0,45,90 in degrees",
+}
 
 
 def pose_of(model: "mujoco.MjModel", text: str) -> "At":
@@ -27,49 +30,42 @@ def pose_of(model: "mujoco.MjModel", text: str) -> "At":
                 f"--pose {text!r} is a joint and no keyframe; give its position, for example "
                 f"--pose {text}=45."
             )
-        raise unknown("keyframe of --pose", text, keyframes, f"Or give joints: {EXAMPLE}.")
+        cure = "Or give joints, --pose north=45,south=-45."
+        raise unknown("keyframe of --pose", text, keyframes, cure)
     out: dict[str, float] = {}
     for part in text.split(","):
-        joint, equals, word = part.partition("=")
-        if not equals:
-            raise InputError(
-                f"--pose {text!r}: {part!r} is not JOINT=POSITION; write for example {EXAMPLE}."
-            )
+        joint, _, word = part.partition("=")
         if joint in out:
             raise InputError(f"--pose {text!r} gives {joint!r} twice; give each joint once.")
-        out[joint] = _position(model, "--pose", text, joint, word)
+        (out[joint],) = _positions(model, "--pose", text, joint, [word])
     return out
 
 
 def grid_of(model: "mujoco.MjModel", text: str) -> "At":
     """What `at` of `bc.plant` takes for the text of --angle: a joint and its positions."""
-    joint, equals, words = text.partition("=")
-    if not equals:
-        raise InputError(
-            f"--angle {text!r} is not JOINT=ANGLES; for example --angle drive=0,45,90 in degrees."
-        )
-    return {joint: [_position(model, "--angle", text, joint, word) for word in words.split(",")]}
+    joint, _, words = text.partition("=")
+    return {joint: _positions(model, "--angle", text, joint, words.split(","))}
 
 
-def _position(model: "mujoco.MjModel", option: str, text: str, joint: str, word: str) -> float:
-    """A joint's position [rad, m] from its word in degrees or metres, within its range."""
+def _positions(
+    model: "mujoco.MjModel", option: str, text: str, joint: str, words: list[str]
+) -> list[float]:
+    """Positions of a joint [rad, m] from words in degrees or metres, within its range."""
+    try:
+        given = [float(word) for word in words]
+    except ValueError:
+        raise InputError(f"{option} {text!r} is not {FORMS[option]}.") from None
     singles = single_joints(model)
     if joint not in singles:
         raise unknown(f"joint of {option}", joint, singles)
     place = singles[joint]
-    unit = "m" if is_slide(model, place) else "degrees"
-    try:
-        given = number(f"{option} {text!r}: {joint}", float(word), unit)
-    except ValueError:
-        raise InputError(
-            f"{option} {text!r}: {word!r} is not a position of {joint!r} in {unit}; write for "
-            f"example {EXAMPLE if option == '--pose' else '--angle drive=0,45,90'}."
-        ) from None
-    scale = 1.0 if unit == "m" else math.pi / 180.0
-    low, high = (float(end) for end in model.jnt_range[place])
-    if model.jnt_limited[place] and not low <= given * scale <= high:
-        raise InputError(
-            f"{option} {text!r}: joint {joint!r} = {given:g} is outside its range, "
-            f"{low / scale:.6g} to {high / scale:.6g} {unit}; give a position within it."
-        )
-    return given * scale
+    unit, scale = ("m", 1.0) if is_slide(model, place) else ("degrees", math.pi / 180.0)
+    low, high = (float(end) / scale for end in model.jnt_range[place])
+    for value in given:
+        number(f"{option} {text!r}: {joint}", value, unit, cure="Give a position.")
+        if model.jnt_limited[place] and not low <= value <= high:
+            raise InputError(
+                f"{option} {text!r}: joint {joint!r} = {value:g} is outside its range, {low:.6g} "
+                f"to {high:.6g} {unit}; give a position within it."
+            )
+    return [value * scale for value in given]

@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 import numpy as np
 from scipy.linalg import qr
@@ -106,6 +106,7 @@ class Alignment(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
 InputNames = Sequence[str] | Mapping[str, str | Allocation | Mapping[str, float]] | None
 OutputNames = Sequence[str] | Mapping[str, str | Alignment | Mapping[str, float]] | None
+Combined = TypeVar("Combined", Allocation, Alignment)
 
 
 def allocate(
@@ -248,7 +249,7 @@ def inputs_of(point: OperatingPoint, names: InputNames) -> list[Input]:
     given = usual_inputs(model) if names is None else names
     groups: list[_Group] = []
     signals: list[list[Input]] = []
-    for name, what in _items("inputs", given):
+    for name, what in _items("inputs", given, Allocation):
         group: list[Input]
         place = ""
         if isinstance(what, Allocation):
@@ -278,7 +279,7 @@ def outputs_of(point: OperatingPoint, names: OutputNames) -> list[Output]:
     given = ["attitude", "rate"] if names is None else names
     groups: list[_Group] = []
     signals: list[Output] = []
-    for name, what in _items("outputs", given):
+    for name, what in _items("outputs", given, Alignment):
         place = ""
         if isinstance(what, Alignment):
             output = _aligned(point, data, name, what)
@@ -335,9 +336,11 @@ class _Group:
 
 
 def _items(
-    field: str, names: "Sequence[str] | Mapping[str, object]"
-) -> "list[tuple[str, str | Allocation | Alignment | Mapping[str, float]]]":
-    """What stands under each name: a name of a list stands for itself."""
+    field: str,
+    names: "Sequence[str] | Mapping[str, str | Combined | Mapping[str, float]]",
+    kind: "type[Combined]",
+) -> "list[tuple[str, str | Combined | Mapping[str, float]]]":
+    """What stands under each name, `kind` among it: a name of a list stands for itself."""
     cure = f'write {field}=["..."].'
     if not isinstance(names, Mapping):
         listed = list_of_names(field, names)
@@ -348,16 +351,13 @@ def _items(
         return [(name, name) for name in listed]
     if not names:
         raise InputError(f"{field} is empty; {cure}")
-    kind, call = (
-        (Allocation, "bc.allocate([...])") if field == "inputs" else (Alignment, "bc.align(...)")
-    )
-    out: list[tuple[str, str | Allocation | Alignment | Mapping[str, float]]] = []
+    call = "bc.allocate([...])" if kind is Allocation else "bc.align(...)"
+    out: list[tuple[str, str | Combined | Mapping[str, float]]] = []
     for name, what in names.items():
         if not isinstance(name, str) or not name:
             raise InputError(f"{field}: {name!r:.60} is no name of a signal; give a text.")
         wanted = f"a name, {call} or {{name: weight}}"
         of_type(f"{field}[{name!r}]", what, (str, kind, Mapping), wanted)
-        assert isinstance(what, str | Allocation | Alignment | Mapping)
         out.append((name, what))
     return out
 
@@ -431,12 +431,12 @@ def _torque(
     name = actuator_names(model)[number]
     target = int(model.actuator_trnid[number, 0])
     gear = model.actuator_gear[number]
-    kind = mujoco.mjtTrn(int(model.actuator_trntype[number]))
+    kind = int(model.actuator_trntype[number])
     held = int(model.body_weldid[body])
     of = str(model.body(body).name)
     why = ""
     world = np.zeros(3)
-    if kind in (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT):
+    if kind in (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)):
         wheel = int(model.jnt_bodyid[target])
         hinge = int(model.jnt_type[target]) == int(mujoco.mjtJoint.mjJNT_HINGE)
         if not hinge or int(model.body_jntnum[wheel]) != 1:
@@ -445,7 +445,7 @@ def _torque(
             why = f"turns {model.body(wheel).name!r}, which does not hang on {of!r}"
         # what turns the wheel about its axis turns the body the other way
         world = -gear[0] * data.xaxis[target]
-    elif kind == mujoco.mjtTrn.mjTRN_SITE and int(model.actuator_trnid[number, 1]) < 0:
+    elif kind == int(mujoco.mjtTrn.mjTRN_SITE) and int(model.actuator_trnid[number, 1]) < 0:
         if int(model.body_weldid[int(model.site_bodyid[target])]) != held:
             why = f"acts at site {model.site(target).name!r}, which is not on {of!r}"
         turn = data.site_xmat[target].reshape(3, 3)

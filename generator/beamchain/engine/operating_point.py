@@ -232,8 +232,8 @@ def check_pose(model: "mujoco.MjModel", qpos: Array, field: str = "at") -> None:
                 for g in contact.geom
             )
             raise InputError(
-                f"{field}: {one!r} touches {two!r} in this pose, and a contact has no linear part; give "
-                "another pose, or exclude the pair (<contact><exclude/>)."
+                f"{field}: {one!r} touches {two!r} in this pose, and a contact has no linear part; "
+                "give another pose, or exclude the pair (<contact><exclude/>)."
             )
 
 

@@ -204,14 +204,14 @@ def sensor_axes(model: "mujoco.MjModel", data: "mujoco.MjData", number: int) -> 
 
 def _frame(data: "mujoco.MjData", kind: int, number: int) -> Array:
     """Axes of a body, geom, site or camera, in the columns."""
-    frames = {
-        mujoco.mjtObj.mjOBJ_BODY: data.ximat,
-        mujoco.mjtObj.mjOBJ_XBODY: data.xmat,
-        mujoco.mjtObj.mjOBJ_GEOM: data.geom_xmat,
-        mujoco.mjtObj.mjOBJ_SITE: data.site_xmat,
-        mujoco.mjtObj.mjOBJ_CAMERA: data.cam_xmat,
+    frames: dict[int, Array] = {
+        int(mujoco.mjtObj.mjOBJ_BODY): data.ximat,
+        int(mujoco.mjtObj.mjOBJ_XBODY): data.xmat,
+        int(mujoco.mjtObj.mjOBJ_GEOM): data.geom_xmat,
+        int(mujoco.mjtObj.mjOBJ_SITE): data.site_xmat,
+        int(mujoco.mjtObj.mjOBJ_CAMERA): data.cam_xmat,
     }
-    return frames[mujoco.mjtObj(kind)][number].reshape(3, 3).copy()
+    return frames[kind][number].reshape(3, 3).copy()
 
 
 def control_names(labels: Sequence[str]) -> list[str]:
@@ -327,7 +327,12 @@ def _motion(data: "mujoco.MjData", site: int) -> Output:
 
 def _kind(model: "mujoco.MjModel", number: int) -> str:
     """Type of a sensor in MuJoCo's words, `mjSENS_` left off."""
-    return mujoco.mjtSensor(int(model.sensor_type[number])).name.removeprefix("mjSENS_")
+    kinds = {
+        int(getattr(mujoco.mjtSensor, k)): k[7:]
+        for k in dir(mujoco.mjtSensor)
+        if k.startswith("mjSENS_")
+    }
+    return kinds[int(model.sensor_type[number])]
 
 
 def _sensor(point: OperatingPoint, data: "mujoco.MjData", number: int) -> Output:

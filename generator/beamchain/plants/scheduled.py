@@ -90,6 +90,16 @@ class ScheduledPlant:
         return None if self.joint is None else self.values[:, self.joints.index(self.joint)]
 
     @property
+    def grid(self) -> tuple[Array, str] | None:
+        """`(k,)` positions of the joint of a grid as they are read, and their unit, degrees or m;
+        None of a list of poses."""
+        if self.joint is None or self.angles is None:
+            return None
+        if self.units[self.joints.index(self.joint)] == "m":
+            return self.angles, "m"
+        return np.degrees(self.angles), "degrees"
+
+    @property
     def modes(self) -> tuple[str, ...]:
         """Names of the flexible modes, those in the first pose."""
         return self.plants[0].modes

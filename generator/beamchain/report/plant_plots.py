@@ -9,7 +9,6 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from beamchain.ports.motions import Array
-from beamchain.report.tables.plant import grid_positions
 from beamchain.report.plots import (
     BEAM,
     OURS,
@@ -40,7 +39,7 @@ def plot_scheduled(scheduled: "ScheduledPlant", ax: "Axes | None" = None) -> "Ax
     """Frequencies of the modes over the poses, or the positions of a grid's joint; the larger a
     marker, the larger the mode's gain."""
     ax = panel(3.8)[1] if ax is None else ax
-    grid = grid_positions(scheduled)
+    grid = scheduled.grid
     places = np.arange(len(scheduled), dtype=np.float64) if grid is None else grid[0]
     gain = scheduled.gain
     top = np.maximum(

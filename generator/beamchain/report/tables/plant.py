@@ -10,8 +10,6 @@ from beamchain.report.table import Column, Table
 if TYPE_CHECKING:
     from beamchain.plants.loops import Margins
     from beamchain.plants.realisation import Plant
-    from beamchain.plants.scheduled import ScheduledPlant
-    from beamchain.ports.motions import Array
     from beamchain.plants.uncertain_plant import WorstCase
 
 LARGEST_PAIRS = 6  # pairs of input and output whose modal gains a page shows
@@ -48,16 +46,6 @@ def pose_table(plants: "Sequence[Plant]", labels: Sequence[str]) -> Table:
         place = "everywhere" if i < FEW else "page"
         columns.append(Column(label, plant.frequency.tolist(), format=number, place=place))
     return Table("Frequencies in every pose, rad/s", tuple(columns))
-
-
-def grid_positions(scheduled: "ScheduledPlant") -> "tuple[Array, str] | None":
-    """`(k,)` positions of the joint of a grid as they are read, and their unit; None of a list of
-    poses."""
-    if scheduled.angles is None or scheduled.joint is None:
-        return None
-    if scheduled.units[scheduled.joints.index(scheduled.joint)] == "m":
-        return scheduled.angles, "m"
-    return scheduled.angles * (180.0 / math.pi), "degrees"
 
 
 def gain_table(plant: "Plant") -> Table:
