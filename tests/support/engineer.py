@@ -1,9 +1,8 @@
 """A control engineer's craft of 1,990 kg: two arrays on servo drives, a boom, four wheels in a
-pyramid,
-a star tracker and a gyro that are mounted askew.
+pyramid, a star tracker and a gyro that are mounted askew.
 
-`write` writes its files, `embedded` embeds it, `EngineerTruth` assembles it from finite elements
-(no import of the package in it, as in `plant_truth`).
+`write` writes its files, `embedded` embeds it; `EngineerTruth` assembles it in numpy from finite
+elements and knows no package, as `Truth` of `plant_truth` does.
 """
 
 import tempfile
