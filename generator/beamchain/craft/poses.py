@@ -103,7 +103,7 @@ def poses_of(model: "mujoco.MjModel", at: At) -> Poses | None:
         joint, angles = grid
         each = [{**at, joint: float(angle)} for angle in angles]
         return _made(model, each, ["at"] * len(each), joint)
-    if not isinstance(at, list | tuple | np.ndarray) or not _is_list_of_poses(at):
+    if not _is_list_of_poses(at):
         return None
     each = [{} if one is None else one for one in at]
     return _made(model, each, [f"at[{i}]" for i in range(len(each))])
@@ -111,7 +111,8 @@ def poses_of(model: "mujoco.MjModel", at: At) -> Poses | None:
 
 def _is_list_of_poses(at: At) -> bool:
     """Whether something in a list is no number: numbers alone are one pose's positions."""
-    return np.ndim(at) > 0 and any(not isinstance(one, Real) for one in at)
+    listed = isinstance(at, list | tuple) or (isinstance(at, np.ndarray) and at.ndim > 0)
+    return listed and any(not isinstance(one, Real) for one in at)
 
 
 def _angle_grid(at: At) -> tuple[str, Array] | None:

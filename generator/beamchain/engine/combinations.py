@@ -31,6 +31,7 @@ from beamchain.errors import InputError
 from beamchain.ports.motions import Array, locked
 
 REACHED = 1e-9  # relative, of torque that an allocation gives beside what is commanded
+SHOWN = 3  # directions without torque that a sentence names
 DECIMALS = 12  # of shares in a direction without torque, whose largest is 1
 
 
@@ -222,11 +223,17 @@ class Allocated:
     def cautions(self, name: str) -> list[str]:
         """What to know of it, under the name of its inputs."""
         out: list[str] = []
-        for direction in self.without_torque:
+        if self.without_torque:
+            shown = [
+                f"{' : '.join(direction)} = "
+                f"{' : '.join(f'{share:.4g}' for share in direction.values())}"
+                for direction in self.without_torque[:SHOWN]
+            ]
+            rest = len(self.without_torque) - len(shown)
+            more = f"; {rest} more in allocations[{name!r}].without_torque" if rest else ""
             text = (
-                f"allocation {name!r}: {' : '.join(direction)} = "
-                f"{' : '.join(f'{share:.4g}' for share in direction.values())} is a direction of "
-                f"commands without torque on {self.body!r}."
+                f"allocation {name!r}: its actuators can work against each other without torque on "
+                f"{self.body!r}: {'; '.join(shown)}{more}."
             )
             out.append(Caution("allocation-null", text))
         given = self.torque @ self.commands
@@ -477,7 +484,7 @@ def _inverse(torque: Array, allocation: Allocation, field: str, body: str) -> Ar
     reached = [axis for axis, miss in zip(AXES, missed, strict=True) if miss <= REACHED]
     if lacking := [axis for axis in allocation.about if axis not in reached]:
         rank = int(np.linalg.matrix_rank(torque, tol=REACHED * float(np.abs(torque).max())))
-        less = f', or ask for about = "{"".join(reached)}" alone' if reached else ""
+        less = f', or ask for about = "{"".join(reached)}"' if reached else ""
         raise InputError(
             f"{field}: its actuators give torque on {body!r} in {rank} of 3 directions, and not "
             f"about {', '.join(lacking)} alone; add an actuator{less}."
