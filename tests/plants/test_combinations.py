@@ -68,7 +68,8 @@ CRAFT = f"""<mujoco><compiler angle="radian"/>
 <framelinvel name="world_vel" objtype="site" objname="straight"/>
 <frameangvel name="world_rate" objtype="site" objname="straight"/>
 <jointpos name="drive_angle" joint="drive"/><jointpos name="second_angle" joint="second"/></sensor>
-<keyframe><key name="turned" qpos="0 0 0 {quat(turned(0.4, -1.0, 0.6))} 0 0 0 0 0 0 0 0"/></keyframe>
+<keyframe>
+<key name="turned" qpos="0 0 0 {quat(turned(0.4, -1.0, 0.6))} 0 0 0 0 0 0 0 0"/></keyframe>
 </mujoco>"""
 
 
@@ -179,7 +180,7 @@ def test_a_matrix_may_be_given(made):
     [
         (
             {"actuators": ["w1", "w2"]},
-            'in 2 of 3 directions, and not about y alone; .*about = "xz"',
+            'in 2 of 3 directions, and not about y .*about = "xz"',
         ),
         (
             {"actuators": ["w4"], "about": "x"},
@@ -494,7 +495,7 @@ def test_tables_of_a_controller_make_its_signals(place, capsys, monkeypatch):
         (
             ALLOCATION.replace('"w1", ', "") + LOOP,
             [],
-            "in 2 of 3 directions, and not about x alone",
+            "2 of 3 directions, and not about x alone",
         ),
         (ALLOCATION.replace('["w1", "w2", "w3"]', "[]") + LOOP, [], "is empty"),
         ("[alignment.a]\nbody = 'bus'\n" + LOOP, [], "sensor is missing"),

@@ -20,8 +20,8 @@ CRAFT = """<mujoco><compiler angle="radian"/><option gravity="0 0 0"/>
 <geom name="wall" type="sphere" size="0.1" pos="0.5 0.8 0" mass="0"/>
 <body name="yoke" pos="0.5 0 0"><joint name="drive" axis="0 0 1" range="-2 2" stiffness="8000"/>
 <inertial pos="0.2 0 0" mass="5" diaginertia="1 1 1"/>
-<geom name="arm" type="sphere" size="0.1" pos="0.8 0 0" mass="0"/>
 <body name="knuckle" pos="0.4 0 0"><joint name="turn" axis="1 0 0" stiffness="6000"/>
+<geom name="arm" type="sphere" size="0.1" pos="0.4 0 0" mass="0"/>
 <inertial pos="0 0 0" mass="3" diaginertia="1 1 1"/><site name="mount"/></body></body>
 <body name="mast"><joint name="reach" type="slide" axis="0 0 1" range="-1 1" stiffness="900"/>
 <inertial pos="0 0 0.5" mass="20" diaginertia="2 2 0.1"/></body>
@@ -120,7 +120,7 @@ def test_all_joints_move_together_between_two_poses(made):
     )
     fine = bc.plant(open_craft, ["torque:bus"], at=path)
     np.testing.assert_allclose(coarse.frequency[-1], fine.frequency[-1], rtol=1e-9)
-    with pytest.raises(bc.InputError, match=r"at\[10\]: 'wall' touches 'arm'|'arm' touches 'wall'"):
+    with pytest.raises(bc.InputError, match=r"at\[14\]: '(wall|arm)' touches"):
         bc.plant(made, ["torque:bus"], at=path)
 
 
