@@ -47,6 +47,8 @@ def modules() -> list[str]:
 MODULES = set(modules())
 
 PUBLIC = {
+    "Alignment",
+    "Allocation",
     "Beam",
     "BeamchainError",
     "Box",
@@ -101,6 +103,8 @@ PUBLIC = {
     "Worlds",
     "WorstCase",
     "__version__",
+    "align",
+    "allocate",
     "compare",
     "embed",
     "fit",

@@ -7,6 +7,8 @@ from typing import Self
 CODES = {
     "alignfree": "MuJoCo defines a body's frame differently as soon as the body carries an "
     "appendage",
+    "allocation-matrix": "the matrix of an allocation does not give the torque that is commanded",
+    "allocation-null": "actuators of an allocation can work against each other without torque",
     "collisions": "shapes of the appendages collide",
     "discrete-damping": "the integrator discrete damps the kept modes more than the structure does",
     "equality": "equality constraints of the spacecraft are left out of the verification",

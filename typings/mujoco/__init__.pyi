@@ -28,6 +28,8 @@ class mjtWrap:
     def __int__(self) -> int: ...
 
 class mjtObj:
+    mjOBJ_BODY: mjtObj
+    mjOBJ_CAMERA: mjtObj
     mjOBJ_GEOM: mjtObj
     mjOBJ_JOINT: mjtObj
     mjOBJ_XBODY: mjtObj
@@ -91,6 +93,10 @@ class mjtWarning:
 
 class mjtBias:
     mjBIAS_NONE: mjtBias
+    def __int__(self) -> int: ...
+
+class mjtGain:
+    mjGAIN_FIXED: mjtGain
     def __int__(self) -> int: ...
 
 class mjtDyn:

@@ -11,6 +11,10 @@ from beamchain.cli.output import print_table, print_warnings, spinner, tell
 from beamchain.errors import InputError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from beamchain.engine.library import mujoco
+    from beamchain.engine.operating_point import At
     from beamchain.plants.margins import Margins
     from beamchain.plants.realisation import Plant
     from beamchain.plants.scheduled import ScheduledPlant
@@ -22,8 +26,8 @@ Inputs = Annotated[
     typer.Option(
         "--input",
         metavar="NAME",
-        help="An actuator, torque:BODY, force:BODY or wrench:SITE. Repeatable; default: all "
-        "actuators.",
+        help="An actuator, torque:BODY, force:BODY or wrench:SITE. Repeatable; default: the "
+        "\\[allocation] tables of LOOPS.toml, else all actuators.",
     ),
 ]
 Outputs = Annotated[
@@ -31,7 +35,8 @@ Outputs = Annotated[
     typer.Option(
         "--output",
         metavar="NAME",
-        help="A sensor, attitude, rate or motion:SITE. Repeatable; default: attitude and rate.",
+        help="A sensor, attitude, rate or motion:SITE. Repeatable; default: the \\[alignment] "
+        "tables of LOOPS.toml, else attitude and rate.",
     ),
 ]
 Uncertain = Annotated[
@@ -56,16 +61,32 @@ Model = Annotated[Path, typer.Argument(metavar="FILE.xml", help="The spacecraft'
 Output = Annotated[
     Path, typer.Option("-o", "--file", metavar="OUT", help="Output file: .npz, .json or .mat.")
 ]
-At = Annotated[
-    str | None, typer.Option(metavar="KEY", help="Keyframe to linearise at; default: rest.")
+Poses = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--pose",
+        metavar="JOINT=45,...",
+        help="Pose to linearise in: joints in degrees (slides in m), or the name of a keyframe; "
+        "default: rest. Repeatable: a plant for each, modes followed in this order.",
+    ),
+]
+Keyframe = Annotated[
+    str | None, typer.Option(metavar="KEY", help="Keyframe to linearise at, as one --pose.")
 ]
 Angle = Annotated[
     str | None,
-    typer.Option(metavar="JOINT=0,45,90", help="Angles of a drive in degrees: a plant for each."),
+    typer.Option(
+        metavar="JOINT=0,45,90", help="Positions of one joint, as a --pose JOINT=... of each."
+    ),
 ]
 Discrete = Annotated[float | None, typer.Option(metavar="STEP", help="Sampled at this step in s.")]
 Loops = Annotated[
-    Path | None, typer.Option(metavar="LOOPS.toml", help="Loops whose margins are computed.")
+    Path | None,
+    typer.Option(
+        metavar="LOOPS.toml",
+        help="Loops whose margins are computed, and signals that are combined for them "
+        "(\\[allocation], \\[alignment]).",
+    ),
 ]
 Report = Annotated[bool, typer.Option(help="Write OUT_report.html as well.")]
 
@@ -75,7 +96,8 @@ def plant(
     output: Output,
     inputs: Inputs = None,
     outputs: Outputs = None,
-    at: At = None,
+    poses: Poses = None,
+    at: Keyframe = None,
     angle: Angle = None,
     discrete: Discrete = None,
     controller: Loops = None,
@@ -95,23 +117,31 @@ def plant(
 
     Example: beamchain plant flexible.xml --input torque:bus --controller loops.toml --uncertain
     craft.toml -o plant.npz
+
+    Example: beamchain plant flexible.xml --pose north=45,south=-45 --pose north=0,south=90 -o
+    plant.mat
     """
+    from beamchain.craft.source import compiled_model
     from beamchain.files import beside, check_outputs
-    from beamchain.plants.controllers import read_controller
+    from beamchain.plants.controllers import read_controller, signals_with
     from beamchain.plants.margins import Margins, margin_warnings, margins
     from beamchain.plants.plant import plant as linearise
     from beamchain.plants.realisation import Plant
     from beamchain.report.pages.plant import plant_report
 
-    _check_options(at, angle, controller, uncertain)
+    _check_options(poses, at, angle, controller, uncertain)
     source, target = _signals_between(disturbance, uncertain)
     page = beside(output, "_report.html")
     files_read = [model, *(place for place in (controller, uncertain) if place is not None)]
     check_outputs([output, *([page] if report else ())], force=force, inputs=files_read)
     loops = None if controller is None else read_controller(controller)
+    driven, seen = inputs or None, outputs or None
+    if loops is not None:
+        driven, seen = signals_with(loops, driven, seen)
     with spinner("linearising", quiet or as_json):
-        pose = _angles(angle) if angle else at
-        result = linearise(model, inputs or None, outputs or None, pose, discrete=discrete)
+        compiled = compiled_model(model)
+        place = _place(compiled, poses or [], at, angle)
+        result = linearise(compiled, driven, seen, place, discrete=discrete)
         plants = [result] if isinstance(result, Plant) else list(result.plants)
         found = () if loops is None else margins(result, loops)
         margins_by_plant = [found] if isinstance(found, Margins) else list(found)
@@ -122,11 +152,12 @@ def plant(
         pages: dict[Path, str] = {}
         if report:
             pages[page] = plant_report(result, margins_by_plant, model.name, cases)
+    labels = () if isinstance(result, Plant) else result.labels
     files = [result.write(output, force=force, also=pages or None), *pages]
     warnings = margin_warnings(plants, margins_by_plant)
     tell(
         lambda: _record(result, plants[0], margins_by_plant, cases, warnings),
-        lambda: _show(plants[0], margins_by_plant, cases, warnings),
+        lambda: _show(plants, labels, margins_by_plant, cases, warnings),
         files,
         as_json,
         quiet,
@@ -137,11 +168,19 @@ def plant(
 
 
 def _check_options(
-    at: str | None, angle: str | None, controller: Path | None, uncertain: Path | None
+    poses: list[str] | None,
+    at: str | None,
+    angle: str | None,
+    controller: Path | None,
+    uncertain: Path | None,
 ) -> None:
     """Refuse options that do not go together."""
-    if at is not None and angle is not None:
-        raise InputError("plant: --at and --angle are both given; leave one out.")
+    given = {"--pose": bool(poses), "--at": at is not None, "--angle": angle is not None}
+    if sum(given.values()) > 1:
+        several = " and ".join(option for option, there in given.items() if there)
+        raise InputError(
+            f"plant: {several} are given together; leave one out, or give every pose as a --pose."
+        )
     if uncertain is not None and controller is None:
         raise InputError(
             "plant: --uncertain needs --controller, whose worst case it seeks; in Python: "
@@ -164,17 +203,16 @@ def _signals_between(
     return source, target
 
 
-def _angles(text: str) -> "dict[str, Any]":
-    """The joint and the angles [rad] of --angle."""
-    import numpy as np
+def _place(model: "mujoco.MjModel", poses: list[str], at: str | None, angle: str | None) -> "At":
+    """What `at` of `bc.plant` takes for the options: one pose, or several."""
+    from beamchain.cli.poses import grid_of, pose_of
 
-    joint, _, words = text.partition("=")
-    try:
-        return {joint: np.radians([float(word) for word in words.split(",")])}
-    except ValueError:
-        raise InputError(
-            f"--angle {text!r} is not JOINT=ANGLES; for example --angle drive=0,45,90 in degrees."
-        ) from None
+    if angle is not None:
+        return grid_of(model, angle)
+    if at is not None:
+        return at
+    each = [pose_of(model, text) for text in poses]
+    return each if len(each) > 1 else each[0] if each else None
 
 
 def _record(
@@ -185,11 +223,11 @@ def _record(
     warnings: list[str],
 ) -> dict[str, Any]:
     """What --json prints."""
-    import numpy as np
-
+    from beamchain.plants.realisation import Plant
     from beamchain.report.tables import plant as tables
 
-    angles = None if result is first else np.degrees(result.angles)  # pyright: ignore[reportAttributeAccessIssue]
+    scheduled = None if isinstance(result, Plant) else result
+    grid = None if scheduled is None else scheduled.grid
     inputs = tables.signal_table("Inputs", first.input_names, first.input_units)
     outputs = tables.signal_table("Outputs", first.output_names, first.output_units)
     return {
@@ -197,7 +235,10 @@ def _record(
         "outputs": outputs.records(),
         "states": list(first.state_names),
         "modes": tables.mode_table(first).records(),
-        "angles": angles,
+        "allocations": {name: each.as_dict() for name, each in first.allocations.items()},
+        "angles": None if grid is None else grid[0],
+        "poses": None if scheduled is None else list(scheduled.labels),
+        "frequencies": None if scheduled is None else scheduled.frequency,
         "margins": [_loop_records(margins) for margins in margins_by_plant] or [[]],
         "closed_loops": [
             {key: value for key, value in margins.as_dict().items() if key != "loops"}
@@ -224,7 +265,8 @@ def _loop_records(margins: "Margins") -> list[dict[str, Any]]:
 
 
 def _show(
-    first: "Plant",
+    plants: "list[Plant]",
+    labels: "Sequence[str]",
     margins_by_plant: "list[Margins]",
     cases: "list[WorstCase]",
     warnings: list[str],
@@ -232,16 +274,20 @@ def _show(
     """What the terminal shows before the names of the files."""
     from beamchain.report.tables import plant as tables
 
+    first = plants[0]
     console().print(
         f"{first.nstates} states, {first.ninputs} inputs ({', '.join(first.input_names)}), "
         f"{first.noutputs} outputs ({', '.join(first.output_names)})",
     )
-    print_table(tables.mode_table(first))
-    margins = tables.margin_table(margins_by_plant)
-    if margins:
-        print_table(margins)
-    for case in cases:
-        console().print(f"worst case, {case.sentence}")
+    print_table(tables.mode_table(first, labels[0] if labels else ""))
+    if labels:
+        print_table(tables.pose_table(plants, labels))
+    if margins_by_plant:
+        print_table(tables.margin_table(margins_by_plant))
+        print_table(tables.closed_loop_table(margins_by_plant))
+    for i, case in enumerate(cases):
+        where = f" ({labels[i]})" if labels else ""
+        console().print(f"worst case{where}, {case.sentence}")
     if cases:
-        print_table(tables.worst_value_table(cases))
+        print_table(tables.worst_value_table(cases, labels))
     print_warnings(warnings, "note")

@@ -15,11 +15,12 @@ from beamchain.craft.loose_ports import loose_craft
 from beamchain.craft.modal_form import SAMPLED, ModalForm, modal_form
 from beamchain.craft.mode_names import cantilever_names, mode_names
 from beamchain.craft.step_slopes import step_slopes
+from beamchain.engine.combinations import InputNames, OutputNames, inputs_of, outputs_of
 from beamchain.engine.library import mujoco
 from beamchain.engine.linear import Linear, Signal, linear_at
 from beamchain.engine.normal_modes import NormalModes
 from beamchain.engine.operating_point import At, OperatingPoint, Rates, operating_point
-from beamchain.engine.signals import Input, Names, Output, inputs_of, outputs_of
+from beamchain.engine.signals import Input, Output
 from beamchain.errors import InputError
 from beamchain.fitting.exact import exact_appendage
 from beamchain.ports.model import PortModel
@@ -90,7 +91,7 @@ class LinearCraft:
 
 
 def linear_craft(
-    model: "mujoco.MjModel", at: At, rates: Rates, inputs: Names, outputs: Names
+    model: "mujoco.MjModel", at: At, rates: Rates, inputs: InputNames, outputs: OutputNames
 ) -> LinearCraft:
     """A compiled model with its signals, linear at a point; arguments as in `plant`."""
     point = operating_point(model, at, rates)
@@ -102,7 +103,11 @@ def linear_craft(
 
 
 def exact_craft(
-    embedded: Embedded, point: OperatingPoint, inputs: Names, outputs: Names, omega: float
+    embedded: Embedded,
+    point: OperatingPoint,
+    inputs: InputNames,
+    outputs: OutputNames,
+    omega: float,
 ) -> LinearCraft:
     """The bare spacecraft with all modes of its appendages,
     at the pose and rates of a point of the whole model.

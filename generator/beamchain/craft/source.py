@@ -1,20 +1,15 @@
-"""What `plant` is given: a model from any source, what its linear part leaves out,
-and a grid of angles."""
+"""What `plant` is given: a model from any source, and what its linear part leaves out."""
 
-from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
 from beamchain.caution import Caution
-from beamchain.checks import finite_array, number
 from beamchain.craft.embedded import Embedded
 from beamchain.engine.door import check_model
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
-from beamchain.engine.operating_point import At
 from beamchain.errors import EngineError, InputError
-from beamchain.ports.motions import Array
 
 
 def compiled_model(
@@ -48,23 +43,3 @@ def linear_omissions(model: "mujoco.MjModel") -> list[str]:
         (model.neq, "equality", f"{model.neq} equality constraint(s) are left out of the plant."),
     )
     return [Caution(code, text) for there, code, text in found if there]
-
-
-def angle_grid(at: At) -> tuple[str, Array] | None:
-    """The joint and its angles where `at` is a grid; None where it is one point."""
-    given = at.items() if isinstance(at, Mapping) else ()
-    many = {
-        str(name): finite_array(f"at[{name!r}]", values, unit="rad")
-        for name, values in given
-        if np.ndim(values) > 0
-    }
-    if not many:
-        return None
-    name, values = next(iter(many.items()))
-    if len(many) > 1 or values.ndim != 1 or values.size == 0:
-        raise InputError(
-            f"at = {at!r:.80} gives {', '.join(many)} more than one angle; only one joint can have "
-            "a list of angles, "
-            f'at={{"{name}": [0.0, 0.5]}}.'
-        )
-    return name, np.array([number(f"at[{name!r}]", float(value), "rad") for value in values])

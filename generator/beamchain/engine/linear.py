@@ -16,11 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from beamchain.engine.combinations import InputNames, OutputNames, inputs_of, outputs_of
 from beamchain.engine.library import mujoco, one_thread
 from beamchain.engine.linearise import check_freedoms, compile_model, dense_mass
 from beamchain.engine.normal_modes import NormalModes, normal_modes
 from beamchain.engine.operating_point import At, OperatingPoint, Rates, operating_point
-from beamchain.engine.signals import Input, Output, actuator_names, inputs_of, outputs_of
+from beamchain.engine.signals import Input, Output, actuator_names
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array, locked
 
@@ -180,8 +181,8 @@ class Linear:
     def of(
         cls,
         source: "mujoco.MjModel | str | Path",
-        inputs: Sequence[str] = (),
-        outputs: Sequence[str] = (),
+        inputs: InputNames = (),
+        outputs: OutputNames = (),
         at: At = None,
         *,
         rates: Rates = None,
@@ -193,7 +194,7 @@ class Linear:
 
         Args:
             source: a compiled model, MJCF text, or a path.
-            inputs, outputs: names as for `bc.plant`; none where left out.
+            inputs, outputs: as for `bc.plant`; none where left out.
             at: name or number of a keyframe, `qpos`, or `{joint: angle}` [rad]; the pose of rest
                 where left out.
             rates: `{joint: rad/s}` of wheels; those of the keyframe where left out.
@@ -206,8 +207,8 @@ class Linear:
         model = compile_model(source)
         check_freedoms(model)
         point = operating_point(model, at, rates)
-        driven = inputs_of(point, inputs) if len(inputs) else []
-        seen = outputs_of(point, outputs) if len(outputs) else []
+        driven = inputs_of(point, inputs) if inputs is None or len(inputs) else []
+        seen = outputs_of(point, outputs) if outputs is None or len(outputs) else []
         return linear_at(point, driven, seen)
 
     def __repr__(self) -> str:
@@ -620,12 +621,12 @@ class _Probe:
 
 
 def _generalised_force(model: "mujoco.MjModel", data: "mujoco.MjData", signal: Input) -> Array:
-    """`(nv,)` generalised force of a wrench; zero for an actuator, whose force MuJoCo gives."""
+    """`(nv,)` generalised force of wrenches; zero for actuators, whose force MuJoCo gives."""
     out = np.zeros(model.nv)
-    if signal.wrench is not None:
-        force = signal.wrench[:3]
-        torque = signal.wrench[3:]
-        mujoco.mj_applyFT(model, data, force, torque, data.xipos[signal.body], signal.body, out)
+    for weight, part in signal.simple:
+        if part.wrench is not None:
+            force, torque = weight * part.wrench[:3], weight * part.wrench[3:]
+            mujoco.mj_applyFT(model, data, force, torque, data.xipos[part.body], part.body, out)
     return out
 
 

@@ -16,6 +16,7 @@ from beamchain.ports.motions import Array
 
 TURNED = 1.0  # rad by which a wheel is turned to see whether the mass matrix depends on its angle
 CYCLIC = 1e-6  # relative change of the mass matrix below which it does not
+ROUNDED = 9  # decimals of a joint's position as it is read, in degrees or metres
 LIMITS = (
     "actuator_forcelimited",
     "actuator_actlimited",
@@ -112,23 +113,7 @@ def quiet_copy(model: "mujoco.MjModel") -> "mujoco.MjModel":
 def operating_point(model: "mujoco.MjModel", at: At = None, rates: Rates = None) -> OperatingPoint:
     """The point that `at` and `rates` of `plant` name, in a copy of the model without gravity,
     medium and constraints."""
-    qpos = np.array(model.qpos0)
-    qvel = np.zeros(model.nv)
-    if isinstance(at, str | int | np.integer):
-        key = _keyframe(model, at)
-        qpos = np.array(model.key_qpos[key])
-        qvel = np.array(model.key_qvel[key])
-    elif isinstance(at, Mapping):
-        for name, value in at.items():
-            qpos[model.jnt_qposadr[_joint(model, "at", str(name))]] = number(
-                f"at[{name!r}]", value, "rad"
-            )
-    elif at is not None:
-        wanted = f"qpos with shape ({model.nq},), finite, a keyframe's name, or angles by joint"
-        given = as_array("at", at, wanted)
-        if given.shape != (model.nq,):
-            raise InputError(f"at has the shape {given.shape}; give {wanted}.")
-        qpos = finite_array("at", given)
+    qpos, qvel = state_at(model, at)
     if rates is not None:
         of_type("rates", rates, Mapping, 'speeds by joint: {"wheel": 300.0} in rad/s')
     for name, value in (rates or {}).items():
@@ -136,7 +121,7 @@ def operating_point(model: "mujoco.MjModel", at: At = None, rates: Rates = None)
         joint = int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, str(name)))
         joint = joint if rate == 0.0 and joint >= 0 else _joint(model, "rates", str(name))
         qvel[model.dof_jntid == joint] = rate
-    _check_pose(model, qpos)
+    check_pose(model, qpos)
     ready = quiet_copy(model)
     free = np.flatnonzero(ready.jnt_type == 0)
     for joint in free:
@@ -148,37 +133,94 @@ def operating_point(model: "mujoco.MjModel", at: At = None, rates: Rates = None)
     return OperatingPoint(ready, qpos, qvel)
 
 
-def _keyframe(model: "mujoco.MjModel", at: "str | int | np.integer[Any]") -> int:
-    names = [str(model.key(k).name) for k in range(model.nkey)]
+def state_at(model: "mujoco.MjModel", at: At, field: str = "at") -> tuple[Array, Array]:
+    """Positions `(nq,)` and rates `(nv,)` that `at` of `plant`, here called `field`, names."""
+    qpos = np.array(model.qpos0)
+    qvel = np.zeros(model.nv)
+    if isinstance(at, str | int | np.integer):
+        key = _keyframe(model, at, field)
+        qpos = np.array(model.key_qpos[key])
+        qvel = np.array(model.key_qvel[key])
+    elif isinstance(at, Mapping):
+        for name, value in at.items():
+            joint = _joint(model, field, str(name))
+            unit = "m" if is_slide(model, joint) else "rad"
+            qpos[model.jnt_qposadr[joint]] = number(f"{field}[{name!r}]", value, unit)
+    elif at is not None:
+        wanted = f"qpos with shape ({model.nq},), finite, a keyframe's name, or angles by joint"
+        given = as_array(field, at, wanted)
+        if given.shape != (model.nq,):
+            raise InputError(f"{field} has the shape {given.shape}; give {wanted}.")
+        qpos = finite_array(field, given)
+    return qpos, qvel
+
+
+def keyframe_names(model: "mujoco.MjModel") -> list[str]:
+    """Names of the keyframes, empty where they have none."""
+    return [str(model.key(k).name) for k in range(model.nkey)]
+
+
+def _keyframe(model: "mujoco.MjModel", at: "str | int | np.integer[Any]", field: str) -> int:
+    names = keyframe_names(model)
     if isinstance(at, str):
         if at not in names:
-            raise unknown("at", at, names, "Or give angles by joint.")
+            joint = at if at in single_joints(model) else "joint"
+            raise unknown(field, at, names, f"Or give angles by joint, {{{joint!r}: 0.5}}.")
         return names.index(at)
     if isinstance(at, bool) or not 0 <= int(at) < model.nkey:
         raise InputError(
-            f"at = {at!r} is no keyframe; the model has {model.nkey}, numbered from 0."
+            f"{field} = {at!r} is no keyframe; the model has {model.nkey}, numbered from 0."
         )
     return int(at)
 
 
+def single_joints(model: "mujoco.MjModel") -> dict[str, int]:
+    """Numbers of the hinges and slides, by name."""
+    return {str(model.joint(j).name): j for j in range(model.njnt) if int(model.jnt_type[j]) >= 2}
+
+
+def is_slide(model: "mujoco.MjModel", joint: int) -> bool:
+    """Whether a joint is a slide."""
+    return int(model.jnt_type[joint]) == int(mujoco.mjtJoint.mjJNT_SLIDE)
+
+
+def is_cyclic(model: "mujoco.MjModel", qpos: Array, joint: int) -> bool:
+    """Whether a joint is the hinge of a balanced wheel: the mass matrix does not depend on its
+    angle."""
+    if int(model.jnt_type[joint]) != int(mujoco.mjtJoint.mjJNT_HINGE):
+        return False
+    turned = qpos.copy()
+    turned[model.jnt_qposadr[joint]] += TURNED
+    before = mass_matrix(model, qpos)
+    size = np.sqrt(np.outer(np.diag(before), np.diag(before)))
+    return bool(np.max(np.abs(mass_matrix(model, turned) - before) / size) < CYCLIC)
+
+
 def _joint(model: "mujoco.MjModel", field: str, name: str) -> int:
-    singles = {
-        str(model.joint(j).name): j for j in range(model.njnt) if int(model.jnt_type[j]) >= 2
-    }
+    singles = single_joints(model)
     if name not in singles:
         raise unknown(f"joint of {field}", name, singles)
     return singles[name]
 
 
-def _check_pose(model: "mujoco.MjModel", qpos: Array) -> None:
+def value_text(model: "mujoco.MjModel", joint: int, value: float) -> str:
+    """A joint's position as it is read: degrees of a hinge, metres of a slide."""
+    if is_slide(model, joint):
+        return f"{round(value, ROUNDED) + 0.0:.6g} m"
+    return f"{round(float(np.degrees(value)), ROUNDED) + 0.0:.6g}°"
+
+
+def check_pose(model: "mujoco.MjModel", qpos: Array, field: str = "at") -> None:
+    """Refuse a pose, here called `field`, that is out of a joint's range or in contact."""
     for j in np.flatnonzero(
         np.asarray(model.jnt_limited, dtype=bool) & (np.asarray(model.jnt_type) >= 2)
     ):
         value, (low, high) = float(qpos[model.jnt_qposadr[j]]), model.jnt_range[j]
         if not low <= value <= high:
+            unit = "" if is_slide(model, int(j)) else " angles are in rad;"
             raise InputError(
-                f"at: joint {model.joint(int(j)).name!r} = {value:g} is outside its range "
-                f"[{low:g}, {high:g}]; angles are in rad; give one within it."
+                f"{field}: joint {model.joint(int(j)).name!r} = {value:g} is outside its range "
+                f"[{low:g}, {high:g}];{unit} give one within it."
             )
     data = mujoco.MjData(model)
     data.qpos[:] = qpos
@@ -190,8 +232,8 @@ def _check_pose(model: "mujoco.MjModel", qpos: Array) -> None:
                 for g in contact.geom
             )
             raise InputError(
-                f"at: {one!r} touches {two!r} in this pose, and a contact has no linear part; give "
-                "another pose, or exclude the pair (<contact><exclude/>)."
+                f"{field}: {one!r} touches {two!r} in this pose, and a contact has no linear part; "
+                "give another pose, or exclude the pair (<contact><exclude/>)."
             )
 
 
@@ -199,13 +241,8 @@ def _check_rates(model: "mujoco.MjModel", qpos: Array, qvel: Array) -> None:
     """Only what leaves the mass matrix as it is may turn."""
     for dof in np.flatnonzero(qvel):
         joint = int(model.dof_jntid[dof])
-        if int(model.jnt_type[joint]) == 3:
-            turned = qpos.copy()
-            turned[model.jnt_qposadr[joint]] += TURNED
-            before = mass_matrix(model, qpos)
-            size = np.sqrt(np.outer(np.diag(before), np.diag(before)))
-            if np.max(np.abs(mass_matrix(model, turned) - before) / size) < CYCLIC:
-                continue
+        if is_cyclic(model, qpos, joint):
+            continue
         name = model.joint(joint).name or f"joint {joint}"
         raise InputError(
             f"at: joint {name!r} moves at {qvel[dof]:g} in this state, and the plant would change "

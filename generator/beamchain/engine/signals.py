@@ -3,18 +3,17 @@ sensors, attitude, rate, motions."""
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
-from beamchain.checks import list_of_names, unknown
+from beamchain.checks import unknown
 from beamchain.engine.library import mujoco
 from beamchain.engine.operating_point import OperatingPoint, base_body
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
 
-Names = Sequence[str] | None  # of signals; None: the usual ones
 AXES = ("x", "y", "z")
 DYNAMICS = ("NONE", "INTEGRATOR", "FILTER", "FILTEREXACT")  # of actuators, those that are linear
 NOT_SMOOTH = (
@@ -23,6 +22,8 @@ NOT_SMOOTH = (
     "E_POTENTIAL E_KINETIC"
 )
 QUATERNIONS = ("FRAMEQUAT", "BALLQUAT")
+AT_SITES = ("ACCELEROMETER", "VELOCIMETER", "GYRO", "FORCE", "TORQUE", "MAGNETOMETER")
+OF_BALLS = ("BALLQUAT", "BALLANGVEL")
 OF_CHAINS = (
     "FORCE",
     "TORQUE",
@@ -44,14 +45,17 @@ UNITS = {
     "N m s": "SUBTREEANGMOM",
     "T": "MAGNETOMETER",
 }
+Reader = Callable[["mujoco.MjData"], Array]  # of outputs
 
 
 @dataclass(frozen=True, eq=False)
 class Input:
-    """One input: the control of an actuator by its number, or a part of a wrench on a body.
+    """One input: the control of an actuator by its number, a part of a wrench on a body, or several
+    of them together.
 
     `wrench` `(6,)`: force and torque at the body's mass centre in world axes, as in `xfrc_applied`;
-    None: an actuator. `centre`: the force acts at the mass centre, wherever that is.
+    None: an actuator. `centre`: the force acts at the mass centre, wherever that is. `parts`: what
+    a combination drives, each with its weight; it has nothing of its own.
     """
 
     label: str
@@ -60,13 +64,24 @@ class Input:
     body: int = 0
     wrench: Array | None = None
     centre: bool = False
+    parts: "tuple[tuple[float, Input], ...]" = ()
+
+    @property
+    def simple(self) -> "list[tuple[float, Input]]":
+        """What it drives, each with its weight; no combinations among them."""
+        if not self.parts:
+            return [(1.0, self)]
+        return [
+            (weight * deep, signal) for weight, part in self.parts for deep, signal in part.simple
+        ]
 
     def apply(self, data: "mujoco.MjData", value: float) -> None:
         """Add to the input, all others untouched."""
-        if self.wrench is None:
-            data.ctrl[self.actuator] += value
-        else:
-            data.xfrc_applied[self.body] += value * self.wrench
+        for weight, signal in self.simple:
+            if signal.wrench is None:
+                data.ctrl[signal.actuator] += weight * value
+            else:
+                data.xfrc_applied[signal.body] += weight * value * signal.wrench
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +94,7 @@ class Output:
 
     labels: tuple[str, ...]
     units: tuple[str, ...]
-    read: "Callable[[mujoco.MjData], Array]"
+    read: Reader
     local: bool = True
 
 
@@ -94,44 +109,36 @@ def base(model: "mujoco.MjModel") -> int:
     return tops.most_common(1)[0][0]
 
 
-def inputs_of(point: OperatingPoint, names: Names) -> list[Input]:
-    """The inputs that `names` ask for; all actuators where left out,
-    a torque on the base where there is none."""
-    model = point.model
-    data = point.data()
+def usual_inputs(model: "mujoco.MjModel") -> list[str]:
+    """All actuators, a torque on the base where there is none."""
+    return actuator_names(model) or [f"torque:{model.body(base(model)).name}"]
+
+
+def named_inputs(
+    model: "mujoco.MjModel", data: "mujoco.MjData", name: str
+) -> tuple[str, list[Input]]:
+    """The place and the inputs of a name, `data` at the point."""
+    kind, _, place = name.partition(":")
+    if kind in ("torque", "force", "wrench") and place:
+        return place, _wrench_inputs(model, data, kind, place)
     actuators = actuator_names(model)
-    groups: list[tuple[str, list[Input]]] = []
-    usual = actuators or [f"torque:{model.body(base(model)).name}"] if names is None else names
-    for name in _checked_names("inputs", usual):
-        kind, _, place = name.partition(":")
-        if kind in ("torque", "force", "wrench") and place:
-            group = _wrench_inputs(model, data, kind, place)
-        else:
-            if name not in actuators:
-                raise unknown(
-                    "actuator of inputs",
-                    name,
-                    actuators,
-                    "Or give torque:BODY, force:BODY, wrench:SITE.",
-                )
-            number = actuators.index(name)
-            if int(model.actuator_dyntype[number]) not in [
-                int(getattr(mujoco.mjtDyn, f"mjDYN_{d}")) for d in DYNAMICS
-            ]:
-                raise InputError(
-                    f"actuator {name!r} of inputs has an activation that is not linear; only "
-                    "dyntype none, integrator, filter and filterexact are; leave it out, or change "
-                    "its dyntype."
-                )
-            group = [Input(name, _unit(model, number), number)]
-            place = name
-        groups.append((place, group))
-    uses = Counter(signal.label for _, group in groups for signal in group)
-    return [
-        replace(signal, label=f"{signal.label}_{place}" if uses[signal.label] > 1 else signal.label)
-        for place, group in groups
-        for signal in group
-    ]
+    if name not in actuators:
+        raise unknown(
+            "actuator of inputs",
+            name,
+            actuators,
+            "Or give torque:BODY, force:BODY, wrench:SITE.",
+        )
+    number = actuators.index(name)
+    if int(model.actuator_dyntype[number]) not in [
+        int(getattr(mujoco.mjtDyn, f"mjDYN_{d}")) for d in DYNAMICS
+    ]:
+        raise InputError(
+            f"actuator {name!r} of inputs has an activation that is not linear; only "
+            "dyntype none, integrator, filter and filterexact are; leave it out, or change "
+            "its dyntype."
+        )
+    return name, [Input(name, _unit(model, number), number)]
 
 
 def _wrench_inputs(
@@ -139,7 +146,7 @@ def _wrench_inputs(
 ) -> list[Input]:
     """The inputs of `"torque:BODY"`, `"force:BODY"` or `"wrench:SITE"`."""
     what = "site" if kind == "wrench" else "body"
-    number = _number_of(model, what, place, f"{what} of inputs {kind!r}")
+    number = number_of(model, what, place, f"{what} of inputs {kind!r}")
     if what == "site":
         body = int(model.site_bodyid[number])
         axes = data.site_xmat[number].reshape(3, 3)
@@ -162,37 +169,49 @@ def _wrench_inputs(
     return out
 
 
-def outputs_of(point: OperatingPoint, names: Names) -> list[Output]:
-    """The outputs that `names` ask for; attitude and rate of the base where left out."""
+def named_output(point: OperatingPoint, data: "mujoco.MjData", name: str) -> tuple[str, Output]:
+    """The place and the output of a name, `data` at the point."""
     model = point.model
-    data = point.data()
-    hub = base(model)
-    out = list[tuple[str, Output]]()
-    for name in _checked_names("outputs", ["attitude", "rate"] if names is None else names):
-        kind, _, place = name.partition(":")
-        if name == "attitude":
-            output = _attitude(data, hub)
-        elif name == "rate":
-            output = _rate(hub)
-        elif kind == "motion" and place:
-            output = _motion(data, _number_of(model, "site", place, "site of outputs 'motion'"))
-        else:
-            cure = "Or give attitude, rate, motion:SITE."
-            output = _sensor(
-                point, data, _number_of(model, "sensor", name, "sensor of outputs", cure)
-            )
-        out.append((place, output))
-    uses = Counter(label for _, output in out for label in output.labels)
-    return [
-        replace(
-            output,
-            labels=tuple(
-                f"{label}_{place}" if uses[label] > 1 and place else label
-                for label in output.labels
-            ),
-        )
-        for place, output in out
-    ]
+    kind, _, place = name.partition(":")
+    if name == "attitude":
+        return place, _attitude(data, base(model))
+    if name == "rate":
+        return place, _rate(base(model))
+    if kind == "motion" and place:
+        return place, _motion(data, number_of(model, "site", place, "site of outputs 'motion'"))
+    cure = "Or give attitude, rate, motion:SITE."
+    return place, _sensor(point, data, number_of(model, "sensor", name, "sensor of outputs", cure))
+
+
+def sensor_axes(model: "mujoco.MjModel", data: "mujoco.MjData", number: int) -> Array | None:
+    """`(3, 3)` in the columns the axes in world axes that a sensor of three numbers, or of a
+    quaternion, is told in; None where it has no three axes."""
+    kind = _kind(model, number)
+    if kind not in QUATERNIONS and int(model.sensor_dim[number]) != 3:
+        return None
+    where = int(model.sensor_objid[number])
+    if kind in AT_SITES:
+        return data.site_xmat[where].reshape(3, 3).copy()
+    if kind in OF_BALLS:
+        return data.xmat[int(model.jnt_bodyid[where])].reshape(3, 3).copy()
+    if kind == "FRAMEQUAT":
+        return _frame(data, int(model.sensor_objtype[number]), where)
+    reference = int(model.sensor_refid[number])
+    if reference >= 0:
+        return _frame(data, int(model.sensor_reftype[number]), reference)
+    return np.eye(3)
+
+
+def _frame(data: "mujoco.MjData", kind: int, number: int) -> Array:
+    """Axes of a body, geom, site or camera, in the columns."""
+    frames: dict[int, Array] = {
+        int(mujoco.mjtObj.mjOBJ_BODY): data.ximat,
+        int(mujoco.mjtObj.mjOBJ_XBODY): data.xmat,
+        int(mujoco.mjtObj.mjOBJ_GEOM): data.geom_xmat,
+        int(mujoco.mjtObj.mjOBJ_SITE): data.site_xmat,
+        int(mujoco.mjtObj.mjOBJ_CAMERA): data.cam_xmat,
+    }
+    return frames[kind][number].reshape(3, 3).copy()
 
 
 def control_names(labels: Sequence[str]) -> list[str]:
@@ -246,21 +265,13 @@ def _unit(model: "mujoco.MjModel", number: int) -> str:
     return f"{unit}/s" if stiffness == 0.0 and damping == -gain != 0.0 else ""
 
 
-def _number_of(model: "mujoco.MjModel", kind: str, name: str, field: str, cure: str = "") -> int:
+def number_of(model: "mujoco.MjModel", kind: str, name: str, field: str, cure: str = "") -> int:
+    """Number of a body, site or sensor; `field` is what asks for it."""
     count = {"body": model.nbody, "site": model.nsite, "sensor": model.nsensor}[kind]
     names = [str(getattr(model, kind)(i).name) for i in range(count)]
     if name not in names or not name:
         raise unknown(field, name, names, cure)
     return names.index(name)
-
-
-def _checked_names(field: str, names: Sequence[str]) -> list[str]:
-    names = list_of_names(field, names)
-    if not names:
-        raise InputError(f'{field} is empty; write {field}=["..."].')
-    if twice := [name for name, count in Counter(names).items() if count > 1]:
-        raise InputError(f"{field} names {twice[0]!r} twice; name each signal once.")
-    return names
 
 
 # What is read stands in functions of the module, so that plants can be pickled.
@@ -314,15 +325,20 @@ def _motion(data: "mujoco.MjData", site: int) -> Output:
     return Output(labels, ("m",) * 3 + ("rad",) * 3, partial(_read_motion, start, axes, site))
 
 
-def _sensor(point: OperatingPoint, data: "mujoco.MjData", number: int) -> Output:
-    model = point.model
-    name = str(model.sensor(number).name)
+def _kind(model: "mujoco.MjModel", number: int) -> str:
+    """Type of a sensor in MuJoCo's words, `mjSENS_` left off."""
     kinds = {
         int(getattr(mujoco.mjtSensor, k)): k[7:]
         for k in dir(mujoco.mjtSensor)
         if k.startswith("mjSENS_")
     }
-    kind = kinds[int(model.sensor_type[number])]
+    return kinds[int(model.sensor_type[number])]
+
+
+def _sensor(point: OperatingPoint, data: "mujoco.MjData", number: int) -> Output:
+    model = point.model
+    name = str(model.sensor(number).name)
+    kind = _kind(model, number)
     first = model.sensor_adr[number]
     size = int(model.sensor_dim[number])
     part = slice(first, first + size)

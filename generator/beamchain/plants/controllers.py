@@ -1,16 +1,19 @@
 """Controllers as files of loops: transfer functions with dead times,
 their responses and their states."""
 
+from collections.abc import Sequence
 from functools import reduce
 from pathlib import Path
 from typing import Annotated, Any
 
 import control
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag, matrix_balance
 
 from beamchain.checks import Struct, field
+from beamchain.engine.combinations import Alignment, Allocation, InputNames, OutputNames
 from beamchain.errors import InputError
 from beamchain.fitting.toml_files import read_struct
 from beamchain.ports.motions import Array
@@ -120,6 +123,14 @@ class Controller(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """
 
     loop: Annotated[tuple[Loop, ...], field("the loops, one [[loop]] each")]
+    allocation: Annotated[
+        dict[str, Allocation],
+        field("inputs NAME_x, NAME_y, NAME_z: torque on a body, shared out over actuators"),
+    ] = msgspec.field(default_factory=dict[str, Allocation])
+    alignment: Annotated[
+        dict[str, Alignment],
+        field("outputs NAME_x, NAME_y, NAME_z: a sensor in the axes of a body"),
+    ] = msgspec.field(default_factory=dict[str, Alignment])
 
 
 def read_controller(path: str | Path | Controller) -> Controller:
@@ -129,6 +140,32 @@ def read_controller(path: str | Path | Controller) -> Controller:
         InputError: the file cannot be read, or a value is not allowed.
     """
     return read_struct(path, Controller, "controller", "a TOML file with [[loop]]")
+
+
+def signals_with(
+    controller: Controller, inputs: Sequence[str] | None, outputs: Sequence[str] | None
+) -> tuple[InputNames, OutputNames]:
+    """Inputs and outputs of a plant for a controller: the names asked for, and those that it
+    combines; the combined ones alone where no name is asked for.
+
+    Raises:
+        InputError: a combination has the name of another input or output.
+    """
+    for kind, table, names in (
+        ("allocation", controller.allocation, inputs or ()),
+        ("alignment", controller.alignment, outputs or ()),
+    ):
+        if twice := [name for name in table if name in names]:
+            raise InputError(
+                f"[{kind}.{twice[0]}] of the controller has the name of a signal that is asked for "
+                "as well; give the table another name."
+            )
+    driven = dict.fromkeys(inputs or ()) | controller.allocation
+    seen = dict.fromkeys(outputs or ()) | controller.alignment
+    return (
+        {name: what or name for name, what in driven.items()} if controller.allocation else inputs,
+        {name: what or name for name, what in seen.items()} if controller.alignment else outputs,
+    )
 
 
 def places(

@@ -164,8 +164,9 @@ def _add_body(
     # what each input does to the mass centre, in the body's axes
     pushed = np.zeros((3, len(inputs)))
     for column, signal in enumerate(inputs):
-        if signal.centre and signal.body == body and signal.wrench is not None:
-            pushed[:, column] = axes.T @ signal.wrench[:3]
+        for weight, part in signal.simple:
+            if part.centre and part.body == body and part.wrench is not None:
+                pushed[:, column] += weight * axes.T @ part.wrench[:3]
     centres = [
         (numbers[f"centre_{axis}"], k) for k, axis in enumerate(AXES) if f"centre_{axis}" in numbers
     ]

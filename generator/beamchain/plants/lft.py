@@ -15,10 +15,11 @@ from beamchain.checks import as_array, finite_array, number, unknown, whole_numb
 from beamchain.craft.linear_craft import LinearCraft
 from beamchain.craft.model_fields import apply
 from beamchain.craft.quantities import Quantity, draws
+from beamchain.engine.combinations import InputNames, OutputNames, inputs_of, outputs_of
 from beamchain.engine.library import mujoco, one_thread
 from beamchain.engine.linear import linear_at
 from beamchain.engine.operating_point import OperatingPoint
-from beamchain.engine.signals import Names, control_names, inputs_of, outputs_of
+from beamchain.engine.signals import control_names
 from beamchain.errors import InputError
 from beamchain.fitting.uncertain import Correlation
 from beamchain.plants.delta_channels import channels
@@ -52,12 +53,12 @@ class Block(NamedTuple):
 
 
 class Made(NamedTuple):
-    """What a plant was made of: the craft, and names of its inputs and outputs as
-    `bc.plant` was given them."""
+    """What a plant was made of: the craft, and its inputs and outputs as `bc.plant` was given
+    them, allocations with the commands that they have there."""
 
     craft: LinearCraft
-    inputs: Names
-    outputs: Names
+    inputs: InputNames
+    outputs: OutputNames
 
     def again(self, model: "mujoco.MjModel") -> LinearCraft:
         """The same of a model with other numbers, at the same point."""

@@ -3,7 +3,7 @@ once, and why a closed loop is unstable."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, overload
+from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
 import control
 import numpy as np
@@ -22,6 +22,9 @@ from beamchain.plants.structured import balanced_bounds, bound
 from beamchain.plants.systems import Complex
 from beamchain.ports.motions import Array, locked
 from beamchain.steps.modal import FILLER
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 POLISHED = 4  # maxima on the grid that are polished
 AT_ZERO = 1e-6  # of the lowest frequency, at which the response at rest is taken
@@ -181,6 +184,14 @@ class Margins:
     def table(self) -> "report.Table":
         """All figures, gains in dB."""
         return report.margin_table([self])
+
+    def bode(self) -> "Figure":
+        """Gain and phase of every open loop, its margins marked."""
+        return report.open_loop_figure([self])
+
+    def nichols(self) -> "Figure":
+        """Every open loop in the Nichols plane, with frequencies."""
+        return report.nichols_figure([self])
 
     def _repr_html_(self) -> str:
         return report.margins_html(self)

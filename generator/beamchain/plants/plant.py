@@ -1,5 +1,4 @@
-"""`plant`: the spacecraft as a control engineer's plant,
-at a pose or over the angles of a drive."""
+"""`plant`: the spacecraft as a control engineer's plant, in one pose or in several."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -13,19 +12,27 @@ from beamchain.checks import positive
 from beamchain.craft.embedded import Embedded
 from beamchain.craft.linear_craft import LinearCraft, exact_craft, linear_craft
 from beamchain.craft.modal_form import ModalForm
-from beamchain.craft.source import angle_grid, compiled_model, linear_omissions
+from beamchain.craft.poses import Poses, poses_of
+from beamchain.craft.source import compiled_model, linear_omissions
 from beamchain.craft.timing import without_timing
+from beamchain.engine.combinations import (
+    InputNames,
+    OutputNames,
+    allocations_of,
+    settled,
+)
 from beamchain.engine.library import mujoco, one_thread
+from beamchain.engine.linear import linear_at
 from beamchain.engine.linearise import NUMBERS
-from beamchain.engine.operating_point import At, Rates, operating_point
-from beamchain.engine.signals import Names
+from beamchain.engine.normal_modes import NormalModes
+from beamchain.engine.operating_point import At, Rates, operating_point, quiet_copy, rest_point
 from beamchain.errors import InputError
-from beamchain.plants.at_step import at_step, step_errors
+from beamchain.plants.at_step import at_step, retime_at, step_errors
 from beamchain.plants.lft import Made
 from beamchain.plants.realisation import SAMPLED, Plant
-from beamchain.plants.scheduled import ScheduledPlant, follow
+from beamchain.plants.scheduled import ScheduledPlant, follow, same_states
 from beamchain.plants.uncertain_plant import uncertain_plant
-from beamchain.ports.motions import Array, locked
+from beamchain.ports.motions import Array
 from beamchain.steps.modal import FILLER
 
 # of a mode's discrete pole beyond the unit circle: more than what turning wheels do to it
@@ -36,8 +43,8 @@ ROUNDING = 1e-9
 @one_thread()
 def plant(
     model: "Embedded | mujoco.MjSpec | mujoco.MjModel | str | Path",
-    inputs: Sequence[str] | None = None,
-    outputs: Sequence[str] | None = None,
+    inputs: InputNames = None,
+    outputs: OutputNames = None,
     at: At = None,
     *,
     rates: Mapping[str, float] | None = None,
@@ -68,13 +75,17 @@ def plant(
             or what `bc.embed` returns (needed for `exact`).
         inputs: actuators by name, `"torque:BODY"` and `"force:BODY"` (at its mass centre, three
             signals each), `"wrench:SITE"` (six, in the site's axes). All actuators where left out;
-            without one a torque on the base.
+            without one a torque on the base. Or a mapping `{NAME: what}`: `bc.allocate(...)` gives
+            torque on a body (`NAME_x`, `NAME_y`, `NAME_z`), `{name: weight}` drives several
+            together, another name is a new name for an input.
         outputs: sensors by name (their linear part), `"attitude"`, `"rate"` of the base,
             `"motion:SITE"` (displacement and rotation of a site, in its axes). Attitude and
-            rate where left out.
-        at: name or number of a keyframe, `qpos`, or `{joint: angle}` [rad]; the pose of rest
-            where left out. `{joint: [angles]}`: a plant per angle, modes followed by their
-            shapes; a `ScheduledPlant`.
+            rate where left out. Or a mapping: `bc.align(...)` gives a sensor in the axes of a body,
+            `{name: weight}` the sum of several.
+        at: name or number of a keyframe, `qpos`, or `{joint: position}` [rad, m]; the pose of rest
+            where left out. A list of such poses, or `{joint: [angles]}`: a plant per pose, modes
+            followed by their shapes through the list in its order, all joints moving together from
+            one pose to the next; a `ScheduledPlant`.
         rates: `{joint: rad/s}` of wheels; those of the keyframe where left out.
         discrete: a step [s]: the sampled plant that MuJoCo runs at that step with the model's own
             integrator, exact in time, its input the mean of this and the last one (`bc.HeldInput`),
@@ -85,9 +96,9 @@ def plant(
             `truncation(omega)`, `write(path)`.
 
     Raises:
-        InputError: an unknown name, a sensor without a linear part, a pose in contact or out of
-            range, a body that moves at `at` and is not a balanced wheel, nothing flexible, a
-            step that is unstable.
+        InputError: an unknown name, a sensor without a linear part, torque that the actuators of
+            an allocation do not give, a pose in contact or out of range, a body that moves at `at`
+            and is not a balanced wheel, nothing flexible, a step that is unstable.
         EngineError: MuJoCo refuses the model.
 
     Example:
@@ -109,21 +120,14 @@ def plant(
     given = _Given(
         model if isinstance(model, Embedded) else None, whole, rates, inputs, outputs, step
     )
-    grid = angle_grid(at)
-    if grid is None:
+    poses = poses_of(whole, at)
+    if poses is None:
         craft, said = given.craft(at)
         form = craft.form(step is not None)
         return given.plant(
             craft, form.minimal(), craft.mode_names, [*linear_omissions(whole), *said]
         )
-    name, angles = grid
-    crafts = follow(lambda angle: given.craft({**at, name: angle})[0], angles)
-    names = crafts[0][0].mode_names
-    said = linear_omissions(whole)
-    forms = [(craft, craft.form(step is not None, modes, names)) for craft, modes in crafts]
-    keep = np.any([form.active() for _, form in forms], axis=0)
-    plants = tuple(given.plant(craft, form.reduced(keep), names, said) for craft, form in forms)
-    return ScheduledPlant(name, locked(angles), plants)
+    return given.scheduled(poses)
 
 
 @dataclass(frozen=True)
@@ -133,9 +137,33 @@ class _Given:
     embedded: Embedded | None
     model: "mujoco.MjModel"
     rates: Rates
-    inputs: Names
-    outputs: Names
+    inputs: InputNames
+    outputs: OutputNames
     step: float | None
+
+    def scheduled(self, poses: Poses) -> ScheduledPlant:
+        """The plants of several poses, with one order of states."""
+        crafts = [self.craft(pose.at)[0] for pose in poses.each]
+        names = crafts[0].mode_names
+        said = linear_omissions(self.model)
+        followed = zip(crafts, follow(crafts, self.modes_at), strict=True)
+        forms = [craft.form(self.step is not None, modes, names) for craft, modes in followed]
+        forms = same_states(forms, poses.labels)
+        keep = np.any([form.active() for form in forms], axis=0)
+        plants = tuple(
+            self.plant(craft, form.reduced(keep), names, said)
+            for craft, form in zip(crafts, forms, strict=True)
+        )
+        return ScheduledPlant(
+            plants, poses.labels, poses.joints, poses.units, poses.values, poses.joint
+        )
+
+    def modes_at(self, qpos: Array) -> NormalModes:
+        """The normal modes at positions, without time or at the step."""
+        model = without_timing(self.model)
+        if self.step is not None:
+            model, _ = retime_at(self.model, self.step, qpos)
+        return linear_at(rest_point(quiet_copy(model), qpos)).modes()
 
     def craft(self, at: At) -> tuple[LinearCraft, list[str]]:
         """The craft at a pose, without time or at its step, and sentences on that step."""
@@ -171,7 +199,10 @@ class _Given:
             form, grown = self._discrete(form, craft, self.step)
             said = [*said, *grown]
         embedded = self.embedded
-        made = Made(craft, self.inputs, self.outputs)
+        allocations = allocations_of(craft.point, self.inputs)
+        for name, allocated in allocations.items():
+            said = [*said, *allocated.cautions(name)]
+        made = Made(craft, settled(self.inputs, allocations), self.outputs)
         errors = (
             None
             if self.step is None
@@ -180,7 +211,14 @@ class _Given:
         pulled = SAMPLED if self.step is not None else partial(uncertain_plant, made, embedded)
         if embedded is None:
             return Plant(
-                form, craft.signals, modes, said, self.step, uncertain=pulled, errors=errors
+                form,
+                craft.signals,
+                modes,
+                said,
+                self.step,
+                uncertain=pulled,
+                errors=errors,
+                allocations=allocations,
             )
         return Plant(
             form,
@@ -191,6 +229,7 @@ class _Given:
             partial(_exact_plant, embedded, made),
             pulled,
             errors,
+            allocations,
         )
 
     def _discrete(

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from beamchain.checks import finite_array
 from beamchain.craft.modal_form import ModalForm
+from beamchain.engine.combinations import Allocated
 from beamchain.engine.library import one_thread
 from beamchain.engine.signals import control_names
 from beamchain.errors import InputError
@@ -48,6 +49,7 @@ class Plant(StateSpace):
             or why there is none.
         uncertain: makes the uncertain plant; or why there is none.
         errors: computes `time_error` and `sampled_error`; None: continuous.
+        allocations: what allocations among the inputs are in this pose, by name.
 
     Example:
         >>> import beamchain as bc
@@ -72,6 +74,7 @@ class Plant(StateSpace):
     output_units: tuple[str, ...]
     modes: tuple[str, ...]
     warnings: tuple[str, ...]
+    allocations: Mapping[str, Allocated]
 
     def __init__(
         self,
@@ -83,6 +86,7 @@ class Plant(StateSpace):
         exact: "Callable[[float], Plant] | str" = NO_EXACT,
         uncertain: "Callable[[UncertainCraft | None], UncertainPlant] | str" = SAMPLED,
         errors: "Callable[[], tuple[TimeError, float | None]] | None" = None,
+        allocations: Mapping[str, Allocated] | None = None,
     ) -> None:
         self.state_names, self.state_units = tuple(form.names), tuple(form.units)
         self.input_names, self.output_names = tuple(signals[0]), tuple(signals[1])
@@ -94,6 +98,7 @@ class Plant(StateSpace):
             uncertain,
         )
         self._errors = errors
+        self.allocations = dict(allocations or {})
         super().__init__(
             form.a,
             form.b,

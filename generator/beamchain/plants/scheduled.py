@@ -1,8 +1,9 @@
-"""Plants over the angles of a drive: one order of states,
-modes followed from angle to angle by their shapes."""
+"""Plants in several poses: one order of states, modes followed from pose to pose by their
+shapes."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,7 +12,10 @@ from scipy.optimize import linear_sum_assignment
 
 from beamchain import report
 from beamchain.craft.linear_craft import LinearCraft
+from beamchain.craft.modal_form import ModalForm
+from beamchain.craft.poses import Way
 from beamchain.engine.normal_modes import NormalModes
+from beamchain.errors import InputError
 from beamchain.fitting.uncertain import UncertainCraft
 from beamchain.plants.export import write
 from beamchain.plants.realisation import Plant
@@ -21,20 +25,23 @@ from beamchain.ports.motions import Array, locked
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# least modal assurance between neighbouring angles; below it the angle between is looked at
+# least modal assurance between neighbouring poses; below it the pose between is looked at
 ALIKE = 0.9
-# rad between angles: never more, and below which modes are taken as they are
+# rad or m between poses: never more, and below which modes are taken as they are
 WIDEST, FINEST = 0.1, 0.02
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ScheduledPlant:
-    """A plant per angle of a joint, all with the same states.
+    """A plant per pose, all with the same states.
 
     Args:
-        joint: name.
-        angles: `(k,)` [rad].
-        plants: one per angle; `scheduled[i]` is one of them.
+        plants: one per pose; `scheduled[i]` is one of them.
+        labels: what the poses are called: joints in degrees or metres, keyframes by name.
+        joints: names of the joints that the poses name or that move between them.
+        units: of their positions, `rad` or `m`.
+        values: `(k, joints)` positions of these joints [rad, m].
+        joint: the one joint of a grid `at={joint: [angles]}`; None of a list of poses.
 
     Example:
         >>> import beamchain as bc
@@ -52,17 +59,21 @@ class ScheduledPlant:
         ... )
         >>> len(scheduled), scheduled.matrices()[0].shape[0], scheduled[1].dt
         (3, 3, 0)
+        >>> scheduled.labels
+        ('drive 0°', 'drive 45.8366°', 'drive 91.6732°')
     """
 
-    joint: str
-    angles: Array
     plants: tuple[Plant, ...]
+    labels: tuple[str, ...]
+    joints: tuple[str, ...]
+    units: tuple[str, ...]
+    values: Array
+    joint: str | None = None
 
     def __repr__(self) -> str:
-        return (
-            f"<ScheduledPlant, {len(self.plants)} angles of {self.joint!r}, "
-            f"{self.plants[0]!r:.200}>"
-        )
+        few = ", ".join(repr(label) for label in self.labels[:3])
+        more = ", ..." if len(self) > 3 else ""
+        return f"<ScheduledPlant, {len(self)} poses ({few}{more}), {self.plants[0]!r:.200}>"
 
     def __len__(self) -> int:
         return len(self.plants)
@@ -70,14 +81,27 @@ class ScheduledPlant:
     def __getitem__(self, number: int) -> Plant:
         return self.plants[number]
 
+    def __iter__(self) -> Iterator[Plant]:
+        return iter(self.plants)
+
     @property
-    def labels(self) -> tuple[str, ...]:
-        """What the poses are called, in degrees."""
-        return tuple(f"{self.joint} {angle:g}°" for angle in np.degrees(self.angles))
+    def angles(self) -> Array | None:
+        """`(k,)` [rad] of the joint of a grid; None of a list of poses."""
+        return None if self.joint is None else self.values[:, self.joints.index(self.joint)]
+
+    @property
+    def grid(self) -> tuple[Array, str] | None:
+        """`(k,)` positions of the joint of a grid as they are read, and their unit, degrees or m;
+        None of a list of poses."""
+        if self.joint is None or self.angles is None:
+            return None
+        if self.units[self.joints.index(self.joint)] == "m":
+            return self.angles, "m"
+        return np.degrees(self.angles), "degrees"
 
     @property
     def modes(self) -> tuple[str, ...]:
-        """Names of the flexible modes, those at the first angle."""
+        """Names of the flexible modes, those in the first pose."""
         return self.plants[0].modes
 
     @property
@@ -103,12 +127,12 @@ class ScheduledPlant:
     def uncertain(
         self, uncertain: "UncertainCraft | str | Path | None" = None
     ) -> tuple[UncertainPlant, ...]:
-        """An uncertain plant per angle, see `Plant.uncertain`;
+        """An uncertain plant per pose, see `Plant.uncertain`;
         their states are in an order of their own."""
         return tuple(plant.uncertain(uncertain) for plant in self.plants)
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Frequencies of the modes over the angle, as thick as their gain.
+        """Frequencies of the modes over the poses, or the angle of a grid, as thick as their gain.
         Returns the axes; shows nothing.
 
         Args:
@@ -120,7 +144,10 @@ class ScheduledPlant:
         self, path: str | Path, *, force: bool = False, also: Mapping[Path, str] | None = None
     ) -> Path:
         """Write all plants to one `.npz`, `.json` or `.mat`, see `Plant.write`;
-        in `.mat` the angle is the last index.
+        in `.mat` the pose is the last index.
+
+        `PoseLabel` are the labels, `Pose` `(k, joints)` the positions of `PoseJoint`; of a grid
+        there are also `Joint` and its `Angle`.
 
         Args:
             path: its ending says the format.
@@ -129,39 +156,63 @@ class ScheduledPlant:
         """
         record = self.plants[0].record() | dict(zip("ABCD", self.matrices(), strict=True))
         record |= {"Frequency": self.frequency, "DampingRatio": self.damping_ratio}
-        record |= {"Angle": self.angles, "Joint": self.joint}
+        record |= {"PoseLabel": list(self.labels), "Pose": self.values}
+        record |= {"PoseJoint": list(self.joints), "PoseUnit": list(self.units)}
+        if self.joint is not None:
+            record |= {"Angle": self.angles, "Joint": self.joint}
         return write(path, record, force=force, also=also)
 
 
 def follow(
-    craft: "Callable[[float], LinearCraft]", angles: Array
-) -> list[tuple[LinearCraft, NormalModes]]:
-    """The craft at every angle `(k,)` [rad],
-    and its normal modes in the order and with the signs of the first."""
-    first = craft(float(angles[0]))
-    out = [(first, first.modes)]
-    for before, after in zip(angles[:-1], angles[1:], strict=True):
-        there = craft(float(after))
-        out.append((there, _follow(craft, out[-1][1], there, float(before), float(after))))
+    crafts: "Sequence[LinearCraft]", between: "Callable[[Array], NormalModes]"
+) -> list[NormalModes]:
+    """The normal modes of a craft in one pose after the other, in the order and with the signs of
+    the first pose.
+
+    From a pose to the next all joints move together; `between` gives the modes at positions on
+    the way.
+    """
+    out = [crafts[0].modes]
+    for before, after in pairwise(crafts):
+        way = Way.between(after.point.model, before.point.qpos, after.point.qpos)
+        out.append(_follow(way, between, out[-1], after.modes, (0.0, 1.0)))
     return out
 
 
 def _follow(
-    craft: "Callable[[float], LinearCraft]",
+    way: Way,
+    between: "Callable[[Array], NormalModes]",
     known: NormalModes,
-    there: LinearCraft,
-    before: float,
-    after: float,
+    new: NormalModes,
+    part: tuple[float, float],
 ) -> NormalModes:
-    """The modes at `after` in the order of those known at `before`,
-    by way of the angle between where they differ much."""
-    new = there.modes
+    """The modes at the end of a part of the way in the order of those known at its start, by way
+    of its middle where they differ much."""
     overlap = known.shapes.T @ ((known.mass + new.mass) / 2.0) @ new.shapes
     rows, columns = linear_sum_assignment(-np.abs(overlap))
     alike = float(np.min(np.abs(overlap[rows, columns]) ** 2, initial=1.0)) >= ALIKE
-    if abs(after - before) > (WIDEST if alike else FINEST):
-        middle = (before + after) / 2.0
-        between = craft(middle)
-        halfway = _follow(craft, known, between, before, middle)
-        return _follow(craft, halfway, there, middle, after)
+    start, end = part
+    if way.length * (end - start) > (WIDEST if alike else FINEST):
+        middle = (start + end) / 2.0
+        halfway = _follow(way, between, known, between(way.at(middle)), (start, middle))
+        return _follow(way, between, halfway, new, (middle, end))
     return new.ordered([int(i) for i in columns], np.where(overlap[rows, columns] < 0.0, -1.0, 1.0))
+
+
+def same_states(forms: "Sequence[ModalForm]", labels: Sequence[str]) -> list[ModalForm]:
+    """The forms with their states in the order of the first.
+
+    Raises:
+        InputError: another pose has other states.
+    """
+    names = forms[0].names
+    out: list[ModalForm] = []
+    for form, label in zip(forms, labels, strict=True):
+        if other := sorted(set(form.names) ^ set(names)):
+            raise InputError(
+                f"at: the craft has other states in the pose {label!r} than in {labels[0]!r} "
+                f"({', '.join(other[:4])}), as where wheels turn in one of them alone; give rates "
+                "of the wheels for all poses, or make a plant of each."
+            )
+        out.append(form.picked([form.names.index(name) for name in names], form.rigid))
+    return out

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from beamchain.report.craft_plots import assembly_svg as assembly_svg
     from beamchain.report.craft_plots import plot_assembly as plot_assembly
     from beamchain.report.craft_plots import sweep_pictures as sweep_pictures
+    from beamchain.report.margin_plots import nichols_figure as nichols_figure
+    from beamchain.report.margin_plots import open_loop_figure as open_loop_figure
     from beamchain.report.pages.embed import embed_report as embed_report
     from beamchain.report.pages.fit import fit_report as fit_report
     from beamchain.report.pages.identification import identification_html as identification_html
@@ -47,6 +49,7 @@ _PLACES = {
         "margins_html",
     ),
     "plant_plots": ("plot_scheduled", "plot_worst"),
+    "margin_plots": ("nichols_figure", "open_loop_figure"),
     "plots": ("plot_accelerance",),
     "table": ("Table",),
     "tables.plant": ("margin_table",),

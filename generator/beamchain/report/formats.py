@@ -16,7 +16,7 @@ STUDY_TITLES: dict[str, str] = {
 ROUNDING = 1e-9  # damping ratio that computing alone makes
 
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-_POWER_OF_TEN = re.compile(r"(-?\d\.\d)e([-+]\d+)")
+_POWER_OF_TEN = re.compile(r"(-?\d(?:\.\d+)?)e([-+]\d+)")
 
 
 def digits(count: int) -> Format:

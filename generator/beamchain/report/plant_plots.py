@@ -23,50 +23,74 @@ from beamchain.report.plots import (
     plain,
     power,
 )
+from beamchain.report.pose_looks import pose_legend, pose_looks
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from beamchain.plants.margins import LoopMargins
     from beamchain.plants.realisation import Plant
     from beamchain.plants.scheduled import ScheduledPlant
     from beamchain.plants.uncertain_plant import WorstCase
 
+APART = 0.035  # of the height of a panel, between the names of modes
 PAIRS = 4  # of inputs and outputs that a Bode plot shows
 
 
 def plot_scheduled(scheduled: "ScheduledPlant", ax: "Axes | None" = None) -> "Axes":
-    """Frequencies of the modes over a drive's angle; the larger a marker,
-    the larger the mode's gain."""
+    """Frequencies of the modes over the poses, or the positions of a grid's joint; the larger a
+    marker, the larger the mode's gain."""
     ax = panel(3.8)[1] if ax is None else ax
-    degrees = np.degrees(scheduled.angles)
+    grid = scheduled.grid
+    places = np.arange(len(scheduled), dtype=np.float64) if grid is None else grid[0]
     gain = scheduled.gain
     top = np.maximum(
         gain.max(axis=(0, 1), keepdims=True, initial=0.0), 1e-9 * gain.max(initial=0.0) + 1e-300
     )
     size = 4.0 + 60.0 * (gain / top).max(axis=(2, 3), initial=0.0)
-    for k, name in enumerate(scheduled.modes):
-        ax.plot(degrees, scheduled.frequency[:, k], color=BEAM, linewidth=0.8)
-        ax.scatter(degrees, scheduled.frequency[:, k], s=size[:, k], color=OURS, linewidths=0.0)
-        end = degrees[-1], scheduled.frequency[-1, k]
-        ax.annotate(
-            literal(name),
-            end,
-            fontsize=7,
-            xytext=(8, 0),
-            textcoords="offset points",
-            verticalalignment="center",
-        )
+    for k in range(len(scheduled.modes)):
+        ax.plot(places, scheduled.frequency[:, k], color=BEAM, linewidth=0.8)
+        ax.scatter(places, scheduled.frequency[:, k], s=size[:, k], color=OURS, linewidths=0.0)
     ax.set_yscale("log")
     log_axis(ax.yaxis, ax.get_ylim(), plain)
-    ax.set(xlabel=f"{literal(scheduled.joint)}, degrees", ylabel="frequency, rad/s")
+    _name_modes(ax, scheduled, float(places[-1]), size.max(axis=0))
+    ax.set_ylabel("frequency, rad/s")
+    if grid is None:
+        labels = [literal(label) for label in scheduled.labels]
+        ax.set_xticks(places, labels, rotation=20.0, ha="right", fontsize=8)
+    else:
+        ax.set_xlabel(f"{literal(scheduled.joint or '')}, {grid[1]}")
     return ax
+
+
+def _name_modes(ax: "Axes", scheduled: "ScheduledPlant", place: float, size: Array) -> None:
+    """Names beside the ends of the curves, apart from each other; of too many modes those of the
+    largest gain."""
+    frequency = scheduled.frequency[-1]
+    largest = np.argsort(-size)[: int(1.0 / APART)]
+    order = largest[np.argsort(frequency[largest])]
+    to_axes = ax.transData + ax.transAxes.inverted()
+    heights = [float(to_axes.transform((place, frequency[k]))[1]) for k in order]
+    for i in range(1, len(heights)):
+        heights[i] = max(heights[i], heights[i - 1] + APART)
+    for i in range(len(heights) - 1, -1, -1):
+        highest = 1.0 if i == len(heights) - 1 else heights[i + 1] - APART
+        heights[i] = min(heights[i], highest)
+    for k, height in zip(order, heights, strict=True):
+        ax.annotate(
+            literal(scheduled.modes[k]),
+            (place, frequency[k]),
+            xytext=(1.02, height),
+            textcoords="axes fraction",
+            fontsize=7,
+            verticalalignment="center",
+            annotation_clip=False,
+        )
 
 
 @drawing()
 def scheduled_figure(scheduled: "ScheduledPlant") -> Figure:
     """The same as a figure of its own."""
-    figure, ax = panel(3.8)
+    figure, ax = panel(4.4)
     plot_scheduled(scheduled, ax)
     return figure
 
@@ -142,9 +166,9 @@ def _logarithmic(ax: "Axes", omega: Array) -> None:
 
 
 @drawing()
-def bode_figure(plants: "Sequence[Plant]") -> Figure:
-    """Magnitude and phase of the pairs with the largest modal gains;
-    of the further plants the magnitude, in grey."""
+def bode_figure(plants: "Sequence[Plant]", labels: Sequence[str] = ()) -> Figure:
+    """Magnitude of the pairs with the largest modal gains, a curve per pose, and the phase in the
+    first; `labels`: of the poses."""
     plant = plants[0]
     omega = _grid(plants)
     responses = [_response(one, omega) for one in plants]
@@ -153,12 +177,12 @@ def bode_figure(plants: "Sequence[Plant]") -> Figure:
     pairs = sorted(pairs, key=lambda at: -float(plant.gain[:, at[0], at[1]].max(initial=0.0)))[
         :PAIRS
     ] or [(0, 0)]
+    looks = pose_looks(labels or ["this pose"] * len(plants))
     figure = Figure(figsize=(WIDTH, 2.6 * len(pairs) + 0.6), layout="constrained")
     for place, (i, j) in enumerate(pairs):
         ax = figure.add_subplot(len(pairs), 1, place + 1)
-        for other in responses[1:]:
-            ax.loglog(omega, np.abs(other[i, j]), color=RIVAL, linewidth=0.8)
-        ax.loglog(omega, np.abs(responses[0][i, j]), color=OURS, linewidth=1.4)
+        for response, look in zip(responses, looks, strict=True):
+            ax.loglog(omega, np.abs(response[i, j]), label=look.label, **look.line())
         _logarithmic(ax, omega)
         ax.set_title(f"{literal(plant.output_names[i])} per {literal(plant.input_names[j])}")
         ax.set_ylabel(f"{plant.output_units[i]} per {plant.input_units[j]}")
@@ -169,6 +193,7 @@ def bode_figure(plants: "Sequence[Plant]") -> Figure:
         if place == 0:
             in_hz(ax)
     figure.supxlabel("frequency, rad/s", fontsize=9.5)
+    pose_legend(figure, labels)
     return figure
 
 
@@ -187,14 +212,13 @@ def singular_figure(plants: "Sequence[Plant]") -> Figure:
 
 
 @drawing()
-def poles_figure(plants: "Sequence[Plant]") -> Figure:
+def poles_figure(plants: "Sequence[Plant]", labels: Sequence[str] = ()) -> Figure:
     """Poles of every plant, and the zeros of the pair with the largest modal gain of the first."""
     plant = plants[0]
     figure, ax = panel(3.8)
-    *others, poles = (np.asarray(one.poles(), dtype=np.complex128) for one in (*plants[1:], plant))
-    for other in others:
-        ax.plot(other.real, other.imag, "x", color=RIVAL, markersize=4)
-    ax.plot(poles.real, poles.imag, "x", color=OURS, label="poles")
+    several = [np.asarray(one.poles(), dtype=np.complex128) for one in plants]
+    for poles, look in zip(several, pose_looks(labels or ["poles"]), strict=True):
+        ax.plot(poles.real, poles.imag, "x", color=look.colour, markersize=4, label=look.label)
     i, j = np.unravel_index(
         int(np.argmax(plant.gain.max(axis=0, initial=0.0))), (plant.noutputs, plant.ninputs)
     )
@@ -202,31 +226,10 @@ def poles_figure(plants: "Sequence[Plant]") -> Figure:
     one: Any = control.ss(a, b[:, [j]], c[[i]], d[np.ix_([i], [j])], plant.dt)
     zeros = np.asarray(one.zeros(), dtype=np.complex128)
     pair = f"{literal(plant.output_names[i])} per {literal(plant.input_names[j])}"
-    reach = 2.0 * float(np.abs(poles).max(initial=1e-12))
+    reach = 2.0 * float(np.abs(several[0]).max(initial=1e-12))
     zeros = zeros[np.abs(zeros) < reach]
     ax.plot(zeros.real, zeros.imag, "o", color=BEAM, fillstyle="none", label=f"zeros, {pair}")
     unit = "" if plant.dt else ", rad/s"
     ax.set(xlabel=f"real part{unit}", ylabel=f"imaginary part{unit}")
     figure.legend(loc="outside upper left", ncols=2)
-    return figure
-
-
-@drawing()
-def nichols_figure(loops: "Sequence[LoopMargins]") -> Figure:
-    """Open loops in the Nichols plane."""
-    figure, ax = panel(4.2)
-    for loop in loops:
-        phase = np.degrees(np.unwrap(np.angle(loop.response)))
-        phase -= 360.0 * np.round((phase[0] + 180.0) / 360.0)
-        label = literal(loop.name)
-        ax.plot(
-            phase,
-            20.0 * np.log10(np.maximum(np.abs(loop.response), 1e-6)),
-            linewidth=1.0,
-            label=label,
-        )
-    ax.plot([-180.0], [0.0], "+", color=BEAM, markersize=10)
-    ax.set(xlim=(-540.0, 180.0), ylim=(-60.0, 60.0), xlabel="phase, degrees", ylabel="gain, dB")
-    if len(loops) <= 6:
-        figure.legend(loc="outside upper left", ncols=2)
     return figure

@@ -10,7 +10,7 @@ from beamchain.report.formats import number, relative, step_text, typeset
 from beamchain.report.table import Table
 from beamchain.report.tables.embed import coupled_table
 from beamchain.report.tables.fit import matched_modes, mode_table
-from beamchain.report.tables.plant import margin_table
+from beamchain.report.tables.plant import closed_loop_table, margin_table
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -66,7 +66,8 @@ def embedded_html(embedded: "Embedded") -> str:
 
 def margins_html(margins: "Margins") -> str:
     """The margins, and what lies above the modes kept."""
-    return table_html(margin_table([margins]), margins.beyond)
+    at_once = closed_loop_table([margins])
+    return table_html(margin_table([margins]), margins.beyond) + table_html(at_once)
 
 
 def table_html(table: Table, notes: "Iterable[str]" = (), title: str = "") -> str:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from beamchain.plants.margins import Margins, margin_warnings
 from beamchain.plants.realisation import Plant
 from beamchain.plants.uncertain_plant import WorstCase
-from beamchain.report import plant_plots
+from beamchain.report import margin_plots, plant_plots
 from beamchain.report.page import Verdict, page_text
 from beamchain.report.svg import to_svg
 from beamchain.report.tables import plant as tables
@@ -24,15 +24,17 @@ def plant_report(
     """The text of one HTML file; `of_loops`, `worst`: margins and worst case per plant,
     empty where there are none."""
     plants = [found] if isinstance(found, Plant) else list(found.plants)
+    labels = () if isinstance(found, Plant) else found.labels
     figures = {
-        "bode": plant_plots.bode_figure(plants),
+        "bode": plant_plots.bode_figure(plants, labels),
         "singular": plant_plots.singular_figure(plants),
     }
-    figures["poles"] = plant_plots.poles_figure(plants)
+    figures["poles"] = plant_plots.poles_figure(plants, labels)
     if of_loops:
-        figures["nichols"] = plant_plots.nichols_figure(
-            [loop for margins in of_loops for loop in margins.loops]
-        )
+        figures["loops"] = margin_plots.open_loop_figure(of_loops)
+        figures["nichols"] = margin_plots.nichols_figure(of_loops)
+        figures["sensitivities"] = margin_plots.sensitivity_figure(of_loops)
+        figures["closed"] = margin_plots.closed_poles_figure(of_loops)
     if not isinstance(found, Plant):
         figures["angles"] = plant_plots.scheduled_figure(found)
     if worst:
@@ -46,12 +48,14 @@ def plant_report(
         verdict=_verdict(plants[0], of_loops, worst),
         inputs=tables.signal_table("Inputs", plants[0].input_names, plants[0].input_units),
         outputs=tables.signal_table("Outputs", plants[0].output_names, plants[0].output_units),
-        modes=tables.mode_table(plants[0]),
+        modes=tables.mode_table(plants[0], labels[0] if labels else ""),
+        poses=tables.pose_table(plants, labels) if labels else None,
         gains=tables.gain_table(plants[0]),
         warnings=margin_warnings(plants, of_loops),
         margins=tables.margin_table(of_loops),
-        worst=tables.worst_table(worst),
-        worst_values=tables.worst_value_table(worst),
+        closed_loops=tables.closed_loop_table(of_loops),
+        worst=tables.worst_table(worst, labels),
+        worst_values=tables.worst_value_table(worst, labels),
         drawn={key: to_svg(figure, key) for key, figure in figures.items()},
     )
 
@@ -62,16 +66,18 @@ def _verdict(plant: Plant, of_loops: Sequence[Margins], of_samples: Sequence[Wor
         return Verdict(True, f"{size}; no controller was given.")
     if unstable := [margins for margins in of_loops if not margins.stable]:
         why = " ".join(one.sentence for one in unstable[0].instabilities)
-        return Verdict(False, f"{size}; the closed loop is unstable. {why}".strip())
+        where = f" at {unstable[0].pose}" if unstable[0].pose else ""
+        return Verdict(False, f"{size}; the closed loop{where} is unstable. {why}".strip())
     if not all(one.stable for one in of_samples):
         return Verdict(
             False,
             f"{size}; the closed loop is unstable for some values of the uncertain quantities.",
         )
-    every = [loop for margins in of_loops for loop in margins.loops]
-    worst = min(every, key=lambda loop: loop.disk)
+    every = [(margins.pose, loop) for margins in of_loops for loop in margins.loops]
+    pose, worst = min(every, key=lambda at: at[1].disk)
+    where = f"{pose}, {worst.name}" if pose else worst.name
     return Verdict(
         True,
         f"{size}; every closed loop is stable, least disk margin {worst.disk:.3g} "
-        f"({worst.name}) at {worst.disk_frequency:.4g} rad/s.",
+        f"({where}) at {worst.disk_frequency:.4g} rad/s.",
     )

@@ -1,18 +1,27 @@
 """The tables of a plant: signals, modes and their gains, margins, the worst case."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from beamchain.report.formats import digits, number
-from beamchain.report.table import Column, Table
+from beamchain.report.table import Column, Place, Table
 
 if TYPE_CHECKING:
-    from beamchain.plants.margins import Margins
+    from beamchain.plants.margins import LoopMargins, Margins
     from beamchain.plants.realisation import Plant
     from beamchain.plants.uncertain_plant import WorstCase
 
+#: where the frequency of a margin stands
+FREQUENCIES = {
+    "gain_db": "gain_frequency",
+    "lowest_gain_db": "lowest_gain_frequency",
+    "phase": "phase_frequency",
+    "modulus": "modulus_frequency",
+    "disk": "disk_frequency",
+}
 LARGEST_PAIRS = 6  # pairs of input and output whose modal gains a page shows
+FEW = 4  # poses whose frequencies the terminal shows
 ROUNDING = 1e-9  # gain relative to the largest, below which it is rounding
 
 
@@ -22,8 +31,8 @@ def signal_table(title: str, names: Sequence[str], units: Sequence[str]) -> Tabl
     return Table(title, columns)
 
 
-def mode_table(plant: "Plant") -> Table:
-    """The flexible modes; in brief with the pair of signals that each shows most in."""
+def mode_table(plant: "Plant", pose: str = "") -> Table:
+    """The flexible modes, in a pose, with the pair of signals that each shows most in."""
     pairs = [f"{seen} per {driven}" for seen in plant.output_names for driven in plant.input_names]
     gains = plant.gain.reshape(len(plant.modes), -1)
     frequencies = plant.frequency.tolist()
@@ -32,10 +41,19 @@ def mode_table(plant: "Plant") -> Table:
         Column("frequency", frequencies, "rad/s", number, key="frequency"),
         Column("frequency", [w / math.tau for w in frequencies], "Hz", digits(5)),
         Column("damping ratio", plant.damping_ratio.tolist(), format=digits(3), key="damping"),
-        Column("largest gain", list(gains.max(axis=1)), format=digits(3), place="brief"),
-        Column("of", [pairs[strongest] for strongest in gains.argmax(axis=1)], place="brief"),
+        Column("largest gain", list(gains.max(axis=1)), format=digits(3)),
+        Column("of", [pairs[strongest] for strongest in gains.argmax(axis=1)]),
     )
-    return Table("Flexible modes", columns)
+    return Table(f"Flexible modes{f', {pose}' if pose else ''}", columns)
+
+
+def pose_table(plants: "Sequence[Plant]", labels: Sequence[str]) -> Table:
+    """Frequencies of the modes in every pose."""
+    columns = [Column("mode", plants[0].modes)]
+    for i, (plant, label) in enumerate(zip(plants, labels, strict=True)):
+        place = "everywhere" if i < FEW else "page"
+        columns.append(Column(label, plant.frequency.tolist(), format=number, place=place))
+    return Table("Frequencies in every pose, rad/s", tuple(columns))
 
 
 def gain_table(plant: "Plant") -> Table:
@@ -59,53 +77,60 @@ def margin_text(value: float) -> str:
     return "-" if math.isnan(value) else f"{value:.4g}"
 
 
+def margin_at_text(pair: tuple[float, float]) -> str:
+    """A margin and the frequency at which it is."""
+    value, frequency = pair
+    at = f" ({frequency:.4g})" if math.isfinite(value) and math.isfinite(frequency) else ""
+    return f"{margin_text(value)}{at}"
+
+
 def margin_table(several: "Sequence[Margins]") -> Table:
-    """Margins at every input that a loop drives and of all at once, plant by plant; why a closed
-    loop is unstable in its notes."""
-    rows: list[tuple[str, str, str, float, float | None]] = []
-    notes: list[str] = []
-    for count, margins in enumerate(several, 1):
-        pose = margins.pose or str(count)
-        prefix = f"{pose}: " if len(several) > 1 else ""
-        for name, state, figures in _margin_groups(margins):
-            heads = [(f"{prefix}{name}", state)] + [("", "")] * (len(figures) - 1)
-            rows += [(*head, *figure) for head, figure in zip(heads, figures, strict=True)]
-        notes += [f"{prefix}{one.sentence}" for one in margins.instabilities]
+    """Margins at every input that a loop drives, the loops of the others closed, pose by pose; why
+    a closed loop is unstable in its notes."""
+    loops = [(margins.pose, loop) for margins in several for loop in margins.loops]
+    names = [f"{pose}: {loop.name}" if pose else loop.name for pose, loop in loops]
+    notes = [
+        f"{margins.pose}: {one.sentence}" if margins.pose else one.sentence
+        for margins in several
+        for one in margins.instabilities
+    ]
     if any(margins.timestep for margins in several):
         notes.append("Sampled: all figures hold at the samples, up to pi/T.")
-    names, states, kinds, values, frequencies = ([row[k] for row in rows] for k in range(5))
+
+    def figures(name: str, unit: str, field: str, place: Place = "everywhere") -> Column:
+        pairs = [(getattr(loop, field), getattr(loop, FREQUENCIES[field])) for _, loop in loops]
+        return Column(name, pairs, unit, margin_at_text, place=place)
+
     columns = (
         Column("input broken", names),
-        Column("closed loop", states),
-        Column("margin", kinds),
-        Column("value", values, format=margin_text),
-        Column("at", frequencies, "rad/s", margin_text),
+        Column("closed loop", [_state(loop) for _, loop in loops]),
+        figures("gain", "dB (at rad/s)", "gain_db"),
+        figures("gain down to", "dB (at rad/s)", "lowest_gain_db", "page"),
+        figures("phase", "degrees (at rad/s)", "phase"),
+        Column("delay", [loop.delay for _, loop in loops], "s", margin_text),
+        figures("modulus (at rad/s)", "", "modulus", "page"),
+        figures("disk (at rad/s)", "", "disk"),
     )
     return Table("Margins, the other loops closed", columns, tuple(notes))
 
 
-_Figure = tuple[str, float, float | None]
+def _state(loop: "LoopMargins") -> str:
+    if loop.stable:
+        return "stable"
+    return "UNSTABLE" if loop.causes else "unstable by others"
 
 
-def _margin_groups(margins: "Margins") -> Iterator[tuple[str, str, list[_Figure]]]:
-    """What is broken, the state of its loop, and the figures: of every input, and of all."""
-    for loop in margins.loops:
-        state = "stable" if loop.stable else "UNSTABLE" if loop.causes else "unstable by others"
-        figures: list[_Figure] = [
-            ("gain, dB", loop.gain_db, loop.gain_frequency),
-            ("gain down to, dB", loop.lowest_gain_db, loop.lowest_gain_frequency),
-            ("phase, degrees", loop.phase, loop.phase_frequency),
-            ("delay, s", loop.delay, None),
-            ("modulus", loop.modulus, loop.modulus_frequency),
-            ("disk", loop.disk, loop.disk_frequency),
-        ]
-        yield loop.name, state, figures
-    figures = [
-        ("disk", *margins.all_at_once),
-        ("peak of S", *margins.peak_sensitivity),
-        ("peak of T", *margins.peak_complementary),
-    ]
-    yield "all inputs at once", "stable" if margins.stable else "UNSTABLE", figures
+def closed_loop_table(several: "Sequence[Margins]") -> Table:
+    """Disk margin of all inputs at once, and the peaks of S and T, pose by pose."""
+    columns = [Column("all inputs at once", [margins.pose or "this pose" for margins in several])]
+    for name, field in (
+        ("disk", "all_at_once"),
+        ("peak of S", "peak_sensitivity"),
+        ("peak of T", "peak_complementary"),
+    ):
+        extrema = [tuple(getattr(margins, field)) for margins in several]
+        columns.append(Column(f"{name} (at rad/s)", extrema, format=margin_at_text))
+    return Table("All loops at once", tuple(columns))
 
 
 def _gain_text(value: float) -> str:
@@ -116,11 +141,12 @@ def _sample_text(gain: float) -> str:
     return "unstable" if math.isinf(gain) else _gain_text(gain)
 
 
-def worst_table(cases: "Sequence[WorstCase]") -> Table:
-    """The worst sample of the gain from a disturbance to an output, plant by plant."""
+def worst_table(cases: "Sequence[WorstCase]", labels: Sequence[str] = ()) -> Table:
+    """The worst sample of the gain from a disturbance to an output, plant by plant; `labels`: of
+    their poses."""
     names = [f"{case.input} → {case.output}" for case in cases]
-    if len(cases) > 1:
-        names = [f"{i}: {name}" for i, name in enumerate(names, 1)]
+    if cases and labels:
+        names = [f"{label}: {name}" for label, name in zip(labels, names, strict=True)]
     predicted = [case.gain if case.stable else math.inf for case in cases]
     drawn = [float(max(case.drawn, default=math.nan)) for case in cases]
     columns = (
@@ -134,11 +160,11 @@ def worst_table(cases: "Sequence[WorstCase]") -> Table:
     return Table("Worst case", columns)
 
 
-def worst_value_table(cases: "Sequence[WorstCase]") -> Table:
+def worst_value_table(cases: "Sequence[WorstCase]", labels: Sequence[str] = ()) -> Table:
     """Values of the uncertain quantities in the worst sample of every plant."""
     quantities: Mapping[str, float] = cases[0].values if cases else {}
     columns = [Column("quantity", list(quantities))]
-    for i, case in enumerate(cases, 1):
-        name = f"worst sample {i}" if len(cases) > 1 else "worst sample"
+    for i, case in enumerate(cases):
+        name = f"worst sample, {labels[i]}" if labels else "worst sample"
         columns.append(Column(name, [case.values[q] for q in quantities], format=number))
     return Table("Values of the worst sample", tuple(columns))

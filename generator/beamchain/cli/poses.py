@@ -1,0 +1,71 @@
+"""Poses as the command line writes them: `north=45,south=-45` in degrees and metres, or a
+keyframe's name."""
+
+import math
+from typing import TYPE_CHECKING
+
+from beamchain.checks import number, unknown
+from beamchain.engine.library import mujoco
+from beamchain.engine.operating_point import is_slide, keyframe_names, single_joints
+from beamchain.errors import InputError
+
+if TYPE_CHECKING:
+    from beamchain.engine.operating_point import At
+
+FORMS = {
+    "--pose": "JOINT=POSITION,... or a keyframe; for example --pose north=45,south=-45, degrees of "
+    "hinges and metres of slides",
+    "--angle": "JOINT=ANGLES; for example --angle drive=0,45,90 in degrees",
+}
+
+
+def pose_of(model: "mujoco.MjModel", text: str) -> "At":
+    """What `at` of `bc.plant` takes for the text of one --pose."""
+    keyframes = keyframe_names(model)
+    if text in keyframes:
+        return text
+    if "=" not in text:
+        if text in single_joints(model):
+            raise InputError(
+                f"--pose {text!r} is a joint and no keyframe; give its position, for example "
+                f"--pose {text}=45."
+            )
+        cure = "Or give joints, --pose north=45,south=-45."
+        raise unknown("keyframe of --pose", text, keyframes, cure)
+    out: dict[str, float] = {}
+    for part in text.split(","):
+        joint, _, word = part.partition("=")
+        if joint in out:
+            raise InputError(f"--pose {text!r} gives {joint!r} twice; give each joint once.")
+        (out[joint],) = _positions(model, "--pose", text, joint, [word])
+    return out
+
+
+def grid_of(model: "mujoco.MjModel", text: str) -> "At":
+    """What `at` of `bc.plant` takes for the text of --angle: a joint and its positions."""
+    joint, _, words = text.partition("=")
+    return {joint: _positions(model, "--angle", text, joint, words.split(","))}
+
+
+def _positions(
+    model: "mujoco.MjModel", option: str, text: str, joint: str, words: list[str]
+) -> list[float]:
+    """Positions of a joint [rad, m] from words in degrees or metres, within its range."""
+    try:
+        given = [float(word) for word in words]
+    except ValueError:
+        raise InputError(f"{option} {text!r} is not {FORMS[option]}.") from None
+    singles = single_joints(model)
+    if joint not in singles:
+        raise unknown(f"joint of {option}", joint, singles)
+    place = singles[joint]
+    unit, scale = ("m", 1.0) if is_slide(model, place) else ("degrees", math.pi / 180.0)
+    low, high = (float(end) / scale for end in model.jnt_range[place])
+    for value in given:
+        number(f"{option} {text!r}: {joint}", value, unit, cure="Give a position.")
+        if model.jnt_limited[place] and not low <= value <= high:
+            raise InputError(
+                f"{option} {text!r}: joint {joint!r} = {value:g} is outside its range, {low:.6g} "
+                f"to {high:.6g} {unit}; give a position within it."
+            )
+    return [value * scale for value in given]

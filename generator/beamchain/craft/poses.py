@@ -1,0 +1,187 @@
+"""Poses of a craft: what `at` of `plant` may be, what each pose is called, and the way from one to
+the next."""
+
+from collections.abc import Mapping
+from numbers import Integral, Real
+from typing import NamedTuple
+
+import numpy as np
+
+from beamchain.checks import finite_array, number
+from beamchain.engine.library import mujoco
+from beamchain.engine.operating_point import (
+    At,
+    check_pose,
+    is_cyclic,
+    is_slide,
+    single_joints,
+    state_at,
+    value_text,
+)
+from beamchain.errors import InputError
+from beamchain.ports.motions import Array, locked
+
+MOVED = 1e-9  # [rad, m] below which a joint has not moved
+NAMED = 4  # joints that the label of bare positions may name
+
+
+class Pose(NamedTuple):
+    """A pose: its label, what `operating_point` takes for it, and its positions `(nq,)`."""
+
+    label: str
+    at: At
+    qpos: Array
+
+
+class Poses(NamedTuple):
+    """Several poses, in their order.
+
+    Args:
+        each: the poses.
+        joints: names of the joints that the poses name or that move between them.
+        units: of their positions, `rad` or `m`.
+        values: `(k, joints)` [rad, m] in every pose.
+        joint: the one joint that a grid of its angles moves; None of a list of poses.
+    """
+
+    each: tuple[Pose, ...]
+    joints: tuple[str, ...]
+    units: tuple[str, ...]
+    values: Array
+    joint: str | None = None
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """What the poses are called."""
+        return tuple(pose.label for pose in self.each)
+
+    @property
+    def angles(self) -> Array | None:
+        """`(k,)` [rad] of a grid's joint."""
+        return None if self.joint is None else self.values[:, self.joints.index(self.joint)]
+
+
+class Way(NamedTuple):
+    """The way between two positions, on which all joints move together.
+
+    Args:
+        model: whose joints move.
+        start: `(nq,)`.
+        motion: `(nv,)` from the start to the end.
+        length: the largest motion of a joint [rad, m]; wheels, on whose angles nothing depends,
+            left out.
+    """
+
+    model: "mujoco.MjModel"
+    start: Array
+    motion: Array
+    length: float
+
+    @classmethod
+    def between(cls, model: "mujoco.MjModel", start: Array, end: Array) -> "Way":
+        """The way from one pose `(nq,)` to another."""
+        motion = np.zeros(model.nv)
+        mujoco.mj_differentiatePos(model, motion, 1.0, start, end)
+        moved = [
+            abs(float(motion[dof]))
+            for dof in np.flatnonzero(np.abs(motion) > MOVED)
+            if not is_cyclic(model, start, int(model.dof_jntid[dof]))
+        ]
+        return cls(model, start, motion, max(moved, default=0.0))
+
+    def at(self, share: float) -> Array:
+        """Positions `(nq,)` after a share of the way."""
+        out = self.start.copy()
+        mujoco.mj_integratePos(self.model, out, self.motion, share)
+        return out
+
+
+def poses_of(model: "mujoco.MjModel", at: At) -> Poses | None:
+    """The poses that `at` lists, or a grid of one joint's angles; None where it is one pose."""
+    grid = _angle_grid(at)
+    if grid is not None:
+        joint, angles = grid
+        each = [{**at, joint: float(angle)} for angle in angles]
+        return _made(model, each, ["at"] * len(each), joint)
+    if not _is_list_of_poses(at):
+        return None
+    each = [{} if one is None else one for one in at]
+    return _made(model, each, [f"at[{i}]" for i in range(len(each))])
+
+
+def _is_list_of_poses(at: At) -> bool:
+    """Whether something in a list is no number: numbers alone are one pose's positions."""
+    listed = isinstance(at, list | tuple) or (isinstance(at, np.ndarray) and at.ndim > 0)
+    return listed and any(not isinstance(one, Real) for one in at)
+
+
+def _angle_grid(at: At) -> tuple[str, Array] | None:
+    """The joint and its angles where `at` is a grid; None where it is not."""
+    given = at.items() if isinstance(at, Mapping) else ()
+    many = {
+        str(name): finite_array(f"at[{name!r}]", values, unit="rad")
+        for name, values in given
+        if np.ndim(values) > 0
+    }
+    if not many:
+        return None
+    name, values = next(iter(many.items()))
+    if len(many) > 1 or values.ndim != 1 or values.size == 0:
+        raise InputError(
+            f"at = {at!r:.80} gives {', '.join(many)} more than one angle; only one joint can have "
+            f'a list of angles, at={{"{name}": [0.0, 0.5]}}; for several joints give a list of '
+            f'poses, at=[{{"{name}": 0.0, ...}}, ...].'
+        )
+    return name, np.array([number(f"at[{name!r}]", float(value), "rad") for value in values])
+
+
+def _made(
+    model: "mujoco.MjModel", each: list[At], fields: list[str], joint: str | None = None
+) -> Poses:
+    singles = single_joints(model)
+    states = [state_at(model, at, field)[0] for at, field in zip(each, fields, strict=True)]
+    for qpos, field in zip(states, fields, strict=True):
+        check_pose(model, qpos, field)
+    named = {str(name) for at in each if isinstance(at, Mapping) for name in at}
+    moved = [
+        name
+        for name, number_of_joint in singles.items()
+        if name in named or _moves(model, states, number_of_joint)
+    ]
+    values = np.array(
+        [[qpos[model.jnt_qposadr[singles[name]]] for name in moved] for qpos in states]
+    ).reshape(len(each), len(moved))
+    labels = [
+        _label(model, at, qpos, i) for i, (at, qpos) in enumerate(zip(each, states, strict=True), 1)
+    ]
+    made = tuple(Pose(*row) for row in zip(labels, each, states, strict=True))
+    units = tuple("m" if is_slide(model, singles[name]) else "rad" for name in moved)
+    return Poses(made, tuple(moved), units, locked(values), joint)
+
+
+def _moves(model: "mujoco.MjModel", states: list[Array], joint: int) -> bool:
+    """Whether a joint moves between some of the poses, and is no wheel."""
+    place = model.jnt_qposadr[joint]
+    values = [float(qpos[place]) for qpos in states]
+    return max(values) - min(values) > MOVED and not is_cyclic(model, states[0], joint)
+
+
+def _label(model: "mujoco.MjModel", at: At, qpos: Array, place: int) -> str:
+    """What a pose is called: joints with their values, or the keyframe's name."""
+    if isinstance(at, str):
+        return at
+    if isinstance(at, Integral):
+        return str(model.key(int(at)).name) or f"keyframe {at}"
+    singles = single_joints(model)
+    if isinstance(at, Mapping):
+        joints = [str(name) for name in at]
+    else:
+        changed = np.abs(qpos - np.asarray(model.qpos0)) > MOVED
+        joints = [name for name, j in singles.items() if changed[model.jnt_qposadr[j]]]
+        if len(joints) > NAMED:
+            return f"pose {place}"
+    values = (
+        f"{name} {value_text(model, singles[name], float(qpos[model.jnt_qposadr[singles[name]]]))}"
+        for name in joints
+    )
+    return ", ".join(values) or "rest"

@@ -1,0 +1,623 @@
+"""What `inputs` and `outputs` of a linear model may be: names as in `signals.py`, and under names
+of their own torque shared out over actuators, sensors in a body's axes, and weighted sums."""
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Annotated, TypeVar
+
+import numpy as np
+from scipy.linalg import qr
+
+from beamchain.caution import Caution
+from beamchain.checks import Struct, field, finite_array, list_of_names, number, of_type, unknown
+from beamchain.engine.library import mujoco
+from beamchain.engine.operating_point import OperatingPoint
+from beamchain.engine.signals import (
+    AXES,
+    Input,
+    Output,
+    Reader,
+    actuator_names,
+    base,
+    named_inputs,
+    named_output,
+    number_of,
+    sensor_axes,
+    usual_inputs,
+)
+from beamchain.errors import InputError
+from beamchain.ports.motions import Array, locked
+
+REACHED = 1e-9  # relative, of torque that an allocation gives beside what is commanded
+SHOWN = 3  # directions without torque that a sentence names
+DECIMALS = 12  # of shares in a direction without torque, whose largest is 1
+
+
+class Allocation(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Torque on a body about its own axes, shared out over actuators.
+
+    Example:
+        >>> import beamchain as bc
+        >>> bc.Allocation(actuators=("rw1", "rw2", "rw3"), axes="bus").about
+        'xyz'
+    """
+
+    actuators: Annotated[
+        tuple[str, ...], field("motors of wheels, and thrusters or torquers at sites")
+    ]
+    axes: Annotated[
+        str | None,
+        field("body on which the torque acts, about its own axes; left out: the base body"),
+    ] = None
+    matrix: Annotated[
+        tuple[tuple[float, ...], ...] | None,
+        field(
+            "command of each actuator per N m about each axis, a row per actuator; left out: the "
+            "pseudo-inverse of their torques",
+            "",
+        ),
+    ] = None
+    about: Annotated[str, field("axes about which torque is commanded")] = "xyz"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        names = list_of_names("actuators of an allocation", self.actuators)
+        if not names:
+            raise InputError("actuators of an allocation is empty; name those that share.")
+        if twice := [name for name, count in Counter(names).items() if count > 1]:
+            raise InputError(
+                f"actuators of an allocation name {twice[0]!r} twice; name each of them once."
+            )
+        if self.axes is not None:
+            of_type("axes of an allocation", self.axes, str, "the name of a body")
+        of_type("about of an allocation", self.about, str, 'axes of the body, such as "xz"')
+        if not self.about or "".join(a for a in AXES if a in self.about) != self.about:
+            raise InputError(
+                f"about = {self.about!r:.60} of an allocation must be axes of the body in their "
+                'order; write "xyz", or for example "xz" where nothing turns the body about y.'
+            )
+        if self.matrix is not None:
+            finite_array("matrix of an allocation", self.matrix, (len(names), len(self.about)))
+
+
+class Alignment(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A sensor with three axes, turned from its own axes into those of a body.
+
+    Example:
+        >>> import beamchain as bc
+        >>> bc.Alignment(sensor="star", body="bus").sensor
+        'star'
+    """
+
+    sensor: Annotated[
+        str, field("sensor with three axes: framequat, gyro, accelerometer, magnetometer, ...")
+    ]
+    body: Annotated[
+        str | None, field("body into whose axes it is turned; left out: the base body")
+    ] = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        of_type("sensor of an alignment", self.sensor, str, "the name of a sensor")
+        if self.body is not None:
+            of_type("body of an alignment", self.body, str, "the name of a body")
+
+
+InputNames = Sequence[str] | Mapping[str, str | Allocation | Mapping[str, float]] | None
+OutputNames = Sequence[str] | Mapping[str, str | Alignment | Mapping[str, float]] | None
+Combined = TypeVar("Combined", Allocation, Alignment)
+
+
+def allocate(
+    actuators: Sequence[str],
+    axes: str | None = None,
+    matrix: "Sequence[Sequence[float]] | Array | None" = None,
+    *,
+    about: str = "xyz",
+) -> Allocation:
+    """Torque on a body as an input of `bc.plant`, shared out over wheels, thrusters and torquers.
+
+    Under the name NAME it gives the inputs `NAME_x`, `NAME_y` and `NAME_z`: the torque on the body
+    about its own axes [N m]. A positive command turns the body positively, unlike that of a wheel's
+    motor. Directions in which the actuators work against each other without torque stand in
+    `plant.allocations[NAME].without_torque` and in the plant's warnings.
+
+    Args:
+        actuators: motors on hinges whose body hangs on `axes` (wheels), and actuators at sites on
+            it (thrusters and torquers; torque about the body's mass centre). A servo takes no
+            torque.
+        axes: the body; the base body where left out.
+        matrix: `(n, 3)` command of each actuator per N m about each axis, as a flight computer has
+            it; the pseudo-inverse of the actuators' torques in the pose where left out.
+        about: the axes about which torque is commanded, where the actuators do not turn the body
+            about all of them: `"xz"` gives `NAME_x` and `NAME_z`, and `matrix` is `(n, 2)`.
+
+    Raises:
+        InputError: a name, an axis or the shape of the matrix is not allowed. What the model cannot
+            do, such as torque about an axis, is refused by `bc.plant`.
+
+    Example:
+        >>> import beamchain as bc
+        >>> torque = bc.allocate(["rw1", "rw2", "rw3", "rw4"], axes="bus")
+        >>> torque.actuators
+        ('rw1', 'rw2', 'rw3', 'rw4')
+    """
+    names = list_of_names("actuators", actuators)
+    if matrix is None:
+        return Allocation(actuators=tuple(names), axes=axes, about=about)
+    size = len(about) if isinstance(about, str) else None
+    rows = finite_array("matrix", matrix, (len(names), size))
+    return Allocation(
+        actuators=tuple(names), axes=axes, matrix=tuple(map(tuple, rows.tolist())), about=about
+    )
+
+
+def align(sensor: str, body: str | None = None) -> Alignment:
+    """A sensor as an output of `bc.plant`, turned from its own axes into those of a body.
+
+    Under the name NAME it gives the outputs `NAME_x`, `NAME_y` and `NAME_z`, in the sensor's unit.
+    The turn is that at the pose.
+
+    Args:
+        sensor: one with three axes: a star tracker (framequat), gyro, accelerometer, velocimeter,
+            magnetometer, ...
+        body: the body; the base body where left out.
+
+    Raises:
+        InputError: a name is none.
+
+    Example:
+        >>> import beamchain as bc
+        >>> bc.align(sensor="star", body="bus").body
+        'bus'
+    """
+    return Alignment(sensor=sensor, body=body)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Allocated:
+    """What an allocation is at a pose.
+
+    Args:
+        actuators: names.
+        body: on which the torque acts.
+        about: axes about which torque is commanded.
+        commands: `(n, axes)` command of each actuator per N m about each of these axes.
+        torque: `(3, n)` torque on the body about its own axes per unit command [N m].
+        without_torque: directions of commands that give no torque, each as the actuators'
+            shares; the largest is 1.
+
+    Example:
+        >>> import beamchain as bc
+        >>> from importlib.resources import files
+        >>> shipped = files("beamchain") / "examples"
+        >>> craft = bc.embed(shipped / "satellite.xml", {"array_left": shipped / "array.toml"})
+        >>> plant = bc.plant(craft, {"torque": bc.allocate(["wx", "wy", "wz"])})
+        >>> plant.allocations["torque"].commands.shape
+        (3, 3)
+    """
+
+    actuators: tuple[str, ...]
+    body: str
+    about: str
+    commands: Array
+    torque: Array
+    without_torque: tuple[Mapping[str, float], ...]
+
+    def __repr__(self) -> str:
+        return f"<Allocated, {', '.join(self.actuators)} on {self.body!r}>"
+
+    def as_dict(self) -> dict[str, object]:
+        """For JSON."""
+        return {
+            "actuators": list(self.actuators),
+            "body": self.body,
+            "about": self.about,
+            "commands": self.commands,
+            "torque": self.torque,
+            "without_torque": [dict(direction) for direction in self.without_torque],
+        }
+
+    def cautions(self, name: str) -> list[str]:
+        """What to know of it, under the name of its inputs."""
+        out: list[str] = []
+        if self.without_torque:
+            shown = [
+                f"{' : '.join(direction)} = "
+                f"{' : '.join(f'{share:.4g}' for share in direction.values())}"
+                for direction in self.without_torque[:SHOWN]
+            ]
+            rest = len(self.without_torque) - len(shown)
+            more = f"; {rest} more in allocations[{name!r}].without_torque" if rest else ""
+            text = (
+                f"allocation {name!r}: its actuators can work against each other without torque on "
+                f"{self.body!r}: {'; '.join(shown)}{more}."
+            )
+            out.append(Caution("allocation-null", text))
+        given = self.torque @ self.commands
+        for k, axis in enumerate(self.about):
+            wanted = np.eye(3)[AXES.index(axis)]
+            if np.max(np.abs(given[:, k] - wanted)) > REACHED:
+                numbers = ", ".join(f"{value + 0.0:.4g}" for value in given[:, k].round(12))
+                text = (
+                    f"allocation {name!r}: its matrix answers a command of 1 N m about {axis} with "
+                    f"a torque of ({numbers}) N m on {self.body!r}; check its signs and axes."
+                )
+                out.append(Caution("allocation-matrix", text))
+        return out
+
+
+def inputs_of(point: OperatingPoint, names: InputNames) -> list[Input]:
+    """The inputs that `names` ask for; the usual ones where left out."""
+    model = point.model
+    data = point.data()
+    given = usual_inputs(model) if names is None else names
+    groups: list[_Group] = []
+    signals: list[list[Input]] = []
+    for name, what in _items("inputs", given, Allocation):
+        group: list[Input]
+        place = ""
+        if isinstance(what, Allocation):
+            found = _allocated(model, data, name, what)
+            group = _torques(model, name, found)
+        elif isinstance(what, Mapping):
+            group = _weighted_inputs(model, data, name, what)
+        else:
+            place, group = named_inputs(model, data, what)
+        if what == name:
+            groups.append(_Group(place, tuple(signal.label for signal in group), fixed=False))
+        else:
+            labels = _renamed(name, [signal.label for signal in group])
+            groups.append(_Group(name, tuple(labels), fixed=True))
+        signals.append(group)
+    labels = _told_apart("inputs", groups)
+    return [
+        replace(signal, label=label)
+        for group, those in zip(signals, labels, strict=True)
+        for signal, label in zip(group, those, strict=True)
+    ]
+
+
+def outputs_of(point: OperatingPoint, names: OutputNames) -> list[Output]:
+    """The outputs that `names` ask for; attitude and rate of the base where left out."""
+    data = point.data()
+    given = ["attitude", "rate"] if names is None else names
+    groups: list[_Group] = []
+    signals: list[Output] = []
+    for name, what in _items("outputs", given, Alignment):
+        place = ""
+        if isinstance(what, Alignment):
+            output = _aligned(point, data, name, what)
+        elif isinstance(what, Mapping):
+            output = _weighted_output(point, data, name, what)
+        else:
+            place, output = named_output(point, data, what)
+        if what == name:
+            groups.append(_Group(place, output.labels, fixed=False))
+        else:
+            groups.append(_Group(name, tuple(_renamed(name, output.labels)), fixed=True))
+        signals.append(output)
+    labels = _told_apart("outputs", groups)
+    return [replace(output, labels=those) for output, those in zip(signals, labels, strict=True)]
+
+
+def allocations_of(point: OperatingPoint, names: InputNames) -> dict[str, Allocated]:
+    """What the allocations among the inputs are at a point, by name."""
+    data = point.data()
+    return {
+        name: _allocated(point.model, data, name, what)
+        for name, what in (names.items() if isinstance(names, Mapping) else ())
+        if isinstance(what, Allocation)
+    }
+
+
+def settled(names: InputNames, allocations: Mapping[str, Allocated]) -> InputNames:
+    """The same inputs with the commands that allocations have now, whatever becomes of the
+    craft: a flight computer does not know how the craft varies."""
+    if not isinstance(names, Mapping):
+        return names
+    return {
+        name: Allocation(
+            actuators=what.actuators,
+            axes=what.axes,
+            matrix=tuple(map(tuple, allocations[name].commands.tolist())),
+            about=what.about,
+        )
+        if isinstance(what, Allocation)
+        else what
+        for name, what in names.items()
+    }
+
+
+# -- names -----------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class _Group:
+    """Labels of what one name gives; a place behind them tells them from others where they are
+    not `fixed`."""
+
+    place: str
+    labels: tuple[str, ...]
+    fixed: bool
+
+
+def _items(
+    field: str,
+    names: "Sequence[str] | Mapping[str, str | Combined | Mapping[str, float]]",
+    kind: "type[Combined]",
+) -> "list[tuple[str, str | Combined | Mapping[str, float]]]":
+    """What stands under each name, `kind` among it: a name of a list stands for itself."""
+    cure = f'write {field}=["..."].'
+    if not isinstance(names, Mapping):
+        listed = list_of_names(field, names)
+        if not listed:
+            raise InputError(f"{field} is empty; {cure}")
+        if twice := [name for name, count in Counter(listed).items() if count > 1]:
+            raise InputError(f"{field} names {twice[0]!r} twice; name each signal once.")
+        return [(name, name) for name in listed]
+    if not names:
+        raise InputError(f"{field} is empty; {cure}")
+    call = "bc.allocate([...])" if kind is Allocation else "bc.align(...)"
+    out: list[tuple[str, str | Combined | Mapping[str, float]]] = []
+    for name, what in names.items():
+        if not isinstance(name, str) or not name:
+            raise InputError(f"{field}: {name!r:.60} is no name of a signal; give a text.")
+        wanted = f"a name, {call} or {{name: weight}}"
+        of_type(f"{field}[{name!r}]", what, (str, kind, Mapping), wanted)
+        out.append((name, what))
+    return out
+
+
+def _renamed(name: str, labels: Sequence[str]) -> list[str]:
+    """Labels under another name: alone it, else it with an axis or with what they were called."""
+    if len(labels) == 1:
+        return [name]
+    parts = [label.rpartition("_") for label in labels]
+    alike = len({stem for stem, _, _ in parts}) == 1
+    ends = [end for _, _, end in parts] if alike else labels
+    return [f"{name}_{end}" for end in ends]
+
+
+def _told_apart(field: str, groups: Sequence[_Group]) -> list[tuple[str, ...]]:
+    """Labels of every group, the place behind those that several have."""
+    uses = Counter(label for group in groups for label in group.labels)
+    out = [
+        tuple(
+            f"{label}_{group.place}"
+            if uses[label] > 1 and group.place and not group.fixed
+            else label
+            for label in group.labels
+        )
+        for group in groups
+    ]
+    counts = Counter(label for labels in out for label in labels)
+    if twice := [label for label, count in counts.items() if count > 1]:
+        raise InputError(
+            f"{field}: two signals would be called {twice[0]!r}; give one of them another name, "
+            f"{field}={{NAME: ...}}."
+        )
+    return out
+
+
+# -- torque shared out over actuators --------------------------------------------------------------
+def _allocated(
+    model: "mujoco.MjModel", data: "mujoco.MjData", name: str, allocation: Allocation
+) -> Allocated:
+    """What an allocation is in the pose that `data` has seen."""
+    field = f"allocation {name!r}"
+    if allocation.axes is None:
+        body = base(model)
+    else:
+        body = number_of(model, "body", allocation.axes, f"axes of {field}")
+    known = actuator_names(model)
+    columns: list[Array] = []
+    for actuator in allocation.actuators:
+        if actuator not in known:
+            raise unknown(f"actuator of {field}", actuator, known)
+        columns.append(_torque(model, data, field, known.index(actuator), body))
+    torque = np.array(columns).T
+    if allocation.matrix is not None:
+        commands = np.array(allocation.matrix, dtype=np.float64)
+    else:
+        commands = _inverse(torque, allocation, field, str(model.body(body).name))
+    return Allocated(
+        allocation.actuators,
+        str(model.body(body).name),
+        allocation.about,
+        locked(commands),
+        locked(torque),
+        tuple(_null_directions(torque, allocation.actuators)),
+    )
+
+
+def _torque(
+    model: "mujoco.MjModel", data: "mujoco.MjData", field: str, number: int, body: int
+) -> Array:
+    """`(3,)` torque on a body about its own axes per unit command of an actuator."""
+    name = actuator_names(model)[number]
+    target = int(model.actuator_trnid[number, 0])
+    gear = model.actuator_gear[number]
+    kind = int(model.actuator_trntype[number])
+    held = int(model.body_weldid[body])
+    of = str(model.body(body).name)
+    why = ""
+    world = np.zeros(3)
+    if kind in (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)):
+        wheel = int(model.jnt_bodyid[target])
+        hinge = int(model.jnt_type[target]) == int(mujoco.mjtJoint.mjJNT_HINGE)
+        if not hinge or int(model.body_jntnum[wheel]) != 1:
+            why = "acts on a joint that is not the only hinge of its body"
+        elif int(model.body_weldid[int(model.body_parentid[wheel])]) != held:
+            why = f"turns {model.body(wheel).name!r}, which does not hang on {of!r}"
+        # what turns the wheel about its axis turns the body the other way
+        world = -gear[0] * data.xaxis[target]
+    elif kind == int(mujoco.mjtTrn.mjTRN_SITE) and int(model.actuator_trnid[number, 1]) < 0:
+        if int(model.body_weldid[int(model.site_bodyid[target])]) != held:
+            why = f"acts at site {model.site(target).name!r}, which is not on {of!r}"
+        turn = data.site_xmat[target].reshape(3, 3)
+        arm = data.site_xpos[target] - data.xipos[body]
+        world = turn @ gear[3:] + np.cross(arm, turn @ gear[:3])
+    else:
+        why = "acts neither on a hinge nor at a site"
+    if why:
+        raise InputError(
+            f"{field}: actuator {name!r} {why}; leave it out, or give the body that it turns as "
+            "axes."
+        )
+    biased = int(model.actuator_biastype[number]) != int(mujoco.mjtBias.mjBIAS_NONE)
+    lagging = int(model.actuator_dyntype[number]) == int(mujoco.mjtDyn.mjDYN_INTEGRATOR)
+    fixed = int(model.actuator_gaintype[number]) == int(mujoco.mjtGain.mjGAIN_FIXED)
+    if (biased and model.actuator_biasprm[number, 1:3].any()) or lagging or not fixed:
+        raise InputError(
+            f"{field}: actuator {name!r} takes no torque or force but a set point or its like; "
+            "leave it out, or make it a <motor>."
+        )
+    axes = data.xmat[body].reshape(3, 3)
+    return np.asarray(model.actuator_gainprm[number, 0] * axes.T @ world, dtype=np.float64)
+
+
+def _inverse(torque: Array, allocation: Allocation, field: str, body: str) -> Array:
+    """`(n, axes)` commands with the least sum of squares that give torque about each axis."""
+    inverse = np.asarray(np.linalg.pinv(torque, rcond=REACHED), dtype=np.float64)
+    missed = np.abs(torque @ inverse - np.eye(3)).max(axis=0)
+    reached = [axis for axis, miss in zip(AXES, missed, strict=True) if miss <= REACHED]
+    if lacking := [axis for axis in allocation.about if axis not in reached]:
+        rank = int(np.linalg.matrix_rank(torque, tol=REACHED * float(np.abs(torque).max())))
+        less = f', or ask for about = "{"".join(reached)}"' if reached else ""
+        raise InputError(
+            f"{field}: its actuators give torque on {body!r} in {rank} of 3 directions, and not "
+            f"about {', '.join(lacking)} alone; add an actuator{less}."
+        )
+    return inverse[:, [AXES.index(axis) for axis in allocation.about]]
+
+
+def _null_directions(torque: Array, names: Sequence[str]) -> list[dict[str, float]]:
+    """A basis of the commands without torque, each of as few actuators as a pivoted elimination
+    leaves: `torque P = Q [R1 R2]`, `x = P [-R1^-1 R2; 1]`."""
+    size = float(np.abs(torque).max(initial=0.0))
+    _, r, order = qr(torque, mode="economic", pivoting=True)
+    rank = int(np.sum(np.abs(np.diag(r)) > REACHED * size))
+    directions = np.zeros((len(names), len(names) - rank))
+    directions[order[:rank]] = -np.linalg.solve(r[:rank, :rank], r[:rank, rank:])
+    directions[order[rank:]] = np.eye(len(names) - rank)
+    out: list[dict[str, float]] = []
+    for column in directions.T:
+        shares = (
+            column / column[int(np.argmax(np.abs(column) > (1.0 - REACHED) * max(abs(column))))]
+        )
+        out.append(
+            {
+                name: round(float(share), DECIMALS)
+                for name, share in zip(names, shares, strict=True)
+                if abs(share) > REACHED
+            }
+        )
+    return out
+
+
+def _torques(model: "mujoco.MjModel", name: str, found: Allocated) -> list[Input]:
+    """The inputs of an allocation."""
+    known = actuator_names(model)
+    numbers = [known.index(actuator) for actuator in found.actuators]
+    out: list[Input] = []
+    for axis, column in zip(found.about, found.commands.T, strict=True):
+        parts = tuple(
+            (float(share), Input(known[i], "", i)) for i, share in zip(numbers, column, strict=True)
+        )
+        out.append(Input(f"{name}_{axis}", "N m", parts=parts))
+    return out
+
+
+# -- sensors in a body's axes, weighted sums -------------------------------------------------------
+# What is read stands in functions of the module, so that plants can be pickled.
+def _read_turned(turn: Array, read: Reader, data: "mujoco.MjData") -> Array:
+    return turn @ read(data)
+
+
+def _read_sum(parts: Sequence[tuple[float, Reader]], data: "mujoco.MjData") -> Array:
+    return np.asarray(sum(weight * read(data) for weight, read in parts), dtype=np.float64)
+
+
+def _aligned(
+    point: OperatingPoint, data: "mujoco.MjData", name: str, alignment: Alignment
+) -> Output:
+    """A sensor in a body's axes, `data` at the point."""
+    model = point.model
+    field = f"alignment {name!r}"
+    sensor = number_of(model, "sensor", alignment.sensor, f"sensor of {field}")
+    if alignment.body is None:
+        body = base(model)
+    else:
+        body = number_of(model, "body", alignment.body, f"body of {field}")
+    axes = sensor_axes(model, data, sensor)
+    if axes is None:
+        raise InputError(
+            f"{field}: sensor {alignment.sensor!r} has no three axes to turn; give its name alone, "
+            f"outputs={{{name!r}: {alignment.sensor!r}}}."
+        )
+    _, output = named_output(point, data, alignment.sensor)
+    turn = data.xmat[body].reshape(3, 3).T @ axes
+    labels = tuple(f"{name}_{axis}" for axis in AXES)
+    return replace(output, labels=labels, read=partial(_read_turned, turn, output.read))
+
+
+def _weighted_inputs(
+    model: "mujoco.MjModel",
+    data: "mujoco.MjData",
+    name: str,
+    weights: Mapping[str, float],
+) -> list[Input]:
+    """Inputs that drive several together, each by its weight."""
+    given = _weights(f"inputs[{name!r}]", weights)
+    groups = [(weight, named_inputs(model, data, part)[1]) for part, weight in given.items()]
+    sizes = {part: len(group) for part, (_, group) in zip(given, groups, strict=True)}
+    _check_alike(f"inputs[{name!r}]", sizes)
+    out: list[Input] = []
+    for same in zip(*(group for _, group in groups), strict=True):
+        parts = tuple((weight, one) for (weight, _), one in zip(groups, same, strict=True))
+        out.append(Input(same[0].label, _common(one.unit for one in same), parts=parts))
+    return out
+
+
+def _weighted_output(
+    point: OperatingPoint, data: "mujoco.MjData", name: str, weights: Mapping[str, float]
+) -> Output:
+    """The weighted sum of several outputs."""
+    given = _weights(f"outputs[{name!r}]", weights)
+    parts = [(weight, named_output(point, data, part)[1]) for part, weight in given.items()]
+    sizes = {part: len(one.labels) for part, (_, one) in zip(given, parts, strict=True)}
+    _check_alike(f"outputs[{name!r}]", sizes)
+    units = zip(*(one.units for _, one in parts), strict=True)
+    return Output(
+        parts[0][1].labels,
+        tuple(_common(same) for same in units),
+        partial(_read_sum, tuple((weight, one.read) for weight, one in parts)),
+        all(one.local for _, one in parts),
+    )
+
+
+def _weights(field: str, weights: Mapping[str, float]) -> dict[str, float]:
+    """Weights by name, checked."""
+    out: dict[str, float] = {}
+    for part, weight in weights.items():
+        of_type(f"a name in {field}", part, str, "the name of a signal")
+        out[part] = number(f"{field}[{part!r}]", weight, "")
+    if not any(out.values()):
+        raise InputError(f"{field} = {out} has no weight; give {{name: weight}}, not all zero.")
+    return out
+
+
+def _check_alike(field: str, sizes: Mapping[str, int]) -> None:
+    """Refuse sums of signals of different sizes."""
+    if len(set(sizes.values())) > 1:
+        listed = ", ".join(f"{name!r} has {size}" for name, size in sizes.items())
+        raise InputError(
+            f"{field} adds signals of different sizes ({listed}); add those that have as many axes."
+        )
+
+
+def _common(units: Iterable[str]) -> str:
+    """The unit that all have; empty where they differ."""
+    found = set(units)
+    return found.pop() if len(found) == 1 else ""

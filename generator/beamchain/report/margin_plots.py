@@ -1,0 +1,264 @@
+"""Pictures of closed loops: open-loop Bode and Nichols with their margins, S and T, poles."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from beamchain.ports.motions import Array
+from beamchain.report.plots import (
+    BEAM,
+    HATCH,
+    RIVAL,
+    WIDTH,
+    drawing,
+    in_hz,
+    literal,
+    log_axis,
+    panel,
+    plain,
+)
+from beamchain.report.pose_looks import pose_legend, pose_looks
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from numpy.typing import NDArray
+
+    from beamchain.plants.margins import LoopMargins, Margins
+
+GROWING = "#b3261e"
+LOW, HIGH = -60.0, 60.0  # dB that are drawn
+DISTANCE = 0.5  # |1 + L| on the closed line about the critical point: |S| = 6 dB
+NAMED = 7  # frequencies that a Nichols curve is marked with
+# degrees between which a phase is drawn: that of a loop with lead is positive at modes
+LEAST_PHASE, MOST_PHASE = -270.0, 90.0
+PHASES = (-270, -180, -90, 0, 90)
+TURN = 180.0  # degrees between two points beyond which a wrapped phase has jumped
+
+
+def _labels(several: "Sequence[Margins]") -> list[str]:
+    return [each.pose or "this pose" for each in several]
+
+
+def _signed(value: float, _: float = 0.0) -> str:
+    """A number of either sign on an axis."""
+    return "0" if value == 0.0 else f"{'-' if value < 0.0 else ''}{plain(abs(value))}"
+
+
+def _decibels(response: "NDArray[np.complex128]") -> Array:
+    return 20.0 * np.log10(np.maximum(np.abs(response), 1e-12))
+
+
+def _phase(response: "NDArray[np.complex128]") -> Array:
+    """Phase in the drawn turn [degrees]."""
+    return np.mod(np.degrees(np.angle(response)) - LEAST_PHASE, 360.0) + LEAST_PHASE
+
+
+def _wrapped(response: "NDArray[np.complex128]") -> Array:
+    """The same, broken where it jumps."""
+    phase = _phase(response)
+    phase[1:][np.abs(np.diff(phase)) > TURN] = np.nan
+    return phase
+
+
+def _span(several: "Sequence[Margins]", number: int) -> tuple[float, float]:
+    """Frequencies between which an open loop has a gain that is drawn [rad/s]."""
+    low, high = np.inf, 0.0
+    for each in several:
+        loop = each.loops[number]
+        gain = _decibels(loop.response)
+        drawn = loop.omega[(gain > LOW) & (gain < HIGH)]
+        if drawn.size:
+            low, high = min(low, float(drawn[0])), max(high, float(drawn[-1]))
+    if high <= low:
+        omega = several[0].loops[number].omega
+        return float(omega[0]), float(omega[-1])
+    return low, high
+
+
+def _over_frequency(ax: "Axes", span: tuple[float, float]) -> None:
+    ax.set(xscale="log", xlim=span)
+    log_axis(ax.xaxis, span, plain)
+
+
+@drawing()
+def open_loop_figure(several: "Sequence[Margins]") -> Figure:
+    """Gain and phase of every open loop, the others closed, a curve per pose;
+    the least margins are marked."""
+    loops = several[0].loops
+    figure = Figure(figsize=(WIDTH, 4.2 * len(loops) + 0.4), layout="constrained")
+    axes = figure.subplots(2 * len(loops), 1, gridspec_kw={"height_ratios": [3, 2] * len(loops)})
+    for number, loop in enumerate(loops):
+        gain, phase = axes[2 * number], axes[2 * number + 1]
+        span = _span(several, number)
+        for each, look in zip(several, pose_looks(_labels(several)), strict=True):
+            one = each.loops[number]
+            style = look.line()
+            gain.plot(one.omega, _decibels(one.response), label=look.label, **style)
+            phase.plot(one.omega, _wrapped(one.response), **style)
+        gain.axhline(0.0, color=BEAM, linewidth=0.6)
+        phase.axhline(-TURN, color=BEAM, linewidth=0.6)
+        gain.set(ylim=(LOW, HIGH), ylabel="gain, dB")
+        phase.set(ylim=(LEAST_PHASE, MOST_PHASE), yticks=PHASES, ylabel="phase, degrees")
+        for ax in (gain, phase):
+            _over_frequency(ax, span)
+        gain.set_title(literal(loop.name), pad=24)
+        in_hz(gain)
+        _mark_gain(gain, several, number)
+        _mark_phase(phase, several, number)
+        phase.set_xlabel("frequency, rad/s")
+    pose_legend(figure, _labels(several))
+    return figure
+
+
+def _mark_gain(ax: "Axes", several: "Sequence[Margins]", number: int) -> None:
+    """Gain margins as lines from the curve to 0 dB, the least with its figure."""
+    loops = [each.loops[number] for each in several if np.isfinite(each.loops[number].gain)]
+    for loop in loops:
+        margin = 20.0 * np.log10(loop.gain)
+        ax.plot([loop.gain_frequency] * 2, [-margin, 0.0], color=BEAM, linewidth=0.9, marker="_")
+    if loops:
+        least = min(loops, key=lambda loop: loop.gain)
+        margin = 20.0 * np.log10(least.gain)
+        _say(
+            ax,
+            f"{margin:.1f} dB at {least.gain_frequency:.3g} rad/s",
+            least.gain_frequency,
+            -margin,
+        )
+
+
+def _mark_phase(ax: "Axes", several: "Sequence[Margins]", number: int) -> None:
+    """Phase margins as lines from the curve to -180 degrees, the least with its figure."""
+    loops = [each.loops[number] for each in several if np.isfinite(each.loops[number].phase)]
+    for loop in loops:
+        ends = [-TURN, loop.phase - TURN]
+        ax.plot([loop.phase_frequency] * 2, ends, color=BEAM, linewidth=0.9, marker="_")
+    if loops:
+        least = min(loops, key=lambda loop: abs(loop.phase))
+        text = f"{least.phase:.1f}° at {least.phase_frequency:.3g} rad/s"
+        _say(ax, text, least.phase_frequency, least.phase - TURN)
+
+
+def _say(ax: "Axes", text: str, x: float, y: float) -> None:
+    """A figure beside a point, within the panel."""
+    low, high = ax.get_xlim()
+    right = np.log(x / low) > 0.7 * np.log(high / low)
+    ax.annotate(
+        text,
+        (x, y),
+        xytext=(-5 if right else 5, 0),
+        textcoords="offset points",
+        horizontalalignment="right" if right else "left",
+        verticalalignment="center",
+        fontsize=9.0,
+        bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0, "alpha": 0.8},
+    )
+
+
+@drawing()
+def nichols_figure(several: "Sequence[Margins]") -> Figure:
+    """Open loops in the Nichols plane with frequencies, a panel per loop."""
+    loops = several[0].loops
+    figure = Figure(figsize=(WIDTH, 3.9 * len(loops) + 0.4), layout="constrained")
+    axes = figure.subplots(len(loops), 1, squeeze=False)[:, 0]
+    circle = -1.0 + DISTANCE * np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 200))
+    around = _phase(circle)
+    for number, (ax, loop) in enumerate(zip(axes, loops, strict=True)):
+        for each, look in zip(several, pose_looks(_labels(several)), strict=True):
+            one = each.loops[number]
+            style = look.line(1.0)
+            ax.plot(_wrapped(one.response), _decibels(one.response), label=look.label, **style)
+        _mark_frequencies(ax, several[0].loops[number])
+        ax.plot(around, _decibels(circle), color=RIVAL, linewidth=0.9)
+        ax.plot([-TURN], [0.0], "+", color=BEAM, markersize=10)
+        ax.annotate("|S| = 6 dB", (-TURN, 6.5), fontsize=8.5, color="#555555", ha="center")
+        ax.set(xlim=(LEAST_PHASE, MOST_PHASE), ylim=(LOW, HIGH), ylabel="gain, dB")
+        ax.set(xticks=PHASES, title=literal(loop.name))
+    axes[-1].set_xlabel("phase, degrees")
+    pose_legend(figure, _labels(several))
+    return figure
+
+
+def _mark_frequencies(ax: "Axes", loop: "LoopMargins") -> None:
+    """Points on a Nichols curve with their frequencies [rad/s]: evenly spread on a logarithmic
+    scale, and where margins are."""
+    gain = _decibels(loop.response)
+    seen = loop.omega[(gain > LOW) & (gain < HIGH)]
+    if not seen.size:
+        return
+    spread = np.geomspace(seen[0], seen[-1], NAMED)
+    margins = [w for w in (loop.gain_frequency, loop.phase_frequency) if np.isfinite(w)]
+    phase = _phase(loop.response)
+    for omega in (*spread, *margins):
+        at = int(np.argmin(np.abs(loop.omega - omega)))
+        ax.plot(phase[at], gain[at], ".", color=BEAM, markersize=4)
+        ax.annotate(
+            f"{omega:.3g}",
+            (phase[at], gain[at]),
+            xytext=(4, 3),
+            textcoords="offset points",
+            fontsize=8.0,
+            annotation_clip=True,
+        )
+
+
+@drawing()
+def sensitivity_figure(several: "Sequence[Margins]") -> Figure:
+    """S (upper) and T (lower) of every loop, the others closed, a curve per pose."""
+    loops = several[0].loops
+    figure = Figure(figsize=(WIDTH, 2.7 * len(loops) + 0.5), layout="constrained")
+    axes = figure.subplots(len(loops), 2, squeeze=False, sharey="row")
+    for number, loop in enumerate(loops):
+        span = _span(several, number)
+        for each, look in zip(several, pose_looks(_labels(several)), strict=True):
+            one = each.loops[number]
+            style = look.line()
+            sensitivity = 1.0 / (1.0 + one.response)
+            complementary = one.response * sensitivity
+            axes[number, 0].plot(one.omega, _decibels(sensitivity), label=look.label, **style)
+            axes[number, 1].plot(one.omega, _decibels(complementary), **style)
+        for ax, name in zip(axes[number], ("S", "T"), strict=True):
+            ax.axhline(0.0, color=BEAM, linewidth=0.6)
+            ax.set(ylim=(-40.0, 20.0), title=f"{name}, {literal(loop.name)}")
+            _over_frequency(ax, span)
+        axes[number, 0].set_ylabel("size, dB")
+    for ax in axes[-1]:
+        ax.set_xlabel("frequency, rad/s")
+    pose_legend(figure, _labels(several))
+    return figure
+
+
+@drawing()
+def closed_poles_figure(several: "Sequence[Margins]") -> Figure:
+    """Poles of the closed loop above the real axis; those that grow are circled."""
+    figure, ax = panel(4.2)
+    sizes = np.abs(np.concatenate([np.asarray(each.poles) for each in several]))
+    top = float(sizes.max(initial=1.0))
+    parts = np.abs(np.concatenate([np.asarray(each.poles).real for each in several]))
+    least = float(parts[parts > 1e-9 * top].min(initial=top))
+    for each, look in zip(several, pose_looks(_labels(several)), strict=True):
+        poles = np.asarray(each.poles, dtype=np.complex128)
+        poles = poles[poles.imag >= 0.0]
+        ax.plot(poles.real, poles.imag, "x", color=look.colour, markersize=5, label=look.label)
+        growing = [found.pole for found in each.instabilities]
+        ax.plot(
+            [pole.real for pole in growing],
+            [pole.imag for pole in growing],
+            "o",
+            color=GROWING,
+            fillstyle="none",
+            markersize=10,
+        )
+    ax.axvline(0.0, color=BEAM, linewidth=0.6)
+    ax.axvspan(0.0, top, color=HATCH, alpha=0.25, linewidth=0.0)
+    ax.set_xscale("symlog", linthresh=least)
+    ax.set_yscale("symlog", linthresh=max(float(sizes[sizes > 0.0].min(initial=top)), 1e-6 * top))
+    right = top if any(each.instabilities for each in several) else least
+    ax.set(xlim=(-2.0 * top, right), ylim=(0.0, 2.0 * top))
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.set_major_formatter(_signed)
+    ax.set(xlabel="real part, 1/s", ylabel="imaginary part, rad/s")
+    pose_legend(figure, _labels(several))
+    return figure

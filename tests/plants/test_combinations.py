@@ -1,0 +1,507 @@
+"""Inputs and outputs of `bc.plant` that combine actuators and sensors: torque shared out over
+wheels, thrusters and torquers, sensors in a body's axes, weighted sums; in every kind of plant."""
+
+import json
+import pickle
+
+import mujoco
+import numpy as np
+import pytest
+
+import beamchain as bc
+from command import run
+from plant_truth import number, quat, turned
+
+ROUNDING = 1e-9  # of responses, channel by channel beside the largest of the output
+FIELD = 1e-8  # the same of a magnetometer, whose field is large beside what turns add to it
+RUN = 1e-4  # of a run of MuJoCo, for what is not linear in it
+PEAK = 0.02  # of the amplitude in a run of MuJoCo, which lasts until 2 % of a start is left
+S = np.geomspace(0.05, 30.0, 40) * (0.01 + 1j)
+ASKEW = turned(0.7, -0.4, 1.1)
+TILT = turned(0.2, 0.5, -0.3)
+# wheels 1 and 2 lie in the plane xz; the third has a gear that turns it the other way, the fourth
+# hangs on a bracket that is welded to the bus
+CRAFT = f"""<mujoco><compiler angle="radian"/>
+<option timestep="0.01" gravity="0 0 0" integrator="implicitfast"/>
+<worldbody><body name="bus"><freejoint/>
+<inertial pos="0.1 -0.05 0.02" mass="300" fullinertia="90 80 70 3 -2 1"/>
+<site name="mount" pos="0.5 0 0"/>
+<site name="straight" pos="0.1 0.3 0.2"/>
+<site name="askew" pos="0.1 0.3 0.2" quat="{quat(ASKEW)}"/>
+<site name="px" pos="1.1 -0.05 0.02"/><site name="nx" pos="-0.9 -0.05 0.02"/>
+<site name="py" pos="0.1 0.95 0.02"/><site name="ny" pos="0.1 -1.05 0.02"/>
+<site name="pz" pos="0.1 -0.05 1.02"/><site name="nz" pos="0.1 -0.05 -0.98"/>
+<body name="r1"><joint name="j1" axis="1 0 0"/><inertial pos="0 0 0" mass="3"
+ diaginertia="0.03 0.02 0.02"/></body>
+<body name="r2" quat="{quat(TILT)}"><joint name="j2" axis="{number(TILT.T[:, 2])}"/>
+<inertial pos="0 0 0" mass="3" diaginertia="0.03 0.03 0.03"/></body>
+<body name="r3"><joint name="j3" axis="0 1 0"/><inertial pos="0 0 0" mass="3"
+ diaginertia="0.02 0.03 0.02"/></body>
+<body name="bracket" quat="{quat(TILT)}"><body name="r4"><joint name="j4" axis="1 1 1"/>
+<inertial pos="0 0 0" mass="3" diaginertia="0.03 0.03 0.03"/></body></body>
+<body name="r5"><joint name="j5" axis="1 0 0"/><inertial pos="0 0 0" mass="1"
+ diaginertia="0.01 0.01 0.01"/></body>
+<body name="yoke" pos="0 0.6 0"><joint name="drive" axis="0 1 0" stiffness="2000" damping="5"/>
+<joint name="second" axis="1 0 0" stiffness="3000" damping="5"/>
+<inertial pos="0 0.2 0" mass="9" diaginertia="2 1 2"/><site name="far" pos="0 0.4 0"/></body>
+<body name="slider"><joint name="slide" type="slide" stiffness="900" damping="3"/>
+<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body>
+</body></worldbody>
+<actuator><motor name="w1" joint="j1"/><motor name="w2" joint="j2"/>
+<motor name="w3" joint="j3" gear="-2"/><general name="w4" joint="j4" gainprm="0.5"/>
+<motor name="t_px" site="px" gear="0 1 0 0 0 0"/><motor name="t_nx" site="nx" gear="0 1 0 0 0 0"/>
+<motor name="t_py" site="py" gear="0 0 1 0 0 0"/><motor name="t_ny" site="ny" gear="0 0 1 0 0 0"/>
+<motor name="t_pz" site="pz" gear="1 0 0 0 0 0"/><motor name="t_nz" site="nz" gear="1 0 0 0 0 0"/>
+<motor name="rod" site="askew" gear="0 0 0 0 0 3"/>
+<motor name="outboard" site="far" gear="1 0 0 0 0 0"/>
+<motor name="between" site="px" refsite="far" gear="1 0 0 0 0 0"/>
+<motor name="pusher" joint="slide"/><motor name="turner" joint="drive"/>
+<position name="servo" joint="j5" kp="5"/><velocity name="speed" joint="j5" kv="5"/>
+<intvelocity name="held" joint="j5" kp="3" actrange="-1 1"/></actuator>
+<sensor><gyro name="gyro" site="straight"/><gyro name="gyro_askew" site="askew"/>
+<accelerometer name="acc" site="straight"/><accelerometer name="acc_askew" site="askew"/>
+<velocimeter name="vel" site="straight"/><velocimeter name="vel_askew" site="askew"/>
+<magnetometer name="mag" site="straight"/><magnetometer name="mag_askew" site="askew"/>
+<framequat name="star" objtype="site" objname="askew"/>
+<framequat name="inertia_axes" objtype="body" objname="bus"/>
+<framequat name="seen" objtype="site" objname="askew" reftype="body" refname="world"/>
+<framelinvel name="world_vel" objtype="site" objname="straight"/>
+<frameangvel name="world_rate" objtype="site" objname="straight"/>
+<jointpos name="drive_angle" joint="drive"/><jointpos name="second_angle" joint="second"/></sensor>
+<keyframe>
+<key name="turned" qpos="0 0 0 {quat(turned(0.4, -1.0, 0.6))} 0 0 0 0 0 0 0 0"/></keyframe>
+</mujoco>"""
+
+
+@pytest.fixture(scope="module")
+def boom():
+    return bc.Spec(
+        name="boom",
+        segment=(
+            bc.Segment(
+                length=8.0, section=bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
+            ),
+        ),
+        modes=bc.Modes(xy=2),
+        damping=bc.Damping(ratio=0.003),
+        fit=bc.FitOptions(springs="modes"),
+    )
+
+
+@pytest.fixture(scope="module")
+def made(boom):
+    return bc.embed(CRAFT, {"mount": boom})
+
+
+def off(found, true):
+    """Largest difference of responses `(p, m, k)`, of every output beside its largest."""
+    return float(np.max(np.abs(found - true).max((1, 2)) / np.abs(true).max((1, 2))))
+
+
+def response(plant):
+    return np.asarray(plant(S, squeeze=False))
+
+
+def columns(made, names, outputs=("attitude", "rate"), **more):
+    return response(bc.plant(made, names, list(outputs), **more))
+
+
+# -- allocation ------------------------------------------------------------------------------------
+WHEELS = ["w1", "w2", "w3", "w4"]
+# axes of the wheels in the bus, as the file has them; the torque on the bus is against them
+AXES = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0], TILT @ np.ones(3) / 3**0.5])
+ON_BUS = -(AXES * np.array([[1.0], [1.0], [-2.0], [0.5]])).T
+
+
+@pytest.mark.parametrize("at", [None, "turned"])
+def test_torque_is_shared_out_by_the_pseudo_inverse(made, at):
+    """With gears, gains, a turned wheel and one on a bracket; whatever the attitude."""
+    plant = bc.plant(made, {"torque": bc.allocate(WHEELS, axes="bus")}, at=at)
+    allocated = plant.allocations["torque"]
+    np.testing.assert_allclose(allocated.torque, ON_BUS, atol=1e-12)
+    shares = ON_BUS.T @ np.linalg.inv(ON_BUS @ ON_BUS.T)
+    np.testing.assert_allclose(allocated.commands, shares, atol=1e-12)
+    motors = columns(made, WHEELS, at=at)
+    true = np.einsum("pnk,na->pak", motors, shares)
+    assert off(response(plant), true) < ROUNDING
+    (direction,) = allocated.without_torque
+    np.testing.assert_allclose(ON_BUS @ [direction[name] for name in WHEELS], 0.0, atol=1e-9)
+    assert max(direction.values()) == 1.0
+    assert plant.input_names == ("torque_x", "torque_y", "torque_z")
+    assert plant.input_units == ("N m",) * 3
+
+
+def test_thrusters_turn_about_the_mass_centre(made):
+    """Pairs about the mass centre share a torque as couples, so that it is one on the bus."""
+    thrusters = ["t_px", "t_nx", "t_py", "t_ny", "t_pz", "t_nz"]
+    plant = bc.plant(made, {"couple": bc.allocate(thrusters)})
+    z, x, y = np.eye(3)[[2, 0, 1]]
+    np.testing.assert_allclose(
+        plant.allocations["couple"].torque.T, [z, -z, x, -x, y, -y], atol=1e-12
+    )
+    assert plant.input_names == ("couple_x", "couple_y", "couple_z")
+    assert off(response(plant), columns(made, ["torque:bus"])) < ROUNDING
+    assert len(plant.allocations["couple"].without_torque) == 3
+    said = [str(w) for w in plant.warnings if w.code == "allocation-null"]
+    assert any("t_px : t_nx = 1 : 1" in text for text in said)
+
+
+def test_a_torquer_turns_about_its_own_axis(made):
+    plant = bc.plant(made, {"torque": bc.allocate(["w1", "rod", "w3"])})
+    np.testing.assert_allclose(plant.allocations["torque"].torque[:, 1], 3.0 * ASKEW[:, 2])
+    # a lone axis, and a matrix of one's own
+    assert plant.allocations["torque"].without_torque == ()
+    assert [w for w in plant.warnings if w.code.startswith("allocation")] == []
+
+
+def test_axes_that_are_reached_may_be_asked_for_alone(made):
+    plant = bc.plant(made, {"torque": bc.allocate(["w1", "w2"], about="xz")})
+    assert plant.input_names == ("torque_x", "torque_z")
+    np.testing.assert_allclose(plant.allocations["torque"].commands, [[-1.0, 0.0], [0.0, -1.0]])
+    assert off(response(plant), -columns(made, ["w1", "w2"])) < ROUNDING
+
+
+def test_a_matrix_may_be_given(made):
+    matrix = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 0.5, 0.0]])
+    names = ["w1", "w2", "w3"]
+    right = bc.plant(made, {"torque": bc.allocate(names, matrix=matrix)})
+    assert [w for w in right.warnings if w.code.startswith("allocation")] == []
+    wrong = bc.plant(made, {"torque": bc.allocate(names, matrix=-matrix)})
+    said = [str(w) for w in wrong.warnings if w.code == "allocation-matrix"]
+    assert len(said) == 3
+    assert "1 N m about x with a torque of (-1, 0, 0) N m on 'bus'" in said[0]
+    assert off(response(wrong), -response(right)) < ROUNDING
+    true = np.einsum("pnk,na->pak", columns(made, names), matrix)
+    assert off(response(right), true) < ROUNDING
+
+
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
+        (
+            {"actuators": ["w1", "w2"]},
+            'in 2 of 3 directions, and not about y .*about = "xz"',
+        ),
+        (
+            {"actuators": ["w4"], "about": "x"},
+            "in 1 of 3 directions, and not about x alone; add an",
+        ),
+        ({"actuators": [*WHEELS, "servo"]}, "'servo' takes no torque or force but a set point"),
+        ({"actuators": [*WHEELS, "speed"]}, "'speed' takes no torque"),
+        ({"actuators": [*WHEELS, "held"]}, "'held' takes no torque"),
+        ({"actuators": [*WHEELS, "pusher"]}, "'pusher' acts on a joint that is not the only hinge"),
+        ({"actuators": [*WHEELS, "turner"]}, "'turner' acts on a joint that is not the only hinge"),
+        ({"actuators": [*WHEELS, "outboard"]}, "acts at site 'far', which is not on 'bus'"),
+        ({"actuators": [*WHEELS, "between"]}, "'between' acts neither on a hinge nor at a site"),
+        ({"actuators": WHEELS, "axes": "yoke"}, "turns 'r1', which does not hang on 'yoke'"),
+        ({"actuators": WHEELS, "axes": "buss"}, "axes of allocation 't' = 'buss'.*mean 'bus'"),
+        ({"actuators": ["w9"]}, "actuator of allocation 't' = 'w9' is unknown; choose from w1"),
+    ],
+)
+def test_what_cannot_be_allocated_is_refused(made, given, sentence):
+    with pytest.raises(bc.InputError, match=sentence):
+        bc.plant(made, {"t": bc.allocate(**given)})
+
+
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
+        ({"actuators": "w1"}, "actuators = 'w1' must be a list of names"),
+        ({"actuators": []}, "actuators of an allocation is empty"),
+        ({"actuators": ["w1", "w1"]}, "name 'w1' twice"),
+        ({"actuators": ["w1"], "matrix": [[1.0, 2.0]]}, r"of the shape \(1, 3\) are needed"),
+        ({"actuators": ["w1"], "matrix": [[1.0, 2.0, np.inf]]}, "matrix.* is inf"),
+        ({"actuators": ["w1"], "about": "zx"}, "about = 'zx' of an allocation must be axes"),
+        ({"actuators": ["w1"], "about": ""}, "about = '' of an allocation must be axes"),
+        ({"actuators": ["w1"], "axes": 3}, "axes of an allocation = 3 is a int"),
+    ],
+)
+def test_what_is_no_allocation_is_refused(given, sentence):
+    with pytest.raises(bc.InputError, match=sentence):
+        bc.allocate(**given)
+
+
+# -- alignment, weights, names ---------------------------------------------------------------------
+@pytest.mark.parametrize("at", [None, "turned"])
+def test_sensors_are_turned_into_the_axes_of_a_body(made, at):
+    """As the same sensors whose sites lie along the axes of the body."""
+    pairs = {"gyro": "gyro_askew", "acc": "acc_askew", "vel": "vel_askew", "mag": "mag_askew"}
+    inputs = ["torque:bus", "force:bus"]
+    straight = bc.plant(made, inputs, [*pairs, "attitude"], at)
+    outputs = {name: bc.align(sensor, "bus") for name, sensor in pairs.items()}
+    turned_back = bc.plant(made, inputs, {**outputs, "attitude": bc.align("star")}, at)
+    assert turned_back.output_names == straight.output_names
+    assert turned_back.output_units == straight.output_units
+    # there is no magnetic field: the magnetometer tells of none
+    seen = [i for i, name in enumerate(straight.output_names) if not name.startswith("mag")]
+    assert off(response(turned_back)[seen], response(straight)[seen]) < ROUNDING
+    more = {
+        "a": bc.align("inertia_axes"),
+        "b": bc.align("seen"),
+        "c": bc.align("world_rate", "bus"),
+        "d": bc.align("world_vel", "bus"),
+    }
+    others = response(bc.plant(made, inputs, more, at))
+    true = response(bc.plant(made, inputs, ["attitude", "gyro", "vel"], at))
+    assert off(others, true[[0, 1, 2, 0, 1, 2, 3, 4, 5, 6, 7, 8]]) < ROUNDING
+
+
+def test_a_field_is_turned_too(boom):
+    made = bc.embed(
+        CRAFT.replace('gravity="0 0 0"', 'gravity="0 0 0" magnetic="0 -0.5 2e-5"'), {"mount": boom}
+    )
+    outputs = {"mag": bc.align("mag_askew"), "straight": "mag"}
+    plant = bc.plant(made, ["torque:bus"], outputs)
+    assert plant.output_units == ("T",) * 6
+    found = response(plant)
+    assert off(found[:3], found[3:]) < FIELD
+
+
+def test_signals_are_renamed_and_added_up(made):
+    plant = bc.plant(
+        made,
+        {"spin": {"w1": 1.0, "w2": -2.0}, "push": "t_px", "hub": "torque:bus", "w3": "w3"},
+        {
+            "mean": {"gyro": 0.5, "gyro_askew": 0.5},
+            "angle": "drive_angle",
+            "sum": {"drive_angle": 1.0, "second_angle": 2.0},
+            "at": "motion:straight",
+            "mixed": {"gyro": 1.0, "acc": 1.0},
+        },
+    )
+    assert plant.input_names == ("spin", "push", "hub_x", "hub_y", "hub_z", "w3")
+    assert plant.input_units == ("N m", "N", "N m", "N m", "N m", "N m")
+    assert plant.output_names[:5] == ("mean_x", "mean_y", "mean_z", "angle", "sum")
+    assert plant.output_names[5] == "at_displacement_x"
+    assert plant.output_units[3:5] == ("rad", "rad")
+    assert plant.output_units[-3:] == ("",) * 3
+    plain = response(
+        bc.plant(
+            made,
+            ["w1", "w2", "t_px", "torque:bus", "w3"],
+            ["gyro", "gyro_askew", "drive_angle", "second_angle", "motion:straight", "acc"],
+        )
+    )
+    driven = np.stack([plain[:, 0] - 2.0 * plain[:, 1], *plain[:, 2:].swapaxes(0, 1)], 1)
+    true = np.vstack(
+        [
+            (driven[:3] + driven[3:6]) / 2.0,
+            driven[6:7],
+            driven[6:7] + 2.0 * driven[7:8],
+            driven[8:14],
+            driven[:3] + driven[14:17],
+        ]
+    )
+    assert off(response(plant), true) < ROUNDING
+
+
+def test_names_are_told_apart(made):
+    inputs = {"torque:bus": "torque:bus", "torque": bc.allocate(WHEELS), "gyro": "w1"}
+    plant = bc.plant(made, inputs, ["gyro"])
+    assert plant.input_names[:4] == ("torque_x_bus", "torque_y_bus", "torque_z_bus", "torque_x")
+    linear = bc.Linear.of(made.model, {"torque": bc.allocate(WHEELS)}, {"a": bc.align("star")})
+    assert [signal.name for signal in linear.inputs.signals] == ["torque_x", "torque_y", "torque_z"]
+
+
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
+        ({"inputs": {}}, "inputs is empty"),
+        ({"inputs": {"a": 3}}, r"inputs\['a'\] = 3 is a int; give a name, bc.allocate"),
+        ({"inputs": {"a": bc.align("star")}}, r"inputs\['a'\] = .* give a name, bc.allocate"),
+        ({"outputs": {"a": bc.allocate(WHEELS)}}, r"outputs\['a'\] = .* give a name, bc.align"),
+        ({"inputs": {3: "w1"}}, "inputs: 3 is no name of a signal"),
+        ({"inputs": {"a": {"w1": 1.0, "torque:bus": 1.0}}}, "'w1' has 1, 'torque:bus' has 3"),
+        ({"inputs": {"a": {"w1": 0.0}}}, "has no weight"),
+        ({"inputs": {"a": {"w1": "x"}}}, r"inputs\['a'\]\['w1'\] = 'x' is not a number"),
+        ({"inputs": {"a": {}}}, "has no weight"),
+        ({"outputs": {"a": {"giro": 1.0}}}, "did you mean 'gyro'"),
+        (
+            {"inputs": {"a_x": "w1", "a": bc.allocate(WHEELS)}},
+            "two signals would be called 'a_x'; give one of them another name",
+        ),
+        ({"outputs": {"a": bc.align("drive_angle")}}, "'drive_angle' has no three axes to turn"),
+        ({"outputs": {"a": bc.align("star", "buss")}}, "did you mean 'bus'"),
+        ({"outputs": {"a": bc.align("stars")}}, "sensor of alignment 'a' = 'stars' is unknown"),
+    ],
+)
+def test_mistakes_are_named(made, given, sentence):
+    with pytest.raises(bc.InputError, match=sentence):
+        bc.plant(made, **given)
+
+
+# -- every kind of plant ---------------------------------------------------------------------------
+INPUTS = {"torque": bc.allocate(WHEELS), "push": {"force:bus": 2.0}}
+OUTPUTS = {"attitude": bc.align("star"), "rate": bc.align("gyro_askew")}
+PLAIN = (["torque:bus", "force:bus"], ["attitude", "gyro"])
+DOUBLED = np.repeat([1.0, 2.0], 3)[:, None]
+
+
+def test_the_exact_plant_has_the_same_signals(made):
+    found = response(bc.plant(made, INPUTS, OUTPUTS).exact)
+    true = response(bc.plant(made, *PLAIN).exact) * DOUBLED
+    assert off(found, true) < 1e-6
+
+
+def test_a_sampled_plant_is_what_mujoco_runs(boom):
+    """Commands of the wheels as the allocation says, held over a step."""
+    made = bc.embed(CRAFT, {"mount": boom}, retime=True)
+    h = 0.01
+    inputs = {"torque": bc.allocate(WHEELS)}
+    plant = bc.plant(made, inputs, {"attitude": bc.align("star")}, discrete=h)
+    shares = ON_BUS.T @ np.linalg.inv(ON_BUS @ ON_BUS.T)
+    data = mujoco.MjData(made.model)
+    held = bc.HeldInput()
+    numbers = [made.model.actuator(name).id for name in WHEELS]
+    given = 0.05 * np.random.default_rng(3).standard_normal((3, 200))
+    seen = []
+    for torque in given.T:
+        turn = data.body("bus").xmat.reshape(3, 3) if data.time else np.eye(3)
+        seen.append([(turn - turn.T)[i, j] / 2.0 for i, j in ((2, 1), (0, 2), (1, 0))])
+        data.ctrl[numbers] = held(shares @ torque)
+        mujoco.mj_step(made.model, data)
+        mujoco.mj_forward(made.model, data)
+    states = np.zeros(plant.nstates)
+    told = []
+    for torque in given.T:
+        told.append(plant.C @ states + plant.D @ torque)
+        states = plant.A @ states + plant.B @ torque
+    difference = np.abs(np.array(told) - np.array(seen)).max()
+    assert difference < RUN * np.abs(seen).max()
+
+
+UNCERTAIN = bc.UncertainCraft(
+    body={
+        "bus": bc.UncertainBody(
+            mass=bc.Uncertainty(relative=0.1, distribution="uniform"),
+            centre_x=bc.Uncertainty(absolute=0.05, distribution="uniform"),
+        )
+    }
+)
+
+
+def test_commands_do_not_change_with_an_uncertain_craft(made):
+    """A flight computer knows the nominal craft alone: of a sample whose mass centre has moved,
+    thrusters share a torque out as before."""
+    thrusters = ["t_px", "t_nx", "t_py", "t_ny", "t_pz", "t_nz"]
+    inputs = {"couple": bc.allocate(thrusters), "push": {"force:bus": 2.0}}
+    plant = bc.plant(made, inputs, OUTPUTS)
+    uncertain = plant.uncertain(UNCERTAIN)
+    values = {"bus.mass": 320.0, "bus.centre_x": 0.14}
+    found = response(uncertain.sample(values))
+    changed = uncertain.model(values)
+    shares = plant.allocations["couple"].commands
+    motors = response(bc.plant(changed, [*thrusters, "force:bus"], OUTPUTS))
+    couples = np.einsum("pnk,na->pak", motors[:, :6], shares)
+    assert off(found, np.concatenate([couples, 2.0 * motors[:, 6:]], axis=1)) < 1e-7
+    # asked anew, the changed craft would have others
+    anew = bc.plant(changed, inputs, OUTPUTS).allocations["couple"].torque
+    assert not np.allclose(anew, plant.allocations["couple"].torque)
+
+
+@pytest.mark.slow
+def test_the_worst_sample_is_run_with_combined_signals(boom):
+    """The run applies the allocated torque and reads the turned sensor."""
+    made = bc.embed(CRAFT, {"mount": boom})
+    loops = [
+        bc.Loop(
+            input=f"torque_{axis}",
+            output=f"attitude_{axis}",
+            numerator=(120.0, 20.0),
+            denominator=(0.05, 1.0),
+        )
+        for axis in "xyz"
+    ]
+    uncertain = bc.plant(made, INPUTS, OUTPUTS).uncertain(UNCERTAIN)
+    controller = bc.Controller(loop=tuple(loops))
+    worst = uncertain.worst_case(controller, "torque_z", "attitude_z", samples=3)
+    assert worst.stable
+    assert worst.simulated == pytest.approx(worst.gain, rel=PEAK)
+
+
+def test_combined_plants_travel(made):
+    plant = bc.plant(made, INPUTS, OUTPUTS)
+    other = pickle.loads(pickle.dumps(plant))
+    assert np.array_equal(response(other), response(plant))
+    assert other.allocations["torque"].without_torque == plant.allocations["torque"].without_torque
+    assert np.array_equal(response(other.exact), response(plant.exact))
+
+
+# -- files -----------------------------------------------------------------------------------------
+LOOP = """
+[[loop]]
+input = "torque_z"
+output = "attitude_z"
+numerator = [120.0, 20.0]
+denominator = [0.05, 1.0]
+"""
+ALLOCATION = '[allocation.torque]\nactuators = ["w1", "w2", "w3"]\naxes = "bus"\n'
+ALIGNMENT = '[alignment.attitude]\nsensor = "star"\n'
+
+
+@pytest.fixture(scope="module")
+def place(made, tmp_path_factory):
+    out = tmp_path_factory.mktemp("combined")
+    made.write(out / "flexible.xml")
+    return out
+
+
+def asked(place, capsys, monkeypatch, *words, loops=ALLOCATION + ALIGNMENT + LOOP):
+    (place / "loops.toml").write_text(loops)
+    monkeypatch.chdir(place)
+    common = ["plant", "flexible.xml", "--controller", "loops.toml", "-o", "p.npz"]
+    return run([*common, "--no-report", "--force", "--json", *words], capsys, monkeypatch)
+
+
+def names(out, kind):
+    return [row["name"] for row in json.loads(out)[kind]]
+
+
+def test_tables_of_a_controller_make_its_signals(place, capsys, monkeypatch):
+    code, out, _ = asked(place, capsys, monkeypatch)
+    assert code == 0
+    assert names(out, "inputs") == ["torque_x", "torque_y", "torque_z"]
+    assert names(out, "outputs") == ["attitude_x", "attitude_y", "attitude_z"]
+    words = ["--input", "torque:bus", "--input", "w4", "--output", "gyro"]
+    code, out, _ = asked(place, capsys, monkeypatch, *words)
+    assert code == 0
+    assert names(out, "inputs") == [
+        *(f"torque_{axis}_bus" for axis in "xyz"),
+        "w4",
+        *(f"torque_{axis}" for axis in "xyz"),
+    ]
+    assert names(out, "outputs")[:4] == ["gyro_x", "gyro_y", "gyro_z", "attitude_x"]
+    # one table alone leaves the others as they are
+    code, out, _ = asked(place, capsys, monkeypatch, loops=ALLOCATION + LOOP)
+    assert code == 0
+    assert names(out, "outputs") == [f"{n}_{a}" for n in ("attitude", "rate") for a in "xyz"]
+
+
+@pytest.mark.parametrize(
+    ("loops", "words", "sentence"),
+    [
+        (
+            ALLOCATION.replace("torque]", "w4]") + LOOP,
+            ["--input", "w4"],
+            "[allocation.w4] of the controller has the name of a signal that is asked for",
+        ),
+        (
+            ALIGNMENT.replace('"star"', '"drive_angle"') + LOOP,
+            [],
+            "alignment 'attitude': sensor 'drive_angle' has no three axes",
+        ),
+        (ALLOCATION.replace("axes", "axis") + LOOP, [], "unknown key 'axis'"),
+        (ALLOCATION + "matrix = [[1.0]]\n" + LOOP, [], "matrix of an allocation"),
+        (
+            ALLOCATION.replace('"w1", ', "") + LOOP,
+            [],
+            "2 of 3 directions, and not about x alone",
+        ),
+        (ALLOCATION.replace('["w1", "w2", "w3"]', "[]") + LOOP, [], "is empty"),
+        ("[alignment.a]\nbody = 'bus'\n" + LOOP, [], "sensor is missing"),
+    ],
+)
+def test_mistakes_in_tables_are_named(place, capsys, monkeypatch, loops, words, sentence):
+    code, _, error = asked(place, capsys, monkeypatch, *words, loops=loops)
+    assert code == 2
+    assert sentence in error

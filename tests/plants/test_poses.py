@@ -1,0 +1,244 @@
+"""A plant per pose: what `at` may list, what poses are called, which files say so, and the poses of
+the command line."""
+
+import json
+
+import numpy as np
+import pytest
+from scipy.io import loadmat
+
+import beamchain as bc
+from command import run
+
+AGREE = 1e-7  # transfer functions after states were taken out
+S = np.geomspace(0.05, 30.0, 40) * (0.01 + 1j)
+# a drive, a second one behind it, a mast on a slide, a wheel; the wall is met on the way from one
+# pose to another only
+CRAFT = """<mujoco><compiler angle="radian"/><option gravity="0 0 0"/>
+<worldbody><body name="bus"><freejoint/>
+<inertial pos="0 0 0" mass="300" diaginertia="90 80 70"/>
+<geom name="wall" type="sphere" size="0.1" pos="0.5 0.8 0" mass="0"/>
+<body name="yoke" pos="0.5 0 0"><joint name="drive" axis="0 0 1" range="-2 2" stiffness="8000"/>
+<inertial pos="0.2 0 0" mass="5" diaginertia="1 1 1"/>
+<body name="knuckle" pos="0.4 0 0"><joint name="turn" axis="1 0 0" stiffness="6000"/>
+<geom name="arm" type="sphere" size="0.1" pos="0.4 0 0" mass="0"/>
+<inertial pos="0 0 0" mass="3" diaginertia="1 1 1"/><site name="mount"/></body></body>
+<body name="mast"><joint name="reach" type="slide" axis="0 0 1" range="-1 1" stiffness="900"/>
+<inertial pos="0 0 0.5" mass="20" diaginertia="2 2 0.1"/></body>
+<body name="rotor"><joint name="wheel" axis="0 0 1"/>
+<inertial pos="0 0 0" mass="5" diaginertia="0.02 0.02 0.03"/></body></body></worldbody>
+<actuator><motor name="spin" joint="wheel"/></actuator>
+<keyframe><key name="drive" qpos="0 0 0 1 0 0 0 0.5 0.2 0.1 0"/>
+<key qpos="0 0 0 1 0 0 0 0 0.3 0 700"/>
+<key name="fast" qpos="0 0 0 1 0 0 0 0.5 0.2 0.1 0" qvel="0 0 0 0 0 0 0 0 0 90"/>
+</keyframe></mujoco>"""
+
+
+@pytest.fixture(scope="module")
+def made():
+    section = bc.Equivalent(bending_stiffness_xy=2e3, bending_stiffness_xz=3e3, linear_mass=1.0)
+    spec = bc.Spec(
+        name="boom",
+        segment=(bc.Segment(length=5.0, section=section),),
+        modes=bc.Modes(xy=1, xz=1),
+        damping=bc.Damping(ratio=0.003),
+    )
+    return bc.embed(CRAFT, {"mount": spec})
+
+
+def positions(model, **joints):
+    out = np.array(model.qpos0)
+    for name, value in joints.items():
+        out[model.joint(name).qposadr[0]] = value
+    return out
+
+
+def test_poses_are_joints_keyframes_and_positions(made):
+    poses = [
+        {"drive": np.radians(45.0), "turn": np.radians(-30.0)},
+        "drive",
+        {"reach": 0.25, "turn": 0.0},
+        positions(made.model, drive=-0.5),
+        {},
+        np.int64(1),
+    ]
+    scheduled = bc.plant(made, ["torque:bus"], at=poses)
+    assert scheduled.labels == (
+        "drive 45°, turn -30°",
+        "drive",
+        "reach 0.25 m, turn 0°",
+        "drive -28.6479°",
+        "rest",
+        "keyframe 1",
+    )
+    assert scheduled.joints == ("drive", "turn", "reach")  # a wheel's angle is none of a pose
+    assert scheduled.units == ("rad", "rad", "m")
+    np.testing.assert_allclose(scheduled.values[1], [0.5, 0.2, 0.1])
+    np.testing.assert_allclose(scheduled.values[2], [0.0, 0.0, 0.25])
+    assert (scheduled.joint, scheduled.angles, scheduled.grid) == (None, None, None)
+    assert len(scheduled) == len(list(scheduled)) == 6
+    assert len({plant.state_names for plant in scheduled}) == 1
+    for pose, plant in zip(poses, scheduled, strict=True):
+        alone = bc.plant(made, ["torque:bus"], at=pose)(S, squeeze=False)
+        size = np.abs(alone).max((1, 2), keepdims=True)
+        assert np.max(np.abs(plant(S, squeeze=False) - alone) / size) < AGREE
+    assert [m.shape for m in scheduled.matrices()] == [
+        (6, *getattr(scheduled[0], name).shape) for name in "ABCD"
+    ]
+    assert "6 poses ('drive 45°, turn -30°', 'drive', " in repr(scheduled)
+    axis = scheduled.plot()
+    assert [tick.get_text() for tick in axis.get_xticklabels()] == list(scheduled.labels)
+
+
+def test_a_grid_of_one_joint_stays(made):
+    grid = bc.plant(made, ["torque:bus"], at={"drive": [0.0, 0.5], "turn": 0.25})
+    listed = bc.plant(made, ["torque:bus"], at=[{"drive": a, "turn": 0.25} for a in (0.0, 0.5)])
+    assert grid.joint == "drive"
+    np.testing.assert_allclose(grid.angles, [0.0, 0.5])
+    np.testing.assert_allclose(grid.grid[0], np.degrees([0.0, 0.5]))
+    assert (
+        grid.labels == listed.labels == ("drive 0°, turn 14.3239°", "drive 28.6479°, turn 14.3239°")
+    )
+    assert np.array_equal(grid.matrices()[0], listed.matrices()[0])
+    slid = bc.plant(made, ["torque:bus"], at={"reach": [0.0, 0.5]})
+    assert slid.labels == ("reach 0 m", "reach 0.5 m")
+    assert slid.grid[1] == "m"
+    assert slid.plot().get_xlabel() == "reach, m"
+
+
+def test_all_joints_move_together_between_two_poses(made):
+    """Through a contact too, which no plant holds: the order is that of a fine grid of poses."""
+    start, end = {"drive": 0.0, "turn": 0.0}, {"drive": 1.9, "turn": 1.2}
+    coarse = bc.plant(made, ["torque:bus"], at=[start, end])
+    path = [
+        {name: (1.0 - share) * start[name] + share * end[name] for name in start}
+        for share in np.linspace(0.0, 1.0, 21)
+    ]
+    open_craft = bc.embed(
+        CRAFT.replace('name="wall"', 'name="wall" contype="0" conaffinity="0"'),
+        {a.at: a.spec for a in made.appendages},
+    )
+    fine = bc.plant(open_craft, ["torque:bus"], at=path)
+    np.testing.assert_allclose(coarse.frequency[-1], fine.frequency[-1], rtol=1e-9)
+    with pytest.raises(bc.InputError, match=r"at\[14\]: '(wall|arm)' touches"):
+        bc.plant(made, ["torque:bus"], at=path)
+
+
+def test_files_hold_the_poses(made, tmp_path):
+    poses = [{"drive": 0.5}, "drive"]
+    scheduled = bc.plant(made, ["torque:bus"], at=poses)
+    matlab = loadmat(scheduled.write(tmp_path / "p.mat"))
+    plain = np.load(scheduled.write(tmp_path / "p.npz"))
+    words = json.loads(scheduled.write(tmp_path / "p.json").read_text())
+    assert words["PoseLabel"] == list(plain["PoseLabel"]) == ["drive 28.6479°", "drive"]
+    assert [str(cell[0]) for cell in matlab["PoseLabel"][:, 0]] == words["PoseLabel"]
+    assert words["PoseJoint"] == ["drive", "turn", "reach"]
+    assert words["PoseUnit"] == ["rad", "rad", "m"]
+    for pose in (matlab["Pose"], plain["Pose"], np.array(words["Pose"])):
+        np.testing.assert_allclose(pose, [[0.5, 0.0, 0.0], [0.5, 0.2, 0.1]])
+    assert "Angle" not in words
+    assert matlab["A"].shape == (*scheduled[0].A.shape, 2)
+
+
+@pytest.mark.parametrize(
+    ("at", "sentence"),
+    [
+        ([{"drive": 0.1}, {"driv": 0.1}], r"joint of at\[1\] = 'driv' is unknown; did you mean"),
+        ([{"drive": 0.1}, "drives"], r"at\[1\] = 'drives' is unknown; did you mean 'drive'"),
+        ([{"drive": 0.1}, {"drive": 2.5}], r"at\[1\]: joint 'drive' = 2.5 is outside .* in rad"),
+        (
+            [{}, {"reach": 2.5}],
+            r"at\[1\]: joint 'reach' = 2.5 is outside its range \[-1, 1\]; give",
+        ),
+        ([{"drive": 0.1}, {"drive": [0.1, 0.2]}], r"at\[1\]\['drive'\] = .* is not a number"),
+        ([{}, {"reach": "x"}], r"at\[1\]\['reach'\] = 'x' is not a number; .* in m"),
+        ([{"drive": 0.1}, 7], r"at\[1\] = 7 is no keyframe; the model has 3"),
+        ([{"drive": 0.1}, [0.0, 1.0]], r"at\[1\] has the shape \(2,\); give qpos"),
+        ("turn", r"at = 'turn' is unknown; .*Or give angles by joint, \{'turn': 0.5\}"),
+        ({"drive": [0.1], "turn": [0.2]}, "several joints give a list of poses"),
+        (["drive", "fast"], "other states in the pose 'fast' than in 'drive'.*give rates"),
+    ],
+)
+def test_mistakes_are_named(made, at, sentence):
+    with pytest.raises(bc.InputError, match=sentence):
+        bc.plant(made, ["torque:bus", "spin"], at=at)
+
+
+# -- the command line ------------------------------------------------------------------------------
+@pytest.fixture(scope="module")
+def place(made, tmp_path_factory):
+    out = tmp_path_factory.mktemp("poses")
+    made.write(out / "flexible.xml")
+    return out
+
+
+def asked(place, capsys, monkeypatch, *words):
+    monkeypatch.chdir(place)
+    common = ["plant", "flexible.xml", "--input", "torque:bus", "-o", "p.npz", "--force"]
+    return run([*common, "--no-report", *words], capsys, monkeypatch)
+
+
+def test_poses_are_given_in_degrees_and_metres(place, capsys, monkeypatch):
+    words = ["--pose", "drive=45,reach=0.25", "--pose", "drive", "--pose", "turn=-30", "--json"]
+    code, out, _ = asked(place, capsys, monkeypatch, *words)
+    record = json.loads(out)
+    assert code == 0
+    assert record["poses"] == ["drive 45°, reach 0.25 m", "drive", "turn -30°"]
+    assert record["angles"] is None
+    assert len(record["frequencies"]) == 3
+    plain = np.load(place / "p.npz")
+    np.testing.assert_allclose(plain["Pose"][0], [np.pi / 4.0, 0.0, 0.25])
+    # one pose is one plant
+    code, out, _ = asked(place, capsys, monkeypatch, "--pose", "drive=45,reach=0.25", "--json")
+    assert code == 0
+    assert json.loads(out)["poses"] is None
+    assert np.load(place / "p.npz")["A"].ndim == 2
+
+
+def test_angle_and_at_are_other_words_for_it(place, capsys, monkeypatch):
+    code, out, _ = asked(place, capsys, monkeypatch, "--angle", "drive=0,45", "--json")
+    record = json.loads(out)
+    assert code == 0
+    assert record["angles"] == pytest.approx([0.0, 45.0])
+    by_angle = np.load(place / "p.npz")["A"]
+    words = ["--pose", "drive=0", "--pose", "drive=45", "--json"]
+    code, out, _ = asked(place, capsys, monkeypatch, *words)
+    assert code == 0
+    assert json.loads(out)["poses"] == record["poses"] == ["drive 0°", "drive 45°"]
+    assert np.array_equal(np.load(place / "p.npz")["A"], by_angle)
+    plants = []
+    for words in (["--at", "drive"], ["--pose", "drive"]):
+        assert asked(place, capsys, monkeypatch, *words)[0] == 0
+        plants.append(np.load(place / "p.npz")["A"])
+    assert np.array_equal(*plants)
+    # of a slide in metres
+    code, out, _ = asked(place, capsys, monkeypatch, "--angle", "reach=0,0.5", "--json")
+    assert code == 0
+    assert json.loads(out)["poses"] == ["reach 0 m", "reach 0.5 m"]
+    assert json.loads(out)["angles"] == pytest.approx([0.0, 0.5])
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["--pose", "turn"], "--pose 'turn' is a joint and no keyframe; give its position"),
+        (["--pose", "drives"], "keyframe of --pose = 'drives' is unknown; did you mean 'drive'"),
+        (["--pose", "driv=4"], "joint of --pose = 'driv' is unknown; did you mean 'drive'"),
+        (["--pose", "drive=x"], "--pose 'drive=x' is not JOINT=POSITION"),
+        (["--pose", "drive=4,turn"], "--pose 'drive=4,turn' is not JOINT=POSITION"),
+        (["--pose", "drive=1,drive=2"], "gives 'drive' twice"),
+        (["--pose", "drive=nan"], "drive = nan cannot be used"),
+        (["--pose", "drive=180"], "outside its range, -114.592 to 114.592 degrees"),
+        (["--pose", "reach=3"], "joint 'reach' = 3 is outside its range, -1 to 1 m"),
+        (["--pose", "drive=1", "--at", "drive"], "--pose and --at are given together"),
+        (["--angle", "drive=1", "--at", "drive"], "--at and --angle are given together"),
+        (["--angle", "drive=1", "--pose", "drive"], "--pose and --angle are given together"),
+        (["--angle", "drive"], "--angle 'drive' is not JOINT=ANGLES"),
+        (["--angle", "drive=180"], "outside its range, -114.592 to 114.592 degrees"),
+    ],
+)
+def test_mistakes_on_the_command_line_are_named(place, capsys, monkeypatch, words, sentence):
+    code, out, error = asked(place, capsys, monkeypatch, *words)
+    assert code == 2
+    assert out == ""
+    assert sentence in error
