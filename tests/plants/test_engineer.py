@@ -161,6 +161,7 @@ def test_wheels_at_speed():
         assert found < TURNING
 
 
+@pytest.mark.slow
 def test_modes_are_followed_through_the_list_in_its_order():
     """As the modes of finite elements, followed in small steps by their shapes."""
     for poses, crosses in ((POSES, False), (TOGETHER, True)):
@@ -213,6 +214,7 @@ def told(words, capsys, monkeypatch, folder):
     return json.loads(out)
 
 
+@pytest.mark.slow
 def test_the_command_makes_the_same_plants(folder, capsys, monkeypatch):
     words = ["--controller", "one_axis.toml", *ASKED, "-o", "plant.mat", "--no-report", "--force"]
     record = told(words, capsys, monkeypatch, folder)

@@ -106,6 +106,7 @@ def test_a_grid_of_one_joint_stays(made):
     assert slid.plot().get_xlabel() == "reach, m"
 
 
+@pytest.mark.slow
 def test_all_joints_move_together_between_two_poses(made):
     """Through a contact too, which no plant holds: the order is that of a fine grid of poses."""
     start, end = {"drive": 0.0, "turn": 0.0}, {"drive": 1.9, "turn": 1.2}

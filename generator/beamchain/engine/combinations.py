@@ -193,10 +193,11 @@ class Allocated:
         >>> import beamchain as bc
         >>> from importlib.resources import files
         >>> shipped = files("beamchain") / "examples"
-        >>> craft = bc.embed(shipped / "satellite.xml", {"array_left": shipped / "array.toml"})
-        >>> plant = bc.plant(craft, {"torque": bc.allocate(["wx", "wy", "wz"])})
-        >>> plant.allocations["torque"].commands.shape
-        (3, 3)
+        >>> craft = bc.embed(shipped / "satellite.xml", {"left": shipped / "array.toml"})
+        >>> wheels = bc.allocate(["wheel_x", "wheel_y", "wheel_z"], axes="bus")
+        >>> plant = bc.plant(craft, {"torque": wheels}, ["attitude"])
+        >>> plant.allocations["torque"].commands.diagonal().tolist()
+        [-1.0, -1.0, -1.0]
     """
 
     actuators: tuple[str, ...]
