@@ -93,7 +93,7 @@ PARTS = {
         "engine.normal_modes.NormalModes",
     ),
     "Linearisation": ("engine.linearise.Held",),
-    "Plant": ("engine.combinations.Allocated",),
+    "Plant": ("engine.allocation.Allocated",),
     "Retimed": ("steps.forms.ModeTime",),
     "Segment": ("structure.segment.Stations", "structure.section.Geometry"),
     "StabilityStudy": (
