@@ -251,8 +251,10 @@ def test_margins_are_those_of_a_torque_on_the_bus(folder, capsys, monkeypatch):
     plain = told(words, capsys, monkeypatch, folder)
     assert len(record["margins"]) == 3
     assert sum(1 for _ in numbers(record["margins"])) > 3 * 3 * 5
-    for ours, theirs in zip(numbers(record["margins"]), numbers(plain["margins"]), strict=True):
-        assert ours == pytest.approx(theirs, rel=MARGINS, abs=1e-12)
+    pairs = [*zip(numbers(record["margins"]), numbers(plain["margins"]), strict=True)]
+    off = max(abs(ours - theirs) / max(abs(theirs), 1e-6) for ours, theirs in pairs)
+    sys.stdout.write(f"margins: {off:.1e}\n")
+    assert off < MARGINS
 
 
 def numbers(value):
@@ -277,4 +279,4 @@ def test_the_page_and_the_terminal_name_the_poses(folder, capsys, monkeypatch):
         assert label in page
         assert label in out
     assert "rw1 : rw2 : rw3 : rw4 = 1 : -1 : 1 : -1" in page
-    assert "rw1 : rw2 : rw3 : rw4 = 1 : -1 : 1 : -1" in out
+    assert "rw1 : rw2 : rw3 : rw4 = 1 : -1 : 1 : -1" in " ".join(out.split())

@@ -58,7 +58,7 @@ def test_poses_are_joints_keyframes_and_positions(made):
         {"drive": np.radians(45.0), "turn": np.radians(-30.0)},
         "drive",
         {"reach": 0.25, "turn": 0.0},
-        positions(made.model, drive=-0.5),
+        positions(made.model, drive=-0.5, wheel=400.0),
         {},
         np.int64(1),
     ]

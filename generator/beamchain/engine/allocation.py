@@ -279,17 +279,16 @@ def _inverse(torque: Array, allocation: Allocation, field: str, body: str) -> Ar
 def _null_directions(torque: Array, names: Sequence[str]) -> list[dict[str, float]]:
     """A basis of the commands without torque, each of as few actuators as a pivoted elimination
     leaves: `torque P = Q [R1 R2]`, `x = P [-R1^-1 R2; 1]`."""
-    size = float(np.abs(torque).max(initial=0.0))
+    largest = float(np.abs(torque).max(initial=0.0))
     _, r, order = qr(torque, mode="economic", pivoting=True)
-    rank = int(np.sum(np.abs(np.diag(r)) > REACHED * size))
+    rank = int(np.sum(np.abs(np.diag(r)) > REACHED * largest))
     directions = np.zeros((len(names), len(names) - rank))
     directions[order[:rank]] = -np.linalg.solve(r[:rank, :rank], r[:rank, rank:])
     directions[order[rank:]] = np.eye(len(names) - rank)
     out: list[dict[str, float]] = []
     for column in directions.T:
-        shares = (
-            column / column[int(np.argmax(np.abs(column) > (1.0 - REACHED) * max(abs(column))))]
-        )
+        size = np.abs(column)
+        shares = column / column[int(np.argmax(size > (1.0 - REACHED) * size.max()))]
         out.append(
             {
                 name: round(float(share), DECIMALS)
