@@ -97,7 +97,7 @@ PARTS = {
     ),
     "Linearisation": ("engine.linearise.Held",),
     "Margins": ("plants.margins.Extremum",),
-    "Plant": ("engine.combinations.Allocated",),
+    "Plant": ("engine.allocation.Allocated",),
     "Retimed": ("steps.forms.ModeTime",),
     "Segment": ("structure.segment.Stations", "structure.section.Geometry"),
     "StabilityStudy": (

@@ -15,10 +15,10 @@ if TYPE_CHECKING:
     from beamchain.craft.proof import prove as prove
     from beamchain.craft.stability import StabilityStudy as StabilityStudy
     from beamchain.craft.stability import stability as stability
+    from beamchain.engine.allocation import Allocation as Allocation
+    from beamchain.engine.allocation import allocate as allocate
     from beamchain.engine.combinations import Alignment as Alignment
-    from beamchain.engine.combinations import Allocation as Allocation
     from beamchain.engine.combinations import align as align
-    from beamchain.engine.combinations import allocate as allocate
     from beamchain.engine.linear import Linear as Linear
     from beamchain.engine.linearise import Linearisation as Linearisation
     from beamchain.engine.linearise import linearise as linearise
@@ -94,11 +94,13 @@ _PLACES = {
         "stability",
     ),
     "craft.proof": ("prove",),
+    "engine.allocation": (
+        "Allocation",
+        "allocate",
+    ),
     "engine.combinations": (
         "Alignment",
-        "Allocation",
         "align",
-        "allocate",
     ),
     "engine.linear": ("Linear",),
     "engine.linearise": (

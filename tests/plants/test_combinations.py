@@ -158,6 +158,7 @@ def test_axes_that_are_reached_may_be_asked_for_alone(made):
     plant = bc.plant(made, {"torque": bc.allocate(["w1", "w2"], about="xz")})
     assert plant.input_names == ("torque_x", "torque_z")
     np.testing.assert_allclose(plant.allocations["torque"].commands, [[-1.0, 0.0], [0.0, -1.0]])
+    assert bc.plant(made, {"t": bc.allocate(["w3"], about="y")}).input_names == ("t_y",)
     assert off(response(plant), -columns(made, ["w1", "w2"])) < ROUNDING
 
 

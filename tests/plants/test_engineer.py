@@ -23,7 +23,7 @@ POLES = 1e-9  # measured 3e-13
 MANY, TURNS = 60, 150
 # four wheels against a torque on the bus, measured 4e-14
 SAME = 1e-6
-MARGINS = 1e-5  # of the same loops: interpolated on a grid that moves with the poles; measured 2e-6
+MARGINS = 1e-5  # of the same loops, which are interpolated on a grid; measured 1.4e-6
 # nutation at 0.006 rad/s beside modes at 150: rounding of its eigenvectors in the cross channels,
 # where four wheels nearly cancel; measured 1.5e-5
 TURNING = 5e-5
@@ -161,6 +161,7 @@ def test_wheels_at_speed():
         assert found < TURNING
 
 
+@pytest.mark.slow
 def test_modes_are_followed_through_the_list_in_its_order():
     """As the modes of finite elements, followed in small steps by their shapes."""
     for poses, crosses in ((POSES, False), (TOGETHER, True)):
@@ -213,6 +214,7 @@ def told(words, capsys, monkeypatch, folder):
     return json.loads(out)
 
 
+@pytest.mark.slow
 def test_the_command_makes_the_same_plants(folder, capsys, monkeypatch):
     words = ["--controller", "one_axis.toml", *ASKED, "-o", "plant.mat", "--no-report", "--force"]
     record = told(words, capsys, monkeypatch, folder)
@@ -249,8 +251,10 @@ def test_margins_are_those_of_a_torque_on_the_bus(folder, capsys, monkeypatch):
     plain = told(words, capsys, monkeypatch, folder)
     assert len(record["margins"]) == 3
     assert sum(1 for _ in numbers(record["margins"])) > 3 * 3 * 5
-    for ours, theirs in zip(numbers(record["margins"]), numbers(plain["margins"]), strict=True):
-        assert ours == pytest.approx(theirs, rel=MARGINS, abs=1e-12)
+    pairs = [*zip(numbers(record["margins"]), numbers(plain["margins"]), strict=True)]
+    off = max(abs(ours - theirs) / max(abs(theirs), 1e-6) for ours, theirs in pairs)
+    sys.stdout.write(f"margins: {off:.1e}\n")
+    assert off < MARGINS
 
 
 def numbers(value):
@@ -275,4 +279,4 @@ def test_the_page_and_the_terminal_name_the_poses(folder, capsys, monkeypatch):
         assert label in page
         assert label in out
     assert "rw1 : rw2 : rw3 : rw4 = 1 : -1 : 1 : -1" in page
-    assert "rw1 : rw2 : rw3 : rw4 = 1 : -1 : 1 : -1" in out
+    assert "rw1 : rw2 : rw3 : rw4 = 1 : -1 : 1 : -1" in " ".join(out.split())

@@ -58,7 +58,7 @@ def test_poses_are_joints_keyframes_and_positions(made):
         {"drive": np.radians(45.0), "turn": np.radians(-30.0)},
         "drive",
         {"reach": 0.25, "turn": 0.0},
-        positions(made.model, drive=-0.5),
+        positions(made.model, drive=-0.5, wheel=400.0),
         {},
         np.int64(1),
     ]
@@ -106,6 +106,7 @@ def test_a_grid_of_one_joint_stays(made):
     assert slid.plot().get_xlabel() == "reach, m"
 
 
+@pytest.mark.slow
 def test_all_joints_move_together_between_two_poses(made):
     """Through a contact too, which no plant holds: the order is that of a fine grid of poses."""
     start, end = {"drive": 0.0, "turn": 0.0}, {"drive": 1.9, "turn": 1.2}

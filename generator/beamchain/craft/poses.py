@@ -177,7 +177,11 @@ def _label(model: "mujoco.MjModel", at: At, qpos: Array, place: int) -> str:
         joints = [str(name) for name in at]
     else:
         changed = np.abs(qpos - np.asarray(model.qpos0)) > MOVED
-        joints = [name for name, j in singles.items() if changed[model.jnt_qposadr[j]]]
+        joints = [
+            name
+            for name, j in singles.items()
+            if changed[model.jnt_qposadr[j]] and not is_cyclic(model, qpos, j)
+        ]
         if len(joints) > NAMED:
             return f"pose {place}"
     values = (

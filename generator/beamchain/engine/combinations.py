@@ -8,10 +8,9 @@ from functools import partial
 from typing import Annotated, TypeVar
 
 import numpy as np
-from scipy.linalg import qr
 
-from beamchain.caution import Caution
-from beamchain.checks import Struct, field, finite_array, list_of_names, number, of_type, unknown
+from beamchain.checks import Struct, field, list_of_names, number, of_type
+from beamchain.engine.allocation import Allocated, Allocation, allocated, torques
 from beamchain.engine.library import mujoco
 from beamchain.engine.operating_point import OperatingPoint
 from beamchain.engine.signals import (
@@ -19,7 +18,6 @@ from beamchain.engine.signals import (
     Input,
     Output,
     Reader,
-    actuator_names,
     base,
     named_inputs,
     named_output,
@@ -28,58 +26,7 @@ from beamchain.engine.signals import (
     usual_inputs,
 )
 from beamchain.errors import InputError
-from beamchain.ports.motions import Array, locked
-
-REACHED = 1e-9  # relative, of torque that an allocation gives beside what is commanded
-SHOWN = 3  # directions without torque that a sentence names
-DECIMALS = 12  # of shares in a direction without torque, whose largest is 1
-
-
-class Allocation(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Torque on a body about its own axes, shared out over actuators.
-
-    Example:
-        >>> import beamchain as bc
-        >>> bc.Allocation(actuators=("rw1", "rw2", "rw3"), axes="bus").about
-        'xyz'
-    """
-
-    actuators: Annotated[
-        tuple[str, ...], field("motors of wheels, and thrusters or torquers at sites")
-    ]
-    axes: Annotated[
-        str | None,
-        field("body on which the torque acts, about its own axes; left out: the base body"),
-    ] = None
-    matrix: Annotated[
-        tuple[tuple[float, ...], ...] | None,
-        field(
-            "command of each actuator per N m about each axis, a row per actuator; left out: the "
-            "pseudo-inverse of their torques",
-            "",
-        ),
-    ] = None
-    about: Annotated[str, field("axes about which torque is commanded")] = "xyz"
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        names = list_of_names("actuators of an allocation", self.actuators)
-        if not names:
-            raise InputError("actuators of an allocation is empty; name those that share.")
-        if twice := [name for name, count in Counter(names).items() if count > 1]:
-            raise InputError(
-                f"actuators of an allocation name {twice[0]!r} twice; name each of them once."
-            )
-        if self.axes is not None:
-            of_type("axes of an allocation", self.axes, str, "the name of a body")
-        of_type("about of an allocation", self.about, str, 'axes of the body, such as "xz"')
-        if not self.about or "".join(a for a in AXES if a in self.about) != self.about:
-            raise InputError(
-                f"about = {self.about!r:.60} of an allocation must be axes of the body in their "
-                'order; write "xyz", or for example "xz" where nothing turns the body about y.'
-            )
-        if self.matrix is not None:
-            finite_array("matrix of an allocation", self.matrix, (len(names), len(self.about)))
+from beamchain.ports.motions import Array
 
 
 class Alignment(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -110,50 +57,6 @@ OutputNames = Sequence[str] | Mapping[str, str | Alignment | Mapping[str, float]
 Combined = TypeVar("Combined", Allocation, Alignment)
 
 
-def allocate(
-    actuators: Sequence[str],
-    axes: str | None = None,
-    matrix: "Sequence[Sequence[float]] | Array | None" = None,
-    *,
-    about: str = "xyz",
-) -> Allocation:
-    """Torque on a body as an input of `bc.plant`, shared out over wheels, thrusters and torquers.
-
-    Under the name NAME it gives the inputs `NAME_x`, `NAME_y` and `NAME_z`: the torque on the body
-    about its own axes [N m]. A positive command turns the body positively, unlike that of a wheel's
-    motor. Directions in which the actuators work against each other without torque stand in
-    `plant.allocations[NAME].without_torque` and in the plant's warnings.
-
-    Args:
-        actuators: motors on hinges whose body hangs on `axes` (wheels), and actuators at sites on
-            it (thrusters and torquers; torque about the body's mass centre). A servo takes no
-            torque.
-        axes: the body; the base body where left out.
-        matrix: `(n, 3)` command of each actuator per N m about each axis, as a flight computer has
-            it; the pseudo-inverse of the actuators' torques in the pose where left out.
-        about: the axes about which torque is commanded, where the actuators do not turn the body
-            about all of them: `"xz"` gives `NAME_x` and `NAME_z`, and `matrix` is `(n, 2)`.
-
-    Raises:
-        InputError: a name, an axis or the shape of the matrix is not allowed. What the model cannot
-            do, such as torque about an axis, is refused by `bc.plant`.
-
-    Example:
-        >>> import beamchain as bc
-        >>> torque = bc.allocate(["rw1", "rw2", "rw3", "rw4"], axes="bus")
-        >>> torque.actuators
-        ('rw1', 'rw2', 'rw3', 'rw4')
-    """
-    names = list_of_names("actuators", actuators)
-    if matrix is None:
-        return Allocation(actuators=tuple(names), axes=axes, about=about)
-    size = len(about) if isinstance(about, str) else None
-    rows = finite_array("matrix", matrix, (len(names), size))
-    return Allocation(
-        actuators=tuple(names), axes=axes, matrix=tuple(map(tuple, rows.tolist())), about=about
-    )
-
-
 def align(sensor: str, body: str | None = None) -> Alignment:
     """A sensor as an output of `bc.plant`, turned from its own axes into those of a body.
 
@@ -176,79 +79,6 @@ def align(sensor: str, body: str | None = None) -> Alignment:
     return Alignment(sensor=sensor, body=body)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Allocated:
-    """What an allocation is at a pose.
-
-    Args:
-        actuators: names.
-        body: on which the torque acts.
-        about: axes about which torque is commanded.
-        commands: `(n, axes)` command of each actuator per N m about each of these axes.
-        torque: `(3, n)` torque on the body about its own axes per unit command [N m].
-        without_torque: directions of commands that give no torque, each as the actuators'
-            shares; the largest is 1.
-
-    Example:
-        >>> import beamchain as bc
-        >>> from importlib.resources import files
-        >>> shipped = files("beamchain") / "examples"
-        >>> craft = bc.embed(shipped / "satellite.xml", {"array_left": shipped / "array.toml"})
-        >>> plant = bc.plant(craft, {"torque": bc.allocate(["wx", "wy", "wz"])})
-        >>> plant.allocations["torque"].commands.shape
-        (3, 3)
-    """
-
-    actuators: tuple[str, ...]
-    body: str
-    about: str
-    commands: Array
-    torque: Array
-    without_torque: tuple[Mapping[str, float], ...]
-
-    def __repr__(self) -> str:
-        return f"<Allocated, {', '.join(self.actuators)} on {self.body!r}>"
-
-    def as_dict(self) -> dict[str, object]:
-        """For JSON."""
-        return {
-            "actuators": list(self.actuators),
-            "body": self.body,
-            "about": self.about,
-            "commands": self.commands,
-            "torque": self.torque,
-            "without_torque": [dict(direction) for direction in self.without_torque],
-        }
-
-    def cautions(self, name: str) -> list[str]:
-        """What to know of it, under the name of its inputs."""
-        out: list[str] = []
-        if self.without_torque:
-            shown = [
-                f"{' : '.join(direction)} = "
-                f"{' : '.join(f'{share:.4g}' for share in direction.values())}"
-                for direction in self.without_torque[:SHOWN]
-            ]
-            rest = len(self.without_torque) - len(shown)
-            more = f"; {rest} more in allocations[{name!r}].without_torque" if rest else ""
-            text = (
-                f"allocation {name!r}: its actuators can work against each other without torque on "
-                f"{self.body!r}: {'; '.join(shown)}{more}."
-            )
-            out.append(Caution("allocation-null", text))
-        given = self.torque @ self.commands
-        for k, axis in enumerate(self.about):
-            wanted = np.eye(3)[AXES.index(axis)]
-            if np.max(np.abs(given[:, k] - wanted)) > REACHED:
-                numbers = ", ".join(f"{value + 0.0:.4g}" for value in given[:, k].round(12))
-                text = (
-                    f"allocation {name!r}: its matrix answers a command of 1 N m about {axis} with "
-                    f"a torque of ({numbers}) N m on {self.body!r}; check its signs and axes."
-                )
-                out.append(Caution("allocation-matrix", text))
-        return out
-
-
 def inputs_of(point: OperatingPoint, names: InputNames) -> list[Input]:
     """The inputs that `names` ask for; the usual ones where left out."""
     model = point.model
@@ -260,8 +90,8 @@ def inputs_of(point: OperatingPoint, names: InputNames) -> list[Input]:
         group: list[Input]
         place = ""
         if isinstance(what, Allocation):
-            found = _allocated(model, data, name, what)
-            group = _torques(model, name, found)
+            found = allocated(model, data, name, what)
+            group = torques(model, name, found)
         elif isinstance(what, Mapping):
             group = _weighted_inputs(model, data, name, what)
         else:
@@ -269,8 +99,9 @@ def inputs_of(point: OperatingPoint, names: InputNames) -> list[Input]:
         if what == name:
             groups.append(_Group(place, tuple(signal.label for signal in group), fixed=False))
         else:
-            labels = _renamed(name, [signal.label for signal in group])
-            groups.append(_Group(name, tuple(labels), fixed=True))
+            labels = [signal.label for signal in group]
+            named = labels if isinstance(what, Allocation) else _renamed(name, labels)
+            groups.append(_Group(name, tuple(named), fixed=True))
         signals.append(group)
     labels = _told_apart("inputs", groups)
     return [
@@ -307,7 +138,7 @@ def allocations_of(point: OperatingPoint, names: InputNames) -> dict[str, Alloca
     """What the allocations among the inputs are at a point, by name."""
     data = point.data()
     return {
-        name: _allocated(point.model, data, name, what)
+        name: allocated(point.model, data, name, what)
         for name, what in (names.items() if isinstance(names, Mapping) else ())
         if isinstance(what, Allocation)
     }
@@ -397,135 +228,6 @@ def _told_apart(field: str, groups: Sequence[_Group]) -> list[tuple[str, ...]]:
             f"{field}: two signals would be called {twice[0]!r}; give one of them another name, "
             f"{field}={{NAME: ...}}."
         )
-    return out
-
-
-# -- torque shared out over actuators --------------------------------------------------------------
-def _allocated(
-    model: "mujoco.MjModel", data: "mujoco.MjData", name: str, allocation: Allocation
-) -> Allocated:
-    """What an allocation is in the pose that `data` has seen."""
-    field = f"allocation {name!r}"
-    if allocation.axes is None:
-        body = base(model)
-    else:
-        body = number_of(model, "body", allocation.axes, f"axes of {field}")
-    known = actuator_names(model)
-    columns: list[Array] = []
-    for actuator in allocation.actuators:
-        if actuator not in known:
-            raise unknown(f"actuator of {field}", actuator, known)
-        columns.append(_torque(model, data, field, known.index(actuator), body))
-    torque = np.array(columns).T
-    if allocation.matrix is not None:
-        commands = np.array(allocation.matrix, dtype=np.float64)
-    else:
-        commands = _inverse(torque, allocation, field, str(model.body(body).name))
-    return Allocated(
-        allocation.actuators,
-        str(model.body(body).name),
-        allocation.about,
-        locked(commands),
-        locked(torque),
-        tuple(_null_directions(torque, allocation.actuators)),
-    )
-
-
-def _torque(
-    model: "mujoco.MjModel", data: "mujoco.MjData", field: str, number: int, body: int
-) -> Array:
-    """`(3,)` torque on a body about its own axes per unit command of an actuator."""
-    name = actuator_names(model)[number]
-    target = int(model.actuator_trnid[number, 0])
-    gear = model.actuator_gear[number]
-    kind = int(model.actuator_trntype[number])
-    held = int(model.body_weldid[body])
-    of = str(model.body(body).name)
-    why = ""
-    world = np.zeros(3)
-    if kind in (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)):
-        wheel = int(model.jnt_bodyid[target])
-        hinge = int(model.jnt_type[target]) == int(mujoco.mjtJoint.mjJNT_HINGE)
-        if not hinge or int(model.body_jntnum[wheel]) != 1:
-            why = "acts on a joint that is not the only hinge of its body"
-        elif int(model.body_weldid[int(model.body_parentid[wheel])]) != held:
-            why = f"turns {model.body(wheel).name!r}, which does not hang on {of!r}"
-        # what turns the wheel about its axis turns the body the other way
-        world = -gear[0] * data.xaxis[target]
-    elif kind == int(mujoco.mjtTrn.mjTRN_SITE) and int(model.actuator_trnid[number, 1]) < 0:
-        if int(model.body_weldid[int(model.site_bodyid[target])]) != held:
-            why = f"acts at site {model.site(target).name!r}, which is not on {of!r}"
-        turn = data.site_xmat[target].reshape(3, 3)
-        arm = data.site_xpos[target] - data.xipos[body]
-        world = turn @ gear[3:] + np.cross(arm, turn @ gear[:3])
-    else:
-        why = "acts neither on a hinge nor at a site"
-    if why:
-        raise InputError(
-            f"{field}: actuator {name!r} {why}; leave it out, or give the body that it turns as "
-            "axes."
-        )
-    biased = int(model.actuator_biastype[number]) != int(mujoco.mjtBias.mjBIAS_NONE)
-    lagging = int(model.actuator_dyntype[number]) == int(mujoco.mjtDyn.mjDYN_INTEGRATOR)
-    fixed = int(model.actuator_gaintype[number]) == int(mujoco.mjtGain.mjGAIN_FIXED)
-    if (biased and model.actuator_biasprm[number, 1:3].any()) or lagging or not fixed:
-        raise InputError(
-            f"{field}: actuator {name!r} takes no torque or force but a set point or its like; "
-            "leave it out, or make it a <motor>."
-        )
-    axes = data.xmat[body].reshape(3, 3)
-    return np.asarray(model.actuator_gainprm[number, 0] * axes.T @ world, dtype=np.float64)
-
-
-def _inverse(torque: Array, allocation: Allocation, field: str, body: str) -> Array:
-    """`(n, axes)` commands with the least sum of squares that give torque about each axis."""
-    inverse = np.asarray(np.linalg.pinv(torque, rcond=REACHED), dtype=np.float64)
-    missed = np.abs(torque @ inverse - np.eye(3)).max(axis=0)
-    reached = [axis for axis, miss in zip(AXES, missed, strict=True) if miss <= REACHED]
-    if lacking := [axis for axis in allocation.about if axis not in reached]:
-        rank = int(np.linalg.matrix_rank(torque, tol=REACHED * float(np.abs(torque).max())))
-        less = f', or ask for about = "{"".join(reached)}"' if reached else ""
-        raise InputError(
-            f"{field}: its actuators give torque on {body!r} in {rank} of 3 directions, and not "
-            f"about {', '.join(lacking)} alone; add an actuator{less}."
-        )
-    return inverse[:, [AXES.index(axis) for axis in allocation.about]]
-
-
-def _null_directions(torque: Array, names: Sequence[str]) -> list[dict[str, float]]:
-    """A basis of the commands without torque, each of as few actuators as a pivoted elimination
-    leaves: `torque P = Q [R1 R2]`, `x = P [-R1^-1 R2; 1]`."""
-    size = float(np.abs(torque).max(initial=0.0))
-    _, r, order = qr(torque, mode="economic", pivoting=True)
-    rank = int(np.sum(np.abs(np.diag(r)) > REACHED * size))
-    directions = np.zeros((len(names), len(names) - rank))
-    directions[order[:rank]] = -np.linalg.solve(r[:rank, :rank], r[:rank, rank:])
-    directions[order[rank:]] = np.eye(len(names) - rank)
-    out: list[dict[str, float]] = []
-    for column in directions.T:
-        shares = (
-            column / column[int(np.argmax(np.abs(column) > (1.0 - REACHED) * max(abs(column))))]
-        )
-        out.append(
-            {
-                name: round(float(share), DECIMALS)
-                for name, share in zip(names, shares, strict=True)
-                if abs(share) > REACHED
-            }
-        )
-    return out
-
-
-def _torques(model: "mujoco.MjModel", name: str, found: Allocated) -> list[Input]:
-    """The inputs of an allocation."""
-    known = actuator_names(model)
-    numbers = [known.index(actuator) for actuator in found.actuators]
-    out: list[Input] = []
-    for axis, column in zip(found.about, found.commands.T, strict=True):
-        parts = tuple(
-            (float(share), Input(known[i], "", i)) for i, share in zip(numbers, column, strict=True)
-        )
-        out.append(Input(f"{name}_{axis}", "N m", parts=parts))
     return out
 
 

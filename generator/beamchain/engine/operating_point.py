@@ -175,8 +175,9 @@ def _keyframe(model: "mujoco.MjModel", at: "str | int | np.integer[Any]", field:
 
 
 def single_joints(model: "mujoco.MjModel") -> dict[str, int]:
-    """Numbers of the hinges and slides, by name."""
-    return {str(model.joint(j).name): j for j in range(model.njnt) if int(model.jnt_type[j]) >= 2}
+    """Numbers of the hinges and slides that have a name, by name."""
+    singles = [j for j in range(model.njnt) if int(model.jnt_type[j]) >= 2]
+    return {str(model.joint(j).name): j for j in singles if model.joint(j).name}
 
 
 def is_slide(model: "mujoco.MjModel", joint: int) -> bool:

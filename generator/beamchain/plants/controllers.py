@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag, matrix_balance
 
 from beamchain.checks import Struct, field
-from beamchain.engine.combinations import Alignment, Allocation, InputNames, OutputNames
+from beamchain.engine.allocation import Allocation
+from beamchain.engine.combinations import Alignment, InputNames, OutputNames
 from beamchain.errors import InputError
 from beamchain.fitting.toml_files import read_struct
 from beamchain.ports.motions import Array

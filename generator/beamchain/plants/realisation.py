@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from beamchain.checks import finite_array
 from beamchain.craft.modal_form import ModalForm
-from beamchain.engine.combinations import Allocated
+from beamchain.engine.allocation import Allocated
 from beamchain.engine.library import one_thread
 from beamchain.engine.signals import control_names
 from beamchain.errors import InputError
