@@ -332,7 +332,8 @@ def _beyond(plant: control.StateSpace, found: Sequence[LoopMargins]) -> list[str
 def _of_all(closed: ClosedLoop, sensitivity: Complex) -> tuple[Extremum, Extremum, Extremum]:
     """Disk margin of all inputs at once, and the peaks of S and T."""
     if not closed.stable:
-        return (Extremum(NO, NO),) * 3
+        none = Extremum(NO, NO)
+        return none, none, none
     omega = closed.omega
     eye = np.eye(len(closed.inputs))
 
@@ -435,14 +436,19 @@ def _phase_crossings(
         if response.real[k] >= 0.0 and response.real[k + 1] >= 0.0:
             continue
         w = _root(lambda w: at(w).imag, float(omega[k]), float(omega[k + 1]))
-        out.append(Extremum(-1.0 / at(w).real, w))
+        out.append(Extremum(_factor(at(w)), w))
     still = AT_ZERO * float(omega[0])
     rest = at(still), at(10.0 * still)
     if abs(rest[1].imag) < REAL * abs(rest[1]) and abs(rest[1] - rest[0]) < REAL * abs(rest[0]):
-        out.append(Extremum(-1.0 / rest[0].real, 0.0))
+        out.append(Extremum(_factor(rest[0]), 0.0))
     if closed.step and omega[-1] >= np.pi / closed.step:
-        out.append(Extremum(-1.0 / response[-1].real, float(omega[-1])))
+        out.append(Extremum(_factor(complex(response[-1])), float(omega[-1])))
     return [one for one in out if np.isfinite(one.value) and one.value > 0.0]
+
+
+def _factor(value: complex) -> float:
+    """Of the gain that brings a real response to -1."""
+    return -1.0 / value.real if value.real else float("inf")
 
 
 def _gain_crossings(

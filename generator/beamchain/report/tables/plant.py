@@ -101,9 +101,9 @@ def _margin_groups(margins: "Margins") -> Iterator[tuple[str, str, list[_Figure]
         ]
         yield loop.name, state, figures
     figures = [
-        ("disk", *margins.all_at_once),
-        ("peak of S", *margins.peak_sensitivity),
-        ("peak of T", *margins.peak_complementary),
+        ("disk", margins.all_at_once.value, margins.all_at_once.frequency),
+        ("peak of S", margins.peak_sensitivity.value, margins.peak_sensitivity.frequency),
+        ("peak of T", margins.peak_complementary.value, margins.peak_complementary.frequency),
     ]
     yield "all inputs at once", "stable" if margins.stable else "UNSTABLE", figures
 
