@@ -36,6 +36,9 @@ class Extremum(NamedTuple):
     frequency: float
 
 
+NONE = Extremum(NO, NO)
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class LoopMargins:
     """Margins at an input of the plant, the loops of all others closed;
@@ -332,8 +335,7 @@ def _beyond(plant: control.StateSpace, found: Sequence[LoopMargins]) -> list[str
 def _of_all(closed: ClosedLoop, sensitivity: Complex) -> tuple[Extremum, Extremum, Extremum]:
     """Disk margin of all inputs at once, and the peaks of S and T."""
     if not closed.stable:
-        none = Extremum(NO, NO)
-        return none, none, none
+        return NONE, NONE, NONE
     omega = closed.omega
     eye = np.eye(len(closed.inputs))
 
@@ -390,13 +392,43 @@ def _peak(omega: Array, values: Array, function: Callable[[float], float]) -> Ex
     return best
 
 
+class _Figures(NamedTuple):
+    """Figures of one open loop; those that there are not are NaN."""
+
+    gain: Extremum = NONE
+    lowest: Extremum = NONE
+    phase: Extremum = NONE
+    delay: float = NO
+    modulus: Extremum = NONE
+    disk: Extremum = NONE
+
+
 def _loop_margins(closed: ClosedLoop, i: int, response: Complex, causes: bool) -> LoopMargins:
     """Margins of one open loop, on the grid of all."""
+    figures = _figures(closed, i, response) if closed.stable else _Figures()
+    return LoopMargins(
+        input=closed.inputs[i],
+        outputs=closed.measured[i],
+        stable=closed.stable,
+        causes=causes and not closed.stable,
+        gain=figures.gain.value,
+        gain_frequency=figures.gain.frequency,
+        lowest_gain=figures.lowest.value,
+        lowest_gain_frequency=figures.lowest.frequency,
+        phase=figures.phase.value,
+        phase_frequency=figures.phase.frequency,
+        delay=figures.delay,
+        modulus=figures.modulus.value,
+        modulus_frequency=figures.modulus.frequency,
+        disk=figures.disk.value,
+        disk_frequency=figures.disk.frequency,
+        omega=locked(closed.omega),
+        response=response,
+    )
+
+
+def _figures(closed: ClosedLoop, i: int, response: Complex) -> _Figures:
     omega = closed.omega
-    names = closed.inputs[i], closed.measured[i], closed.stable, causes and not closed.stable
-    curve = locked(omega), response
-    if not closed.stable:
-        return LoopMargins(*names, *[NO] * 11, *curve)
 
     def at(w: float) -> complex:
         loop = closed.open_loop(np.array([w]))[0]
@@ -406,24 +438,23 @@ def _loop_margins(closed: ClosedLoop, i: int, response: Complex, causes: bool) -
     factors = _phase_crossings(closed, omega, response, at)
     gain = min((one for one in factors if one.value > 1.0), default=Extremum(np.inf, np.inf))
     lowest = max((one for one in factors if one.value < 1.0), default=Extremum(0.0, np.inf))
-    crossings = _gain_crossings(omega, response, at)
-    phases = [(np.degrees(np.angle(-value)), w) for w, value in crossings]
-    phase = min(phases, key=lambda one: abs(one[0]), default=(np.inf, np.inf))
-    later = [np.radians(np.mod(angle, 360.0)) / w for angle, w in phases]
+    phases = [
+        Extremum(float(np.degrees(np.angle(-value))), w)
+        for w, value in _gain_crossings(omega, response, at)
+    ]
+    phase = min(phases, key=lambda one: abs(one.value), default=Extremum(np.inf, np.inf))
+    later = [float(np.radians(np.mod(one.value, 360.0))) / one.frequency for one in phases]
     modulus = _peak(omega, -np.abs(1.0 + response), lambda w: -abs(1.0 + at(w)))
     size = np.abs((1.0 - response) / (1.0 + response))
     disk = _peak(omega, size, lambda w: abs((1.0 - at(w)) / (1.0 + at(w))))
-    figures = (
-        *gain,
-        *lowest,
-        *phase,
-        min(later, default=np.inf),
-        -modulus.value,
-        modulus.frequency,
-        2.0 / disk.value,
-        disk.frequency,
+    return _Figures(
+        gain,
+        lowest,
+        phase,
+        min(later, default=float("inf")),
+        Extremum(-modulus.value, modulus.frequency),
+        Extremum(2.0 / disk.value, disk.frequency),
     )
-    return LoopMargins(*names, *(float(figure) for figure in figures), *curve)
 
 
 def _phase_crossings(
