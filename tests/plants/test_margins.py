@@ -506,28 +506,41 @@ def test_the_loop_to_blame_is_named(plant):
     assert one.sentence in found._repr_html_()
 
 
-def test_what_it_grows_from_is_followed(plant):
-    """A path of 2,000 even steps back, of the axis alone and each pole the nearest, ends at the
-    same open pole."""
-    factors = np.array([1.0, 2.0 * bc.margins(plant, each(LAG)).loops[1].gain])
-    loops = {(f"torque_{a}", f"attitude_{a}"): f * LAG for a, f in zip(AXES, factors, strict=True)}
-    (one,) = bc.margins(plant, loops).instabilities
-    pole = one.pole
+def followed_back(plant, system, gain, pole):
+    """Where a pole comes from, over 2,000 even steps back to 1e-4 of the gain, each time the
+    nearest; of rotation about z alone, which nothing else couples with."""
     turning = [i for i, name in enumerate(plant.state_names) if "xy" in name or "_z" in name]
-    a = plant.A[np.ix_(turning, turning)]  # of rotation about z, which nothing else couples with
+    a = plant.A[np.ix_(turning, turning)]
     b = plant.B[np.ix_(turning, [2])]
     c = plant.C[np.ix_([2], turning)]
-    k = control.ss(LAG)
-    for gain in factors[1] * np.linspace(1.0, 1e-4, 2000):
-        poles = np.linalg.eigvals(np.block([[a, -gain * b @ k.C], [k.B @ c, k.A]]))
+    k = control.ss(system)
+    for factor in gain * np.linspace(1.0, 1e-4, 2000):
+        poles = np.linalg.eigvals(np.block([[a, -factor * b @ k.C], [k.B @ c, k.A]]))
         pole = poles[np.argmin(np.abs(poles - pole))]
-    if one.kind == "rigid":
-        assert abs(pole) < 0.3 * plant.frequency.min()
-    else:
-        assert one.kind == "mode"
-        nearest = np.argmin(np.abs(plant.frequency - abs(pole)))
-        assert plant.modes[nearest] == one.origin
-        np.testing.assert_allclose(abs(pole), plant.frequency[nearest], rtol=1e-2)
+    return pole
+
+
+def test_a_mode_that_a_slow_controller_drives_is_named(plant):
+    """Two lags of 0.3 s turn the torque on a bending mode against it."""
+    slow = control.tf([60.0, 6.0], np.polymul([0.3, 1.0], [0.3, 1.0]))
+    gain = 12.0
+    found = bc.margins(plant, {("torque_z", "attitude_z"): gain * slow})
+    (one,) = found.instabilities
+    start = followed_back(plant, slow, gain, one.pole)
+    assert one.kind == "mode"
+    number = plant.modes.index(one.origin)
+    np.testing.assert_allclose(abs(start), plant.frequency[number], rtol=1e-3)
+    assert one.sentence.startswith(f"UNSTABLE: {one.origin} (")
+
+
+def test_rigid_motion_that_fast_lags_destabilise_is_named(plant):
+    """The pair comes from the real axis, where a pole of rigid motion meets one of the lags, at
+    -20 and -33 rad/s."""
+    gain = 2.0 * bc.margins(plant, {("torque_z", "attitude_z"): LAG}).loops[0].gain
+    (one,) = bc.margins(plant, {("torque_z", "attitude_z"): gain * LAG}).instabilities
+    start = followed_back(plant, LAG, gain, one.pole)
+    assert abs(start) < 0.1 or abs(start + 20.0) < 0.5
+    assert (one.origin, one.kind) == ("rigid motion attitude_z with the controller", "several")
 
 
 def test_a_wrong_sign_grows_from_rigid_motion(plant):

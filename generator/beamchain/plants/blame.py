@@ -8,10 +8,12 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from beamchain.plants.closed_loop import ClosedLoop
-from beamchain.plants.instability import Instability, Kind
+from beamchain.plants.instability import WORDS, Instability, Kind
 from beamchain.plants.pole_paths import follow
 from beamchain.plants.systems import Complex
 from beamchain.ports.motions import Array
+
+ORDER = ("mode", "rigid", "state", "controller")  # in which two origins are named
 
 
 class _Origin(NamedTuple):
@@ -80,7 +82,7 @@ def _first(grown: list[_Grown]) -> dict[str, _Grown]:
 
 def _key(origin: _Origin) -> str:
     """Origins that count as one: rigid motions mix, the controller's states too."""
-    return origin.name if origin.kind in ("mode", "state") else origin.kind
+    return origin.kind if origin.kind in ("rigid", "controller") else origin.name
 
 
 def _grown(closed: ClosedLoop, loops: Array) -> list[_Grown]:
@@ -93,9 +95,11 @@ def _grown(closed: ClosedLoop, loops: Array) -> list[_Grown]:
         s = complex(closed.to_s(ends[[number]])[0])
         if s.imag < -1e-9 * abs(s):
             continue
+        partner = int(np.argmin(np.abs(ends - np.conj(ends[number]))))
+        origin = _together(origins[number], origins[partner])
         gain, crossing = paths.crossing(number, closed.growth)
         frequency = abs(complex(closed.to_s(np.array([crossing]))[0]).imag)
-        out.append(_Grown(origins[number], s, gain, frequency))
+        out.append(_Grown(origin, s, gain, frequency))
     return sorted(out, key=lambda one: -one.pole.real)
 
 
@@ -112,6 +116,20 @@ def _start(closed: ClosedLoop) -> tuple[tuple[Complex, Complex], list[_Origin]]:
     origins += [_Origin("the controller", "controller")] * own.size
     start = np.concatenate([poles, own]).astype(np.complex128)
     return (start, block_diag(vectors, others).astype(np.complex128)), origins
+
+
+def _together(one: _Origin, other: _Origin) -> _Origin:
+    """Origin of a pair of poles: where it met others on the real axis, each may have its own."""
+    if one == other:
+        return one
+    if one.kind == other.kind == "rigid":
+        return _Origin("of several axes", "rigid")
+    first, second = sorted((one, other), key=lambda origin: ORDER.index(origin.kind))
+    return _Origin(f"{_words(first)} with {_words(second)}", "several")
+
+
+def _words(origin: _Origin) -> str:
+    return f"{WORDS[origin.kind]}{origin.name}"
 
 
 def _origin(closed: ClosedLoop, state: str) -> _Origin:
