@@ -16,6 +16,8 @@ from scipy.linalg import expm
 from scipy.optimize import minimize
 
 import beamchain as bc
+from command import call
+from loops import asked, written
 
 CLOSED = 1e-7
 SINGULAR = 1e-6
@@ -691,3 +693,38 @@ def test_the_record_holds_the_figures(plant):
     assert record["instabilities"] == []
     texts = [row[2] for row in found.table.rows]
     assert texts[-3:] == ["disk", "peak of S", "peak of T"]
+
+
+def test_the_command_says_why(embedded, tmp_path):
+    """Of two loops the one with the wrong sign is to blame, in JSON and on the page."""
+    model = embedded.write(tmp_path / "flexible.xml")[-1]
+    loops = [
+        {
+            "input": f"torque_{axis}",
+            "output": f"attitude_{axis}",
+            "numerator": [sign * 900.0, sign * 80.0],
+            "denominator": [0.05, 1.0],
+        }
+        for axis, sign in zip(AXES, (1.0, -1.0), strict=True)
+    ]
+    answer = asked(model, loops, "--input", "torque:bus", "--output", "attitude")
+    assert answer.status == 3
+    right, wrong = answer.record["margins"][0]
+    assert (right["causes"], right["instabilities"]) == (False, [])
+    assert wrong["causes"]
+    said = wrong["instabilities"][0]
+    assert (said["origin"], said["kind"], said["alone"]) == (
+        "attitude_z",
+        "rigid",
+        {"torque_z": 0.0},
+    )
+    (closed,) = answer.record["closed_loops"]
+    assert closed["stable"] is False
+    assert closed["instabilities"][0] == said
+    page = tmp_path / "plant_report.html"
+    words = ["plant", model, "--controller", written(loops, tmp_path), "--force"]
+    words += ["--input", "torque:bus", "-o", tmp_path / "plant.npz"]
+    told = call(*words)
+    assert told.status == 3
+    assert said["sentence"].partition(" (")[0] in " ".join(told.out.split())
+    assert said["sentence"].partition(" (")[0] in page.read_text()
