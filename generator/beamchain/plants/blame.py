@@ -12,6 +12,7 @@ from beamchain.plants.instability import WORDS, Instability, Kind
 from beamchain.plants.pole_paths import TOGETHER, follow
 from beamchain.plants.systems import Complex
 
+ALIKE = 1e-6  # relative, of shares of states in a pole that are one
 ORDER = ("mode", "rigid", "state", "controller")  # in which two origins are named
 
 
@@ -103,7 +104,9 @@ def _start(closed: ClosedLoop) -> tuple[tuple[Complex, Complex], list[_Origin]]:
     share = np.abs(vectors)
     if vectors.size and np.linalg.cond(vectors) < 1e12:
         share = share * np.abs(np.linalg.inv(vectors)).T
-    origins = [names[int(np.argmax(share[:, k]))] for k in range(poles.size)]
+    # the first of those that are alike, so that both poles of a pair have one
+    largest = share >= (1.0 - ALIKE) * share.max(axis=0, initial=0.0)
+    origins = [names[int(np.argmax(largest[:, k]))] for k in range(poles.size)]
     origins += [_Origin("the controller", "controller")] * own.size
     start = np.concatenate([poles, own]).astype(np.complex128)
     return (start, block_diag(vectors, others).astype(np.complex128)), origins
