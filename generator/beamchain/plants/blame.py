@@ -1,17 +1,19 @@
 """Why a closed loop is unstable: its growing poles followed back to the open loop, with all loops
 and with some of them."""
 
-from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import block_diag
+from scipy.optimize import linear_sum_assignment
 
 from beamchain.plants.closed_loop import ClosedLoop
-from beamchain.plants.instability import Instability, Kind
-from beamchain.plants.pole_paths import follow
+from beamchain.plants.instability import WORDS, Instability, Kind
+from beamchain.plants.pole_paths import TOGETHER, follow
 from beamchain.plants.systems import Complex
-from beamchain.ports.motions import Array
+
+ALIKE = 1e-6  # relative, of shares of states in a pole that are one
+ORDER = ("mode", "rigid", "state", "controller")  # in which two origins are named
 
 
 class _Origin(NamedTuple):
@@ -21,82 +23,76 @@ class _Origin(NamedTuple):
     kind: Kind
 
 
-class _Grown(NamedTuple):
-    """A pole that grows at the end of its path."""
-
-    origin: _Origin
-    pole: complex
-    gain: float
-    crossing: float
-
-
 def instabilities(closed: ClosedLoop) -> tuple[Instability, ...]:
-    """The growing poles of a closed loop, the fastest growing first."""
-    count = len(closed.inputs)
-    every = np.ones(count)
-    grown = _grown(closed, every)
-    if count == 1:
-        single = closed.inputs[0]
-        return tuple(_stated(closed, one, {single: one.gain}, (single,)) for one in grown)
-    single = [_first(_grown(closed, row)) for row in np.eye(count)]
-    without = [_first(_grown(closed, every - row)) for row in np.eye(count)]
+    """The growing poles of a closed loop, one of each pair, the fastest growing first."""
+    every = np.ones(len(closed.inputs))
+    start, origins = _start(closed)
+    paths = follow(lambda gain: closed.closed(gain, every), start)
+    ends = paths.poles[-1]
+    s = closed.to_s(ends)
+    upper = s.imag >= -1e-9 * np.abs(s)
+    numbers = np.flatnonzero((closed.growth(ends) > 0.0) & upper).tolist()
+    blames = [_Blame(closed, i, start, ends) for i in range(len(closed.inputs))] if numbers else []
     out: list[Instability] = []
-    for one in grown:
-        key = _key(one.origin)
-        alone = {
-            name: found[key].gain
-            for name, found in zip(closed.inputs, single, strict=True)
-            if key in found
-        }
-        ended = tuple(
-            name for name, found in zip(closed.inputs, without, strict=True) if key not in found
+    for number in sorted(numbers, key=lambda number: -float(s[number].real)):
+        gain, crossing = paths.crossing(number, closed.growth)
+        origin = _together(origins, ends, number)
+        alone = {blame.input: blame.alone(number) for blame in blames}
+        out.append(
+            Instability(
+                pole=complex(s[number]),
+                origin=origin.name,
+                kind=origin.kind,
+                gain=gain,
+                crossing=abs(complex(closed.to_s(np.array([crossing]))[0]).imag),
+                alone={name: factor for name, factor in alone.items() if factor is not None},
+                stable_without=tuple(blame.input for blame in blames if blame.ends_without(number)),
+                timestep=closed.step,
+            )
         )
-        out.append(_stated(closed, one, alone, ended))
     return tuple(out)
 
 
-def _stated(
-    closed: ClosedLoop, one: _Grown, alone: Mapping[str, float], ended: tuple[str, ...]
-) -> Instability:
-    return Instability(
-        one.pole,
-        one.origin.name,
-        one.origin.kind,
-        one.gain,
-        one.crossing,
-        alone,
-        ended,
-        closed.step,
-    )
+class _Blame:
+    """What one loop does to the growing poles: they are followed as all other loops open, and as it
+    opens.
 
+    Args:
+        closed: the closed loop.
+        number: of the input.
+        start: open poles and their eigenvectors.
+        ends: `(n,)` closed poles, in the order that counts.
+    """
 
-def _first(grown: list[_Grown]) -> dict[str, _Grown]:
-    """By what they grow from, that which begins first."""
-    out: dict[str, _Grown] = {}
-    for one in sorted(grown, key=lambda one: -one.gain):
-        out[_key(one.origin)] = one
-    return out
+    def __init__(
+        self, closed: ClosedLoop, number: int, start: tuple[Complex, Complex], ends: Complex
+    ) -> None:
+        self.input = closed.inputs[number]
+        self._closed = closed
+        only = np.eye(len(closed.inputs))[number]
+        every = np.ones(len(closed.inputs))
+        values, vectors = np.linalg.eig(closed.closed(1.0, every))
+        _, order = linear_sum_assignment(np.abs(ends[:, None] - values))
+        here = values[order].astype(np.complex128), vectors[:, order].astype(np.complex128)
+        # without the others, and without it
+        self._others_open = follow(
+            lambda part: closed.closed(1.0, every - part * (every - only)), here
+        ).poles[-1]
+        self._open = follow(lambda part: closed.closed(1.0, every - part * only), here).poles[-1]
+        self._paths = follow(lambda gain: closed.closed(gain, only), start)
 
+    def alone(self, number: int) -> float | None:
+        """Factor of the loop's gain from which on a pole grows with all others open; None: it does
+        not."""
+        pole = self._others_open[number]
+        if self._closed.growth(np.array([pole]))[0] <= 0.0:
+            return None
+        same = int(np.argmin(np.abs(self._paths.poles[-1] - pole)))
+        return self._paths.crossing(same, self._closed.growth)[0]
 
-def _key(origin: _Origin) -> str:
-    """Origins that count as one: rigid motions mix, the controller's states too."""
-    return origin.name if origin.kind in ("mode", "state") else origin.kind
-
-
-def _grown(closed: ClosedLoop, loops: Array) -> list[_Grown]:
-    """Poles that grow with some of the loops closed, one of each pair."""
-    start, origins = _start(closed)
-    paths = follow(lambda gain: closed.closed(gain, loops), start)
-    ends = paths.poles[-1]
-    out: list[_Grown] = []
-    for number in np.flatnonzero(closed.growth(ends) > 0.0).tolist():
-        s = complex(closed.to_s(ends[[number]])[0])
-        if s.imag < -1e-9 * abs(s):
-            continue
-        gain, crossing = paths.crossing(number, closed.growth)
-        frequency = abs(complex(closed.to_s(np.array([crossing]))[0]).imag)
-        out.append(_Grown(origins[number], s, gain, frequency))
-    return sorted(out, key=lambda one: -one.pole.real)
+    def ends_without(self, number: int) -> bool:
+        """Whether a pole no longer grows with this loop open."""
+        return bool(self._closed.growth(self._open[[number]])[0] <= 0.0)
 
 
 def _start(closed: ClosedLoop) -> tuple[tuple[Complex, Complex], list[_Origin]]:
@@ -108,10 +104,28 @@ def _start(closed: ClosedLoop) -> tuple[tuple[Complex, Complex], list[_Origin]]:
     share = np.abs(vectors)
     if vectors.size and np.linalg.cond(vectors) < 1e12:
         share = share * np.abs(np.linalg.inv(vectors)).T
-    origins = [names[int(np.argmax(share[:, k]))] for k in range(poles.size)]
+    # the first of those that are alike, so that both poles of a pair have one
+    largest = share >= (1.0 - ALIKE) * share.max(axis=0, initial=0.0)
+    origins = [names[int(np.argmax(largest[:, k]))] for k in range(poles.size)]
     origins += [_Origin("the controller", "controller")] * own.size
     start = np.concatenate([poles, own]).astype(np.complex128)
     return (start, block_diag(vectors, others).astype(np.complex128)), origins
+
+
+def _together(origins: list[_Origin], ends: Complex, number: int) -> _Origin:
+    """Origin of a pair of poles: where it met others on the real axis, each may have its own."""
+    one = origins[number]
+    far = np.abs(ends - np.conj(ends[number]))
+    partners = np.flatnonzero(far <= far.min() + TOGETHER * abs(ends[number]))
+    others = [origins[int(partner)] for partner in partners]
+    if one in others:
+        return one
+    first, second = sorted((one, others[0]), key=lambda origin: ORDER.index(origin.kind))
+    return _Origin(f"{_words(first)} with {_words(second)}", "several")
+
+
+def _words(origin: _Origin) -> str:
+    return f"{WORDS[origin.kind]}{origin.name}"
 
 
 def _origin(closed: ClosedLoop, state: str) -> _Origin:

@@ -19,8 +19,8 @@ from beamchain.plants.systems import Complex, System, close_loop, linking, respo
 from beamchain.ports.motions import Array
 
 GROWS = 1e-9  # growth of a pole relative to the fastest one, below which it is rounding
-# size of a pole relative to the fastest one, below which it is at zero: what rounding, 1e-16,
-# makes of a double integrator
+# size of a pole relative to the plant's fastest one, below which it is at zero: what rounding,
+# 1e-16, makes of a double integrator
 AT_REST = 1e-7
 ORDERS = (ORDER, 8, 10, 12)  # of Pade approximations, until the number of unstable poles is right
 NEAR = np.sinh(np.linspace(-6.0, 6.0, 62))  # half widths of a resonance, at which it is looked at
@@ -95,11 +95,13 @@ class ClosedLoop:
         if not self.step:
             return poles
         size = np.maximum(np.abs(poles), 1e-300)
-        return (np.log(size) + 1j * np.angle(poles)) / self.step
+        logs = np.log(size) + 1j * np.angle(poles)
+        return (logs / self.step).astype(np.complex128)
 
     def to_point(self, omega: Array) -> Complex:
         """`(k,)` s, or z, at frequencies `(k,)` [rad/s]."""
-        return np.exp(1j * omega * self.step) if self.step else (1j * omega).astype(np.complex128)
+        s = 1j * omega
+        return (np.exp(s * self.step) if self.step else s).astype(np.complex128)
 
     @cached_property
     def top(self) -> float:
@@ -110,11 +112,17 @@ class ClosedLoop:
             return np.pi / self.step
         return float(size.max(initial=1e-300))
 
+    @cached_property
+    def rest(self) -> float:
+        """Size of a pole below which it is at rest [rad/s]."""
+        size = np.abs(self.to_s(np.linalg.eigvals(self.plant[0]).astype(np.complex128)))
+        return AT_REST * min(float(size.max(initial=0.0)), self.top)
+
     def growth(self, poles: Complex) -> Array:
         """`(k,)` growth [1/s] of poles s, or z; above zero: unstable. Those at rest do not grow."""
         s = self.to_s(poles)
         growth = s.real - GROWS * self.top
-        return np.where(np.abs(s) < AT_REST * self.top, -GROWS * self.top, growth)
+        return np.where(np.abs(s) < self.rest, -GROWS * self.top, growth)
 
     @cached_property
     def growing(self) -> Complex:
@@ -147,7 +155,7 @@ class ClosedLoop:
         poles = np.concatenate([self.to_s(self.eigenvalues), self.open_poles])
         limit = np.pi / self.step if self.step else np.inf
         size = np.abs(poles)
-        seen = (size > AT_REST * min(float(size.max(initial=0.0)), limit)) & (size < 1e3 * limit)
+        seen = (size > self.rest) & (size < 1e3 * limit)
         poles = poles[seen & (poles.imag >= 0.0)]
         if not poles.size:
             poles = np.ones(1, dtype=np.complex128)

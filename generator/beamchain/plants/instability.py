@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Literal
 
-Kind = Literal["mode", "rigid", "controller", "state"]
+Kind = Literal["mode", "rigid", "controller", "state", "several"]
 WORDS: Mapping[str, str] = MappingProxyType(
-    {"mode": "", "rigid": "rigid motion ", "controller": "", "state": "state "}
+    {"mode": "", "rigid": "rigid motion ", "controller": "", "state": "state ", "several": ""}
 )
 
 
@@ -21,7 +21,8 @@ class Instability:
         pole: `s` [rad/s], above or on the real axis; of a sampled loop `log(z)/T`.
         origin: what it grows from as the gains of all loops rise from 0 to 1: the name of a mode
             of the plant, of a rigid motion or of another state, or `the controller`.
-        kind: which of these it is.
+        kind: which of these it is; `several` of a pair that meets other poles on the real axis on
+            its way, so that each of the two has an origin of its own.
         gain: factor of the gains of all loops from which on it grows; 0: from the smallest on.
         crossing: frequency at which it crosses the axis [rad/s].
         alone: inputs whose loop makes it grow with all others open, and the factor of that loop's
@@ -34,8 +35,8 @@ class Instability:
         >>> plant = control.ss([[0.0, 1.0], [-4.0, -0.02]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0)
         >>> controller = control.tf([2.0], [1.0, 1.0])
         >>> found = bc.margins(plant, controller).instabilities[0]
-        >>> round(found.frequency, 3), found.alone.keys() == {"u[0]"}
-        (2.236, True)
+        >>> round(found.frequency, 3), list(found.alone), found.origin
+        (2.111, ['u[0]'], 'x[0]')
     """
 
     pole: complex

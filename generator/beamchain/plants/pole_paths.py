@@ -103,5 +103,7 @@ def _continued(
     rows, columns = linear_sum_assignment(cost)
     order = columns[np.argsort(rows)].astype(np.intp)
     n = np.arange(poles.size)
-    sure = (distance[n, order] < FAR * alone[order]) | (overlap[n, order] > ALIKE)
+    moved = distance[n, order]
+    near = moved < FAR * (np.abs(poles) + 1e-3 * size)
+    sure = (moved < FAR * alone[order]) | (near & (overlap[n, order] > ALIKE))
     return order, bool(np.all(sure))

@@ -128,7 +128,10 @@ def closed_loop_table(several: "Sequence[Margins]") -> Table:
         ("peak of S", "peak_sensitivity"),
         ("peak of T", "peak_complementary"),
     ):
-        extrema = [tuple(getattr(margins, field)) for margins in several]
+        extrema = [
+            (extremum.value, extremum.frequency)
+            for extremum in (getattr(margins, field) for margins in several)
+        ]
         columns.append(Column(f"{name} (at rad/s)", extrema, format=margin_at_text))
     return Table("All loops at once", tuple(columns))
 

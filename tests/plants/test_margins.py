@@ -1,0 +1,730 @@
+"""`bc.margins`: closed forms, own evaluations of det(1 + L), and MuJoCo with the loop closed.
+
+Tolerances: CLOSED, of closed forms: roots and extrema are polished to 1e-10 and computed in double
+precision. SINGULAR, of det(1 + L) at a margin relative to its size without it: the same roots seen
+through the plant's resonances. LIMIT, of the gain on both sides of a margin in a run: within it a
+marginal motion grows or decays visibly in the time of a run.
+"""
+
+import sys
+
+import control
+import mujoco
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from scipy.optimize import minimize
+
+import beamchain as bc
+from command import call
+from loops import asked, written
+
+CLOSED = 1e-7
+SINGULAR = 1e-6
+LIMIT = 0.01
+STEP = 0.01
+SLOW = 0.25
+CRAFT = """<mujoco model="craft"><option gravity="0 0 0" timestep="0.01"/><worldbody>
+<body name="bus"><freejoint/>
+<inertial pos="0 0 0" mass="300" diaginertia="100 120 150"/><site name="mount" pos="0.5 0 0.3"/>
+</body></worldbody></mujoco>"""
+BOOM = bc.Spec(
+    name="boom",
+    modes=bc.Modes(xy=2, xz=1),
+    damping=bc.Damping(ratio=0.005),
+    segment=(
+        bc.Segment(
+            length=8.0,
+            section=bc.Equivalent(
+                bending_stiffness_xy=2e3,
+                bending_stiffness_xz=5e3,
+                linear_mass=4.0,
+                polar_inertia=0.1,
+            ),
+        ),
+    ),
+)
+AXES = "yz"
+LAG = control.tf([900.0, 80.0], np.polymul([0.05, 1.0], [0.03, 1.0]))
+SAMPLED = control.c2d(control.tf([200.0, 20.0], [0.3, 1.0]), SLOW, method="tustin")
+
+
+@pytest.fixture(scope="module")
+def embedded():
+    return bc.embed(CRAFT, {"mount": BOOM})
+
+
+@pytest.fixture(scope="module")
+def plant(embedded):
+    return bc.plant(embedded, ["torque:bus"], ["attitude"])
+
+
+@pytest.fixture(scope="module")
+def stepped(embedded):
+    return bc.plant(embedded, ["torque:bus"], ["attitude"], discrete=STEP)
+
+
+def named(system, axis="z"):
+    """A system as a state space with the plant's names."""
+    space = control.ss(system)
+    return control.ss(
+        space.A,
+        space.B,
+        space.C,
+        space.D,
+        space.dt,
+        inputs=[f"attitude_{axis}"],
+        outputs=[f"torque_{axis}"],
+    )
+
+
+def each(system):
+    return {(f"torque_{axis}", f"attitude_{axis}"): system for axis in AXES}
+
+
+# -- closed forms ----------------------------------------------------------------------------------
+def test_three_poles_have_their_closed_form():
+    """L = k/(s (s + 1) (0.1 s + 1)): -180 degrees at sqrt(10), where 1/|L| = 11/k."""
+    found = bc.margins(
+        control.ss(control.tf([1.0], [1.0, 1.0, 0.0])), control.tf([2.0], [0.1, 1.0])
+    )
+    (loop,) = found.loops
+    np.testing.assert_allclose(loop.gain, 5.5, rtol=CLOSED)
+    np.testing.assert_allclose(loop.gain_db, 20.0 * np.log10(5.5), rtol=CLOSED)
+    np.testing.assert_allclose(loop.gain_frequency, np.sqrt(10.0), rtol=CLOSED)
+    assert loop.lowest_gain == 0.0
+    w = loop.phase_frequency  # |L| = 1 there
+    np.testing.assert_allclose(w**2 * (w**2 + 1.0) * (0.01 * w**2 + 1.0), 4.0, rtol=CLOSED)
+    phase = 90.0 - np.degrees(np.arctan(w) + np.arctan(0.1 * w))
+    np.testing.assert_allclose(loop.phase, phase, rtol=CLOSED)
+    np.testing.assert_allclose(loop.delay, np.radians(phase) / w, rtol=CLOSED)
+
+
+def test_two_poles_have_their_peaks():
+    """L = k/(s (s + a)): T = w0^2/(s^2 + 2 z w0 s + w0^2), with its textbook peak; one loop alone
+    has the same disk margin as all at once."""
+    k, a = 4.0, 1.0
+    ratio = a / (2.0 * np.sqrt(k))
+    found = bc.margins(control.ss(control.tf([1.0], [1.0, a, 0.0])), control.tf([k], [1.0]))
+    peak = 1.0 / (2.0 * ratio * np.sqrt(1.0 - ratio**2))
+    np.testing.assert_allclose(found.peak_complementary.value, peak, rtol=CLOSED)
+    resonance = np.sqrt(k * (1.0 - 2.0 * ratio**2))
+    np.testing.assert_allclose(found.peak_complementary.frequency, resonance, rtol=1e-3)
+    (loop,) = found.loops
+    assert loop.gain == np.inf
+    np.testing.assert_allclose(found.all_at_once.value, loop.disk, rtol=CLOSED)
+    np.testing.assert_allclose(found.peak_sensitivity.value, 1.0 / loop.modulus, rtol=CLOSED)
+    # the modulus by a dense grid of its own
+    s = 1j * np.linspace(0.5, 6.0, 400001)
+    np.testing.assert_allclose(loop.modulus, np.abs(1.0 + k / (s * (s + a))).min(), rtol=1e-8)
+    loops = k / (s * (s + a))
+    np.testing.assert_allclose(
+        loop.disk, 2.0 / np.abs((1.0 - loops) / (1.0 + loops)).max(), rtol=1e-8
+    )
+
+
+def test_a_dead_time_is_exact():
+    """L = k exp(-s T)/s rings at pi/(2 T) when k = pi/(2 T)."""
+    k, delay = 2.0, 0.3
+    loop = bc.Loop(input="u", output="y", numerator=(k,), denominator=(1.0,), delay=delay)
+    integrator = control.ss(0.0, 1.0, 1.0, 0.0, inputs=["u"], outputs=["y"])
+    found = bc.margins(integrator, bc.Controller(loop=(loop,))).loops[0]
+    np.testing.assert_allclose(found.gain, np.pi / (2.0 * delay * k), rtol=CLOSED)
+    np.testing.assert_allclose(found.phase, 90.0 - np.degrees(k * delay), rtol=CLOSED)
+    np.testing.assert_allclose(found.delay, np.pi / (2.0 * k) - delay, rtol=CLOSED)
+
+
+@pytest.mark.parametrize("factor", [0.999, 1.001])
+@pytest.mark.parametrize("delay", [0.1, 20.0])
+def test_stability_with_long_dead_times_is_that_of_the_dead_time(delay, factor):
+    """k exp(-s T)/(s + 1) is stable until |L| = 1 at a phase of -180 degrees, at w with
+    w T + atan(w) = pi, k = sqrt(1 + w^2), however long T is; a Pade approximation of order 6 alone
+    is not."""
+    w = 0.0
+    low, high = 0.0, np.pi / delay
+    for _ in range(200):
+        w = (low + high) / 2.0
+        low, high = (w, high) if w * delay + np.arctan(w) < np.pi else (low, w)
+    k = factor * float(np.hypot(1.0, w))
+    loop = bc.Loop(input="u", output="y", numerator=(k,), denominator=(1.0,), delay=delay)
+    lag = control.ss(-1.0, 1.0, 1.0, 0.0, inputs=["u"], outputs=["y"])
+    found = bc.margins(lag, bc.Controller(loop=(loop,)))
+    assert found.stable == (factor < 1.0)
+    if found.stable:
+        np.testing.assert_allclose(found.loops[0].gain, 1.0 / factor, rtol=CLOSED)
+
+
+def test_a_sampled_loop_ends_at_half_the_rate():
+    """k/(z - 0.5) leaves the circle at z = -1 when k = 1.5."""
+    lag = control.ss(0.5, 1.0, 1.0, 0.0, 0.1)
+    found = bc.margins(lag, control.tf([0.6], [1.0], 0.1))
+    np.testing.assert_allclose(found.loops[0].gain, 2.5, rtol=CLOSED)
+    np.testing.assert_allclose(found.loops[0].gain_frequency, np.pi / 0.1, rtol=CLOSED)
+    assert found.timestep == 0.1
+    assert any("at the samples" in note for note in found.table.notes)
+
+
+def test_a_gain_that_must_not_fall_at_rest():
+    """2/(s - 1) needs half of its gain, at zero frequency."""
+    found = bc.margins(control.ss(1.0, 1.0, 1.0, 0.0), control.tf([2.0], [1.0]))
+    assert found.stable
+    np.testing.assert_allclose(found.loops[0].lowest_gain, 0.5, rtol=CLOSED)
+    assert found.loops[0].lowest_gain_frequency == 0.0
+
+
+# -- det(1 + L), evaluated here --------------------------------------------------------------------
+def transfer(plant, system, w, factors):
+    """det(1 + K G) of the loops on `AXES` at w, each gain times a factor."""
+    s = 1j * w
+    g = plant.C @ np.linalg.solve(s * np.eye(plant.nstates) - plant.A, plant.B) + plant.D
+    k = np.polyval(system.num[0][0], s) / np.polyval(system.den[0][0], s)
+    rows = [list(plant.output_labels).index(f"attitude_{axis}") for axis in AXES]
+    columns = [list(plant.input_labels).index(f"torque_{axis}") for axis in AXES]
+    return np.linalg.det(np.eye(2) + np.diag(factors) * k @ g[np.ix_(rows, columns)])
+
+
+@pytest.mark.parametrize("form", ["tf", "ss", "mapping of zpk", "whole matrix"])
+def test_every_form_of_a_controller_is_the_same_at_its_margins(form, plant):
+    zpk = control.zpk(*(np.asarray(v) for v in (LAG.zeros(), LAG.poles())), 6e5)
+    if form == "tf":
+        controller = each(LAG)
+    elif form == "ss":
+        controller = each(control.ss(LAG))
+    elif form == "mapping of zpk":
+        controller = each(zpk)
+    else:
+        num = [[[0.0]] * 3 for _ in range(3)]
+        den = [[[1.0]] * 3 for _ in range(3)]
+        for i in (1, 2):
+            num[i][i], den[i][i] = LAG.num[0][0], LAG.den[0][0]
+        controller = control.tf(num, den)
+    found = bc.margins(plant, controller)
+    assert found.stable
+    assert [loop.input for loop in found.loops] == ["torque_y", "torque_z"]
+    for i, loop in enumerate(found.loops):
+        at = [np.where(np.arange(2) == i, f, 1.0) for f in (loop.gain, 1.0)]
+        parts = [abs(transfer(plant, LAG, loop.gain_frequency, f)) for f in at]
+        assert parts[0] < SINGULAR * parts[1]
+        turned = np.exp(-1j * np.radians(loop.phase))
+        at = np.where(np.arange(2) == i, turned, 1.0)
+        assert abs(transfer(plant, LAG, loop.phase_frequency, at)) < SINGULAR
+        d = loop.disk / 2.0  # some factor on the disk's rim is singular at its frequency
+        edge = d * np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 20001))
+        rim = [
+            abs(transfer(plant, LAG, loop.disk_frequency, np.where(np.arange(2) == i, f, 1.0)))
+            for f in (1.0 + edge[::40]) / (1.0 - edge[::40])
+        ]
+        assert min(rim) < 0.02
+
+
+def test_names_and_order_match_alike(plant):
+    """A matrix by its labels, in another order, is the matrix in order."""
+    labels = [f"torque_{axis}" for axis in "zy"], [f"attitude_{axis}" for axis in "zy"]
+    space = control.ss(LAG)
+    both = control.append(space, 2.0 * space)
+    matrix = control.ss(both.A, both.B, both.C, both.D, outputs=labels[0], inputs=labels[1])
+    by_name = bc.margins(plant, matrix)
+    mapping = {
+        ("torque_z", "attitude_z"): LAG,
+        ("torque_y", "attitude_y"): 2.0 * LAG,
+    }
+    for one, other in zip(by_name.loops, bc.margins(plant, mapping).loops, strict=True):
+        assert one.name == other.name
+        np.testing.assert_allclose(one.gain, other.gain, rtol=CLOSED)
+        np.testing.assert_allclose(one.disk, other.disk, rtol=CLOSED)
+
+
+# -- all loops at once -----------------------------------------------------------------------------
+def coupled(count):
+    """A stable plant whose loops are coupled, and a controller: lags with a matrix between."""
+    rng = np.random.default_rng(count)
+    mix = np.eye(count) + 0.5 * rng.standard_normal((count, count))
+    modes = [
+        control.ss([[0.0, 1.0], [-w * w, -0.1 * w]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0)
+        for w in np.linspace(1.0, 2.0, count)
+    ]
+    both = modes[0]
+    for mode in modes[1:]:
+        both = control.append(both, mode)
+    plant = control.ss(both.A, both.B @ mix, both.C, np.zeros((count, count)))
+    return plant, 0.5 * np.linalg.inv(mix).T
+
+
+def loops_at(plant, gain, w):
+    s = 1j * np.atleast_1d(w)
+    eye = np.eye(plant.nstates)
+    return np.array([gain @ plant.C @ np.linalg.solve(v * eye - plant.A, plant.B) for v in s])
+
+
+@pytest.mark.parametrize("count", [2, 3])
+def test_the_margin_of_all_loops_is_where_a_perturbation_destabilises(count):
+    """Up to three channels the bound is mu: at its frequency there are factors in a disk larger by
+    a thousandth that make det(1 + F L) zero, and none inside."""
+    plant, gain = coupled(count)
+    k = control.ss([], [], [], gain)
+    found = bc.margins(plant, k)
+    assert found.stable
+    margin, w = found.all_at_once
+    assert margin <= min(loop.disk for loop in found.loops) * (1.0 + CLOSED)
+    loop = loops_at(plant, gain, w)[0]
+    sensitivity = np.linalg.inv(np.eye(count) + loop)
+    middle = sensitivity - np.eye(count) / 2.0
+
+    def radius(angles):
+        """Largest eigenvalue of (S - T)/2 times a diagonal of unit numbers, with its minus."""
+        return -np.abs(np.linalg.eigvals(middle * np.exp(1j * angles))).max()
+
+    rng = np.random.default_rng(1)
+    best = min(
+        (
+            minimize(
+                radius,
+                rng.uniform(0.0, 2.0 * np.pi, count),
+                method="Nelder-Mead",
+                options={"xatol": 1e-9, "fatol": 1e-13},
+            )
+            for _ in range(8)
+        ),
+        key=lambda one: one.fun,
+    )
+    np.testing.assert_allclose(-best.fun, 1.0 / margin, rtol=1e-3)
+    values, vectors = np.linalg.eig(middle * np.exp(1j * best.x))
+    largest = values[np.argmax(np.abs(values))]
+    delta = np.exp(1j * best.x) / largest  # 1 - M Delta is singular
+    assert np.abs(delta).max() < 1.001 * margin
+    factors = (1.0 + delta / 2.0) / (1.0 - delta / 2.0)
+    assert abs(np.linalg.det(np.eye(count) + np.diag(factors) @ loop)) < 1e-8
+    assert vectors.shape == (count, count)
+
+
+@pytest.mark.parametrize("count", [2, 4])
+def test_no_factors_in_the_disk_destabilise(count):
+    """Real factors of gain and dead-beat phases inside the disk: det(1 + F L) is never zero along
+    the axis, and the closed loop of every real draw is stable."""
+    plant, gain = coupled(count)
+    found = bc.margins(plant, control.ss([], [], [], gain))
+    inside = 0.999 * found.all_at_once.value / 2.0
+    rng = np.random.default_rng(count)
+    w = np.geomspace(0.05, 20.0, 400)
+    loop = loops_at(plant, gain, w)
+    turns = []
+    for _ in range(100):
+        d = inside * np.exp(2j * np.pi * rng.uniform(size=count))
+        factors = (1.0 + d) / (1.0 - d)
+        values = np.linalg.det(np.eye(count) + factors[:, None] * loop)
+        turns.append(np.sum(np.angle(values[1:] / values[:-1])))
+        real = ((1.0 + d.real) / (1.0 - d.real))[:, None] * gain
+        poles = np.linalg.eigvals(plant.A - plant.B @ real @ plant.C)
+        assert poles.real.max() < 0.0
+    base = np.linalg.det(np.eye(count) + loop)
+    nominal = np.sum(np.angle(base[1:] / base[:-1]))
+    # no zero crosses the axis between the nominal loop and a draw, so that no draw turns once more
+    assert np.all(np.abs(np.array(turns) - nominal) < np.pi)
+
+
+def test_the_bound_is_that_of_slycot():
+    slycot = pytest.importorskip("slycot")
+    from beamchain.plants.structured import bound
+
+    rng = np.random.default_rng(4)
+    for n in (2, 3, 5):
+        m = rng.standard_normal((n, n)) + 1j * rng.standard_normal((n, n))
+        true = slycot.ab13md(m, np.ones(n, dtype=int), np.full(n, 2))[0]
+        np.testing.assert_allclose(bound(m), true, rtol=1e-3)
+
+
+# -- sampled ---------------------------------------------------------------------------------------
+def test_a_slow_controller_sees_the_plant_held_over_its_step(plant, stepped):
+    """The lifted plant's own loops, stepped sample by sample here, are singular at the margins."""
+    for one, fine in ((plant, 0.0), (stepped, STEP)):
+        found = bc.margins(one, {("torque_z", "attitude_z"): SAMPLED})
+        assert found.stable
+        assert found.timestep == SLOW
+        column = list(one.input_labels).index("torque_z")
+        row = list(one.output_labels).index("attitude_z")
+        b, c = one.B[:, [column]], one.C[[row]]
+        if fine:
+            # every column of the lifted plant by running it: state and input, 25 steps held
+            power, driven = np.eye(one.nstates), np.zeros_like(b)
+            for _ in range(round(SLOW / fine)):
+                power, driven = one.A @ power, one.A @ driven + b
+        else:
+            n = one.nstates
+            both = expm(SLOW * np.block([[one.A, b], [np.zeros((1, n + 1))]]))
+            power, driven = both[:n, :n], both[:n, n:]
+        (loop,) = found.loops
+        for w, factor in (
+            (loop.gain_frequency, loop.gain),
+            (loop.phase_frequency, np.exp(-1j * np.radians(loop.phase))),
+        ):
+            z = np.exp(1j * w * SLOW)
+            g = c @ np.linalg.solve(z * np.eye(one.nstates) - power, driven) + one.D[row, column]
+            k = np.polyval(SAMPLED.num[0][0], z) / np.polyval(SAMPLED.den[0][0], z)
+            assert abs(1.0 + factor * k * g[0, 0]) < SINGULAR
+
+
+def test_a_sampled_plant_agrees_with_the_continuous_one(plant, stepped):
+    """What the step of 0.01 s does to the modes below pi/0.25 rad/s is of the order (w h)^2/12 =
+    1e-3."""
+    found = [bc.margins(one, each(SAMPLED)).loops for one in (plant, stepped)]
+    for one, other in zip(*found, strict=True):
+        np.testing.assert_allclose(one.gain, other.gain, rtol=2e-3)
+        np.testing.assert_allclose(one.disk, other.disk, rtol=5e-3)
+
+
+# -- MuJoCo with the loop closed -------------------------------------------------------------------
+def attitude_z(data):
+    """Rotation about z [rad], of a small one."""
+    return 2.0 * data.qpos[6]
+
+
+class Stepped:
+    """A system from attitude to torque, stepped by the trapezoidal rule."""
+
+    def __init__(self, system, h):
+        space = control.ss(system)
+        n = space.nstates
+        left = np.eye(n) - h / 2.0 * space.A
+        self.a = np.linalg.solve(left, np.eye(n) + h / 2.0 * space.A)
+        self.b = np.linalg.solve(left, h / 2.0 * space.B[:, 0])
+        self.c, self.d = space.C[0], space.D[0, 0]
+        self.x = np.zeros(n)
+        self.before = 0.0
+
+    def __call__(self, y):
+        self.x = self.a @ self.x + self.b * (y + self.before)
+        self.before = y
+        return float(self.c @ self.x + self.d * y)
+
+
+def continuous_run(model, system, duration):
+    """Attitude of a run under RK4 after a kick; the torque of the middle of each step is
+    extrapolated, so that holding it delays nothing."""
+    h = model.opt.timestep
+    data = mujoco.MjData(model)
+    data.qvel[5] = 1e-5
+    controller, last, seen = Stepped(system, h), 0.0, []
+    for _ in range(round(duration / h)):
+        torque = -controller(attitude_z(data))
+        data.qfrc_applied[5] = 1.5 * torque - 0.5 * last
+        last = torque
+        seen.append(attitude_z(data))
+        mujoco.mj_step(model, data)
+    return np.array(seen)
+
+
+def sampled_run(model, system, duration):
+    """Attitude at the controller's samples: it holds its torque over 25 steps, and each step of a
+    model that is exact in time gets the mean of its torque and the one before."""
+    space = control.ss(system)
+    data = mujoco.MjData(model)
+    held = bc.HeldInput()
+    data.qvel[5] = 1e-5
+    x, torque, seen = np.zeros(space.nstates), 0.0, []
+    every = round(SLOW / model.opt.timestep)
+    for k in range(round(duration / model.opt.timestep)):
+        if k % every == 0:
+            y = attitude_z(data)
+            seen.append(y)
+            torque = -float(space.C[0] @ x + space.D[0, 0] * y)
+            x = space.A @ x + space.B[:, 0] * y
+        data.qfrc_applied[5] = held(np.array([torque]))[0]
+        mujoco.mj_step(model, data)
+    return np.array(seen)
+
+
+def growth(seen):
+    """Of the amplitude from the third to the last quarter of a run."""
+    third, last = np.array_split(seen, 4)[2:]
+    return float(np.ptp(last) / np.ptp(third))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("form", [control.tf, control.ss], ids=["tf", "ss"])
+def test_mujoco_rings_at_the_gain_margin(form, embedded, plant):
+    system = form(LAG)
+    (loop,) = bc.margins(plant, {("torque_z", "attitude_z"): system}).loops
+    model = embedded.untimed
+    model.opt.timestep = 2e-3
+    model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
+    for factor in (1.0 - LIMIT, 1.0 + LIMIT):
+        change = growth(continuous_run(model, factor * loop.gain * system, 60.0))
+        sys.stdout.write(f"{factor:g} of the gain margin: amplitude times {change:.4g}\n")
+        assert (change > 1.0) == (factor > 1.0)
+
+
+@pytest.mark.slow
+def test_mujoco_rings_at_the_gain_margin_of_a_slow_controller(embedded, stepped):
+    """4 Hz on the plant of 100 Hz that MuJoCo runs."""
+    (loop,) = bc.margins(stepped, {("torque_z", "attitude_z"): SAMPLED}).loops
+    model = embedded.model
+    assert model.opt.timestep == STEP
+    for factor in (1.0 - LIMIT, 1.0 + LIMIT):
+        change = growth(sampled_run(model, factor * loop.gain * SAMPLED, 400.0))
+        sys.stdout.write(f"{factor:g} of the gain margin: amplitude times {change:.4g}\n")
+        assert (change > 1.0) == (factor > 1.0)
+
+
+# -- why it is unstable ----------------------------------------------------------------------------
+def closed_poles(plant, factors):
+    """Poles with the loops of `AXES` closed at factors of `LAG`, by python-control."""
+    space = control.ss(LAG)
+    both = control.append(*(f * space for f in factors))
+    pick = plant[[f"attitude_{axis}" for axis in AXES], [f"torque_{axis}" for axis in AXES]]
+    return control.feedback(pick, both).poles()
+
+
+def test_the_loop_to_blame_is_named(plant):
+    hot = 2.0 * bc.margins(plant, each(LAG)).loops[1].gain
+    factors = np.array([1.0, hot])
+    loops = {(f"torque_{a}", f"attitude_{a}"): f * LAG for a, f in zip(AXES, factors, strict=True)}
+    found = bc.margins(plant, loops)
+    assert not found.stable
+    (one,) = found.instabilities
+    # the pole, against python-control
+    poles = closed_poles(plant, factors)
+    growing = poles[(poles.real > 1e-6) & (poles.imag >= 0.0)]
+    np.testing.assert_allclose([one.pole], growing, rtol=1e-6)
+    np.testing.assert_allclose(one.hertz * 2.0 * np.pi, abs(growing[0]), rtol=1e-6)
+    np.testing.assert_allclose(one.time_constant, 1.0 / growing[0].real, rtol=1e-4)
+    assert one.damping_ratio < 0.0
+    # alone, and from which gain: the margin says half of it
+    assert list(one.alone) == ["torque_z"]
+    np.testing.assert_allclose(one.alone["torque_z"], 0.5, rtol=1e-6)
+    np.testing.assert_allclose(
+        one.crossing, bc.margins(plant, each(LAG)).loops[1].gain_frequency, rtol=1e-6
+    )
+    assert one.stable_without == ("torque_z",)
+    for factor, grows in ((0.999, False), (1.001, True)):
+        poles = closed_poles(plant, factor * one.gain * factors)
+        assert (poles.real.max() > 1e-7) == grows
+    assert "the loop torque_z alone makes it so, from 0.5 of its gain on" in one.sentence
+    assert [loop.causes for loop in found.loops] == [False, True]
+    assert all(np.isnan(loop.gain) for loop in found.loops)
+    rows = {row[0]: row[1] for row in found.table.rows if row[0]}
+    assert rows["torque_z from attitude_z"] == "UNSTABLE"
+    assert rows["torque_y from attitude_y"] == "unstable by others"
+    assert one.sentence in found.table.notes
+    assert one.sentence in found._repr_html_()
+
+
+def followed_back(plant, system, gain, pole):
+    """Where a pole comes from, over 2,000 even steps back to 1e-4 of the gain, each time the
+    nearest; of rotation about z alone, which nothing else couples with."""
+    turning = [i for i, name in enumerate(plant.state_names) if "xy" in name or "_z" in name]
+    a = plant.A[np.ix_(turning, turning)]
+    b = plant.B[np.ix_(turning, [2])]
+    c = plant.C[np.ix_([2], turning)]
+    k = control.ss(system)
+    for factor in gain * np.linspace(1.0, 1e-4, 2000):
+        poles = np.linalg.eigvals(np.block([[a, -factor * b @ k.C], [k.B @ c, k.A]]))
+        pole = poles[np.argmin(np.abs(poles - pole))]
+    return pole
+
+
+def test_a_mode_that_a_slow_controller_drives_is_named(plant):
+    """Two lags of 0.3 s turn the torque on a bending mode against it."""
+    slow = control.tf([60.0, 6.0], np.polymul([0.3, 1.0], [0.3, 1.0]))
+    gain = 12.0
+    found = bc.margins(plant, {("torque_z", "attitude_z"): gain * slow})
+    (one,) = found.instabilities
+    start = followed_back(plant, slow, gain, one.pole)
+    assert one.kind == "mode"
+    number = plant.modes.index(one.origin)
+    np.testing.assert_allclose(abs(start), plant.frequency[number], rtol=1e-3)
+    assert one.sentence.startswith(f"UNSTABLE: {one.origin} (")
+
+
+def test_rigid_motion_that_fast_lags_destabilise_is_named(plant):
+    """The pair comes from the real axis, where a pole of rigid motion meets one of the lags, at
+    -20 and -33 rad/s."""
+    gain = 2.0 * bc.margins(plant, {("torque_z", "attitude_z"): LAG}).loops[0].gain
+    (one,) = bc.margins(plant, {("torque_z", "attitude_z"): gain * LAG}).instabilities
+    start = followed_back(plant, LAG, gain, one.pole)
+    assert abs(start) < 0.1 or abs(start + 20.0) < 0.5
+    assert (one.origin, one.kind) == ("rigid motion attitude_z with the controller", "several")
+
+
+def test_a_wrong_sign_grows_from_rigid_motion(plant):
+    found = bc.margins(plant, {("torque_z", "attitude_z"): -LAG})
+    one = found.instabilities[0]
+    assert (one.origin, one.kind, one.gain) == ("attitude_z", "rigid", 0.0)
+    assert "without oscillation" in one.sentence
+    assert "at any part of its gain" in one.sentence
+
+
+def test_what_no_loop_does_alone():
+    """Two channels that are stable alone at any gain, and not together: L = [0 k; k 0]/(s + 1),
+    whose poles are -1 +- k."""
+    plant = control.ss(-np.eye(2), np.eye(2), [[0.0, 1.0], [1.0, 0.0]], np.zeros((2, 2)))
+    found = bc.margins(plant, control.ss([], [], [], [[-2.0, 0.0], [0.0, -2.0]]))
+    (one,) = found.instabilities
+    np.testing.assert_allclose(one.pole, 1.0, rtol=1e-9)
+    np.testing.assert_allclose(one.gain, 0.5, rtol=1e-6)  # it crosses at rest, seen to 1e-7
+    assert dict(one.alone) == {}
+    assert one.stable_without == ("u[0]", "u[1]")
+    assert "no loop alone makes it so, all together do, from 0.5 of their gains on" in one.sentence
+
+
+def test_what_nothing_controls_is_no_instability(plant):
+    """Attitude about x and y drifts, and takes no part; in other coordinates too."""
+    single = {("torque_z", "attitude_z"): LAG}
+    assert bc.margins(plant, single).stable
+    rng = np.random.default_rng(0)
+    turn = np.linalg.qr(rng.standard_normal((plant.nstates, plant.nstates)))[0]
+    same = control.ss(
+        turn @ plant.A @ turn.T,
+        turn @ plant.B,
+        plant.C @ turn.T,
+        plant.D,
+        inputs=plant.input_labels,
+        outputs=plant.output_labels,
+    )
+    found = [bc.margins(one, single) for one in (plant, same)]
+    assert found[1].stable
+    np.testing.assert_allclose(found[0].loops[0].gain, found[1].loops[0].gain, rtol=1e-6)
+
+
+# -- what cannot be --------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("controller", "words"),
+    [
+        (LAG, "takes 1 signals and gives 1, but the plant has 3 outputs and 3 inputs"),
+        (7.0, "is a float; give a TOML file"),
+        ({}, "holds no loop"),
+        ({("torque_q", "attitude_z"): LAG}, "input = 'torque_q' is no input of the plant"),
+        ({("torque_z", "rate_z"): LAG}, "output = 'rate_z' is no output of the plant"),
+        ({"torque_z": LAG}, "is no pair of names"),
+        ({("torque_z", "attitude_z"): "K"}, "is a str; give a TransferFunction"),
+        (
+            {("torque_z", "attitude_z"): control.append(control.ss(LAG), control.ss(LAG))},
+            "has 2 inputs and 2 outputs",
+        ),
+        ({("torque_z", "attitude_z"): control.tf([1.0, 0.0], [1.0])}, "is improper"),
+        (
+            {("torque_z", "attitude_z"): control.ss([], [], [], np.nan)},
+            "coefficients that are not finite",
+        ),
+        ({("torque_z", "attitude_z"): float("inf")}, "coefficients that are not finite"),
+        ({("torque_z", "attitude_z"): control.tf([1.0], [1.0, 0.5], True)}, "dt = True"),
+        (
+            {("torque_z", "attitude_z"): control.ss(-1.0, 1.0, 1.0, 0.0, None)},
+            "dt = None",
+        ),
+        (
+            {
+                ("torque_z", "attitude_z"): control.tf([1.0], [1.0, 0.5], 0.25),
+                ("torque_y", "attitude_y"): control.tf([1.0], [1.0, 0.5], 0.5),
+            },
+            "give all loops one step",
+        ),
+        (
+            {
+                ("torque_z", "attitude_z"): control.tf([1.0], [1.0, 0.5], 0.25),
+                ("torque_y", "attitude_y"): LAG,
+            },
+            "continuously",
+        ),
+        (
+            control.ss(
+                -np.eye(2),
+                np.eye(2),
+                np.eye(2),
+                np.zeros((2, 2)),
+                inputs=["attitude_z", "speed"],
+                outputs=["torque_z", "torque_y"],
+            ),
+            "its signal 'speed' is no output of the plant, though 'attitude_z' is",
+        ),
+        (control.ss([], [], [], np.zeros((3, 3))), "gives nothing but zero"),
+    ],
+)
+def test_what_does_not_fit_is_told(controller, words, plant):
+    with pytest.raises(bc.InputError) as told:
+        bc.margins(plant, controller)
+    assert words in str(told.value)
+    assert "\n" not in str(told.value)
+
+
+def test_an_algebraic_loop_is_told():
+    plant = control.ss(-1.0, 1.0, 1.0, 1.0)
+    with pytest.raises(bc.InputError, match="algebraic loop that has no solution"):
+        bc.margins(plant, control.ss([], [], [], -1.0))
+
+
+@pytest.mark.parametrize(
+    ("step", "words"),
+    [(0.015, "is no multiple of the plant's"), (0.005, "is no multiple of the plant's")],
+)
+def test_steps_that_do_not_fit_are_told(step, words, stepped):
+    with pytest.raises(bc.InputError, match=words):
+        bc.margins(stepped, {("torque_z", "attitude_z"): control.tf([1.0], [1.0, -0.5], step)})
+
+
+def test_continuous_controllers_on_a_sampled_plant_are_told(stepped):
+    with pytest.raises(bc.InputError, match=r"control\.c2d\(system, 0\.01\)"):
+        bc.margins(stepped, {("torque_z", "attitude_z"): LAG})
+
+
+# -- several poses, JSON ---------------------------------------------------------------------------
+def test_poses_give_one_result_each():
+    turning = CRAFT.replace(
+        '<site name="mount" pos="0.5 0 0.3"/>',
+        '<body name="yoke" pos="0.5 0 0.3"><joint name="drive" axis="1 0 0" stiffness="1e5" '
+        'damping="100"/><inertial pos="0 0 0" mass="4" diaginertia="0.2 0.2 0.2"/>'
+        '<site name="mount"/></body>',
+    )
+    made = bc.embed(turning, {"mount": BOOM.replace(modes=1)})
+    scheduled = bc.plant(made, ["torque:bus"], ["attitude"], at={"drive": [0.0, np.pi / 2.0]})
+    found = bc.margins(scheduled, each(LAG))
+    assert [one.pose for one in found] == ["drive 0°", "drive 90°"]
+    # turned by 90 degrees the bending planes change places: the least margins are not the same
+    assert abs(found[0].loops[0].gain / found[1].loops[0].gain - 1.0) > 1e-2
+    for one, single in zip(found, scheduled.plants, strict=True):
+        np.testing.assert_allclose(one.loops[1].gain, bc.margins(single, each(LAG)).loops[1].gain)
+
+
+def test_the_record_holds_the_figures(plant):
+    found = bc.margins(plant, each(LAG))
+    record = found.as_dict()
+    assert record["all_at_once"]["value"] == found.all_at_once.value
+    assert record["loops"][0]["gain_db"] == 20.0 * np.log10(found.loops[0].gain)
+    assert record["loops"][0]["lowest_gain_db"] is None
+    assert record["instabilities"] == []
+    texts = [row[2] for row in found.table.rows]
+    assert texts[-3:] == ["disk", "peak of S", "peak of T"]
+
+
+def test_the_command_says_why(embedded, tmp_path):
+    """Of two loops the one with the wrong sign is to blame, in JSON and on the page."""
+    model = embedded.write(tmp_path / "flexible.xml")[-1]
+    loops = [
+        {
+            "input": f"torque_{axis}",
+            "output": f"attitude_{axis}",
+            "numerator": [sign * 900.0, sign * 80.0],
+            "denominator": [0.05, 1.0],
+        }
+        for axis, sign in zip(AXES, (1.0, -1.0), strict=True)
+    ]
+    answer = asked(model, loops, "--input", "torque:bus", "--output", "attitude")
+    assert answer.status == 3
+    right, wrong = answer.record["margins"][0]
+    assert (right["causes"], right["instabilities"]) == (False, [])
+    assert wrong["causes"]
+    said = wrong["instabilities"][0]
+    assert (said["origin"], said["kind"], said["alone"]) == (
+        "attitude_z",
+        "rigid",
+        {"torque_z": 0.0},
+    )
+    (closed,) = answer.record["closed_loops"]
+    assert closed["stable"] is False
+    assert closed["instabilities"][0] == said
+    page = tmp_path / "plant_report.html"
+    words = ["plant", model, "--controller", written(loops, tmp_path), "--force"]
+    words += ["--input", "torque:bus", "-o", tmp_path / "plant.npz"]
+    told = call(*words)
+    assert told.status == 3
+    assert said["sentence"].partition(" (")[0] in " ".join(told.out.split())
+    assert said["sentence"].partition(" (")[0] in page.read_text()
