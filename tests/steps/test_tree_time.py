@@ -13,6 +13,7 @@ import stepped
 from arms import Arm, Link, mjcf, side, toml
 from command import call
 from craft_truth import compiled
+from mechanics import INTEGRATORS
 
 BAND = 20.0
 SLOW = pytest.mark.slow
@@ -252,3 +253,14 @@ def test_timing_and_latching_of_a_joint_do_not_meet(latched_first):
     for undo in (lambda: bc.retime(model, 0.0), lambda: bc.unlatch(model, data, "drive")):
         undo()
     assert np.array_equal(model.dof_armature, before)
+
+
+def test_discrete_leaves_an_arm_alone(tmp_path):
+    if "discrete" not in INTEGRATORS:
+        pytest.skip("this MuJoCo has no `discrete` integrator")
+    model = embedded(tmp_path, arm(20.0), 0.01).model
+    plain = copy.copy(model)
+    bc.retime(plain, 0.0)
+    bc.retime(model, 0.01, "discrete", joints=True)
+    for name in ("tendon_stiffness", "tendon_damping", "tendon_armature", "dof_armature"):
+        np.testing.assert_allclose(getattr(model, name), getattr(plain, name), rtol=1e-12)
