@@ -495,3 +495,8 @@ def test_the_command(folder, swept, tmp_path):
         "sweep.json",
         "variants.npz",
     ]
+
+
+def test_the_sweep_of_a_craft_has_no_nominal_fit(swept):
+    with pytest.raises(bc.InputError, match="nominal: this is the sweep of a craft"):
+        swept.nominal
