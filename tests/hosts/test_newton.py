@@ -43,14 +43,20 @@ def compiled(case: str) -> mujoco.MjModel:
     return mujoco.MjModel.from_xml_path(str(FILES / f"{case}.xml"))
 
 
-def imported(path: Path, cpu: bool = True, gravity=(0.0, 0.0, 0.0), **options):
-    """Newton's model and its MuJoCo solver."""
+def builder_of(path: Path, gravity=(0.0, 0.0, 0.0), **options):
+    """Newton's builder with the file's spacecraft in it."""
     builder = newton.ModelBuilder(gravity=gravity)
     newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
     # principal moments below these are raised by 1e-6 kg m^2, those of light and thin links too
     builder.inertia_relative_tolerance, builder.inertia_absolute_tolerance = 0.0, 1e-20
     read = builder.add_usd if path.suffix == ".usdc" else builder.add_mjcf
     read(str(path), **options)
+    return builder
+
+
+def imported(path: Path, cpu: bool = True, **options):
+    """Newton's model and its MuJoCo solver."""
+    builder = builder_of(path, **options)
     with wp.ScopedDevice("cpu"):
         model = builder.finalize()
         return model, newton.solvers.SolverMuJoCo(model, use_mujoco_cpu=cpu)
@@ -196,6 +202,62 @@ def test_the_modes_ring_at_their_frequencies(form):
     found = rung(times, motion[:, 7], expected)
     print(f"array as {form}: first modes from 60 s, {np.abs(found / expected - 1.0)}")  # noqa: T201
     assert np.abs(found / expected - 1.0)[0] < RUNG
+
+
+def test_modal_amplitudes_are_lengths_of_tendons():
+    """Of the state before a step, as in MuJoCo; for a spacecraft whose sensors are not read."""
+    model = compiled("drive")
+    data = mujoco.MjData(model)
+    data.qpos[7:] = np.linspace(0.01, 0.02, model.nq - 7)
+    mujoco.mj_forward(model, data)
+    held, solver = imported(file_of("drive", "USD"))
+    with wp.ScopedDevice("cpu"):
+        now, then = held.state(), held.state()
+        coordinates = now.joint_q.numpy()
+        coordinates[7:] = data.qpos[7:]
+        now.joint_q.assign(coordinates)
+        solver.step(now, then, held.control(), None, model.opt.timestep)
+    np.testing.assert_allclose(solver.mj_data.ten_length, data.ten_length, rtol=1e-5)
+    assert (model.nsensor > 0, solver.mj_model.nsensor) == (True, 0)
+
+
+# -- as Isaac Lab reads a stage --------------------------------------------------------------------
+def as_isaac_lab(case: str) -> dict[str, object]:
+    """Arguments of add_usd: the prim of the spacecraft alone, without the schemas of MuJoCo."""
+    root = {"drive": "/drive", "planar": "/planar"}.get(case, "/craft")
+    schemas = [newton.usd.SchemaResolverNewton(), newton.usd.SchemaResolverPhysx()]
+    return {"root_path": root, "schema_resolvers": schemas, "skip_mesh_approximation": True}
+
+
+@cases
+def test_frequencies_as_isaac_lab_reads_usd(case):
+    _, solver = imported(file_of(case, "USD"), **as_isaac_lab(case))
+    expected = frequencies(compiled(case))
+    worst = float(np.abs(frequencies(solver.mj_model) / expected - 1.0).max())
+    print(f"{case} as Isaac Lab reads USD: {worst:.1e}")  # noqa: T201
+    assert worst < FREQUENCY
+    # the scene's options are not read
+    assert solver.mj_model.opt.integrator == mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+
+
+def test_worlds_of_one_spacecraft():
+    """Three copies, each kicked by another factor, in MuJoCo Warp."""
+    model, factors, seconds = compiled("array"), np.array([1.0, -0.5, 0.25]), 5.0
+    one = builder_of(file_of("array", "USD"), **as_isaac_lab("array"))
+    many = newton.ModelBuilder(gravity=(0.0, 0.0, 0.0))
+    many.replicate(one, len(factors))
+    with wp.ScopedDevice("cpu"):
+        made = many.finalize()
+        solver = newton.solvers.SolverMuJoCo(made)
+        now, then, control = made.state(), made.state(), made.control()
+        now.joint_qd.assign(np.outer(factors, kicked(model)).ravel())
+        for _ in range(round(seconds / model.opt.timestep)):
+            solver.step(now, then, control, None, model.opt.timestep)
+            now, then = then, now
+        found = now.joint_q.numpy().reshape(len(factors), -1)[:, 7:]
+    for factor, angles in zip(factors, found, strict=True):
+        reference = in_mujoco(model, factor * kicked(model), seconds)[:, 7:]
+        assert np.abs(angles - reference[-1]).max() < MOTION * np.abs(reference).max()
 
 
 # -- what docs/hosts.md warns of: each of these fails when Newton or the converter changes ---------

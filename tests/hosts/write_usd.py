@@ -31,6 +31,12 @@ def on_hinges(spec: bc.Spec) -> bc.Spec:
     return msgspec.structs.replace(spec, fit=bc.FitOptions(springs="hinges"), damping=damping)
 
 
+def with_sensors(spec: bc.Spec) -> bc.Spec:
+    """The specification with a sensor of every modal amplitude."""
+    sensors = msgspec.structs.replace(spec.sensors, modes=True)
+    return msgspec.structs.replace(spec, sensors=sensors)
+
+
 #: name: spacecraft, site, appendage, whether it is timed for its step
 CASES = {
     "array": (TIMED, "mount", bc.read_spec(EXAMPLES / "array.toml"), True),
@@ -40,7 +46,7 @@ CASES = {
     "drive": (
         (CRAFTS / "drive.xml").read_text(),
         "panel_mount",
-        bc.read_spec(APPENDAGES / "array_left.toml"),
+        with_sensors(bc.read_spec(APPENDAGES / "array_left.toml")),
         False,
     ),
     "boom": (TIMED, "mount", on_hinges(bc.read_spec(EXAMPLES / "boom.toml")), False),
