@@ -24,7 +24,9 @@ FILES = Path("build/hosts/newton_files")
 if not FILES.is_dir():
     pytest.skip("its files are not there: tests/hosts/run.py newton", allow_module_level=True)
 
-FREQUENCY = 1e-6  # Newton holds a model in float32: 6e-8 of every number
+KEPT = 1e-7  # Newton holds a model in float32: 6e-8 of every number
+FREQUENCY = 1e-6  # which the differences of a few of them make larger
+TINY = 2e-8  # what bodies of a billionth of a link's inertia do to a frequency
 # Newton holds the state in float32 between steps, and MuJoCo Warp steps in float32
 MOTION = 1e-4  # of the largest motion of a kind: displacement, attitude, angles of hinges
 # fillers with armatures of 6e4 beside 1e-5 cost MuJoCo Warp digits, without Newton as well (2.9e-4)
@@ -140,11 +142,18 @@ def test_springs_dampers_and_armatures_are_kept(case, form):
         "dof_armature",
     ):
         np.testing.assert_allclose(
-            getattr(theirs, name), getattr(ours, name), rtol=FREQUENCY, err_msg=name
+            getattr(theirs, name), getattr(ours, name), rtol=KEPT, err_msg=name
         )
-    np.testing.assert_allclose(
-        theirs.jnt_stiffness[-len(ours.jnt_stiffness) :], ours.jnt_stiffness, rtol=FREQUENCY
-    )
+    np.testing.assert_allclose(theirs.jnt_stiffness, ours.jnt_stiffness, rtol=KEPT)
+
+
+@cases
+def test_one_hinge_per_body_is_the_same_mechanism(case):
+    """The function of docs/hosts.md, in plain MuJoCo."""
+    parted = mujoco.MjModel.from_xml_path(str(FILES / f"{case}_newton.xml"))
+    shift = frequencies(parted) / frequencies(compiled(case)) - 1.0
+    assert np.abs(shift).max() < TINY
+    assert (parted.nbody > compiled(case).nbody) == (case in ("mast", "drive"))
 
 
 # -- motion ----------------------------------------------------------------------------------------
@@ -282,6 +291,28 @@ def test_gravity_of_an_mjcf_file_is_not_read():
     for form, expected in (("MJCF", -9.81), ("USD", 0.0)):
         _, solver = imported(file_of("array", form), gravity=(0.0, 0.0, -9.81))
         assert solver.mj_model.opt.gravity[2] == pytest.approx(expected, rel=1e-6)
+
+
+def sampled(model: mujoco.MjModel) -> np.ndarray:
+    """Frequencies [rad/s] of the discrete system that MuJoCo's steps are."""
+    step = np.zeros((2 * model.nv, 2 * model.nv))
+    data = mujoco.MjData(model)
+    mujoco.mjd_transitionFD(model, data, 1e-6, True, step, None, None, None)
+    poles = np.log(np.linalg.eigvals(step).astype(complex)) / model.opt.timestep
+    return np.sort(np.abs(poles[poles.imag > 1.0]))
+
+
+def test_another_step_or_integrator_than_the_file_is_timed_for():
+    """What the two rows of docs/hosts.md on step and integrator cost, in plain MuJoCo."""
+    expected = frequencies(compiled("untimed"))
+    model = compiled("array")
+    assert sampled(model) == pytest.approx(expected, rel=1e-6)
+    model.opt.timestep = 1.0 / 60.0
+    assert sampled(model) / expected - 1.0 == pytest.approx([-5.6e-4, -1.38e-2], rel=0.03)
+    model = compiled("euler")
+    assert sampled(model) == pytest.approx(expected, rel=1e-6)
+    model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    assert sampled(model) / expected - 1.0 == pytest.approx([-1.23e-3, -3.45e-3], rel=0.03)
 
 
 def test_the_step_of_the_file_is_not_read():

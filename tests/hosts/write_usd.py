@@ -41,7 +41,12 @@ def with_sensors(spec: bc.Spec) -> bc.Spec:
 CASES = {
     "array": (TIMED, "mount", bc.read_spec(EXAMPLES / "array.toml"), True),
     "untimed": (TIMED, "mount", bc.read_spec(EXAMPLES / "array.toml"), False),
-    "euler": (CRAFT, "mount", bc.read_spec(EXAMPLES / "array.toml"), False),
+    "euler": (
+        TIMED.replace("implicitfast", "Euler"),
+        "mount",
+        bc.read_spec(EXAMPLES / "array.toml"),
+        True,
+    ),
     "mast": (TIMED, "mount", bc.read_spec(EXAMPLES / "mast.toml"), True),
     "drive": (
         (CRAFTS / "drive.xml").read_text(),
