@@ -270,10 +270,11 @@ def test_worlds_of_one_spacecraft():
 
 
 # -- what docs/hosts.md warns of: each of these fails when Newton or the converter changes ---------
-def test_tendons_at_several_hinges_of_a_body_are_dropped():
+@pytest.mark.parametrize("file", ["mast.xml", "mast_as_written.usdc"])
+def test_tendons_at_several_hinges_of_a_body_are_dropped(file):
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
-        _, solver = imported(FILES / "mast.xml")
+        _, solver = imported(FILES / file)
     assert (solver.mj_model.ntendon, compiled("mast").ntendon > 0) == (0, True)
     assert any("invalid D6 joint" in str(one.message) for one in said)
 

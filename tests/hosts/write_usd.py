@@ -2,7 +2,7 @@
 
 Run by run.py in an environment of its own: mujoco-usd-converter needs an older MuJoCo than Newton.
 NAME.xml is what embed writes, NAME_newton.xml the same with one hinge per body where tendons pull,
-by the function of docs/hosts.md, and NAME.usdc is made of that.
+by the function of docs/hosts.md, NAME.usdc is made of that, and NAME_as_written.usdc of NAME.xml.
 """
 
 import re
@@ -72,11 +72,11 @@ def main(folder: Path) -> None:
     for name, (craft, site, spec, timed) in CASES.items():
         written = bc.embed(craft, {site: spec}, retime=timed).to_mjcf()
         (folder / f"{name}.xml").write_text(written)
-        given = folder / f"{name}_newton.xml"
-        given.write_text(names["one_hinge_per_body"](written))
-        converter = mujoco_usd_converter.Converter(layer_structure=False)
-        made = converter.convert(str(given), str(folder / name))
-        Path(made.path).replace(folder / f"{name}.usdc")
+        (folder / f"{name}_newton.xml").write_text(names["one_hinge_per_body"](written))
+        for source, target in ((f"{name}_newton", name), (name, f"{name}_as_written")):
+            converter = mujoco_usd_converter.Converter(layer_structure=False)
+            made = converter.convert(str(folder / f"{source}.xml"), str(folder / target))
+            Path(made.path).replace(folder / f"{target}.usdc")
 
 
 if __name__ == "__main__":
