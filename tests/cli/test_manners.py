@@ -155,6 +155,7 @@ def test_errors_under_json_are_json(arguments, kind, words, tmp_path, capsys, mo
     assert (code, told.strip()) == (2, "")
 
 
+@pytest.mark.slow
 def test_json_keeps_the_other_statuses(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert run(["schema", "--json"], capsys, monkeypatch)[0] == 0

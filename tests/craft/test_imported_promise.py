@@ -121,6 +121,7 @@ def kept(appendage) -> int:
     return len(appendage.fit.space.numbers)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "kind", [k if k == "independent" else pytest.param(k, marks=pytest.mark.slow) for k in KINDS]
 )

@@ -148,6 +148,7 @@ def appendage_taken_out(root):
 HAND = Arm(**{**ONE.__dict__, "keys": {"as_built": {}}})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [

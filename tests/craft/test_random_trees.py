@@ -35,6 +35,7 @@ def numbers():
     return [SEED, *(pytest.param(SEED + k, marks=SLOW) for k in range(1, TREES))]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", numbers())
 def test_the_promise_of_random_trees_is_what_finite_elements_find(tmp_path, number):
     tree = random_tree(number)
@@ -134,6 +135,7 @@ def growth(model, data, steps, rng):
     return late / early
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", numbers())
 def test_the_timing_of_random_trees_is_stable_at_any_step_pose_and_payload(tmp_path, number):
     tree = random_tree(number)

@@ -210,6 +210,7 @@ def driven(folder, joint, *, step="0.01", by="Euler", free="<freejoint/>", more=
     return path
 
 
+@pytest.mark.slow
 def test_a_drive_is_slewed_within_its_range_and_the_record_says_it_all(tmp_path):
     path = driven(tmp_path, 'range="-40 20"')
     done = call("stability", path, "-o", tmp_path / "out")

@@ -126,6 +126,7 @@ def cantilever(place, port, count):
     return [(root / link.length) ** 2 * np.sqrt(bending / mass) for root in roots]
 
 
+@pytest.mark.slow
 def test_a_carried_body_is_moved_as_it_is_written_and_comes_back(tmp_path):
     craft, at = written(tmp_path, arm())
     before = craft.read_bytes()
@@ -140,6 +141,7 @@ def test_a_carried_body_is_moved_as_it_is_written_and_comes_back(tmp_path):
     assert out.read_bytes() == before
 
 
+@pytest.mark.slow
 def test_the_file_embedded_again_is_the_same(tmp_path):
     craft, at = written(tmp_path, arm())
     out = tmp_path / "flexible.xml"
@@ -148,6 +150,7 @@ def test_the_file_embedded_again_is_the_same(tmp_path):
     assert again.to_mjcf(tmp_path) == out.read_text()
 
 
+@pytest.mark.slow
 def test_keyframes_keep_their_angles(tmp_path):
     flexible = bc.embed(*written(tmp_path, arm()))
     data = mujoco.MjData(flexible.model)
@@ -167,6 +170,7 @@ def test_the_rigid_twin_is_the_same_tree(tmp_path):
     assert data.body("hand").xpos == pytest.approx([11.5, 0.0, 0.0], abs=1e-12)
 
 
+@pytest.mark.slow
 def test_an_appendage_right_on_a_port_is_the_welded_arm(tmp_path):
     made = arm(0.001, axis=None, mass=0.001)
     craft, at = written(tmp_path, Arm(**{**made.__dict__, "keys": {}}))
@@ -191,6 +195,7 @@ def test_an_appendage_right_on_a_port_is_the_welded_arm(tmp_path):
     assert out.read_bytes() == craft.read_bytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "integrator", ["Euler", pytest.param("implicitfast", marks=pytest.mark.slow)]
 )

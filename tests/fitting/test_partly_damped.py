@@ -30,6 +30,7 @@ def accelerance(omega, modes):
     return 1.0 / (HUB + POLAR * LENGTH - share @ effective)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("modes", [1, 2, 3])
 def test_a_mode_without_damping_counts_with_half_a_percent(modes):
     section = bc.Equivalent(

@@ -133,6 +133,13 @@ def test_bad_input_is_answered(given, said):
         gymnasium.make(ID, disable_env_checker=True, **given)
 
 
+def test_an_unknown_option_of_reset_is_refused():
+    env = gymnasium.make(ID, disable_env_checker=True, variants=None)
+    with pytest.raises(bc.InputError, match="option of reset = 'tun' is unknown"):
+        env.reset(options={"tun": (0.0, 0.0, 0.1)})
+
+
+@pytest.mark.slow
 def test_rendering():
     import subprocess
 

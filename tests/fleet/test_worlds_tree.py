@@ -70,6 +70,7 @@ def test_drawn_worlds_of_a_tree_are_those_of_mujoco(arm):
     assert np.ptp(qpos[:, 7]) > 1e-6  # they differ
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", [0.0005, STEP, 0.05])
 def test_a_draw_that_changes_nothing_is_the_model_retimed(arm, step):
     many = bc.worlds(arm, {"frequency": 0.0}, count=1, timestep=step)
@@ -80,6 +81,7 @@ def test_a_draw_that_changes_nothing_is_the_model_retimed(arm, step):
         np.testing.assert_allclose(ours, theirs, atol=NOMINAL * np.abs(theirs).max())
 
 
+@pytest.mark.slow
 def test_poles_of_draws_stay_near_exact_motion(arm):
     """Retimed alone a draw is ten times nearer."""
     many = bc.worlds(arm, RANGES, count=6, timestep=STEP, seed=5)
@@ -114,6 +116,7 @@ def test_nothing_grows_in_any_draw_with_any_payload(arm, step, integrator):
         assert largest < GROWN
 
 
+@pytest.mark.slow
 def test_a_table_of_payloads_is_timed_variant_by_variant(arm):
     masses = np.tile(arm.model.body_mass, (3, 1))
     masses[:, arm.model.body("hand").id] = (1.0, 20.0, 400.0)

@@ -79,14 +79,33 @@ HOSTS = {
     "worlds": ("mujoco.mjx", "[mjx]", [], ["tests/hosts/test_mjx_worlds.py"]),
     "mjx": ("mujoco.mjx", "[mjx]", KERNEL, [*MJX, NOTEBOOK, PAGE.format("mjx")]),
     "warp": ("mujoco_warp", "[warp]", [], ["tests/hosts/test_warp.py", PAGE.format("warp")]),
+    "newton": ("newton", "[newton]", [], ["tests/hosts/test_newton.py", PAGE.format("newton")]),
 }
+
+#: host: what writes files for it first, in an environment of its own, since it cannot share one:
+#: what must import there, extra of beamchain, the script, which takes the folder of the files
+WRITERS = {"newton": ("mujoco_usd_converter", "[usd]", "tests/hosts/write_usd.py")}
 
 
 def main(name: str) -> int:
     if name not in HOSTS:
         sys.stderr.write(f"host {name!r} is unknown; choose from {', '.join(HOSTS)}.\n")
         return 2
+    if name in WRITERS:
+        module, extra, script = WRITERS[name]
+        status = run(f"{name}_writer", module, extra, [], [script, f"build/hosts/{name}_files"])
+        if status != 0:
+            return 0 if status is None else status
     module, extra, wanted, tests = HOSTS[name]
+    tested = ["-m", "pytest", "-rsP", "-p", "no:cacheprovider", *tests]
+    return run(name, module, extra, wanted, tested) or 0
+
+
+def run(name: str, module: str, extra: str, wanted: list[str], words: list[str]) -> int | None:
+    """Exit status of `python WORDS` in the environment of this name, which is made if need be.
+
+    None where pip cannot install it.
+    """
     folder = Path("build/hosts") / name
     python = folder / "bin" / "python"
     ready = folder / "ready"
@@ -106,7 +125,7 @@ def main(name: str) -> int:
                 f"host {name}: skipped, pip could not install beamchain{extra} {' '.join(wanted)}: "
                 f"{said}\n"
             )
-            return 0
+            return None
         ready.write_text(asked)
     if subprocess.run([str(python), "-c", f"import {module}"], check=False).returncode:
         sys.stderr.write(
@@ -116,9 +135,7 @@ def main(name: str) -> int:
         return 1
     sys.stdout.write(f"host {name}:\n")
     sys.stdout.flush()
-    return subprocess.run(
-        [str(python), "-m", "pytest", "-rsP", "-p", "no:cacheprovider", *tests], check=False
-    ).returncode
+    return subprocess.run([str(python), *words], check=False).returncode
 
 
 if __name__ == "__main__":

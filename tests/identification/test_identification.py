@@ -156,6 +156,7 @@ def test_noise_alone_has_no_modes():
         bc.identify(log_about_z(PAIR.kept(0), Gyro(1e-4)), HUB.xml, "mount")
 
 
+@pytest.mark.slow
 # -- harder logs -----------------------------------------------------------------------------------
 @pytest.mark.parametrize(
     ("apart", "modes"),
@@ -230,6 +231,7 @@ def test_several_logs_count_together():
     assert found.modes[0].frequency_std < alone.modes[0].frequency_std
 
 
+@pytest.mark.slow
 def test_saturated_samples_are_left_out_and_said():
     log = log_about_z(gyro=Gyro(1e-5, 2e-4, limit=0.012))
     assert np.mean(np.abs(log["rate_z"]) >= 0.012) > 0.02
@@ -246,6 +248,7 @@ def test_quantised_rates(quantum):
     assert verdict.verdict != "wrong", verdict
 
 
+@pytest.mark.slow
 def test_a_gyro_that_reads_whole_steps_of_most_of_its_signal_is_not_trusted():
     found = bc.identify(log_about_z(gyro=Gyro(0.0, 0.0, 5e-3)), HUB.xml, "mount")
     verdict = judge(found, PAIR, [2], [0])
@@ -261,6 +264,7 @@ def test_rows_of_other_axes_are_undetermined_without_a_prior():
     assert found.undetermined
 
 
+@pytest.mark.slow
 def test_rows_of_other_axes_come_from_the_prior(tmp_path):
     """A boom pushes as it turns: with the shape of its modes known,
     the clamped frequency follows from rotation alone."""
@@ -295,6 +299,7 @@ def test_without_a_prior_a_boom_on_a_free_hub_is_not_called_clamped():
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("factor", [0.7, 1.5, 4.0])
 def test_a_wrong_prior_does_not_win_over_the_log(factor, tmp_path):
     path = write_prior(tmp_path, TWO, frequency=factor)
@@ -317,6 +322,7 @@ def test_degrees_are_noticed():
         bc.identify(log, HUB.xml, "mount")
 
 
+@pytest.mark.slow
 def test_torques_that_cannot_be_told_apart_are_named():
     both = {"y": TORQUE, "z": -2.0 * TORQUE}
     found = bc.identify(record(HUB, PAIR.kept(4), TIME, both, FINE), HUB.xml, "mount")

@@ -97,6 +97,7 @@ def test_intervals_with_a_prior_and_three_axes_hold(tmp_path):
     assert inside.min() >= binom.ppf(TAIL, len(off), COVERED), inside / len(off)
 
 
+@pytest.mark.slow
 def test_a_mode_of_the_prior_below_the_noise_keeps_its_widths(tmp_path):
     """Of six modes of the prior the gyro shows four; the others stay, and are not called
     determined."""

@@ -109,6 +109,7 @@ def test_what_is_missing_is_said(observer, pages):
     assert all(f"{w:.5g}" in section.text_content() for w in gone)
 
 
+@pytest.mark.slow
 def test_commands_of_the_embed_page_make_the_same_file(pages, observer, tmp_path, monkeypatch):
     root = html.fromstring(pages["embed"])
     (section,) = root.xpath("//section[h2[text()='To reproduce']]")

@@ -46,6 +46,7 @@ def test_the_hand_is_drawn_where_the_keyframe_puts_it(arm):
     assert (6.5, 5.0) in ends
 
 
+@pytest.mark.slow
 def test_the_page_shows_the_tree(arm):
     page = html.fromstring(arm.report())
     captions = [caption.text_content() for caption in page.iter("figcaption")]

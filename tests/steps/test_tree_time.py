@@ -13,6 +13,7 @@ import stepped
 from arms import Arm, Link, mjcf, side, toml
 from command import call
 from craft_truth import compiled
+from mechanics import INTEGRATORS
 
 BAND = 20.0
 SLOW = pytest.mark.slow
@@ -74,6 +75,7 @@ def test_the_step_of_an_arm_is_near_exact_motion_at_every_angle(tmp_path, timest
         assert pole < poles
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("timestep", [0.01, pytest.param(0.02, marks=SLOW)])
 def test_the_stated_error_of_the_step_is_that_of_finite_elements(tmp_path, timestep):
     made = arm(20.0)
@@ -94,6 +96,7 @@ def test_the_stated_error_of_the_step_is_that_of_finite_elements(tmp_path, times
     assert flexible.met is (1.01 * flexible.sampled_error <= 0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("integrator", ["Euler", "implicitfast"])
 def test_timing_comes_out_bit_by_bit(tmp_path, integrator):
     flexible = embedded(tmp_path, arm(20.0), 0.01, integrator)
@@ -185,6 +188,7 @@ def test_sprung_drives_that_are_too_fast_for_rk4_are_slowed_where_it_is_asked_fo
     assert slow.model.joint("drive").armature[0] == 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("first", [("--retime-joints",), ("--retime",)])
 def test_the_command_times_joints_and_takes_it_out_again(tmp_path, first):
     text = SPRUNG.format(step=0.01, integrator="Euler", drive=DRIVES["sprung"][0], more="")
@@ -223,6 +227,7 @@ def test_joints_that_cannot_be_timed_are_named(options, joint, sentence):
         bc.embed(text, {"mount": SPEC}, retime_joints=True, **options)
 
 
+@pytest.mark.slow
 def test_the_largest_step_that_keeps_the_tolerance_is_named(tmp_path):
     """At a step half a tenth shorter than the one named it is kept, at a third longer it is not."""
     made = arm(20.0)
@@ -252,3 +257,14 @@ def test_timing_and_latching_of_a_joint_do_not_meet(latched_first):
     for undo in (lambda: bc.retime(model, 0.0), lambda: bc.unlatch(model, data, "drive")):
         undo()
     assert np.array_equal(model.dof_armature, before)
+
+
+def test_discrete_leaves_an_arm_alone(tmp_path):
+    if "discrete" not in INTEGRATORS:
+        pytest.skip("this MuJoCo has no `discrete` integrator")
+    model = embedded(tmp_path, arm(20.0), 0.01).model
+    plain = copy.copy(model)
+    bc.retime(plain, 0.0)
+    bc.retime(model, 0.01, "discrete", joints=True)
+    for name in ("tendon_stiffness", "tendon_damping", "tendon_armature", "dof_armature"):
+        np.testing.assert_allclose(getattr(model, name), getattr(plain, name), rtol=1e-12)

@@ -48,6 +48,7 @@ def grows(path):
     return False
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("integrator", "step", "damper", "spring"),
     [

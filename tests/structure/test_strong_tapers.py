@@ -13,6 +13,7 @@ def rectangle(y: float, z: float) -> bc.Rectangle:
     return bc.Rectangle(width_y=y, width_z=z)
 
 
+@pytest.mark.slow
 def test_a_taper_beyond_what_double_precision_holds_apart_is_named():
     first = bc.Round(diameter=0.128)
     last = bc.Round(diameter=0.0959)

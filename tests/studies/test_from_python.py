@@ -35,6 +35,7 @@ def test_stability_of_a_model(tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_study_of_some_models_only():
     told = []
     found = bc.study(

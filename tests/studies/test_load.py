@@ -28,6 +28,7 @@ def test_the_default_load_is_linear():
     assert not found.warnings
 
 
+@pytest.mark.slow
 def test_a_larger_load_is_warned_of_and_its_change_grows_with_the_square(tmp_path):
     one, three = (bc.study(SEED, amplitude=size, **QUICK) for size in (10.0, 30.0))
     ratio = three.as_dict()["reference"]["nonlinear"] / one.as_dict()["reference"]["nonlinear"]
@@ -39,6 +40,7 @@ def test_a_larger_load_is_warned_of_and_its_change_grows_with_the_square(tmp_pat
         assert "not to be relied on" in found.write(tmp_path, force=True)[-2].read_text()
 
 
+@pytest.mark.slow
 def test_the_default_load_stays_linear_on_a_heavy_hub():
     """A hub of ten thousand beams hardly moves:
     the doublet is chosen by what the appendage does."""

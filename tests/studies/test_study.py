@@ -217,6 +217,7 @@ def order(steps: list[float], values: list[float]) -> float:
     return float(np.polyfit(np.log(steps), np.log(values), 1)[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("entry", "steps", "metric", "claimed"),
     [

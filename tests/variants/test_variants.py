@@ -25,7 +25,6 @@ from specs import spec_of
 
 ONE_BY_ONE = 1e-9  # the demand: a row of the arrays against the model compiled from its own XML
 STEP = 1e-9  # entries of the step's matrix: central differences of MuJoCo leave about 1e-10
-REFITTED = 1e-8  # a structure fitted again, through two ways of compiling it
 ROWS, SAMPLES = 20, 100
 
 CRAFT = """<mujoco><option timestep="0.02" integrator="implicitfast" gravity="0 0 0"/><worldbody>
@@ -496,3 +495,8 @@ def test_the_command(folder, swept, tmp_path):
         "sweep.json",
         "variants.npz",
     ]
+
+
+def test_the_sweep_of_a_craft_has_no_nominal_fit(swept):
+    with pytest.raises(bc.InputError, match="nominal: this is the sweep of a craft"):
+        swept.nominal

@@ -135,6 +135,8 @@ class Satellite(gymnasium.Env[Array, Array]):
         super().reset(seed=seed)
         axis = self.np_random.normal(size=3)
         drawn = axis / np.linalg.norm(axis) * self.slew * self.np_random.uniform(0.5, 1.0)
+        for name in options or {}:
+            one_of("option of reset", name, ("turn",))
         turn = finite_array("turn", (options or {}).get("turn", drawn), (3,), unit="rad")
         half = float(np.linalg.norm(turn)) / 2.0
         self._target = np.append(np.cos(half), turn / 2.0 * np.sinc(half / np.pi))

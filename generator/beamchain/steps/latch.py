@@ -330,10 +330,13 @@ def _mark(model: "mujoco.MjModel", hinge: Hinge) -> None:
 def _hinge(model: "mujoco.MjModel", data: "mujoco.MjData", name: str) -> Hinge:
     of_type("model", model, mujoco.MjModel, "a compiled mujoco.MjModel")
     of_type("data", data, mujoco.MjData, "the mujoco.MjData of the model")
-    if (data.qpos.size, data.qvel.size) != (model.nq, model.nv):
+    counts = model.nq, model.nv, model.nu, model.nbody, model.ngeom, model.nsensordata
+    of_data = data.qpos, data.qvel, data.ctrl, data.xpos, data.geom_xpos, data.sensordata
+    if tuple(map(len, of_data)) != counts:
         raise InputError(
-            f"data has {data.qpos.size} positions and {data.qvel.size} rates, the model "
-            f"{model.nq} and {model.nv}; give the mujoco.MjData of this model."
+            f"data, with {data.qpos.size} positions and {data.qvel.size} rates, was made for "
+            f"another model than this, which has {model.nq} and {model.nv}; give the "
+            "mujoco.MjData of this model."
         )
     kind = int(mujoco.mjtJoint.mjJNT_HINGE)
     joint = -1

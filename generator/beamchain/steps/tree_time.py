@@ -139,6 +139,11 @@ def tree_form(
     response is kept; where left out the last kept mode, and at most 0.2 rad per step.
     """
     h = float(timestep)
+    scheme = SCHEMES[integrator]
+    if integrator == "discrete":  # stable whatever is carried, and cannot be made exact
+        alone = Tendons(modal.stiffness, modal.damping, np.zeros(len(modal.names)))
+        modes = _modes(modal, alone, integrator, h)
+        return TendonValues(alone.damping, alone.armature, scheme.phase, 0.0, modes)
     places = tuned_poses(model, modal)
     motions = [motion_for(model, h, integrator, place) for place in places]
     top = min(band or min(last_kept(model, motions[0]), UNASKED / h), FASTEST / h)
@@ -152,7 +157,7 @@ def tree_form(
     return TendonValues(
         tendons.damping,
         tendons.armature,
-        SCHEMES[integrator].phase,
+        scheme.phase,
         room.largest(unknowns),
         _modes(modal, tendons, integrator, h),
         tendons.stiffness,

@@ -96,8 +96,13 @@ class Sweep:
 
     @property
     def nominal(self) -> Fit:
-        """The nominal fit of a sweep of one appendage."""
-        assert isinstance(self.source, Fit)
+        """The nominal fit of a sweep of one appendage.
+
+        Raises:
+            InputError: the sweep is one of a craft.
+        """
+        if not isinstance(self.source, Fit):
+            raise InputError("nominal: this is the sweep of a craft, whose nominal is in source.")
         return self.source
 
     @property
