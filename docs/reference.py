@@ -48,6 +48,8 @@ RESULTS = {
     "Linear": "bc.Linear.of(model)",
     "Linearisation": "bc.linearise(model)",
     "Plant": "bc.plant(model, inputs, outputs)",
+    "Recorder": "embedded.recorder()",
+    "Recovery": "embedded.recover(data, place)",
     "Retimed": "bc.retime(model, timestep)",
     "ScheduledPlant": 'bc.plant(model, inputs, outputs, at={"drive": angles})',
     "StabilityStudy": "bc.stability(source)",
@@ -93,8 +95,18 @@ PARTS = {
         "engine.normal_modes.NormalModes",
     ),
     "Linearisation": ("engine.linearise.Held",),
+    "Recorder": ("engine.root_motion.Run",),
+    "Recovery": (
+        "craft.recovery.Extreme",
+        "craft.recovery.History",
+        "structure.sections_at.Sections",
+    ),
     "Retimed": ("steps.forms.ModeTime",),
-    "Segment": ("structure.segment.Stations", "structure.section.Geometry"),
+    "Segment": (
+        "structure.segment.Stations",
+        "structure.section.Geometry",
+        "structure.section.Outline",
+    ),
     "StabilityStudy": (
         "craft.stability.StepRow",
         "craft.slews.SlewRow",

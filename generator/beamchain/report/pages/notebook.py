@@ -10,11 +10,13 @@ from beamchain.report.formats import number, relative, step_text, typeset
 from beamchain.report.table import Table
 from beamchain.report.tables.embed import coupled_table
 from beamchain.report.tables.fit import matched_modes, mode_table
+from beamchain.report.tables.recovery import recovery_table
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from beamchain.craft.embedded import Embedded
+    from beamchain.craft.recovery import Recovery
     from beamchain.fitting.result import Fit
 
 
@@ -60,6 +62,12 @@ def embedded_html(embedded: "Embedded") -> str:
     notes = [embedded.headline, embedded.assembly.worst_told]
     notes += [f"note: {text}" for text in embedded.warnings]
     return table_html(coupled_table(embedded.assembly), notes, title=", ".join(places))
+
+
+def recovery_html(recovery: "Recovery") -> str:
+    """The extremes inside an appendage."""
+    table = recovery_table(recovery)
+    return table_html(table, title=table.title)
 
 
 def table_html(table: Table, notes: "Iterable[str]" = (), title: str = "") -> str:
