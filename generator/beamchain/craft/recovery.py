@@ -152,10 +152,8 @@ def _run_of_arrays(model: "mujoco.MjModel", given: "Mapping[Any, Any]") -> Run:
             arrays[name] = finite_array(name, given[name], (count, *shape))
     if count == 0:
         raise InputError("data holds no instant; give at least one row of qpos.")
-    time = float(model.opt.timestep) * np.arange(count)
-    if "time" in given:
-        time = finite_array("time", given["time"], (count,), unit="s")
-    return Run(time, None, arrays)
+    time = given.get("time", float(model.opt.timestep) * np.arange(count))
+    return Run(finite_array("time", time, (count,), unit="s"), None, arrays)
 
 
 # -- results ---------------------------------------------------------------------------------------
@@ -739,6 +737,16 @@ def _acceleration(root: RootMotion, stations: Array, factors: Array, modes: _Mod
 
 
 # -- imported modes --------------------------------------------------------------------------------
+def _check_modes(rows: RecoveryRows, modes: int) -> None:
+    """The rows have a column for each mode of the file."""
+    if rows.modes.shape[1] != modes:
+        raise InputError(
+            f"{rows.source}: the rows have {rows.modes.shape[1]} columns, but the file holds "
+            f"{modes} modes; give a column for every mode, by ascending frequency, whether it is "
+            "kept or not."
+        )
+
+
 def _of_imported(
     model: "mujoco.MjModel",
     appendage: Appendage,
@@ -762,7 +770,7 @@ def _of_imported(
     histories = _root_histories(root, at_root[:3], at_root[3:])
     row_names: tuple[str, ...] = ()
     if rows is not None:
-        rows.check_modes(body.kept.shape[1])
+        _check_modes(rows, body.kept.shape[1])
         row_names = rows.names
         # coordinates of the file's own units: energy is M L^2 / T^2 there
         units = imported.units if imported is not None else None

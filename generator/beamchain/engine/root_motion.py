@@ -11,6 +11,7 @@ from beamchain.ports.motions import Array
 
 #: what makes up a state of a run: all that the next step and the accelerations follow from
 STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
+TIME = int(mujoco.mjtState.mjSTATE_TIME)
 
 
 class Root(NamedTuple):
@@ -84,7 +85,7 @@ def motion_of(model: "mujoco.MjModel", run: Run, roots: Sequence[Root]) -> Motio
             mujoco.mj_setState(model, data, run.states[t], STATE)
         for name, values in run.arrays.items():
             getattr(data, name)[:] = values[t]
-        data.time = run.time[t]
+        mujoco.mj_setState(model, data, run.time[t : t + 1], TIME)
         if "qacc" in run.arrays:
             given = data.qacc.copy()
             mujoco.mj_fwdPosition(model, data)
@@ -113,7 +114,7 @@ def _read(
     model: "mujoco.MjModel", data: "mujoco.MjData", root: Root, motion: RootMotion, t: int
 ) -> None:
     """One instant of a root."""
-    kind = int(mujoco.mjtObj.mjOBJ_XBODY)
+    kind = mujoco.mjtObj.mjOBJ_XBODY
     axes = data.xmat[root.body].reshape(3, 3)
     spatial = np.zeros(6)
     gravity_on = not int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)

@@ -97,16 +97,3 @@ class RecoveryRows:
         except InputError as error:
             raise InputError(f"{self.source}: {error}") from None
         return values.reshape(count, -1) if values.size and values.ndim < 2 else values
-
-    def check_modes(self, modes: int) -> None:
-        """The rows have a column for each mode of the file.
-
-        Raises:
-            InputError: they have more or fewer.
-        """
-        if self.modes.shape[1] != modes:
-            raise InputError(
-                f"{self.source}: the rows have {self.modes.shape[1]} columns, but the file holds "
-                f"{modes} modes; give a column for every mode, by ascending frequency, whether it "
-                "is kept or not."
-            )

@@ -4,6 +4,7 @@ from bisect import bisect_right
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from beamchain.ports.motions import Array
 from beamchain.structure.beam import Beam
@@ -22,7 +23,7 @@ class Sections:
     second_moment_y: Array
     half_y: Array
     half_z: Array
-    is_round: Array
+    is_round: NDArray[np.bool_]
 
     def stress(self, force: Array, moment: Array, y: float, z: float) -> Array:
         """`(t, s)` normal stress of a fibre [N/m^2] under loads `(t, s, 3)`."""
@@ -79,4 +80,5 @@ def sections_at(beam: Beam, stations: Array) -> Sections:
         ]
         values[3:, i] = float(outline.half_y[0]), float(outline.half_z[0])
         is_round[i] = outline.is_round
-    return Sections(*values, is_round)
+    area, second_z, second_y, half_y, half_z = values
+    return Sections(area, second_z, second_y, half_y, half_z, is_round)
