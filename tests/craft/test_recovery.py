@@ -9,6 +9,7 @@ import beamchain as bc
 from hub_and_beam import HubAndBeam
 
 KEPT = 1e-6  # of the largest value: kept modes against finite elements of the same modes
+TIMED = 3e-6  # poles of a retimed file are exact, what each adds is so nearly (1e-6 here)
 WHOLE = 1e-3  # with the static part, against all modes: what is left is their dynamics
 LACKS = 0.03  # by more than this the kept modes alone are off
 EXACT = 1e-9  # of the largest value: sums of the same forces, in another order
@@ -97,15 +98,17 @@ def test_a_free_run_of_the_kept_modes(slew, kept):
     moved, accelerated = TRUTH.motion(basis, SMALL, OMEGA, loads.time)
     mass = TRUTH.beam[1]
     root = -TRUTH.rigid.T @ mass @ accelerated
-    assert off(loads.root_force[:, 1], root[0]) < KEPT
-    assert off(loads.root_moment[:, 2], root[1]) < KEPT
+    misses = off(loads.root_force[:, 1], root[0]), off(loads.root_moment[:, 2], root[1])
+    print(f"root force {misses[0]:.1e}, root moment {misses[1]:.1e}")
+    assert max(misses) < KEPT
     relative = moved - TRUTH.rigid @ moved[:2]
     amplitudes = shapes.T @ mass @ relative
     assert off(loads.amplitudes, amplitudes.T) < KEPT
     for s, x in enumerate(STATIONS):
         force, moment = TRUTH.strain_load(x, frequencies, shapes) @ amplitudes
-        assert off(loads.force[:, s, 1], force) < KEPT
-        assert off(loads.moment[:, s, 2], moment) < KEPT
+        misses = off(loads.force[:, s, 1], force), off(loads.moment[:, s, 2], moment)
+        print(f"x = {x}: shear {misses[0]:.1e}, moment and stress {misses[1]:.1e}")
+        assert max(misses) < KEPT
     fibre = -loads.moment[:, 2, 2] * DIAMETER / 2.0 / SECOND_MOMENT
     assert off(loads.stress_at(DIAMETER / 2.0, 0.0)[:, 2], fibre) < EXACT
     assert off(loads.displacement[:, 2, 1], relative[2 * TRUTH.node(4.0)]) < KEPT
@@ -123,6 +126,7 @@ def test_a_free_run_with_the_modes_left_out(slew):
     force, moment = TRUTH.load(0.0, moved, accelerated)
     assert off(loads.root_force[:, 1], force) < WHOLE
     assert off(loads.root_moment[:, 2], moment) < WHOLE
+    print(f"root moment {off(loads.root_moment[:, 2], moment):.1e}")
     assert off(alone.force[:, 0, 1], force) > LACKS
     for s, x in enumerate(STATIONS):
         force, moment = TRUTH.load(x, moved, accelerated)
@@ -133,7 +137,9 @@ def test_a_free_run_with_the_modes_left_out(slew):
             assert off(loads.displacement[:, s, 1], relative[node]) < WHOLE
             assert off(loads.acceleration[:, s, 1], accelerated[node]) < WHOLE
     stress = -force_to_stress(TRUTH.load(4.0, moved, accelerated)[1])
-    assert off(loads.stress_at(DIAMETER / 2.0, 0.0)[:, 2], stress) < WHOLE
+    found = loads.stress_at(DIAMETER / 2.0, 0.0)[:, 2]
+    print(f"stress at mid-span {off(found, stress):.1e}")
+    assert off(found, stress) < WHOLE
     assert off(loads.stress[:, 2, 0], np.abs(stress)) < WHOLE
 
 
@@ -187,8 +193,14 @@ def test_loads_at_positions_of_the_truth(count):
     for s, x in enumerate(STATIONS):
         strained = TRUTH.strain_load(x, frequencies, shapes) @ amplitudes
         whole = TRUTH.load(x, moved, accelerated)
-        assert off(loads.force[:, s, 1], whole[0]) < WHOLE
-        assert off(loads.moment[:, s, 2], whole[1]) < WHOLE
+        both = [(q.force[:, s, 1], q.moment[:, s, 2]) for q in (alone, loads)]
+        force, moment = ([off(part[i], whole[i]) for part in both] for i in range(2))
+        print(
+            f"{count} kept, x = {x}: shear {force[0]:.2e} -> {force[1]:.2e}, "
+            f"moment and stress {moment[0]:.2e} -> {moment[1]:.2e}"
+        )
+        assert force[1] < WHOLE
+        assert moment[1] < WHOLE
         assert off(alone.moment[:, s, 2], strained[1]) < KEPT
         assert off(alone.force[:, s, 1], strained[0]) < KEPT
     # with one mode the stress at mid-span is off by 4.8 %, with two the shear at the root by 3.4 %
@@ -197,8 +209,8 @@ def test_loads_at_positions_of_the_truth(count):
 
 
 def test_samples_of_a_run_that_is_exact_in_time(kept):
-    """Steps of 0.02 s, a fifth of a radian of the second mode's doubled phase and more: positions
-    at the samples are exact, and so is what is recovered from them."""
+    """Steps of 0.02 s, 1.2 rad of the second mode: positions at the samples are exact, and so is
+    what is recovered from them."""
     flexible = craft(boom(), step=0.02, integrator="Euler", retime=True)
     data = mujoco.MjData(flexible.model)
     held = bc.HeldInput()
@@ -215,10 +227,12 @@ def test_samples_of_a_run_that_is_exact_in_time(kept):
     mass = TRUTH.beam[1]
     relative = moved - TRUTH.rigid @ moved[:2]
     moment = (TRUTH.strain_load(4.0, frequencies, shapes) @ (shapes.T @ mass @ relative))[1]
-    assert off(loads.moment[:, 0, 2], moment) < KEPT
+    print(f"moment at mid-span {off(loads.moment[:, 0, 2], moment):.1e}")
+    assert off(loads.moment[:, 0, 2], moment) < TIMED
     # where the torque jumps the load on the root does: the mean of both sides, as the input is
     root = -TRUTH.rigid.T @ mass @ (before + behind) / 2.0
-    assert off(loads.root_moment[:, 2], root[1]) < KEPT
+    print(f"root moment {off(loads.root_moment[:, 2], root[1]):.1e}")
+    assert off(loads.root_moment[:, 2], root[1]) < TIMED
 
 
 # -- closed forms ----------------------------------------------------------------------------------
@@ -402,6 +416,25 @@ def test_loads_at_the_root_are_those_of_its_beam(tmp_path):
     assert misses[1] < 0.2 * misses[0]
 
 
+def test_straight_in_a_tree_the_root_has_all_that_lies_beyond(specs):
+    """At rest no mode moves: the static part alone is what MuJoCo's bodies put on the root, of
+    bodies and of another appendage on a port as well."""
+    specs["other"].write_text(ROD.replace("xz = 1\ntorsion = 1", "xz = 2"))
+    arm = bc.read_spec(specs["mount"])
+    places = {"mount": arm, "other": arm.replace(name="arm2"), "other:end": specs["other"]}
+    hung = bc.embed(TREE, places, retime=False)
+    carrying = bc.embed(TREE, specs, carry={"mount:end": ["hand"]}, retime=False)
+    for flexible in (hung, carrying):
+        data = mujoco.MjData(flexible.model)
+        data.xfrc_applied[1] = [3.0, -5.0, 7.0, 2.0, -1.0, 4.0]
+        for appendage in flexible.appendages:
+            found = flexible.recover(data, appendage.at, x=[0.0])
+            # fillers of the arm are 2 % of a motion and yield at once; the rod has none
+            most = EXACT if appendage.spec.name == "rod" else WHOLE
+            assert off(found.force[0, 0], found.root_force[0]) < most
+            assert off(found.moment[0, 0], found.root_moment[0]) < most
+
+
 TIP = HubAndBeam(**{**TRUTH.__dict__, "tip_mass": 4.0, "tip_inertia": 0.7})
 
 
@@ -553,6 +586,10 @@ def test_rows_over_imported_modes(tmp_path, turn, units, kind):
     force, moment = TRUTH.load(0.0, moved, accelerated)
     assert off(found.root_force[:, 1], force) < 2.0 * WHOLE
     assert off(found.root_moment[:, 2], moment) < 2.0 * WHOLE
+    # from the file that is written, which names the rows
+    flexible.write(tmp_path / "flexible.xml")
+    proof = bc.prove(tmp_path / "flexible.xml")
+    assert proof.recover(data).rows == pytest.approx(found.rows, rel=EXACT, abs=1e-18)
     extreme = next(e for e in found.extremes if e.quantity == "Mz")
     assert extreme.unit == "N m"
     assert extreme.largest == np.max(found.rows[:, 1])

@@ -495,7 +495,7 @@ def _rows_of(appendage: Appendage, rows: object) -> RecoveryRows | None:
     if rows is None:
         path = None if imported is None else imported.recovery
         return None if path is None else read_recovery(path)
-    if imported is None:
+    if appendage.fit.space is None:
         raise InputError(
             f"rows are given, but the appendage at {appendage.at} is a beam, whose loads follow "
             "from its sections; leave rows out and give stations x."
