@@ -526,10 +526,19 @@ def imported(folder, turn, units, kind):
         "length": LENGTH / lengths,
     }
     (folder / "modes.toml").write_text("\n".join(f"{k} = {v}" for k, v in text.items()))
+    if kind == "matrices":
+        # inner freedoms z that mix the modes, eta = T z: what is mixed has no sign or order
+        mix = np.random.default_rng(1).standard_normal((2 * COUNT, 2 * COUNT))
+        stiffness = np.zeros((6 + 2 * COUNT, 6 + 2 * COUNT))
+        stiffness[6:, 6:] = mix.T @ np.diag(np.repeat(frequencies, 2) ** 2) @ mix
+        beside = mix.T @ participation
+        whole = np.block([[body, beside.T], [beside, mix.T @ mix]])
+        np.savez(folder / "m.npz", mass=whole, stiffness=stiffness, boundary=np.arange(6))
+        rows = rows @ mix
     rows = rows * lengths * np.sqrt(masses)
     names, unit = ["My", "Mz", "ay", "az"], ["N m", "N m", "m/s^2", "m/s^2"]
     rows[[0, 1]] = rows[[1, 0]]
-    if kind == "npz":
+    if kind != "toml":
         moving = np.array([False, False, True, True])[:, None]
         np.savez(
             folder / "rows.npz",
@@ -550,8 +559,8 @@ def imported(folder, turn, units, kind):
     (folder / "panel.toml").write_text(
         f"""name = "appendage"
 [imported]
-file = "modes.toml"
-recovery = "rows.{kind}"
+file = "{"m.npz" if kind == "matrices" else "modes.toml"}"
+recovery = "rows.{"toml" if kind == "toml" else "npz"}"
 modes = [1, 2]
 units = {{ length = {lengths}, mass = {masses} }}
 [fit]
@@ -562,7 +571,12 @@ springs = "modes"
 
 
 @pytest.mark.parametrize(
-    ("turn", "units", "kind"), [(0.0, (1.0, 1.0), "toml"), (0.5, (1e-3, 1e3), "npz")]
+    ("turn", "units", "kind"),
+    [
+        (0.0, (1.0, 1.0), "toml"),
+        (0.5, (1e-3, 1e3), "npz"),
+        (0.0, (1.0, 1.0), "matrices"),
+    ],
 )
 def test_rows_over_imported_modes(tmp_path, turn, units, kind):
     """One mode of each plane is kept; those that are not give the static part."""

@@ -742,8 +742,8 @@ def _check_modes(rows: RecoveryRows, modes: int) -> None:
     if rows.modes.shape[1] != modes:
         raise InputError(
             f"{rows.source}: the rows have {rows.modes.shape[1]} columns, but the file holds "
-            f"{modes} modes; give a column for every mode, by ascending frequency, whether it is "
-            "kept or not."
+            f"{modes} modes (or inner freedoms); give a column for every one, by ascending "
+            "frequency, whether it is kept or not."
         )
 
 

@@ -50,7 +50,7 @@ class Run:
 
     Args:
         time: `(t,)` [s].
-        states: `(t, size)` complete states; or None,
+        states: `(t, size)` complete states; None where there are arrays only.
         arrays: by name of a field of MjData, `(t, ...)` each; with "qacc" accelerations as given.
     """
 

@@ -51,8 +51,8 @@ class ModalData:
         printed: the numbers are as printed; False once the effects of rounding have been removed.
         uncertain: what the file says is not known exactly of the modes,
             as [uncertain] of a specification would.
-        origin: `(n, N)` each mode in terms of the N modes of the file, by ascending frequency;
-            left out where they are the same.
+        origin: `(n, N)` each mode in terms of what the file holds: its N modes by ascending
+            frequency, or the N inner freedoms of its matrices; left out where they are the same.
 
     Raises:
         InputError: shapes disagree, a number is not finite, or the numbers contradict each other.
@@ -442,7 +442,7 @@ class ModalData:
 
     @property
     def in_file(self) -> Array:
-        """`(n, N)` each mode in terms of those of the file, by ascending frequency."""
+        """`(n, N)` each mode in terms of the modes of the file, or of its inner freedoms."""
         return np.eye(self.modes) if self.origin is None else self.origin
 
     def untangled(self) -> "ModalData":

@@ -26,8 +26,9 @@ class RecoveryRows:
 
     Args:
         names: of the r quantities.
-        modes: `(r, n)` per mass-normalised mode of the file, all of them, by ascending frequency.
-        accelerations: `(r, n)` per acceleration of each mode; zeros where left out.
+        modes: `(r, n)` per mass-normalised mode of the file, all of them, by ascending frequency;
+            of a file of matrices per inner freedom (those beside the boundary), in their order.
+        accelerations: `(r, n)` per acceleration of each; zeros where left out.
         root: `(r, 6)` per acceleration of the root in the appendage's axes [m/s^2, rad/s^2];
             zeros where left out.
         units: of the quantities; empty where left out.
