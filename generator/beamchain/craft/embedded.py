@@ -17,6 +17,7 @@ from beamchain.craft.coupled_modes import Mode
 from beamchain.craft.documents import assemble
 from beamchain.craft.error import CraftError, Pose, counterpart, craft_error, craft_poses
 from beamchain.craft.promise import JointRequest, joint_request, kept_band
+from beamchain.craft.recovered_body import BeamBody
 from beamchain.craft.recovery import Recorder, Recovery, recover
 from beamchain.craft.sampled import craft_sampled_error
 from beamchain.craft.step_search import largest_step
@@ -394,7 +395,13 @@ class Embedded:
             x=x,
             static=true_or_false("static", static),
             rows=rows,
+            known=self._insides,
         )
+
+    @cached_property
+    def _insides(self) -> dict[tuple[str, bytes], BeamBody]:
+        """Beams whose sections were looked at, by place and stations."""
+        return {}
 
     @one_thread()
     def as_dict(self) -> dict[str, Any]:

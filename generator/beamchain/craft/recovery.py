@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 AXES = ("x", "y", "z")
 STATIONS = 5  # evenly spaced from root to tip, where none are given
 MOST_STATIONS = 1000
+MOST_KNOWN = 16  # beams at their stations that are kept for further calls
 STATIC = "modes left out"  # what a value comes from that no kept mode makes
 RIGID = "motion of the root"
 
@@ -451,9 +452,10 @@ def recover(
     x: ArrayLike | None,
     static: bool,
     rows: object,
+    known: dict[tuple[str, bytes], BeamBody],
 ) -> Recovery:
     """What a run of a model, without timing, did inside the appendage at a place; arguments as of
-    `Embedded.recover`."""
+    `Embedded.recover`. `known`: beams by place and stations, which are dear, kept for the next."""
     appendage = appendage_at(appendages, place)
     where = place_of(model, appendage, appendages)
     recovery_rows = _rows_of(appendage, rows)
@@ -462,7 +464,13 @@ def recover(
     motion = motion_of(model, run, [where.root])
     if appendage.fit.space is not None:
         return _of_imported(model, appendage, run, motion, rows=recovery_rows, static=static)
-    body = beam_body(model, appendage, stations)
+    key = (appendage.at, stations.tobytes())
+    body = known.get(key)
+    if body is None:
+        body = beam_body(model, appendage, stations)
+        if len(known) >= MOST_KNOWN:
+            known.clear()
+        known[key] = body
     return _of_beam(appendage, where, body, run, motion, stations=stations, static=static)
 
 

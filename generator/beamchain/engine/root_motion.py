@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from beamchain.engine.library import mujoco
 from beamchain.ports.motions import Array
@@ -74,13 +75,9 @@ def motion_of(model: "mujoco.MjModel", run: Run, roots: Sequence[Root]) -> Motio
 
     Accelerations are those of MuJoCo's equations of motion in each state, where they are not given.
     """
-    count = run.time.size
     data = mujoco.MjData(model)
-    qpos = np.empty((count, model.nq))
-    qvel = np.empty((count, model.nv))
-    qacc = np.empty((count, model.nv))
-    out = [_empty(count, len(root.carried)) for root in roots]
-    for t in range(count):
+    out = _Raw.of(model, run.time.size, roots)
+    for t in range(run.time.size):
         if run.states is not None:
             mujoco.mj_setState(model, data, run.states[t], STATE)
         for name, values in run.arrays.items():
@@ -94,48 +91,89 @@ def motion_of(model: "mujoco.MjModel", run: Run, roots: Sequence[Root]) -> Motio
         else:
             mujoco.mj_forward(model, data)
         mujoco.mj_rnePostConstraint(model, data)
-        qpos[t], qvel[t], qacc[t] = data.qpos, data.qvel, data.qacc
-        for root, motion in zip(roots, out, strict=True):
-            _read(model, data, root, motion, t)
-    return Motion(qpos, qvel, qacc, tuple(out))
-
-
-def _empty(count: int, carried: int) -> RootMotion:
-    return RootMotion(
-        np.empty((count, 6)),
-        np.empty((count, 3)),
-        np.empty((count, 3)),
-        np.empty((count, 6)),
-        np.empty((count, carried, 6)),
-    )
-
-
-def _read(
-    model: "mujoco.MjModel", data: "mujoco.MjData", root: Root, motion: RootMotion, t: int
-) -> None:
-    """One instant of a root."""
-    kind = mujoco.mjtObj.mjOBJ_XBODY
-    axes = data.xmat[root.body].reshape(3, 3)
-    spatial = np.zeros(6)
+        out.read(model, data, t)
     gravity_on = not int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
-    gravity = axes.T @ model.opt.gravity if gravity_on else np.zeros(3)
-    mujoco.mj_objectAcceleration(model, data, kind, root.body, spatial, 1)
-    # MuJoCo's acceleration is against free fall
-    motion.acceleration[t] = np.concatenate([spatial[3:] + gravity, spatial[:3]])
-    motion.gravity[t] = gravity
-    mujoco.mj_objectVelocity(model, data, kind, root.body, spatial, 1)
-    motion.spin[t] = spatial[:3]
-    motion.load[t] = _load_on_parent(model, data, root.body, data.xpos[root.body], axes)
-    for i, (body, site) in enumerate(root.carried):
-        motion.carried[t, i] = _load_on_parent(model, data, body, data.site_xpos[site], axes)
+    gravity = np.array(model.opt.gravity) if gravity_on else np.zeros(3)
+    motions = tuple(out.motion(i, root, gravity) for i, root in enumerate(roots))
+    return Motion(out.qpos, out.qvel, out.qacc, motions)
 
 
-def _load_on_parent(
-    model: "mujoco.MjModel", data: "mujoco.MjData", body: int, point: Array, axes: Array
-) -> Array:
-    """`(6,)` force and moment about a point that a body, with all that it carries, puts on what
-    carries it."""
-    # cfrc_int: moment and force of the parent on the body, about the tree's centre of mass
-    moment, force = np.split(-data.cfrc_int[body], 2)
-    arm = data.subtree_com[int(model.body_rootid[body])] - point
-    return np.concatenate([axes.T @ force, axes.T @ (moment + np.cross(arm, force))])
+@dataclass(frozen=True, eq=False)
+class _Raw:
+    """What MuJoCo holds at t instants, as it holds it: of r roots, and of b bodies.
+
+    `forces` `(t, b, 6)`: moment and force of the parent on each body, about `centres` `(t, b, 3)`;
+    `sites` `(t, k, 3)`: places of all sites.
+    """
+
+    roots: tuple[Root, ...]
+    trees: NDArray[np.intp]  # root body of the tree of each body
+    qpos: Array
+    qvel: Array
+    qacc: Array
+    places: Array
+    axes: Array
+    accelerations: Array
+    velocities: Array
+    forces: Array
+    centres: Array
+    sites: Array
+
+    @staticmethod
+    def of(model: "mujoco.MjModel", count: int, roots: Sequence[Root]) -> "_Raw":
+        """Room for `count` instants."""
+        r = len(roots)
+        return _Raw(
+            tuple(roots),
+            np.array(model.body_rootid, dtype=np.intp),
+            np.empty((count, model.nq)),
+            np.empty((count, model.nv)),
+            np.empty((count, model.nv)),
+            np.empty((count, r, 3)),
+            np.empty((count, r, 3, 3)),
+            np.empty((count, r, 6)),
+            np.empty((count, r, 6)),
+            np.empty((count, model.nbody, 6)),
+            np.empty((count, model.nbody, 3)),
+            np.empty((count, model.nsite, 3)),
+        )
+
+    def read(self, model: "mujoco.MjModel", data: "mujoco.MjData", t: int) -> None:
+        """One instant."""
+        kind = mujoco.mjtObj.mjOBJ_XBODY
+        self.qpos[t], self.qvel[t], self.qacc[t] = data.qpos, data.qvel, data.qacc
+        self.forces[t] = data.cfrc_int
+        self.centres[t] = data.subtree_com
+        self.sites[t] = data.site_xpos
+        for i, root in enumerate(self.roots):
+            self.places[t, i] = data.xpos[root.body]
+            self.axes[t, i] = data.xmat[root.body].reshape(3, 3)
+            accelerations, velocities = self.accelerations[t, i], self.velocities[t, i]
+            mujoco.mj_objectAcceleration(model, data, kind, root.body, accelerations, 1)
+            mujoco.mj_objectVelocity(model, data, kind, root.body, velocities, 1)
+
+    def motion(self, i: int, root: Root, gravity: Array) -> RootMotion:
+        """Motion and loads of a root, under a gravity `(3,)`."""
+        weight = gravity @ self.axes[:, i]
+        rotation, linear = np.split(self.accelerations[:, i], 2, axis=1)
+        carried = [
+            self._load_on_parent(i, body, self.sites[:, site]) for body, site in root.carried
+        ]
+        none = np.zeros((len(self.qpos), 0, 6))
+        return RootMotion(
+            # MuJoCo's acceleration is against free fall
+            acceleration=np.hstack([linear + weight, rotation]),
+            gravity=weight,
+            spin=self.velocities[:, i, :3],
+            load=self._load_on_parent(i, root.body, self.places[:, i]),
+            carried=np.stack(carried, axis=1) if carried else none,
+        )
+
+    def _load_on_parent(self, i: int, body: int, point: Array) -> Array:
+        """`(t, 6)` force and moment about points `(t, 3)`, in the axes of root i, that a body, with
+        all that it carries, puts on what carries it."""
+        moment, force = np.split(-self.forces[:, body], 2, axis=1)
+        moment = moment + np.cross(self.centres[:, self.trees[body]] - point, force)
+        axes = self.axes[:, i]
+        turned = [np.einsum("ti,tij->tj", vector, axes) for vector in (force, moment)]
+        return np.hstack(turned)
