@@ -66,17 +66,30 @@ def test_at_the_root_all_and_at_the_tip_nothing(beam, port):
     assert np.max(np.abs(found.motion[:, 1] - tip)) < 1e-8 * np.max(np.abs(tip))
 
 
-def test_momentum_is_what_strain_gives():
-    """`M = EI w''` of a mode, its displacement differenced."""
-    section = bc.Equivalent(bending_stiffness_xy=300.0, linear_mass=2.0)
-    beam = bc.Beam(segments=[bc.Segment(length=5.0, section=section)])
-    h = 0.02
-    x = np.array([1.5 - h, 1.5, 1.5 + h, 4.0])
-    found = inside_beam(beam, "xy", 8, lambda model, _: model.truncated(2), x)
+UNIFORM = bc.Beam(
+    segments=[
+        bc.Segment(length=5.0, section=bc.Equivalent(bending_stiffness_xy=300.0, linear_mass=2.0))
+    ]
+)
+#: EI half way along the taper, and of the rod
+TAPER = 7e10 * (0.12 * 0.06**3 - 0.114 * 0.054**3) / 12.0
+ROD = 7e10 * np.pi * 0.05**4 / 64.0
+
+
+@pytest.mark.parametrize(
+    ("beam", "x", "stiffness"),
+    [(UNIFORM, 1.5, 300.0), (mixed(), 1.0, TAPER), (mixed(), 2.5, ROD)],
+    ids=["uniform", "taper", "rod"],
+)
+def test_momentum_is_what_strain_gives(beam, x, stiffness):
+    """`M = EI phi'` of a mode, its rotation differenced; behind joints and between lumps too."""
+    h = 4e-3 * beam.length
+    stations = np.array([x - h, x, x + h])
+    found = inside_beam(beam, "xy", 8, lambda model, _: model.truncated(2), stations)
     turn = found.motion[:, :, 1]
     curvature = (turn[:, 2] - turn[:, 0]) / (2.0 * h)
     moment = found.momentum[:, 1, 1] * found.frequencies**2
-    assert 300.0 * curvature == pytest.approx(moment, rel=STRAIN)
+    assert stiffness * curvature == pytest.approx(moment, rel=STRAIN)
 
 
 def test_stations_beside_a_step_stand_on_it():
