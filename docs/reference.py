@@ -51,6 +51,8 @@ RESULTS = {
     "LoopMargins": "bc.margins(plant, controller).loops",
     "Margins": "bc.margins(plant, controller)",
     "Plant": "bc.plant(model, inputs, outputs)",
+    "Recorder": "embedded.recorder()",
+    "Recovery": "embedded.recover(data, place)",
     "Retimed": "bc.retime(model, timestep)",
     "ScheduledPlant": 'bc.plant(model, inputs, outputs, at={"drive": angles})',
     "StabilityStudy": "bc.stability(source)",
@@ -98,8 +100,18 @@ PARTS = {
     "Linearisation": ("engine.linearise.Held",),
     "Margins": ("plants.margins.Extremum",),
     "Plant": ("engine.allocation.Allocated",),
+    "Recorder": ("engine.root_motion.Run",),
+    "Recovery": (
+        "craft.recovery.Extreme",
+        "craft.recovery.History",
+        "structure.sections_at.Sections",
+    ),
     "Retimed": ("steps.forms.ModeTime",),
-    "Segment": ("structure.segment.Stations", "structure.section.Geometry"),
+    "Segment": (
+        "structure.segment.Stations",
+        "structure.section.Geometry",
+        "structure.section.Outline",
+    ),
     "StabilityStudy": (
         "craft.stability.StepRow",
         "craft.slews.SlewRow",

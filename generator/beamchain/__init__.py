@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from beamchain.craft.embedded import Embedded as Embedded
     from beamchain.craft.embedding import embed as embed
     from beamchain.craft.proof import prove as prove
+    from beamchain.craft.recovery import Recorder as Recorder
+    from beamchain.craft.recovery import Recovery as Recovery
     from beamchain.craft.stability import StabilityStudy as StabilityStudy
     from beamchain.craft.stability import stability as stability
     from beamchain.engine.allocation import Allocation as Allocation
@@ -70,6 +72,7 @@ if TYPE_CHECKING:
     from beamchain.structure.beam import Beam as Beam
     from beamchain.structure.modal_data import ModalData as ModalData
     from beamchain.structure.readers import read_modes as read_modes
+    from beamchain.structure.recovery_rows import RecoveryRows as RecoveryRows
     from beamchain.structure.section import Box as Box
     from beamchain.structure.section import Custom as Custom
     from beamchain.structure.section import Draw as Draw
@@ -101,6 +104,10 @@ _PLACES = {
     "engine.combinations": (
         "Alignment",
         "align",
+    ),
+    "craft.recovery": (
+        "Recorder",
+        "Recovery",
     ),
     "engine.linear": ("Linear",),
     "engine.linearise": (
@@ -175,6 +182,7 @@ _PLACES = {
     "structure.beam": ("Beam",),
     "structure.modal_data": ("ModalData",),
     "structure.readers": ("read_modes",),
+    "structure.recovery_rows": ("RecoveryRows",),
     "structure.section": (
         "Box",
         "Custom",

@@ -15,6 +15,7 @@ from beamchain import read_modes, read_spec
 from beamchain.cli.study import read_text
 from beamchain.craft.embedding import take_out
 from beamchain.mjcf.craft import read_craft
+from beamchain.structure.readers.recovery_file import read_recovery
 from beamchain.studies.scenario import parse_profile
 from prints import plate, whole
 from spacecraft import APPENDAGES, CRAFTS
@@ -66,6 +67,30 @@ def matrices() -> dict[str, np.ndarray]:
     }
 
 
+def rows_npz() -> bytes:
+    """Recovery rows over three modes."""
+    stream = io.BytesIO()
+    np.savez(
+        stream,
+        names=["moment", "place"],
+        units=["N m", "m"],
+        modes=np.ones((2, 3)),
+        root=np.eye(2, 6),
+    )
+    return stream.getvalue()
+
+
+ROWS = """[[row]]
+name = "moment"
+unit = "N m"
+modes = [1.0, 2.0, -3.0]
+[[row]]
+name = "acceleration"
+accelerations = [1.0, 0.5, 0.25]
+root = [0.0, 1.0, 0.0, 0.0, 0.0, 8.0]
+"""
+
+
 def marked() -> bytes:
     """A spacecraft with an appendage that embed put in."""
     return bc.embed(CRAFTS / "planar.xml", {"mount": APPENDAGES / "rod.toml"}).to_mjcf().encode()
@@ -94,6 +119,8 @@ READERS: dict[str, tuple[str, bytes, Callable[[Path], object]]] = {
     "modes, JSON": ("json", json.dumps(MODES).encode(), read_modes),
     "matrices, NumPy": ("npz", npz(), read_modes),
     "matrices, MATLAB": ("mat", mat(), read_modes),
+    "recovery rows, NumPy": ("npz", rows_npz(), read_recovery),
+    "recovery rows, TOML": ("toml", ROWS.encode(), read_recovery),
     "spacecraft": (
         "xml",
         (CRAFTS / "observer.xml").read_bytes(),

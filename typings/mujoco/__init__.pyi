@@ -227,6 +227,7 @@ class mjtState:
     mjSTATE_CTRL: mjtState
     mjSTATE_FULLPHYSICS: mjtState
     mjSTATE_QFRC_APPLIED: mjtState
+    mjSTATE_TIME: mjtState
     def __int__(self) -> int: ...
 
 def mj_stateSize(m: MjModel, sig: int) -> int: ...

@@ -7,15 +7,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from beamchain import report
-from beamchain.checks import path_of
+from beamchain.checks import path_of, true_or_false
 from beamchain.craft.appendage import Appendage, carried, craft_elements
 from beamchain.craft.assembly import Assembly, assembly_at_rest, modes_at_pose
 from beamchain.craft.coupled_modes import Mode
 from beamchain.craft.documents import assemble
 from beamchain.craft.error import CraftError, Pose, counterpart, craft_error, craft_poses
 from beamchain.craft.promise import JointRequest, joint_request, kept_band
+from beamchain.craft.recovered_body import BeamBody
+from beamchain.craft.recovery import Recorder, Recovery, recover
 from beamchain.craft.sampled import craft_sampled_error
 from beamchain.craft.step_search import largest_step
 from beamchain.craft.timing import craft_time_error, without_timing
@@ -31,6 +34,7 @@ from beamchain.ports.compare import keeps_tolerance, tolerance_statement
 from beamchain.ports.motions import Array
 from beamchain.steps.sampled import SampledError, off_by
 from beamchain.steps.step_map import TimeError
+from beamchain.structure.recovery_rows import RecoveryRows
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -334,6 +338,70 @@ class Embedded:
         update = None if self.source is None else (self.source, path)
         write_files(files, force=force, inputs=self.inputs, update=update)
         return [place for place, _ in files]
+
+    def recorder(self) -> Recorder:
+        """What records the states of a run: call it with the data before every step, and give it
+        to `recover`."""
+        return Recorder(self.model)
+
+    @one_thread()
+    def recover(
+        self,
+        data: "mujoco.MjData | Recorder | Mapping[str, Any]",
+        place: str | None = None,
+        *,
+        x: ArrayLike | None = None,
+        static: bool = True,
+        rows: RecoveryRows | str | Path | None = None,
+    ) -> Recovery:
+        """Loads, stresses, displacements and accelerations inside an appendage.
+
+        Accelerations are those of MuJoCo's equations of motion in the states given, with timing
+        taken out of the file: what an accelerometer would feel at that instant.
+
+        Args:
+            data: a state of the `model` (MjData), a `recorder` of many, or arrays by name: qpos
+                `(t, nq)`, qvel `(t, nv)`, and either qacc `(t, nv)`, which is then taken as given,
+                or what acts (ctrl, act, qfrc_applied, xfrc_applied); time `(t,)` [s].
+            place: of the appendage, as given to `embed`; may be left out where there is one.
+            x: stations along a beam [m]; default: five, from root to tip.
+            static: whether to add the static part of the modes left out, so that loads are those
+                of the whole beam; False: the kept modes alone.
+            rows: recovery rows of imported modes, or their file; default: those that the
+                specification names.
+
+        Raises:
+            InputError: there is no such place, the arrays do not fit the model, or a station lies
+                outside the appendage.
+
+        Example:
+            >>> import beamchain as bc, mujoco
+            >>> craft = '''<mujoco><worldbody><body name="bus"><freejoint/>
+            ... <inertial pos="0 0 0" mass="300" diaginertia="90 90 90"/>
+            ... <site name="mount" pos="0.5 0 0"/></body></worldbody></mujoco>'''
+            >>> section = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
+            >>> spec = bc.Spec(segment=(bc.Segment(length=8.0, section=section),))
+            >>> flexible = bc.embed(craft, {"mount": spec})
+            >>> data = mujoco.MjData(flexible.model)
+            >>> data.qfrc_applied[5] = 1.0
+            >>> flexible.recover(data, "mount")
+            <Recovery at 'mount', 1 instants, 5 stations, 4 modes>
+        """
+        return recover(
+            self.untimed,
+            self.appendages,
+            data,
+            place=place,
+            x=x,
+            static=true_or_false("static", static),
+            rows=rows,
+            known=self._insides,
+        )
+
+    @cached_property
+    def _insides(self) -> dict[tuple[str, bytes], BeamBody]:
+        """Beams whose sections were looked at, by place and stations."""
+        return {}
 
     @one_thread()
     def as_dict(self) -> dict[str, Any]:

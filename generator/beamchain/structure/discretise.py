@@ -4,7 +4,7 @@ Theory: docs/theory.md, section 2.
 """
 
 from bisect import bisect_left, bisect_right
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import accumulate, pairwise
 from math import ceil, log2
 from typing import NamedTuple
@@ -41,9 +41,17 @@ class Parts(NamedTuple):
 
 @lru_cache(maxsize=256)
 def converged_model(
-    parts: Parts, port: str, modes: int, stations: tuple[float, ...] = ()
+    parts: Parts,
+    port: str,
+    modes: int,
+    stations: tuple[float, ...] = (),
+    *,
+    shaped: bool = False,
 ) -> PortModel:
-    """Raise the degree until the lowest held and free frequencies stand still."""
+    """Raise the degree until the lowest held and free frequencies stand still.
+
+    `shaped`: with the shapes of its modes, those of a beam of hundreds of pieces as well.
+    """
     parts = _join_equal_neighbours(parts)
     wanted = max(modes, 1)
     count = len(_edges(parts))
@@ -55,12 +63,13 @@ def converged_model(
         functions += 2
         step = 2
     enough = 1e-12 * max(10.0, wanted)
-    coarse = _discretise(parts, port, functions=functions, wanted=wanted, stations=stations)
+    discretised = partial(_discretise, parts, port, wanted=wanted, stations=stations, shaped=shaped)
+    coarse = discretised(functions)
     least = np.inf
     stalls = 0  # rounds in a row without progress: rounding, which no degree mends
     while True:
         functions += step
-        fine = _discretise(parts, port, functions=functions, wanted=wanted, stations=stations)
+        fine = discretised(functions)
         held = _largest_change(coarse.frequencies, fine.frequencies, wanted)
         free = _largest_change(coarse.free_frequencies, fine.free_frequencies, wanted)
         change = max(held, free)
@@ -106,7 +115,13 @@ def _join_equal_neighbours(parts: Parts) -> Parts:
 
 
 def _discretise(
-    parts: Parts, port: str, *, functions: int, wanted: int, stations: tuple[float, ...]
+    parts: Parts,
+    port: str,
+    functions: int,
+    *,
+    wanted: int,
+    stations: tuple[float, ...],
+    shaped: bool,
 ) -> PortModel:
     """The beam in one port with so many strain `functions` in each piece."""
     bending = port in ("xy", "xz")
@@ -140,7 +155,7 @@ def _discretise(
     sheared = sum(piece.shear_stiffness is not None for piece in pieces)
     coordinates = functions * (len(pieces) + sheared)
     if coordinates > WRITTEN:
-        model = elements.assemble_lowest(rows, wanted)
+        model = elements.assemble_lowest(rows, wanted, shaped=shaped)
     else:
         model = elements.assemble(rows)
     if model is None:

@@ -12,7 +12,7 @@ Theory: docs/theory.md, section 2.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -321,8 +321,10 @@ def assemble(rows: MotionRows) -> PortModel:
     return port_from_rows(rows.rigid.T, elastic.T, ends.T, rows.shapes)
 
 
-def assemble_lowest(line: MotionRows, wanted: int) -> PortModel | None:
+def assemble_lowest(line: MotionRows, wanted: int, *, shaped: bool = False) -> PortModel | None:
     """The port model reduced to the Krylov space of loads on root, tip and one of all points.
+
+    `shaped`: with the shapes of its modes, at all points.
 
     None where its `wanted` lowest frequencies do not converge. Each check costs the square of the
     space so far, so that the number of checks bounds the work.
@@ -345,8 +347,16 @@ def assemble_lowest(line: MotionRows, wanted: int) -> PortModel | None:
             ends = np.vstack([ends, end])
             block = line.loads(moved, np.zeros_like(end))
         # rows with the same products, as few as there are columns
-        r = np.asarray(np.linalg.qr(np.vstack([motions, rigid]).T, mode="r"), dtype=np.float64)
-        model = port_from_rows(rigid=r[:, len(motions) :], elastic=r[:, : len(motions)], tip=ends.T)
+        every = np.vstack([motions, rigid]).T
+        shapes = None
+        if shaped:
+            q, r = np.linalg.qr(every)
+            shapes = partial(_shapes_of_fewer, line, q)
+        else:
+            r = np.asarray(np.linalg.qr(every, mode="r"), dtype=np.float64)
+        model = port_from_rows(
+            rigid=r[:, len(motions) :], elastic=r[:, : len(motions)], tip=ends.T, shapes=shapes
+        )
         now = model.frequencies[:wanted], model.free_frequencies[:wanted]
         change = _largest_change(before, now)
         converged = change < STILL or 0.3 * least < change < ROUNDED
@@ -355,6 +365,11 @@ def assemble_lowest(line: MotionRows, wanted: int) -> PortModel | None:
         before = now
         least = min(change, least)
     return None
+
+
+def _shapes_of_fewer(line: MotionRows, basis: Array, values: Array) -> Shapes:
+    """The shapes of modes whose weighted motion `(n, k)` is told in columns `(r, k)`."""
+    return line.shapes(values @ basis.T)
 
 
 def _end_motions(line: MotionRows) -> int:

@@ -51,6 +51,8 @@ class ModalData:
         printed: the numbers are as printed; False once the effects of rounding have been removed.
         uncertain: what the file says is not known exactly of the modes,
             as [uncertain] of a specification would.
+        origin: `(n, N)` each mode in terms of what the file holds: its N modes by ascending
+            frequency, or the N inner freedoms of its matrices; left out where they are the same.
 
     Raises:
         InputError: shapes disagree, a number is not finite, or the numbers contradict each other.
@@ -80,6 +82,7 @@ class ModalData:
     steps: tuple[str, ...] = ()
     printed: bool = True
     uncertain: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    origin: Array | None = None
 
     def __repr__(self) -> str:
         first = ", ".join(f"{w:.6g}" for w in self.frequencies[:3])
@@ -119,6 +122,8 @@ class ModalData:
             given["damping"] = np.zeros(np.size(self.frequencies))
         if self.tip is not None:
             given["tip"] = self.tip
+        if self.origin is not None:
+            given["origin"] = self.origin
         return {name: np.array(values, dtype=np.float64) for name, values in given.items()}
 
     def _check_shapes(self, arrays: Mapping[str, Array]) -> None:
@@ -432,7 +437,13 @@ class ModalData:
             participation=self.participation[pick],
             damping=self.damping[pick],
             tip=None if self.tip is None else self.tip[pick],
+            origin=self.in_file[pick],
         )
+
+    @property
+    def in_file(self) -> Array:
+        """`(n, N)` each mode in terms of the modes of the file, or of its inner freedoms."""
+        return np.eye(self.modes) if self.origin is None else self.origin
 
     def untangled(self) -> "ModalData":
         """The data with modes of equal frequency, whose directions are arbitrary,
@@ -448,6 +459,7 @@ class ModalData:
             frequencies=np.sqrt((turn**2) @ self.frequencies**2),
             participation=turn @ self.participation,
             tip=None if self.tip is None else turn @ self.tip,
+            origin=turn @ self.in_file,
             steps=(*self.steps, step),
         )
 

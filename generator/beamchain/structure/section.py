@@ -82,6 +82,15 @@ class Geometry(NamedTuple):
     polar_moment: Array
 
 
+class Outline(NamedTuple):
+    """Half widths of a section along y and z `(k,)` [m], a circle or a rectangle; NaN where they
+    are not known."""
+
+    half_y: Array
+    half_z: Array
+    is_round: bool
+
+
 class _Section(Struct, frozen=True, kw_only=True):
     """Dimensions of a section; `at` interpolates them linearly towards the other end of a taper."""
 
@@ -124,6 +133,10 @@ class _Solid(_Section, frozen=True, kw_only=True):
         """Section properties at `fraction` `(k,)` of the way to `end`."""
         raise NotImplementedError
 
+    def outline(self, end: "_Section", fraction: Array) -> Outline:
+        """The outermost fibres at `fraction` `(k,)` of the way to `end`."""
+        raise NotImplementedError
+
 
 class Round(
     _Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="shape", tag="round"
@@ -148,6 +161,10 @@ class Round(
             torsion_constant=2.0 * i,
             polar_moment=2.0 * i,
         )
+
+    def outline(self, end: _Section, fraction: Array) -> Outline:
+        radius = self.at(end, fraction)["diameter"] / 2.0
+        return Outline(radius, radius, is_round=True)
 
     def depth(self, plane: str) -> float:
         return self.diameter
@@ -194,6 +211,10 @@ class Tube(
             polar_moment=2.0 * i,
         )
 
+    def outline(self, end: _Section, fraction: Array) -> Outline:
+        radius = self.at(end, fraction)["outer_diameter"] / 2.0
+        return Outline(radius, radius, is_round=True)
+
     def depth(self, plane: str) -> float:
         return self.outer_diameter
 
@@ -238,6 +259,10 @@ class Rectangle(
             torsion_constant=rectangle_torsion(b, h),
             polar_moment=iz + iy,
         )
+
+    def outline(self, end: _Section, fraction: Array) -> Outline:
+        dims = self.at(end, fraction)
+        return Outline(dims["width_y"] / 2.0, dims["width_z"] / 2.0, is_round=False)
 
     def depth(self, plane: str) -> float:
         return self.width_y if plane == "xy" else self.width_z
@@ -291,6 +316,10 @@ class Box(
             torsion_constant=torsion,
             polar_moment=iz + iy,
         )
+
+    def outline(self, end: _Section, fraction: Array) -> Outline:
+        dims = self.at(end, fraction)
+        return Outline(dims["width_y"] / 2.0, dims["width_z"] / 2.0, is_round=False)
 
     def depth(self, plane: str) -> float:
         return self.width_y if plane == "xy" else self.width_z
@@ -356,6 +385,10 @@ class Custom(
             torsion_constant=dims["torsion_constant"],
             polar_moment=dims["polar_moment"],
         )
+
+    def outline(self, end: _Section, fraction: Array) -> Outline:
+        unknown = np.full_like(fraction, np.nan)
+        return Outline(unknown, unknown, is_round=False)
 
     def dimensions(self) -> dict[str, float]:
         """Dimensions; the polar moment is the sum of the other two where left out."""

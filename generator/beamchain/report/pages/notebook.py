@@ -11,11 +11,13 @@ from beamchain.report.table import Table
 from beamchain.report.tables.embed import coupled_table
 from beamchain.report.tables.fit import matched_modes, mode_table
 from beamchain.report.tables.plant import closed_loop_table, margin_table
+from beamchain.report.tables.recovery import recovery_table
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from beamchain.craft.embedded import Embedded
+    from beamchain.craft.recovery import Recovery
     from beamchain.fitting.result import Fit
     from beamchain.plants.margins import Margins
 
@@ -68,6 +70,12 @@ def margins_html(margins: "Margins") -> str:
     """The margins, and what lies above the modes kept."""
     at_once = closed_loop_table([margins])
     return table_html(margin_table([margins]), margins.beyond) + table_html(at_once)
+
+
+def recovery_html(recovery: "Recovery") -> str:
+    """The extremes inside an appendage."""
+    table = recovery_table(recovery)
+    return table_html(table, title=table.title)
 
 
 def table_html(table: Table, notes: "Iterable[str]" = (), title: str = "") -> str:

@@ -102,12 +102,15 @@ def from_matrices(
     order = order[inverse[order] > 1e-14 * inverse[order[0]]][:MOST]
     w = 1.0 / np.sqrt(inverse[order])
     # L = Phi^T (M_ii G + M_ib), Phi of unit mass
-    participation = (w * shapes[:, order]).T @ (m_ii @ follow + m_ib)
+    normal = (w * shapes[:, order]).T
+    participation = normal @ (m_ii @ follow + m_ib)
     steps = (
         f"matrices of {d} freedoms, six of them the port's; the lowest {w.size} modes with the "
         "port held",
     )
-    return ModalData(rigid, w, participation, precision=1e-12, source=name, steps=steps)
+    return ModalData(
+        rigid, w, participation, precision=1e-12, source=name, steps=steps, origin=normal
+    )
 
 
 def _check_matrices(mass: Array, stiffness: Array, boundary: Sequence[int], name: str) -> None:

@@ -43,6 +43,13 @@ class Imported(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     modes: Annotated[
         tuple[int, ...] | None, field("numbers of the modes to keep, from 1; all where left out")
     ] = None
+    recovery: Annotated[
+        str | None,
+        field(
+            "path of recovery rows, .npz or .toml: loads, stresses and accelerations per mode of "
+            "the file"
+        ),
+    ] = None
     subcase: Annotated[int | None, field("subcase, where the file holds several")] = None
     length: Annotated[
         float | None,
@@ -69,10 +76,9 @@ class Imported(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
     def beside(self, folder: Path) -> Self:
         """The same with the file's path taken from a folder."""
-        path = Path(self.file)
-        if path.is_absolute():
-            return self
-        return msgspec.structs.replace(self, file=str(folder / path))
+        # an absolute path stays as it is
+        rows = None if self.recovery is None else str(folder / self.recovery)
+        return msgspec.structs.replace(self, file=str(folder / self.file), recovery=rows)
 
     def read(self) -> ModalData:
         """All modes of the file, in SI, appendage axes, about the port;
