@@ -23,7 +23,7 @@ POLES = 1e-9  # measured 3e-13
 MANY, TURNS = 60, 150
 # four wheels against a torque on the bus, measured 4e-14
 SAME = 1e-6
-MARGINS = 1e-5  # of the same loops, which are interpolated on a grid; measured 1.4e-6
+MARGINS = 1e-6
 # nutation at 0.006 rad/s beside modes at 150: rounding of its eigenvectors in the cross channels,
 # where four wheels nearly cancel; measured 1.5e-5
 TURNING = 5e-5
