@@ -3,7 +3,6 @@ random inputs, thermal loads; linear in the speed of each wheel."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -37,43 +36,35 @@ LINEAR = 1e-6  # relative error of what is linear in a wheel's speed; slopes hav
 SET_POINTS = ("rad", "m")  # units of the set points of position servos
 
 
-class Drive(NamedTuple):
-    """How a source acts on a craft.
-
-    Args:
-        inputs: numbers of the craft's inputs that it drives.
-        size: `(inputs,)` of each per unit of the source: 1, a spring's stiffness.
-    """
-
-    inputs: tuple[int, ...]
-    size: Array
-
-
 @dataclass(frozen=True, eq=False)
 class DisturbedCraft:
     """A craft, linear at an operating point, with the inputs of all sources.
 
     Args:
         craft: all sources' inputs are its inputs.
-        drives: of every source, in their order.
+        drives: numbers of the inputs of every source, in their order.
         turning: the same linear model with one wheel faster by `faster` [rad/s], per wheel.
         faster: by wheel.
     """
 
     craft: LinearCraft
-    drives: tuple[Drive, ...]
+    drives: tuple[tuple[int, ...], ...]
     turning: dict[str, Linear]
     faster: dict[str, float]
 
-    def drive(self, number: int) -> Array:
-        """`(inputs, signals)` what the signals of a source make of the craft's inputs."""
-        drive = self.drives[number]
-        out = np.zeros((len(self.craft.linear.inputs.signals), len(drive.inputs)))
-        out[list(drive.inputs), np.arange(len(drive.inputs))] = drive.size
-        return out
+    def of_source(self, number: int) -> LinearCraft:
+        """The craft with the inputs of one source alone."""
+        return self._driven_by(self.craft, number)
 
-    def at_speed(self, joint: str, speed: float) -> LinearCraft:
-        """The craft with a wheel at a speed [rad/s]."""
+    def of_wheel(self, number: int, joint: str, speed: float) -> LinearCraft:
+        """The craft with the inputs of a wheel alone, which turns at a speed [rad/s]."""
+        return self._driven_by(self._at_speed(joint, speed), number)
+
+    def _driven_by(self, craft: LinearCraft, number: int) -> LinearCraft:
+        outputs = range(len(craft.linear.outputs.signals))
+        return replace(craft, linear=craft.linear.picked(self.drives[number], outputs))
+
+    def _at_speed(self, joint: str, speed: float) -> LinearCraft:
         share = (speed - self._speed(joint)) / self.faster[joint]
         linear = _extrapolated(self.craft.linear, self.turning[joint], share)
         dof = self._dof(joint)
@@ -82,12 +73,12 @@ class DisturbedCraft:
         qvel[dof] = speed
         return replace(self.craft, linear=linear, point=point._replace(qvel=qvel))
 
-    def spinning(self, joint: str) -> SpinningSystem:
-        """The craft in modal coordinates with a wheel's speed left open."""
+    def spinning(self, number: int, joint: str) -> SpinningSystem:
+        """The craft in modal coordinates with a wheel's speed left open, its inputs alone."""
         modes = self.craft.modes
         from_modal, to_modal = modes.transformation(len(self.craft.linear.activations.names))
-        still = self.at_speed(joint, 0.0).linear.first_order()
-        faster = self.at_speed(joint, self.faster[joint]).linear.first_order()
+        still = self.of_wheel(number, joint, 0.0).linear.first_order()
+        faster = self.of_wheel(number, joint, self.faster[joint]).linear.first_order()
         a, b, c, d = still
         by_speed = (
             to_modal @ (faster[0] - a) @ from_modal / self.faster[joint],
@@ -115,29 +106,23 @@ def disturbed_craft(
     seen = outputs_of(point, outputs)
     inputs: list[Input] = []
     forces: list[tuple[Signal, Array]] = []
-    drives: list[Drive | tuple[int, Source]] = []
-    for _, source in disturbances.named:
+    drives: list[tuple[int, ...]] = []
+    pushing: dict[int, StepperDisturbance | ThermalSnap] = {}
+    for number, (_, source) in enumerate(disturbances.named):
         acting = _inputs(point, source)
-        if acting is None:
-            drives.append((len(drives), source))
-        else:
-            size = np.ones(len(acting))
-            drives.append(Drive(tuple(range(len(inputs), len(inputs) + len(acting))), size))
-            inputs += acting
-    craft = craft_with_signals(point, inputs, seen)
-    done: list[Drive] = []
-    for drive in drives:
-        if not isinstance(drive, Drive):
-            source = drive[1]
+        drives.append(tuple(range(len(inputs), len(inputs) + len(acting))))
+        inputs += acting
+        if not acting:
             assert isinstance(source, StepperDisturbance | ThermalSnap)
-            place = len(inputs) + len(forces)
-            forces.append(
-                _joint_force(point, source)
-                if isinstance(source, StepperDisturbance)
-                else _thermal_force(craft, source)
-            )
-            drive = Drive((place,), np.ones(1))
-        done.append(drive)
+            pushing[number] = source
+    craft = craft_with_signals(point, inputs, seen)
+    for number, source in pushing.items():
+        drives[number] = (len(inputs) + len(forces),)
+        forces.append(
+            _joint_force(point, source)
+            if isinstance(source, StepperDisturbance)
+            else _thermal_force(craft, source)
+        )
     whole = replace(craft, linear=_with_forces(craft.linear, forces))
     turning: dict[str, Linear] = {}
     faster: dict[str, float] = {}
@@ -153,18 +138,18 @@ def disturbed_craft(
             ends.append(craft_with_signals(there, inputs, outputs_of(there, outputs)).linear)
         _check_linear(wheel.joint, craft.linear, *ends)
         turning[wheel.joint] = _with_forces(ends[0], forces)
-    return DisturbedCraft(whole, tuple(done), turning, faster)
+    return DisturbedCraft(whole, tuple(drives), turning, faster)
 
 
-def _inputs(point: OperatingPoint, source: Source) -> list[Input] | None:
-    """The inputs of a source; None where it pushes joints otherwise."""
+def _inputs(point: OperatingPoint, source: Source) -> list[Input]:
+    """The inputs of a source; none where it pushes joints otherwise."""
     if isinstance(source, WheelDisturbance):
         return wheel_inputs(point, source.joint)
     if isinstance(source, NoiseDisturbance):
         return _noise_inputs(point, source)
     if isinstance(source, StepperDisturbance) and source.torque is None:
         return _servo(point, source.joint)
-    return None
+    return []
 
 
 def wheel_inputs(point: OperatingPoint, joint: str) -> list[Input]:
@@ -207,8 +192,8 @@ def _noise_inputs(point: OperatingPoint, source: NoiseDisturbance) -> list[Input
     return inputs
 
 
-def _servo(point: OperatingPoint, joint: str) -> list[Input] | None:
-    """The set point of the position servo on a joint; None where there is none."""
+def _servo(point: OperatingPoint, joint: str) -> list[Input]:
+    """The set point of the position servo on a joint; none where there is none."""
     model = point.model
     number = _joint_number(model, "stepper.joint", joint)
     of_joint = [
@@ -218,7 +203,7 @@ def _servo(point: OperatingPoint, joint: str) -> list[Input] | None:
         and int(model.actuator_trnid[i, 0]) == number
     ]
     servos = [signal for name in of_joint for signal in inputs_of(point, [name])]
-    return [signal for signal in servos if signal.unit in SET_POINTS][:1] or None
+    return [signal for signal in servos if signal.unit in SET_POINTS][:1]
 
 
 def _joint_force(point: OperatingPoint, source: StepperDisturbance) -> tuple[Signal, Array]:

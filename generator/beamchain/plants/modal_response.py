@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 
+from math import factorial
+
 import numpy as np
 from scipy.linalg import expm
 from scipy.sparse.csgraph import connected_components
@@ -83,7 +85,16 @@ def _exponential_states(matrix: Array, drive: Array, times: Array, time_constant
     """`(k, n)` states of `x' = A x + b (1 - exp(-t / time_constant))` at times `(k,)`, from rest."""
     n = drive.size
     poles, vectors = np.linalg.eig(matrix)
-    if np.linalg.cond(vectors) > SKEW:  # an integrator of an integrator: over (x, 1, exp(-t/tau))
+    if not np.any(np.linalg.matrix_power(matrix, n)):  # a chain of integrators
+        load = -np.expm1(-times / time_constant)
+        out = np.zeros((times.size, n))
+        integral = load
+        for k in range(n):
+            # (k + 1)-fold integral of the load: t^(k+1)/(k+1)! less tau times the k-fold one
+            integral = times ** (k + 1) / factorial(k + 1) - time_constant * integral
+            out += np.outer(integral, np.linalg.matrix_power(matrix, k) @ drive)
+        return out
+    if np.linalg.cond(vectors) > SKEW:  # over (x, 1, exp(-t/tau))
         both = np.zeros((n + 2, n + 2))
         both[:n, :n] = matrix
         both[:n, n] = drive

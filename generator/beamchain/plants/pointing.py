@@ -10,6 +10,7 @@ import numpy as np
 from beamchain import report
 from beamchain.checks import positive, unknown
 from beamchain.craft.embedded import Embedded
+from beamchain.craft.linear_craft import LinearCraft
 from beamchain.craft.source import compiled_model, linear_omissions
 from beamchain.craft.timing import without_timing
 from beamchain.engine.library import mujoco, one_thread
@@ -353,7 +354,7 @@ def _simulate(
     error = budget[name]
     assert error.speed is not None
     speed = float(error.speed[output])
-    craft = whole.at_speed(source.joint, speed)
+    craft = whole.of_wheel(number, source.joint, speed)
     sweeps = wheel_sweeps(whole, number, source, budget.window)
     sweep = next(s for s, *_ in sweeps if s.direction == np.sign(speed))
     acting: list[Acting] = []
@@ -364,9 +365,9 @@ def _simulate(
         turned = patterns * np.exp(-1j * np.angle(response))
         amplitudes = speed**2 * turned.sum(axis=1)
         acting.append(Acting(order.order * abs(speed), amplitudes, float(np.abs(response).sum())))
-    inputs = [whole.craft.inputs[i] for i in whole.drives[number].inputs]
+    inputs = [whole.craft.inputs[i] for i in whole.drives[number]]
     times, values, found, timestep = run_wheel(
-        craft, inputs, acting, output, _settling(whole, source, speed, error.shares[output])
+        craft, inputs, acting, output, _settling(craft, error.shares[output])
     )
     expected = [order.expected for order in acting]
     return WheelRun(
@@ -382,17 +383,12 @@ def _simulate(
     )
 
 
-def _settling(
-    whole: DisturbedCraft, source: WheelDisturbance, speed: float, shares: Mapping[str, float]
-) -> float:
-    """Time constant [s] of the mode that has the largest share at a speed."""
-    craft = whole.at_speed(source.joint, speed)
+def _settling(craft: LinearCraft, shares: Mapping[str, float]) -> float:
+    """Time constant [s] of the mode that has the largest share; 0 where none has."""
     form = craft.form().minimal()
-    for mode in shares:
-        names = [mode, f"{mode}_rate"]
-        if set(names) <= set(form.names):
-            at = [form.names.index(name) for name in names]
-            decay = -float(np.linalg.eigvals(form.a[np.ix_(at, at)]).real.max())
-            if decay > 0.0:
-                return 1.0 / decay
+    for mode in form.oscillators(list(shares)):
+        at = [form.names.index(name) for name in (mode, f"{mode}_rate")]
+        decay = -float(np.linalg.eigvals(form.a[np.ix_(at, at)]).real.max())
+        if decay > 0.0:
+            return 1.0 / decay
     return 0.0

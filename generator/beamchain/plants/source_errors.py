@@ -53,6 +53,7 @@ SNAP_PERIODS, SNAP_TIMES = 20.0, 10.0  # of the slowest mode, and time constants
 FINE = 40.0  # samples of the shortest period, and of the time constant
 SHOWS = 1e-5  # of the largest contribution to a snap: smaller ones need no samples of their own
 MOST_SAMPLES = 1_000_000  # of a snap
+ONE = np.ones(1)  # the only input of a drive or a snap
 REST = 1e-6  # of the lowest frequency: slow enough for the static response
 
 
@@ -120,10 +121,7 @@ def wheel_sweeps(
     whole: DisturbedCraft, number: int, source: WheelDisturbance, window: float
 ) -> list[tuple[WheelSweep, float, float]]:
     """A wheel's disturbance in each direction of its range, with its lowest and highest speed."""
-    system = whole.spinning(source.joint)
-    a, b, c, d = system.still
-    inputs = list(whole.drives[number].inputs)
-    system = system._replace(still=(a, b[:, inputs], c, d[:, inputs]))
+    system = whole.spinning(number, source.joint)
     return [
         (WheelSweep(system, wheel_orders(source), direction, window), low, high)
         for direction, low, high in branches(source)
@@ -136,7 +134,7 @@ def wheel_error(
     """The error over a wheel's speeds, others turning as they do."""
     curves: list[SpeedCurve] = []
     for sweep, low, high in wheel_sweeps(whole, number, source, window):
-        _check_crossings(whole, name, source, sweep, low, high)
+        _check_crossings(whole, number, name, source, sweep, low, high)
         count = source.count if high > low else 1
         curves.append(sweep.resolved_curve(low, high, count))
     curve = SpeedCurve(*(locked(values) for values in joined(curves)))
@@ -152,14 +150,13 @@ def _wheel_shares(
     whole: DisturbedCraft, number: int, source: WheelDisturbance, speed: float, output: int
 ) -> dict[str, float]:
     """Shares of the modes in an output's amplitude at a speed of a wheel."""
-    response = _modal_response(whole.at_speed(source.joint, speed))
-    drive = whole.drive(number)
+    response = _modal_response(whole.of_wheel(number, source.joint, speed))
     shares = np.zeros(len(response.names))
     for order in wheel_orders(source):
         s = np.array([1j * order.order * abs(speed)])
         patterns = order.patterns if speed > 0.0 else order.patterns.conj()
         for pattern in patterns.T:
-            parts = speed**2 * response.parts(s, drive @ pattern)[:, 0, output]
+            parts = speed**2 * response.parts(s, pattern)[:, 0, output]
             shares += _along(parts)
     return _named_shares(response, shares)
 
@@ -185,6 +182,7 @@ def _modal_response(craft: LinearCraft) -> ModalResponse:
 
 def _check_crossings(
     whole: DisturbedCraft,
+    number: int,
     name: str,
     source: WheelDisturbance,
     sweep: WheelSweep,
@@ -198,7 +196,9 @@ def _check_crossings(
         speeds = crossing.speed * (1.0 + np.array([BESIDE, AWAY]))
         beside, away = sweep.amplitudes(speeds).sum(axis=0)
         if np.any(beside > DRIVEN * away):
-            there = whole.at_speed(source.joint, sweep.direction * crossing.speed)
+            there = whole.of_wheel(
+                number, source.joint, sweep.direction * crossing.speed
+            )
             mode = _mode_at(_modal_response(there), crossing.frequency)
             raise InputError(
                 f"{name}: at {sweep.direction * crossing.speed:.5g} rad/s its order "
@@ -224,9 +224,9 @@ def noise_error(
     whole: DisturbedCraft, number: int, name: str, source: NoiseDisturbance, window: float
 ) -> SourceError:
     """The error of a random input: `sigma^2 = integral of |G|^2 S df`."""
-    response = _modal_response(whole.craft)
+    response = _modal_response(whole.of_source(number))
     low, high = 2.0 * np.pi * source.frequency[0], 2.0 * np.pi * source.frequency[-1]
-    drive = whole.drive(number)
+    drive = np.eye(response.form.b.shape[1])
     _check_noise(response, name, drive, low, high)
     omega, weights = _integral(response.poles, source, window)
     density = np.exp(
@@ -301,13 +301,12 @@ def stepper_error(
     whole: DisturbedCraft, number: int, name: str, source: StepperDisturbance, window: float
 ) -> SourceError:
     """The periodic error of a stepping drive, all harmonics of its rate with their phases."""
-    response = _modal_response(whole.craft)
+    response = _modal_response(whole.of_source(number))
     base = 2.0 * np.pi * source.rate
     fastest = float(np.abs(response.poles).max(initial=0.0))
     count = int(np.clip(np.ceil(BEYOND * fastest / base), *HARMONICS))
     n = np.arange(1.0, count + 1.0)
-    drive = whole.drive(number)[:, 0]
-    parts = response.parts(1j * base * n, drive) * stepper_harmonics(source, n)[None, :, None]
+    parts = response.parts(1j * base * n, ONE) * stepper_harmonics(source, n)[None, :, None]
     error = parts.sum(axis=0)
     power = np.abs(error) ** 2 / 2.0
     kept = windowed_variance(base * n, window)
@@ -356,14 +355,13 @@ def snap_error(
     whole: DisturbedCraft, number: int, name: str, source: ThermalSnap, window: float
 ) -> SourceError:
     """The error of a thermal snap, from rest until it has settled in its new shape."""
-    response = _modal_response(whole.craft)
-    drive = whole.drive(number)[:, 0]
+    response = _modal_response(whole.of_source(number))
     tau = source.time_constant
 
     def parts(times: Array) -> Array:
-        return response.exponential_parts(times, drive, tau)
+        return response.exponential_parts(times, ONE, tau)
 
-    times = _snap_times(response, drive, tau, window)
+    times = _snap_times(response, tau, window)
     spacing = float(times[1] - times[0])
     values = parts(times).sum(axis=0)
     peaks = np.zeros(values.shape[1])
@@ -389,12 +387,12 @@ def snap_error(
     )
 
 
-def _snap_times(response: ModalResponse, drive: Array, tau: float, window: float) -> Array:
+def _snap_times(response: ModalResponse, tau: float, window: float) -> Array:
     """Times [s] that resolve all modes which show, and the load."""
     frequency = np.array([_frequency(response, mode) for mode in response.names[:-1]])
     slowest = float(frequency.min(initial=1.0 / tau))
     length = max(SNAP_TIMES * tau + SNAP_PERIODS * 2.0 * np.pi / slowest, window / 4.0)
-    at_rest = response.parts(np.array([REST * 1j * slowest]), drive)[:-1]
+    at_rest = response.parts(np.array([REST * 1j * slowest]), ONE)[:-1]
     static = np.abs(at_rest).max(axis=(1, 2), initial=0.0)
     # a load that rises in tau leaves a mode ringing with this amplitude
     ringing = static / np.hypot(1.0, frequency * tau)

@@ -3,7 +3,7 @@
 import math
 from typing import TYPE_CHECKING
 
-from beamchain.report.formats import digits, percent
+from beamchain.report.formats import digits
 from beamchain.report.pages.notebook import table_html
 from beamchain.report.table import Column, Table
 
@@ -78,7 +78,7 @@ def pointing_mode_table(pointing: "Pointing") -> Table:
         Column("source", [row[0] for row in rows], key="source"),
         Column("output", [row[1] for row in rows], key="output"),
         Column("mode", [row[2] for row in rows], key="mode"),
-        Column("share", [row[3] for row in rows], format=percent, key="share"),
+        Column("share", [row[3] for row in rows], format=_percent, key="share"),
     )
     return Table("Modes that the errors come from", columns)
 
@@ -93,5 +93,9 @@ def _number(value: float) -> float | None:
     return None if math.isnan(value) else float(value)
 
 
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.3g} %"
+
+
 def _share(leader: tuple[str, float] | None) -> str:
-    return "" if leader is None else f"{leader[0]} {percent(leader[1])}"
+    return "" if leader is None else f"{leader[0]} {_percent(leader[1])}"
