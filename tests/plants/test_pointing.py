@@ -81,7 +81,10 @@ def test_one_mode_under_a_harmonic_sweep():
     resonance = np.sqrt(SPRING * (1.0 / J1 + 1.0 / PANEL))
     top = max(
         -minimize_scalar(
-            lambda w: -peak(w), bounds=(0.98 * w, 1.02 * w), method="bounded", options={"xatol": 1e-9}
+            lambda w: -peak(w),
+            bounds=(0.98 * w, 1.02 * w),
+            method="bounded",
+            options={"xatol": 1e-9},
         ).fun
         for w in (resonance, resonance / orders[1])
     )
@@ -136,8 +139,10 @@ def whirl(order, speed, torque):
     """`x + j y` of the mount under a torque that turns: A z'' + (c - j C Omega) z' + k z."""
     across = MOUNT + ACROSS
     omega = order * speed
-    return torque * speed**2 / (
-        ROCK - across * omega**2 + 1j * ROCK_DAMPING * omega + ALONG * speed * omega
+    return (
+        torque
+        * speed**2
+        / (ROCK - across * omega**2 + 1j * ROCK_DAMPING * omega + ALONG * speed * omega)
     )
 
 

@@ -11,6 +11,7 @@ from beamchain.craft.linear_craft import LinearCraft, craft_with_signals
 from beamchain.craft.mode_names import HINGE
 from beamchain.engine.library import mujoco
 from beamchain.engine.linear import Linear, Signal
+from beamchain.engine.mount import motion
 from beamchain.engine.operating_point import At, OperatingPoint, Rates, operating_point
 from beamchain.engine.signals import (
     AXES,
@@ -158,7 +159,9 @@ def wheel_inputs(point: OperatingPoint, joint: str) -> list[Input]:
     model = point.model
     number = _joint_number(model, "wheel.joint", joint)
     if int(model.jnt_type[number]) != int(mujoco.mjtJoint.mjJNT_HINGE):
-        raise InputError(f"wheel.joint = {joint!r} is no hinge; give the hinge that a wheel turns on.")
+        raise InputError(
+            f"wheel.joint = {joint!r} is no hinge; give the hinge that a wheel turns on."
+        )
     data = point.data()
     body = int(model.jnt_bodyid[number])
     axis = np.array(data.xaxis[number])
@@ -187,7 +190,7 @@ def _noise_inputs(point: OperatingPoint, source: NoiseDisturbance) -> list[Input
     if len({signal.unit for signal in inputs}) > 1:
         raise InputError(
             f"psd of {source.input!r}: its signals have different units, and one density cannot "
-            f"hold for all; name those that act, signals = [\"{inputs[0].label}\"]."
+            f'hold for all; name those that act, signals = ["{inputs[0].label}"].'
         )
     return inputs
 
@@ -267,9 +270,9 @@ def _tip_motion(point: OperatingPoint, appendage: str) -> Array:
             f"snap of {appendage!r}: the model has no site {f'{appendage}_tip'!r} whose "
             "displacement is meant; give moment [N m] instead."
         )
-    out = np.zeros((3, model.nv))
-    mujoco.mj_jacSite(model, point.data(), out, None, site)
-    return out
+    data = point.data()
+    body = int(model.site_bodyid[site])
+    return motion(model, data, body, data.site_xpos[site], np.eye(3))[:3]
 
 
 def _with_forces(linear: Linear, forces: Sequence[tuple[Signal, Array]]) -> Linear:

@@ -1,7 +1,7 @@
 """Indices of a pointing error, ECSS-E-ST-60-10C (2008): the error itself (APE), and its deviation
 from the mean over a window that contains the instant (RPE)."""
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
@@ -45,7 +45,9 @@ def windowed_variance(omega: Array, window: float) -> Array:
     return 1.0 - mean_share(omega, window) ** 2
 
 
-def largest_deviation(values: Array, mean: Array, reach: int, mode: str) -> Array:
+def largest_deviation(
+    values: Array, mean: Array, reach: int, mode: Literal["wrap", "nearest"]
+) -> Array:
     """`(outputs,)` largest deviation of samples `(k, outputs)` from the mean over the window about
     sample k, anywhere in that window.
 

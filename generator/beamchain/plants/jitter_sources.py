@@ -29,7 +29,8 @@ class WheelHarmonic(Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     """
 
     order: Annotated[
-        float, field("frequency of the disturbance over that of the wheel's rotation", "", above=0.0)
+        float,
+        field("frequency of the disturbance over that of the wheel's rotation", "", above=0.0),
     ]
     radial_force: Annotated[
         float, field("force normal to the axis over the square of the speed", "kg m", least=0.0)
@@ -83,13 +84,13 @@ class WheelDisturbance(Struct, frozen=True, kw_only=True, forbid_unknown_fields=
         low, high = self.speeds
         if not low <= high or low == high == 0.0:
             raise InputError(
-                f"speeds = [{low:g}, {high:g}] of wheel {self.joint!r} is no range; give the lowest "
-                "and the highest speed in rad/s, speeds = [10.0, 400.0]."
+                f"speeds = [{low:g}, {high:g}] of wheel {self.joint!r} is no range; give the "
+                "lowest and the highest speed in rad/s, speeds = [10.0, 400.0]."
             )
         if len(self.harmonic) > MOST_ORDERS:
             raise InputError(
-                f"wheel {self.joint!r} has {len(self.harmonic)} harmonics; at most {MOST_ORDERS} are "
-                "taken, leave out the smallest."
+                f"wheel {self.joint!r} has {len(self.harmonic)} harmonics; at most {MOST_ORDERS} "
+                "are taken, leave out the smallest."
             )
         if not self.orders:
             raise InputError(
@@ -100,9 +101,7 @@ class WheelDisturbance(Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     @property
     def orders(self) -> tuple[WheelHarmonic, ...]:
         """What disturbs, each order once: imbalance is of order 1; equal orders add up."""
-        imbalance = WheelHarmonic(
-            order=1.0, radial_force=self.static, radial_torque=self.dynamic
-        )
+        imbalance = WheelHarmonic(order=1.0, radial_force=self.static, radial_torque=self.dynamic)
         by_order: dict[float, list[float]] = {}
         for harmonic in (imbalance, *self.harmonic):
             total = by_order.setdefault(harmonic.order, [0.0, 0.0, 0.0])

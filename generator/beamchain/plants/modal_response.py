@@ -1,7 +1,6 @@
 """Response of a craft in modal form, mode by mode: what each mode contributes to an output."""
 
 from collections.abc import Sequence
-
 from math import factorial
 
 import numpy as np
@@ -46,12 +45,14 @@ class ModalResponse:
         of_blocks = [np.linalg.eigvals(self.form.a[np.ix_(b, b)]) for b in self._blocks]
         return np.concatenate([np.zeros(0), *of_blocks]).astype(np.complex128)
 
-    def parts(self, s: Complex, drive: Array | Complex) -> Complex:
-        """`(names, k, outputs)` contributions at `s` `(k,)` of inputs `(inputs,)`.
+    def parts(self, omega: Array, drive: Array | Complex) -> Complex:
+        """`(names, k, outputs)` contributions at frequencies `(k,)` [rad/s] of inputs
+        `(inputs,)`.
 
         They add up to the response.
         """
         form = self.form
+        s = np.asarray(1j * omega, dtype=np.complex128)
         out = np.zeros((len(self.names), s.size, form.c.shape[0]), dtype=np.complex128)
         driven = form.b @ drive
         for block in self._blocks:
@@ -82,7 +83,7 @@ class ModalResponse:
 
 
 def _exponential_states(matrix: Array, drive: Array, times: Array, time_constant: float) -> Array:
-    """`(k, n)` states of `x' = A x + b (1 - exp(-t / time_constant))` at times `(k,)`, from rest."""
+    """`(k, n)` states of `x' = A x + b (1 - exp(-t / time_constant))`, from rest, at times."""
     n = drive.size
     poles, vectors = np.linalg.eig(matrix)
     if not np.any(np.linalg.matrix_power(matrix, n)):  # a chain of integrators

@@ -38,7 +38,7 @@ from beamchain.plants.source_errors import (
     wheel_sweeps,
 )
 from beamchain.plants.wheel_run import Acting, WheelRun, run_wheel
-from beamchain.ports.motions import Array, locked
+from beamchain.ports.motions import locked
 from beamchain.steps.modal import FILLER
 
 if TYPE_CHECKING:
@@ -95,9 +95,7 @@ class Pointing:
         ...     damping=bc.Damping(ratio=0.005),
         ... )
         >>> wheel = bc.WheelDisturbance(joint="rw", speeds=(1.0, 40.0), static=1e-6)
-        >>> budget = bc.pointing(
-        ...     bc.embed(craft, {"mount": spec}), bc.Disturbances(wheel=(wheel,))
-        ... )
+        >>> budget = bc.pointing(bc.embed(craft, {"mount": spec}), bc.Disturbances(wheel=(wheel,)))
         >>> budget.worst[1].source, budget.worst[1].mode
         ('wheel rw', 'appendage_mode1_xz')
     """
@@ -304,10 +302,10 @@ def _total(indices: list[ErrorIndex], kinds: list[str]) -> ErrorIndex:
     rms = np.array([index.rms for index in indices])
     stationary = np.isfinite(rms).any(axis=0)
     whole = np.where(stationary, np.sqrt(np.nansum(rms**2, axis=0)), np.nan)
-    random = [index.rms**2 for index, kind in zip(indices, kinds, strict=True) if kind == "psd"]
-    others = [index.peak for index, kind in zip(indices, kinds, strict=True) if kind != "psd"]
-    none = np.zeros(rms.shape[1])
-    peak = sum(others, none) + SIGMAS * np.sqrt(sum(random, none))
+    peaks = np.array([index.peak for index in indices])
+    random = np.array([kind == "psd" for kind in kinds])
+    variance = (rms[random] ** 2).sum(axis=0)
+    peak = peaks[~random].sum(axis=0) + SIGMAS * np.sqrt(variance)
     return ErrorIndex(locked(whole), locked(peak))
 
 
@@ -321,8 +319,8 @@ def _check_stable(whole: DisturbedCraft) -> None:
         worst = growing[np.argmax(growing.real)]
         raise InputError(
             f"the craft is unstable: its motion at {abs(worst):.5g} rad/s grows by "
-            f"{worst.real:.3g} per second, so that its error has no limit; check the signs of gains "
-            "and springs."
+            f"{worst.real:.3g} per second, and so does its error; check the signs of gains and "
+            "springs."
         )
 
 
@@ -340,17 +338,16 @@ def _beyond(whole: DisturbedCraft, given: Disturbances) -> list[str]:
     if max(highest, default=0.0) <= max(kept):
         return []
     return [
-        f"disturbances reach {max(highest):.4g} rad/s, the modes kept end at {max(kept):.4g} rad/s: "
-        "resonances of the structure above are not in the budget; keep more modes if they matter."
+        f"disturbances reach {max(highest):.4g} rad/s, the modes kept end at {max(kept):.4g} "
+        "rad/s; resonances of the structure above are not in the budget: keep more modes if they "
+        "matter."
     ]
 
 
-def _simulate(
-    budget: Pointing, name: str, source: WheelDisturbance, output: int
-) -> WheelRun:
+def _simulate(budget: Pointing, name: str, source: WheelDisturbance, output: int) -> WheelRun:
     """The run of a wheel at the speed of the largest error of an output."""
-    whole = budget._whole  # noqa: SLF001
-    number = [word for word, _ in budget._given.named].index(name)  # noqa: SLF001
+    whole = budget._whole
+    number = [word for word, _ in budget._given.named].index(name)
     error = budget[name]
     assert error.speed is not None
     speed = float(error.speed[output])

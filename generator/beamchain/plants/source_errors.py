@@ -153,10 +153,10 @@ def _wheel_shares(
     response = _modal_response(whole.of_wheel(number, source.joint, speed))
     shares = np.zeros(len(response.names))
     for order in wheel_orders(source):
-        s = np.array([1j * order.order * abs(speed)])
+        omega = np.array([order.order * abs(speed)])
         patterns = order.patterns if speed > 0.0 else order.patterns.conj()
         for pattern in patterns.T:
-            parts = speed**2 * response.parts(s, pattern)[:, 0, output]
+            parts = speed**2 * response.parts(omega, pattern)[:, 0, output]
             shares += _along(parts)
     return _named_shares(response, shares)
 
@@ -164,7 +164,8 @@ def _wheel_shares(
 def _along(parts: Complex) -> Array:
     """`(names,)` contributions `(names,)` along their sum, whose size they add up to."""
     total = complex(parts.sum())
-    return np.real(parts * np.conj(total)) / abs(total) if total else np.zeros(parts.size)
+    size = np.real(parts * np.conj(total)) / (abs(total) or 1.0)
+    return np.asarray(size, dtype=np.float64)
 
 
 def _named_shares(response: ModalResponse, shares: Array) -> dict[str, float]:
@@ -196,9 +197,7 @@ def _check_crossings(
         speeds = crossing.speed * (1.0 + np.array([BESIDE, AWAY]))
         beside, away = sweep.amplitudes(speeds).sum(axis=0)
         if np.any(beside > DRIVEN * away):
-            there = whole.of_wheel(
-                number, source.joint, sweep.direction * crossing.speed
-            )
+            there = whole.of_wheel(number, source.joint, sweep.direction * crossing.speed)
             mode = _mode_at(_modal_response(there), crossing.frequency)
             raise InputError(
                 f"{name}: at {sweep.direction * crossing.speed:.5g} rad/s its order "
@@ -212,7 +211,7 @@ def _mode_at(response: ModalResponse, frequency: float) -> str:
     """Name of the oscillator nearest to a frequency [rad/s]."""
     form = response.form
     names = form.oscillators([n for n in form.names if not n.startswith("rigid_")])
-    off = {}
+    off: dict[str, float] = {}
     for name in names:
         at = [form.names.index(word) for word in (name, f"{name}_rate")]
         speed = float(np.abs(np.linalg.eigvals(form.a[np.ix_(at, at)])).max())
@@ -241,7 +240,7 @@ def noise_error(
     deviation = np.zeros(outputs)
     shares = np.zeros((len(response.names), outputs))
     for signal in drive.T:
-        parts = response.parts(1j * omega, signal)
+        parts = response.parts(omega, signal)
         total = parts.sum(axis=0)
         variance += power @ np.abs(total) ** 2
         deviation += (power * kept) @ np.abs(total) ** 2
@@ -278,17 +277,16 @@ def _integral(poles: Complex, source: NoiseDisturbance, window: float) -> tuple[
     return omega.ravel(), (half[:, None] * weights).ravel()
 
 
-def _check_noise(
-    response: ModalResponse, name: str, drive: Array, low: float, high: float
-) -> None:
+def _check_noise(response: ModalResponse, name: str, drive: Array, low: float, high: float) -> None:
     """Refuse a density that drives an undamped mode: its variance has no end."""
     poles = response.poles
     fastest = float(np.abs(poles).max(initial=0.0))
     for pole in poles[(low <= poles.imag) & (poles.imag <= high)]:
         if abs(pole) < RIGID * fastest or -pole.real >= UNDAMPED * abs(pole):
             continue
-        s = 1j * pole.imag * (1.0 + np.array([BESIDE, AWAY]))
-        beside, away = sum(np.abs(response.parts(s, signal).sum(axis=0)) for signal in drive.T)
+        omega = pole.imag * (1.0 + np.array([BESIDE, AWAY]))
+        gains = [np.abs(response.parts(omega, signal).sum(axis=0)) for signal in drive.T]
+        beside, away = np.sum(gains, axis=0)
         if np.any(beside > DRIVEN * away):
             raise InputError(
                 f"{name}: its frequencies hold that of {_mode_at(response, abs(pole))!r} "
@@ -306,7 +304,7 @@ def stepper_error(
     fastest = float(np.abs(response.poles).max(initial=0.0))
     count = int(np.clip(np.ceil(BEYOND * fastest / base), *HARMONICS))
     n = np.arange(1.0, count + 1.0)
-    parts = response.parts(1j * base * n, ONE) * stepper_harmonics(source, n)[None, :, None]
+    parts = response.parts(base * n, ONE) * stepper_harmonics(source, n)[None, :, None]
     error = parts.sum(axis=0)
     power = np.abs(error) ** 2 / 2.0
     kept = windowed_variance(base * n, window)
@@ -338,9 +336,10 @@ def stepper_harmonics(source: StepperDisturbance, n: Array) -> Complex:
     """
     if source.torque is None or source.width is None:
         assert source.step is not None
-        return -1j * source.step / (np.pi * n)
+        return np.asarray(-1j * source.step / (np.pi * n), dtype=np.complex128)
     share = source.rate * source.width
-    return 2.0 * source.torque * share * np.sinc(n * share) * np.exp(-1j * np.pi * n * share)
+    size = 2.0 * source.torque * share * np.sinc(n * share)
+    return np.asarray(size * np.exp(-1j * np.pi * n * share), dtype=np.complex128)
 
 
 def _periodic(amplitudes: Complex, samples: int) -> Array:
@@ -392,7 +391,7 @@ def _snap_times(response: ModalResponse, tau: float, window: float) -> Array:
     frequency = np.array([_frequency(response, mode) for mode in response.names[:-1]])
     slowest = float(frequency.min(initial=1.0 / tau))
     length = max(SNAP_TIMES * tau + SNAP_PERIODS * 2.0 * np.pi / slowest, window / 4.0)
-    at_rest = response.parts(np.array([REST * 1j * slowest]), ONE)[:-1]
+    at_rest = response.parts(np.array([REST * slowest]), ONE)[:-1]
     static = np.abs(at_rest).max(axis=(1, 2), initial=0.0)
     # a load that rises in tau leaves a mode ringing with this amplitude
     ringing = static / np.hypot(1.0, frequency * tau)

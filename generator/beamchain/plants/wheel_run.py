@@ -1,5 +1,6 @@
 """A wheel's disturbance in a plain MuJoCo run: the wheel turns, and what disturbs it acts on it."""
 
+from copy import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -84,7 +85,7 @@ def run_wheel(
             f"settled, more than the {MOST_STEPS} taken; give speeds at which a mode of higher "
             "frequency or damping is the worst."
         )
-    model = craft.point.model.__copy__()
+    model = copy(craft.point.model)
     model.opt.timestep = timestep
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
     data = mujoco.MjData(model)
@@ -110,7 +111,8 @@ def run_wheel(
             mujoco.mj_forward(model, data)
             values[k - before] = float(seen.read(data)[place]) - at_rest
     times = timestep * np.arange(before + 1, before + window + 1, dtype=np.float64)
-    return locked(times), locked(values), _amplitudes(times, values, acting), timestep
+    found = _amplitudes(times, values, [order.omega for order in acting], _nutation(craft))
+    return locked(times), locked(values), found, timestep
 
 
 def _place(craft: LinearCraft, output: int) -> tuple[int, int]:
@@ -122,13 +124,22 @@ def _place(craft: LinearCraft, output: int) -> tuple[int, int]:
     raise IndexError(output)
 
 
-def _amplitudes(times: Array, values: Array, acting: list[Acting]) -> list[float]:
-    """Amplitudes of the orders in a record: sines at their frequencies, and what drifts."""
+def _nutation(craft: LinearCraft) -> list[float]:
+    """Frequencies of a craft's nutation [rad/s], which nothing damps."""
+    form = craft.form()
+    names = [name for name in form.names if name.startswith("nutation_")]
+    places = [
+        [form.names.index(word) for word in (name, f"{name}_rate")]
+        for name in form.oscillators(names)
+    ]
+    return [float(np.sqrt(np.linalg.det(form.a[np.ix_(at, at)]))) for at in places]
+
+
+def _amplitudes(times: Array, values: Array, driven: list[float], free: list[float]) -> list[float]:
+    """Amplitudes of driven frequencies [rad/s] in a record that holds free ones too, and drifts."""
     share = (times - times[0]) / (times[-1] - times[0])
     columns = [np.ones(times.size), share]
-    for order in acting:
-        columns += [np.cos(order.omega * times), np.sin(order.omega * times)]
+    for omega in (*driven, *free):
+        columns += [np.cos(omega * times), np.sin(omega * times)]
     fitted = np.linalg.lstsq(np.column_stack(columns), values, rcond=None)[0]
-    return [
-        float(np.hypot(fitted[2 + 2 * i], fitted[3 + 2 * i])) for i in range(len(acting))
-    ]
+    return [float(np.hypot(fitted[2 + 2 * i], fitted[3 + 2 * i])) for i in range(len(driven))]

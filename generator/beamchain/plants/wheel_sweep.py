@@ -95,9 +95,7 @@ class WheelSweep:
     ) -> None:
         self.direction = direction
         self._window = window
-        self._orders = [
-            _OrderResponse(system, order, direction) for order in orders
-        ]
+        self._orders = [_OrderResponse(system, order, direction) for order in orders]
 
     def crossings(self, low: float, high: float) -> list[Crossing]:
         """Where an order meets a mode, between two speeds [rad/s]."""
@@ -204,17 +202,18 @@ class _OrderResponse:
 
     def response(self, speed: Array) -> Complex:
         """`(k, outputs, p)` complex amplitudes of the error at speeds `(k,)`."""
-        states = _back_substitution(self._triangle, self._driven, 1j * self.order * speed)
+        states = _back_substitution(self._triangle, self._driven, self.order * speed)
         error = np.tensordot(self._seen, states, 1)
         error = error + speed[:, None] * np.tensordot(self._seen_by_speed, states, 1)
         error = np.moveaxis(error, 0, 1) + self._through
         return speed[:, None, None] ** 2 * error
 
 
-def _back_substitution(triangle: Complex, right: Complex, s: Complex) -> Complex:
-    """`(n, k, p)` solutions of `(s - T) x = right` for an upper triangle T `(n, n)`, right
-    `(n, p)`, and s `(k,)`."""
+def _back_substitution(triangle: Complex, right: Complex, omega: Array) -> Complex:
+    """`(n, k, p)` solutions of `(j omega - T) x = right` for an upper triangle T `(n, n)`, right
+    `(n, p)`, and omega `(k,)`."""
     n, p = right.shape
+    s = np.asarray(1j * omega, dtype=np.complex128)
     out = np.zeros((n, s.size, p), dtype=np.complex128)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         for i in reversed(range(n)):

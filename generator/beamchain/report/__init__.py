@@ -22,13 +22,13 @@ if TYPE_CHECKING:
     from beamchain.report.pages.notebook import embedded_text as embedded_text
     from beamchain.report.pages.notebook import fit_html as fit_html
     from beamchain.report.pages.notebook import fit_text as fit_text
+    from beamchain.report.pages.notebook import pointing_html as pointing_html
     from beamchain.report.pages.study import study_page as study_page
     from beamchain.report.plant_plots import plot_pointing as plot_pointing
     from beamchain.report.plant_plots import plot_scheduled as plot_scheduled
     from beamchain.report.plant_plots import plot_worst as plot_worst
     from beamchain.report.plots import plot_accelerance as plot_accelerance
     from beamchain.report.table import Table as Table
-    from beamchain.report.tables.pointing import pointing_html as pointing_html
     from beamchain.report.tables.pointing import pointing_mode_table as pointing_mode_table
     from beamchain.report.tables.pointing import pointing_table as pointing_table
     from beamchain.report.tables.record import embed_record as embed_record
@@ -41,11 +41,11 @@ _PLACES = {
     "pages.embed": ("embed_report",),
     "pages.fit": ("fit_report",),
     "pages.identification": ("identification_html", "identification_page", "plot_identification"),
-    "pages.notebook": ("embedded_html", "embedded_text", "fit_html", "fit_text"),
+    "pages.notebook": ("embedded_html", "embedded_text", "fit_html", "fit_text", "pointing_html"),
     "plant_plots": ("plot_pointing", "plot_scheduled", "plot_worst"),
     "plots": ("plot_accelerance",),
     "table": ("Table",),
-    "tables.pointing": ("pointing_html", "pointing_mode_table", "pointing_table"),
+    "tables.pointing": ("pointing_mode_table", "pointing_table"),
     "tables.record": ("embed_record", "fit_record", "inspection_record", "study_record"),
     "pages.study": ("study_page",),
 }

@@ -10,12 +10,14 @@ from beamchain.report.formats import number, relative, step_text, typeset
 from beamchain.report.table import Table
 from beamchain.report.tables.embed import coupled_table
 from beamchain.report.tables.fit import matched_modes, mode_table
+from beamchain.report.tables.pointing import pointing_table
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from beamchain.craft.embedded import Embedded
     from beamchain.fitting.result import Fit
+    from beamchain.plants.pointing import Pointing
 
 
 def fit_text(fit: "Fit") -> str:
@@ -60,6 +62,11 @@ def embedded_html(embedded: "Embedded") -> str:
     notes = [embedded.headline, embedded.assembly.worst_told]
     notes += [f"note: {text}" for text in embedded.warnings]
     return table_html(coupled_table(embedded.assembly), notes, title=", ".join(places))
+
+
+def pointing_html(pointing: "Pointing") -> str:
+    """The budget and its notes."""
+    return table_html(pointing_table(pointing), [f"note: {text}" for text in pointing.warnings])
 
 
 def table_html(table: Table, notes: "Iterable[str]" = (), title: str = "") -> str:

@@ -4,7 +4,6 @@ import math
 from typing import TYPE_CHECKING
 
 from beamchain.report.formats import digits
-from beamchain.report.pages.notebook import table_html
 from beamchain.report.table import Column, Table
 
 if TYPE_CHECKING:
@@ -18,10 +17,12 @@ TOTAL = "all"
 def pointing_table(pointing: "Pointing") -> Table:
     """What each source does to each output, and all together."""
     rows = [
-        (source.name, source.ape, source.rpe, source.speed, source.shares)
-        for source in pointing.sources
+        *(
+            (source.name, source.ape, source.rpe, source.speed, source.shares)
+            for source in pointing.sources
+        ),
+        (TOTAL, pointing.ape, pointing.rpe, None, None),
     ]
-    rows.append((TOTAL, pointing.ape, pointing.rpe, None, None))
     outputs = range(len(pointing.outputs))
     cells = [(row, output) for row in rows for output in outputs]
     leading = [
@@ -39,7 +40,9 @@ def pointing_table(pointing: "Pointing") -> Table:
             missing="-",
             key="ape_rms",
         ),
-        Column("APE peak", [float(row[1].peak[n]) for row, n in cells], format=text, key="ape_peak"),
+        Column(
+            "APE peak", [float(row[1].peak[n]) for row, n in cells], format=text, key="ape_peak"
+        ),
         Column(
             "RPE rms",
             [_number(row[2].rms[n]) for row, n in cells],
@@ -47,7 +50,9 @@ def pointing_table(pointing: "Pointing") -> Table:
             missing="-",
             key="rpe_rms",
         ),
-        Column("RPE peak", [float(row[2].peak[n]) for row, n in cells], format=text, key="rpe_peak"),
+        Column(
+            "RPE peak", [float(row[2].peak[n]) for row, n in cells], format=text, key="rpe_peak"
+        ),
         Column(
             "at speed",
             [None if row[3] is None else float(row[3][n]) for row, n in cells],
@@ -81,11 +86,6 @@ def pointing_mode_table(pointing: "Pointing") -> Table:
         Column("share", [row[3] for row in rows], format=_percent, key="share"),
     )
     return Table("Modes that the errors come from", columns)
-
-
-def pointing_html(pointing: "Pointing") -> str:
-    """The budget as a notebook shows it."""
-    return table_html(pointing.table, [f"note: {text}" for text in pointing.warnings])
 
 
 def _number(value: float) -> float | None:
