@@ -37,6 +37,12 @@ FILES = (
         "--uncertain`.",
         bc.UncertainCraft,
     ),
+    (
+        "disturbances",
+        "Keys of disturbances",
+        "A `DISTURBANCES.toml` is given to `bc.pointing` and `beamchain plant --disturbances`.",
+        bc.Disturbances,
+    ),
 )
 #: classes that public functions return, and which call returns each
 RESULTS = {
@@ -48,6 +54,7 @@ RESULTS = {
     "Linear": "bc.Linear.of(model)",
     "Linearisation": "bc.linearise(model)",
     "Plant": "bc.plant(model, inputs, outputs)",
+    "Pointing": "bc.pointing(craft, disturbances)",
     "Retimed": "bc.retime(model, timestep)",
     "ScheduledPlant": 'bc.plant(model, inputs, outputs, at={"drive": angles})',
     "StabilityStudy": "bc.stability(source)",
@@ -93,6 +100,13 @@ PARTS = {
         "engine.normal_modes.NormalModes",
     ),
     "Linearisation": ("engine.linearise.Held",),
+    "Pointing": (
+        "plants.error_indices.ErrorIndex",
+        "plants.pointing.WorstError",
+        "plants.source_errors.SourceError",
+        "plants.wheel_run.WheelRun",
+        "plants.wheel_sweep.SpeedCurve",
+    ),
     "Retimed": ("steps.forms.ModeTime",),
     "Segment": ("structure.segment.Stations", "structure.section.Geometry"),
     "StabilityStudy": (

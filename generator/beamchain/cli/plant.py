@@ -12,6 +12,7 @@ from beamchain.errors import InputError
 
 if TYPE_CHECKING:
     from beamchain.plants.loops import Margins
+    from beamchain.plants.pointing import Pointing
     from beamchain.plants.realisation import Plant
     from beamchain.plants.scheduled import ScheduledPlant
     from beamchain.plants.uncertain_plant import WorstCase
@@ -67,6 +68,17 @@ Discrete = Annotated[float | None, typer.Option(metavar="STEP", help="Sampled at
 Loops = Annotated[
     Path | None, typer.Option(metavar="LOOPS.toml", help="Loops whose margins are computed.")
 ]
+DisturbanceFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--disturbances",
+        metavar="DISTURBANCES.toml",
+        help="What disturbs the pointing: the budget of the outputs is computed.",
+    ),
+]
+Window = Annotated[
+    float, typer.Option(metavar="TIME", help="Window of the relative pointing error in s.")
+]
 Report = Annotated[bool, typer.Option(help="Write OUT_report.html as well.")]
 
 
@@ -81,6 +93,8 @@ def plant(
     controller: Loops = None,
     uncertain: Uncertain = None,
     disturbance: Worst = None,
+    disturbances: DisturbanceFile = None,
+    window: Window = 1.0,
     report: Report = True,
     as_json: Json = False,
     force: Force = False,
@@ -95,20 +109,28 @@ def plant(
 
     Example: beamchain plant flexible.xml --input torque:bus --controller loops.toml --uncertain
     craft.toml -o plant.npz
+
+    Example: beamchain plant flexible.xml --disturbances jitter.toml -o plant.npz
     """
     from beamchain.files import beside, check_outputs
     from beamchain.plants.controllers import read_controller
+    from beamchain.plants.jitter_sources import read_disturbances
     from beamchain.plants.loops import margin_warnings, margins
     from beamchain.plants.plant import plant as linearise
+    from beamchain.plants.pointing import pointing
     from beamchain.plants.realisation import Plant
     from beamchain.report.pages.plant import plant_report
 
     _check_options(at, angle, controller, uncertain)
+    if disturbances is not None and angle is not None:
+        raise InputError("plant: --disturbances takes one pose; leave --angle out, or give --at.")
     source, target = _signals_between(disturbance, uncertain)
     page = beside(output, "_report.html")
-    files_read = [model, *(place for place in (controller, uncertain) if place is not None)]
+    given = (controller, uncertain, disturbances)
+    files_read = [model, *(place for place in given if place is not None)]
     check_outputs([output, *([page] if report else ())], force=force, inputs=files_read)
     loops = None if controller is None else read_controller(controller)
+    sources = None if disturbances is None else read_disturbances(disturbances)
     with spinner("linearising", quiet or as_json):
         pose = _angles(angle) if angle else at
         result = linearise(model, inputs or None, outputs or None, pose, discrete=discrete)
@@ -118,14 +140,17 @@ def plant(
         if loops is not None and uncertain is not None:
             models = [each.uncertain(uncertain) for each in plants]
             cases = [each.worst_case(loops, source, target) for each in models]
+        budget = None
+        if sources is not None:
+            budget = pointing(model, sources, outputs or None, at, window=window)
         pages: dict[Path, str] = {}
         if report:
             pages[page] = plant_report(result, margins_by_plant, model.name, cases)
     files = [result.write(output, force=force, also=pages or None), *pages]
     warnings = margin_warnings(plants, margins_by_plant)
     tell(
-        lambda: _record(result, plants[0], margins_by_plant, cases, warnings),
-        lambda: _show(plants[0], margins_by_plant, cases, warnings),
+        lambda: _record(result, plants[0], margins_by_plant, cases, warnings, budget),
+        lambda: _show(plants[0], margins_by_plant, cases, warnings, budget),
         files,
         as_json,
         quiet,
@@ -182,6 +207,7 @@ def _record(
     margins_by_plant: "list[list[Margins]]",
     cases: "list[WorstCase]",
     warnings: list[str],
+    budget: "Pointing | None",
 ) -> dict[str, Any]:
     """What --json prints."""
     import numpy as np
@@ -199,6 +225,7 @@ def _record(
         "angles": angles,
         "margins": [[loop.as_dict() for loop in loops] for loops in margins_by_plant],
         "worst": [case.as_dict() for case in cases],
+        "pointing": None if budget is None else budget.as_dict(),
         **warnings_record(warnings),
     }
 
@@ -208,6 +235,7 @@ def _show(
     margins_by_plant: "list[list[Margins]]",
     cases: "list[WorstCase]",
     warnings: list[str],
+    budget: "Pointing | None",
 ) -> None:
     """What the terminal shows before the names of the files."""
     from beamchain.report.tables import plant as tables
@@ -224,4 +252,8 @@ def _show(
         console().print(f"worst case, {case.sentence}")
     if cases:
         print_table(tables.worst_value_table(cases))
+    if budget is not None:
+        print_table(budget.table)
+        print_table(budget.mode_table)
+        warnings = [*warnings, *(text for text in budget.warnings if text not in warnings)]
     print_warnings(warnings, "note")
