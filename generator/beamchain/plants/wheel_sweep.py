@@ -26,6 +26,8 @@ from beamchain.ports.motions import Array
 # half widths of a resonance, from its top, at which it is looked at
 AROUND = np.sinh(np.linspace(-6.0, 6.0, 37))
 LEAST = 1e-4  # of the highest speed: a range that begins at rest is looked at from there
+HIGH = 0.95  # of the highest sample: lower ones are no tops, for samples lie within 2 % of theirs
+MOST_TOPS = 6  # of an output
 ZOOMS, ZOOM = 3, 41  # rounds in which a top is closed in on, and points of each
 UNDAMPED = 1e-6  # damping ratio below which a resonance has no end
 RIGID = 1e-6  # of the fastest pole: slower ones are rigid motion
@@ -151,18 +153,30 @@ class WheelSweep:
         pieces = [curve]
         for index in ("ape_peak", "ape_rms", "rpe_peak", "rpe_rms"):
             for output in range(curve.ape_rms.shape[1]):
-                pieces.append(self._top(curve, index, output))
+                pieces += [
+                    self._top(curve, index, output, place)
+                    for place in _high_places(getattr(curve, index)[:, output])
+                ]
         return joined(pieces)
 
-    def _top(self, curve: SpeedCurve, index: str, output: int) -> SpeedCurve:
-        """The largest value of an index of an output, closed in on."""
+    def _top(self, curve: SpeedCurve, index: str, output: int, place: int) -> SpeedCurve:
+        """A local maximum of an index of an output, closed in on from its sample."""
         for _ in range(ZOOMS):
             speed = np.abs(curve.speed)
-            place = int(np.argmax(getattr(curve, index)[:, output]))
-            around = speed[max(place - 1, 0)], speed[min(place + 1, speed.size - 1)]
+            around = sorted((speed[max(place - 1, 0)], speed[min(place + 1, speed.size - 1)]))
             curve = self.curve(np.unique(np.append(np.linspace(*around, ZOOM), speed[place])))
-        place = int(np.argmax(getattr(curve, index)[:, output]))
+            place = int(np.argmax(getattr(curve, index)[:, output]))
         return SpeedCurve(*(values[[place]] for values in curve))
+
+
+def _high_places(values: Array) -> list[int]:
+    """Where samples have local maxima that are nearly as high as the highest, or become it."""
+    edge = np.full(1, -np.inf)
+    before = np.concatenate([edge, values[:-1]])
+    after = np.concatenate([values[1:], edge])
+    high = (values >= before) & (values >= after) & (values >= HIGH * values.max())
+    places = np.flatnonzero(high)
+    return places[np.argsort(-values[places])][:MOST_TOPS].tolist()
 
 
 def joined(curves: Sequence[SpeedCurve]) -> SpeedCurve:

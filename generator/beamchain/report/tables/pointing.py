@@ -3,6 +3,7 @@
 import math
 from typing import TYPE_CHECKING
 
+from beamchain.ports.motions import Array
 from beamchain.report.formats import digits
 from beamchain.report.table import Column, Table
 
@@ -10,6 +11,7 @@ if TYPE_CHECKING:
     from beamchain.plants.pointing import Pointing
 
 SHOWN = 0.01  # least share of a mode that is shown
+ROUNDING = 1e-9  # of a source's largest error in a unit: smaller ones come from no mode
 LARGEST = 5  # modes per source and output
 TOTAL = "all"
 
@@ -26,7 +28,10 @@ def pointing_table(pointing: "Pointing") -> Table:
     outputs = range(len(pointing.outputs))
     cells = [(row, output) for row in rows for output in outputs]
     leading = [
-        next(iter(row[4][n].items()), None) if row[4] is not None else None for row, n in cells
+        next(iter(row[4][n].items()), None)
+        if row[4] is not None and _shows(pointing, row[1].peak, n)
+        else None
+        for row, n in cells
     ]
     text = digits(4)
     columns = (
@@ -75,7 +80,8 @@ def pointing_mode_table(pointing: "Pointing") -> Table:
     rows = [
         (source.name, name, mode, share)
         for source in pointing.sources
-        for name, shares in zip(pointing.outputs, source.shares, strict=True)
+        for n, (name, shares) in enumerate(zip(pointing.outputs, source.shares, strict=True))
+        if _shows(pointing, source.ape.peak, n)
         for mode, share in list(shares.items())[:LARGEST]
         if abs(share) >= SHOWN
     ]
@@ -86,6 +92,12 @@ def pointing_mode_table(pointing: "Pointing") -> Table:
         Column("share", [row[3] for row in rows], format=_percent, key="share"),
     )
     return Table("Modes that the errors come from", columns)
+
+
+def _shows(pointing: "Pointing", peaks: Array, output: int) -> bool:
+    """Whether a source's error of an output is more than rounding."""
+    alike = [n for n, unit in enumerate(pointing.units) if unit == pointing.units[output]]
+    return bool(peaks[output] > ROUNDING * peaks[alike].max())
 
 
 def _number(value: float) -> float | None:
