@@ -147,6 +147,10 @@ KINDS = {
         ("wheel", {"speeds": (30.0, 2.0)}, r"speeds = \[30, 2\] of wheel 'spin' is no range"),
         ("wheel", {"speeds": (0.0, 0.0)}, "is no range"),
         ("wheel", {"speeds": (float("nan"), 1.0)}, r"speeds\[0\] = nan cannot be used"),
+        ("wheel", {"speeds": (1.0,)}, r"speeds = \(1.0,\) of wheel 'spin' is no range"),
+        ("wheel", {"speeds": 5.0}, "speeds = 5.0 of wheel 'spin' is no range"),
+        ("wheel", {"joint": 5}, "wheel.joint = 5 is a int; give the name of a hinge"),
+        ("wheel", {"harmonic": ({"order": 2.0},)}, r"is no list of bc.WheelHarmonic\(...\)"),
         ("wheel", {"static": 0.0}, "disturbs nothing; give static"),
         ("wheel", {"static": -1.0}, "static = -1.0 must not be negative"),
         ("wheel", {"count": 1}, "count = 1 must be a whole number from 2"),
@@ -156,6 +160,8 @@ KINDS = {
         ("stepper", {"step": None, "torque": 1.0}, "takes either step"),
         ("stepper", {"step": None, "torque": 1.0, "width": 0.5}, "is not shorter than the time"),
         ("stepper", {"rate": 0.0}, "rate = 0.0 must be above zero"),
+        ("psd", {"frequency": 5.0}, "frequency of psd 'torque:hub' = 5.0 is no list of numbers"),
+        ("psd", {"signals": "torque_z"}, "signals of psd 'torque:hub' = 'torque_z' is no list"),
         ("psd", {"input": "torque:bus"}, "'bus' is unknown"),
         ("psd", {"signals": ("torque_q",)}, "signals of psd 'torque:hub' = 'torque_q' is unknown"),
         ("psd", {"frequency": (10.0, 0.1)}, "list frequencies in ascending order"),
@@ -216,6 +222,8 @@ def test_wrong_arguments(arguments, sentence):
 def test_nothing_and_twice_the_same():
     with pytest.raises(bc.InputError, match="the disturbances are empty"):
         bc.Disturbances()
+    with pytest.raises(bc.InputError, match=r"psd = 'x' is no list of bc.NoiseDisturbance"):
+        bc.Disturbances(psd="x")
     wheel = bc.WheelDisturbance(**WHEEL)
     with pytest.raises(bc.InputError, match=r"two \[\[wheel\]\] tables are of 'spin'"):
         bc.Disturbances(wheel=(wheel, wheel))

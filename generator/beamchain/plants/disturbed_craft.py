@@ -131,7 +131,7 @@ def disturbed_craft(
         dof = _dof_of(point.model, wheel.joint)
         far = max(wheel.speeds, key=abs)
         base = float(point.qvel[dof])
-        faster[wheel.joint] = far - base if far != base else far
+        faster[wheel.joint] = far
         ends: list[Linear] = []
         for share in (1.0, 0.5):
             speeds = {**(rates or {}), wheel.joint: base + share * faster[wheel.joint]}

@@ -3,15 +3,22 @@ inputs, thermal snap."""
 
 from itertools import pairwise
 from pathlib import Path
+from types import UnionType
 from typing import Annotated, Literal
 
-from beamchain.checks import Struct, field
+from beamchain.checks import Struct, field, of_type
 from beamchain.errors import InputError
 from beamchain.fitting.toml_files import read_struct
 
-MOST_ORDERS = 100  # of a wheel's disturbance
-MOST_SPEEDS = 100_000
+MOST_ORDERS = 40  # of a wheel's disturbance
+MOST_SPEEDS = 10_000
 MOST_FREQUENCIES = 10_000  # of a tabulated density
+
+
+def _check_list(field_name: str, value: object, kind: type | UnionType, holds: str) -> None:
+    """Refuse what is no list of the kind; Python's callers are checked by nobody else."""
+    if not isinstance(value, tuple) or not all(isinstance(item, kind) for item in value):
+        raise InputError(f"{field_name} = {value!r:.60} is no list of {holds}; give {holds} in [].")
 
 
 class WheelHarmonic(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -81,6 +88,19 @@ class WheelDisturbance(Struct, frozen=True, kw_only=True, forbid_unknown_fields=
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        of_type("wheel.joint", self.joint, str, "the name of a hinge")
+        _check_list(
+            f"harmonic of wheel {self.joint!r}",
+            self.harmonic,
+            WheelHarmonic,
+            "bc.WheelHarmonic(...)",
+        )
+        given: object = self.speeds
+        if not isinstance(given, tuple) or len(self.speeds) != 2:
+            raise InputError(
+                f"speeds = {given!r:.60} of wheel {self.joint!r} is no range; give the lowest and "
+                "the highest speed in rad/s, speeds = [10.0, 400.0]."
+            )
         low, high = self.speeds
         if not low <= high or low == high == 0.0:
             raise InputError(
@@ -142,6 +162,7 @@ class StepperDisturbance(Struct, frozen=True, kw_only=True, forbid_unknown_field
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        of_type("stepper.joint", self.joint, str, "the name of a joint")
         if (self.step is None) == (self.torque is None) or (self.torque is None) != (
             self.width is None
         ):
@@ -185,6 +206,10 @@ class NoiseDisturbance(Struct, frozen=True, kw_only=True, forbid_unknown_fields=
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        of_type("psd.input", self.input, str, "the name of an input")
+        _check_list(f"frequency of psd {self.input!r}", self.frequency, float | int, "numbers")
+        _check_list(f"density of psd {self.input!r}", self.density, float | int, "numbers")
+        _check_list(f"signals of psd {self.input!r}", self.signals, str, "labels")
         count = len(self.frequency)
         if count != len(self.density) or not 2 <= count <= MOST_FREQUENCIES:
             raise InputError(
@@ -236,6 +261,7 @@ class ThermalSnap(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        of_type("snap.appendage", self.appendage, str, "the prefix of an appendage")
         if (self.displacement is None) == (self.moment is None):
             raise InputError(
                 f"snap of {self.appendage!r} takes either displacement [m] or moment [N m]; write "
@@ -267,6 +293,10 @@ class Disturbances(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        _check_list("wheel", self.wheel, WheelDisturbance, "bc.WheelDisturbance(...)")
+        _check_list("stepper", self.stepper, StepperDisturbance, "bc.StepperDisturbance(...)")
+        _check_list("psd", self.psd, NoiseDisturbance, "bc.NoiseDisturbance(...)")
+        _check_list("snap", self.snap, ThermalSnap, "bc.ThermalSnap(...)")
         if not self.named:
             raise InputError(
                 "the disturbances are empty; give at least one [[wheel]], [[stepper]], [[psd]] or "

@@ -29,6 +29,7 @@ LEAST = 1e-4  # of the highest speed: a range that begins at rest is looked at f
 HIGH = 0.95  # of the highest sample: lower ones are no tops, for samples lie within 2 % of theirs
 MOST_TOPS = 6  # of an output
 ZOOMS, ZOOM = 3, 41  # rounds in which a top is closed in on, and points of each
+CHUNK = 2000  # speeds that are looked at together
 UNDAMPED = 1e-6  # damping ratio below which a resonance has no end
 RIGID = 1e-6  # of the fastest pole: slower ones are rigid motion
 
@@ -163,8 +164,8 @@ class WheelSweep:
         """A local maximum of an index of an output, closed in on from its sample."""
         for _ in range(ZOOMS):
             speed = np.abs(curve.speed)
-            around = sorted((speed[max(place - 1, 0)], speed[min(place + 1, speed.size - 1)]))
-            curve = self.curve(np.unique(np.append(np.linspace(*around, ZOOM), speed[place])))
+            first, last = speed[max(place - 1, 0)], speed[min(place + 1, speed.size - 1)]
+            curve = self.curve(np.unique(np.append(np.linspace(first, last, ZOOM), speed[place])))
             place = int(np.argmax(getattr(curve, index)[:, output]))
         return SpeedCurve(*(values[[place]] for values in curve))
 
@@ -216,6 +217,10 @@ class _OrderResponse:
 
     def response(self, speed: Array) -> Complex:
         """`(k, outputs, p)` complex amplitudes of the error at speeds `(k,)`."""
+        parts = np.array_split(speed, -(-speed.size // CHUNK))
+        return np.concatenate([self._response(part) for part in parts])
+
+    def _response(self, speed: Array) -> Complex:
         states = _back_substitution(self._triangle, self._driven, self.order * speed)
         error = np.tensordot(self._seen, states, 1)
         error = error + speed[:, None] * np.tensordot(self._seen_by_speed, states, 1)
