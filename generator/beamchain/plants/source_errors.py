@@ -52,7 +52,7 @@ IN_WINDOW = 400  # samples of a window at least
 SNAP_PERIODS, SNAP_TIMES = 20.0, 10.0  # of the slowest mode, and time constants, that are looked at
 FINE = 40.0  # samples of the shortest period, and of the time constant
 SHOWS = 1e-5  # of the largest contribution to a snap: smaller ones need no samples of their own
-MOST_SAMPLES = 1_000_000  # of a snap
+MOST_SAMPLES = 200_000  # of a snap
 ONE = np.ones(1)  # the only input of a drive or a snap
 REST = 1e-6  # of the lowest frequency: slow enough for the static response
 
