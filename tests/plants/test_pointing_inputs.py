@@ -143,7 +143,7 @@ KINDS = {
     ("kind", "changed", "sentence"),
     [
         ("wheel", {"joint": "sping"}, r"wheel.joint = 'sping' is unknown; did you mean 'spin'\?"),
-        ("wheel", {"joint": "lopsided"}, "only balanced wheels may turn"),
+        ("wheel", {"joint": "lopsided"}, "'lopsided' is no balanced wheel"),
         ("wheel", {"speeds": (30.0, 2.0)}, r"speeds = \[30, 2\] of wheel 'spin' is no range"),
         ("wheel", {"speeds": (0.0, 0.0)}, "is no range"),
         ("wheel", {"speeds": (float("nan"), 1.0)}, r"speeds\[0\] = nan cannot be used"),

@@ -135,11 +135,23 @@ def disturbed_craft(
         ends: list[Linear] = []
         for share in (1.0, 0.5):
             speeds = {**(rates or {}), wheel.joint: base + share * faster[wheel.joint]}
-            there = operating_point(model, at, speeds)
+            there = _turning_point(model, at, speeds, wheel.joint)
             ends.append(craft_with_signals(there, inputs, outputs_of(there, outputs)).linear)
         _check_linear(wheel.joint, craft.linear, *ends)
         turning[wheel.joint] = _with_forces(ends[0], forces)
     return DisturbedCraft(whole, tuple(drives), turning, faster)
+
+
+def _turning_point(model: "mujoco.MjModel", at: At, rates: Rates, joint: str) -> OperatingPoint:
+    """The operating point with a wheel at a speed, which the point at rest allows but for it."""
+    try:
+        return operating_point(model, at, rates)
+    except InputError:
+        raise InputError(
+            f"wheel.joint = {joint!r} is no balanced wheel, for the craft's mass changes as it "
+            "turns; put the rotor's mass centre and principal axis on its hinge, and state its "
+            "imbalance by static and dynamic."
+        ) from None
 
 
 def _inputs(point: OperatingPoint, source: Source) -> list[Input]:
