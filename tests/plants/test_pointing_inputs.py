@@ -1,5 +1,6 @@
 """Disturbances as files, the command that reads them, and what is refused: each in one sentence."""
 
+import numpy as np
 import pytest
 
 import beamchain as bc
@@ -236,3 +237,14 @@ def test_nothing_and_twice_the_same():
         budget.simulate(output="rate")
     with pytest.raises(bc.InputError, match="source = 'rw' is unknown"):
         budget["rw"]
+
+
+def test_a_deviation_vanishes_with_the_window_and_is_the_error_itself_in_an_endless_one(files):
+    short, shorter, endless = (
+        bc.pointing(files / "craft.xml", files / "jitter.toml", window=window)
+        for window in (1e-5, 1e-6, 1e9)
+    )
+    for one, other, whole in zip(short.sources, shorter.sources, endless.sources, strict=True):
+        # in proportion to a window in which the error is a straight line
+        assert np.isclose(one.rpe.peak[2] / other.rpe.peak[2], 10.0, rtol=1e-3)
+        assert np.isclose(whole.rpe.peak[2], whole.ape.peak[2], rtol=5e-3)

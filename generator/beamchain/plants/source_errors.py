@@ -48,6 +48,7 @@ OCTAVE = np.sqrt(2.0)  # longest interval of an integral
 HARMONICS = 256, 20_000  # least and most of a stepping drive
 BEYOND = 20.0  # times the highest frequency of the craft that harmonics go
 SAMPLES = 2**16, 2**20  # least and most of a period
+FEW = 10  # samples of half a window, below which the error is a straight line in it
 IN_WINDOW = 400  # samples of a window at least
 SNAP_PERIODS, SNAP_TIMES = 20.0, 10.0  # of the slowest mode, and time constants, that are looked at
 FINE = 40.0  # samples of the shortest period, and of the time constant
@@ -313,6 +314,11 @@ def stepper_error(
     values = _periodic(error, samples)
     mean = _periodic(error * mean_share(base * n, window)[:, None], samples)
     reach = min(round(window * source.rate * samples / 2.0), samples)
+    if reach >= FEW:
+        deviation = largest_deviation(values, mean, reach, "wrap")
+    else:  # a straight line in so short a window
+        slope = _periodic(error * (1j * base * n)[:, None], samples)
+        deviation = np.abs(slope).max(axis=0) * window / 2.0
     shares = np.real(parts * error.conj()).sum(axis=1)
     return SourceError(
         name,
@@ -320,7 +326,7 @@ def stepper_error(
         ErrorIndex(locked(np.sqrt(power.sum(axis=0))), locked(np.abs(values).max(axis=0))),
         ErrorIndex(
             locked(np.sqrt((power * kept[:, None]).sum(axis=0))),
-            locked(largest_deviation(values, mean, reach, "wrap")),
+            locked(deviation),
         ),
         None,
         tuple(_named_shares(response, column) for column in shares.T),
@@ -370,11 +376,13 @@ def snap_error(
         at_top = parts(np.array([top]))[:, 0, output]
         peaks[output] = abs(float(at_top.sum()))
         shares.append(_named_shares(response, at_top))
-    reach = round(window / spacing / 2.0)
+    reach = max(round(window / spacing / 2.0), 1)
     # at rest before, in its new shape afterwards
     padded = np.pad(values, ((2 * reach + 1, 0), (0, 0)))
     padded = np.pad(padded, ((0, 2 * reach + 1), (0, 0)), mode="edge")
     deviation = largest_deviation(padded, _running_mean(padded, reach), reach, "nearest")
+    # a straight line in a window shorter than two samples
+    deviation = deviation * min(window / (2.0 * reach * spacing), 1.0)
     none = np.full(values.shape[1], np.nan)
     return SourceError(
         name,
@@ -398,7 +406,10 @@ def _snap_times(response: ModalResponse, tau: float, window: float) -> Array:
     shows = frequency[ringing > SHOWS * static.max(initial=0.0)]
     finest = min(2.0 * np.pi / float(shows.max(initial=1.0 / tau)), tau) / FINE
     finest = min(finest, window / IN_WINDOW)
-    return np.linspace(0.0, length, int(np.clip(length / finest, 1000, MOST_SAMPLES)))
+    spacing = max(finest, length / MOST_SAMPLES)
+    if window >= 2.0 * spacing:  # half a window is a whole number of them
+        spacing = window / 2.0 / np.ceil(window / 2.0 / spacing)
+    return spacing * np.arange(np.ceil(length / spacing) + 1.0)
 
 
 def _frequency(response: ModalResponse, name: str) -> float:
