@@ -311,11 +311,13 @@ def stepper_error(
     kept = windowed_variance(base * n, window)
     wanted = int(2.0 ** np.ceil(np.log2(max(IN_WINDOW / (window * source.rate), 4.0 * count))))
     samples = int(np.clip(wanted, *SAMPLES))
+    half = np.ceil(window * source.rate * samples / 2.0)
+    if half >= FEW:  # a whole number of samples
+        samples = round(2.0 * half / (window * source.rate))
     values = _periodic(error, samples)
     mean = _periodic(error * mean_share(base * n, window)[:, None], samples)
-    reach = min(round(window * source.rate * samples / 2.0), samples)
-    if reach >= FEW:
-        deviation = largest_deviation(values, mean, reach, "wrap")
+    if half >= FEW:
+        deviation = largest_deviation(values, mean, int(min(half, samples)), "wrap")
     else:  # a straight line in so short a window
         slope = _periodic(error * (1j * base * n)[:, None], samples)
         deviation = np.abs(slope).max(axis=0) * window / 2.0
