@@ -37,6 +37,12 @@ FILES = (
         "--uncertain`.",
         bc.UncertainCraft,
     ),
+    (
+        "disturbances",
+        "Keys of disturbances",
+        "A `DISTURBANCES.toml` is given to `bc.pointing` and `beamchain plant --disturbances`.",
+        bc.Disturbances,
+    ),
 )
 #: classes that public functions return, and which call returns each
 RESULTS = {
@@ -53,6 +59,7 @@ RESULTS = {
     "Plant": "bc.plant(model, inputs, outputs)",
     "Recorder": "embedded.recorder()",
     "Recovery": "embedded.recover(data, place)",
+    "Pointing": "bc.pointing(craft, disturbances)",
     "Retimed": "bc.retime(model, timestep)",
     "ScheduledPlant": 'bc.plant(model, inputs, outputs, at={"drive": angles})',
     "StabilityStudy": "bc.stability(source)",
@@ -105,6 +112,13 @@ PARTS = {
         "craft.recovery.Extreme",
         "craft.recovery.History",
         "structure.sections_at.Sections",
+    ),
+    "Pointing": (
+        "plants.error_indices.ErrorIndex",
+        "plants.pointing.WorstError",
+        "plants.source_errors.SourceError",
+        "plants.wheel_run.WheelRun",
+        "plants.wheel_sweep.SpeedCurve",
     ),
     "Retimed": ("steps.forms.ModeTime",),
     "Segment": (

@@ -51,10 +51,18 @@ if TYPE_CHECKING:
     from beamchain.plants.controllers import Filter as Filter
     from beamchain.plants.controllers import Loop as Loop
     from beamchain.plants.instability import Instability as Instability
+    from beamchain.plants.jitter_sources import Disturbances as Disturbances
+    from beamchain.plants.jitter_sources import NoiseDisturbance as NoiseDisturbance
+    from beamchain.plants.jitter_sources import StepperDisturbance as StepperDisturbance
+    from beamchain.plants.jitter_sources import ThermalSnap as ThermalSnap
+    from beamchain.plants.jitter_sources import WheelDisturbance as WheelDisturbance
+    from beamchain.plants.jitter_sources import WheelHarmonic as WheelHarmonic
     from beamchain.plants.margins import LoopMargins as LoopMargins
     from beamchain.plants.margins import Margins as Margins
     from beamchain.plants.margins import margins as margins
     from beamchain.plants.plant import plant as plant
+    from beamchain.plants.pointing import Pointing as Pointing
+    from beamchain.plants.pointing import pointing as pointing
     from beamchain.plants.realisation import Plant as Plant
     from beamchain.plants.scheduled import ScheduledPlant as ScheduledPlant
     from beamchain.plants.uncertain_plant import UncertainPlant as UncertainPlant
@@ -154,7 +162,19 @@ _PLACES = {
     ),
     "plants.instability": ("Instability",),
     "plants.margins": ("LoopMargins", "Margins", "margins"),
+    "plants.jitter_sources": (
+        "Disturbances",
+        "NoiseDisturbance",
+        "StepperDisturbance",
+        "ThermalSnap",
+        "WheelDisturbance",
+        "WheelHarmonic",
+    ),
     "plants.plant": ("plant",),
+    "plants.pointing": (
+        "Pointing",
+        "pointing",
+    ),
     "plants.realisation": ("Plant",),
     "plants.scheduled": ("ScheduledPlant",),
     "plants.uncertain_plant": (

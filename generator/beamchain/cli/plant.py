@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from beamchain.engine.library import mujoco
     from beamchain.engine.operating_point import At
     from beamchain.plants.margins import Margins
+    from beamchain.plants.pointing import Pointing
     from beamchain.plants.realisation import Plant
     from beamchain.plants.scheduled import ScheduledPlant
     from beamchain.plants.uncertain_plant import WorstCase
@@ -88,6 +89,17 @@ Loops = Annotated[
         "(\\[allocation], \\[alignment]).",
     ),
 ]
+DisturbanceFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--disturbances",
+        metavar="DISTURBANCES.toml",
+        help="What disturbs the pointing: the budget of the outputs is computed.",
+    ),
+]
+Window = Annotated[
+    float, typer.Option(metavar="TIME", help="Window of the relative pointing error in s.")
+]
 Report = Annotated[bool, typer.Option(help="Write OUT_report.html as well.")]
 
 
@@ -103,6 +115,8 @@ def plant(
     controller: Loops = None,
     uncertain: Uncertain = None,
     disturbance: Worst = None,
+    disturbances: DisturbanceFile = None,
+    window: Window = 1.0,
     report: Report = True,
     as_json: Json = False,
     force: Force = False,
@@ -120,24 +134,34 @@ def plant(
 
     Example: beamchain plant flexible.xml --pose north=45,south=-45 --pose north=0,south=90 -o
     plant.mat
+
+    Example: beamchain plant flexible.xml --disturbances jitter.toml -o plant.npz
     """
     from beamchain.craft.source import compiled_model
     from beamchain.files import beside, check_outputs
     from beamchain.plants.controllers import read_controller, signals_with
+    from beamchain.plants.jitter_sources import read_disturbances
     from beamchain.plants.margins import Margins, margin_warnings, margins
     from beamchain.plants.plant import plant as linearise
+    from beamchain.plants.pointing import pointing
     from beamchain.plants.realisation import Plant
     from beamchain.report.pages.plant import plant_report
 
     _check_options(poses, at, angle, controller, uncertain)
+    if disturbances is not None and (angle is not None or len(poses or []) > 1):
+        raise InputError(
+            "plant: --disturbances takes one pose; leave --angle out, and give one --pose."
+        )
     source, target = _signals_between(disturbance, uncertain)
     page = beside(output, "_report.html")
-    files_read = [model, *(place for place in (controller, uncertain) if place is not None)]
+    given = (controller, uncertain, disturbances)
+    files_read = [model, *(place for place in given if place is not None)]
     check_outputs([output, *([page] if report else ())], force=force, inputs=files_read)
     loops = None if controller is None else read_controller(controller)
     driven, seen = inputs or None, outputs or None
     if loops is not None:
         driven, seen = signals_with(loops, driven, seen)
+    sources = None if disturbances is None else read_disturbances(disturbances)
     with spinner("linearising", quiet or as_json):
         compiled = compiled_model(model)
         place = _place(compiled, poses or [], at, angle)
@@ -149,15 +173,18 @@ def plant(
         if loops is not None and uncertain is not None:
             models = [each.uncertain(uncertain) for each in plants]
             cases = [each.worst_case(loops, source, target) for each in models]
+        budget = None
+        if sources is not None:
+            budget = pointing(compiled, sources, seen, place, window=window)
         pages: dict[Path, str] = {}
         if report:
-            pages[page] = plant_report(result, margins_by_plant, model.name, cases)
+            pages[page] = plant_report(result, margins_by_plant, model.name, cases, budget)
     labels = () if isinstance(result, Plant) else result.labels
     files = [result.write(output, force=force, also=pages or None), *pages]
     warnings = margin_warnings(plants, margins_by_plant)
     tell(
-        lambda: _record(result, plants[0], margins_by_plant, cases, warnings),
-        lambda: _show(plants, labels, margins_by_plant, cases, warnings),
+        lambda: _record(result, plants[0], margins_by_plant, cases, warnings, budget),
+        lambda: _show(plants, labels, margins_by_plant, cases, warnings, budget),
         files,
         as_json,
         quiet,
@@ -221,6 +248,7 @@ def _record(
     margins_by_plant: "list[Margins]",
     cases: "list[WorstCase]",
     warnings: list[str],
+    budget: "Pointing | None",
 ) -> dict[str, Any]:
     """What --json prints."""
     from beamchain.plants.realisation import Plant
@@ -245,6 +273,7 @@ def _record(
             for margins in margins_by_plant
         ],
         "worst": [case.as_dict() for case in cases],
+        "pointing": None if budget is None else budget.as_dict(),
         **warnings_record(warnings),
     }
 
@@ -270,6 +299,7 @@ def _show(
     margins_by_plant: "list[Margins]",
     cases: "list[WorstCase]",
     warnings: list[str],
+    budget: "Pointing | None",
 ) -> None:
     """What the terminal shows before the names of the files."""
     from beamchain.report.tables import plant as tables
@@ -290,4 +320,8 @@ def _show(
         console().print(f"worst case{where}, {case.sentence}")
     if cases:
         print_table(tables.worst_value_table(cases, labels))
+    if budget is not None:
+        print_table(budget.table)
+        print_table(budget.mode_table)
+        warnings = [*warnings, *(text for text in budget.warnings if text not in warnings)]
     print_warnings(warnings, "note")

@@ -95,8 +95,13 @@ def linear_craft(
 ) -> LinearCraft:
     """A compiled model with its signals, linear at a point; arguments as in `plant`."""
     point = operating_point(model, at, rates)
-    driven = inputs_of(point, inputs)
-    seen = outputs_of(point, outputs)
+    return craft_with_signals(point, inputs_of(point, inputs), outputs_of(point, outputs))
+
+
+def craft_with_signals(
+    point: OperatingPoint, driven: Sequence[Input], seen: Sequence[Output]
+) -> LinearCraft:
+    """A craft at a point with these inputs and outputs."""
     linear = linear_at(point, driven, seen)
     names, rows = cantilever_names(point.model, linear.mass, linear.stiffness)
     return LinearCraft(linear, tuple(driven), tuple(seen), tuple(names), rows, point)

@@ -25,14 +25,18 @@ if TYPE_CHECKING:
     from beamchain.report.pages.notebook import fit_html as fit_html
     from beamchain.report.pages.notebook import fit_text as fit_text
     from beamchain.report.pages.notebook import margins_html as margins_html
+    from beamchain.report.pages.notebook import pointing_html as pointing_html
     from beamchain.report.pages.notebook import recovery_html as recovery_html
     from beamchain.report.pages.study import study_page as study_page
+    from beamchain.report.plant_plots import plot_pointing as plot_pointing
     from beamchain.report.plant_plots import plot_scheduled as plot_scheduled
     from beamchain.report.plant_plots import plot_worst as plot_worst
     from beamchain.report.plots import plot_accelerance as plot_accelerance
     from beamchain.report.recovery_plots import plot_recovery as plot_recovery
     from beamchain.report.table import Table as Table
     from beamchain.report.tables.plant import margin_table as margin_table
+    from beamchain.report.tables.pointing import pointing_mode_table as pointing_mode_table
+    from beamchain.report.tables.pointing import pointing_table as pointing_table
     from beamchain.report.tables.record import embed_record as embed_record
     from beamchain.report.tables.record import fit_record as fit_record
     from beamchain.report.tables.record import inspection_record as inspection_record
@@ -51,13 +55,15 @@ _PLACES = {
         "fit_html",
         "fit_text",
         "margins_html",
+        "pointing_html",
         "recovery_html",
     ),
-    "plant_plots": ("plot_scheduled", "plot_worst"),
+    "plant_plots": ("plot_pointing", "plot_scheduled", "plot_worst"),
     "margin_plots": ("nichols_figure", "open_loop_figure"),
     "plots": ("plot_accelerance",),
     "table": ("Table",),
     "tables.plant": ("margin_table",),
+    "tables.pointing": ("pointing_mode_table", "pointing_table"),
     "recovery_plots": ("plot_recovery",),
     "tables.record": ("embed_record", "fit_record", "inspection_record", "study_record"),
     "tables.recovery": ("recovery_record", "recovery_table"),

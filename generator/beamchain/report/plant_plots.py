@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from beamchain.ports.motions import Array
 from beamchain.report.plots import (
     BEAM,
+    DASHES,
     OURS,
     RIVAL,
     WIDTH,
@@ -28,6 +29,7 @@ from beamchain.report.pose_looks import pose_legend, pose_looks
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from beamchain.plants.pointing import Pointing
     from beamchain.plants.realisation import Plant
     from beamchain.plants.scheduled import ScheduledPlant
     from beamchain.plants.uncertain_plant import WorstCase
@@ -113,6 +115,41 @@ def plot_worst(worst: "WorstCase", ax: "Axes | None" = None) -> "Axes":
     over_frequency(ax, f"{literal(worst.output)} per {literal(worst.input)}, {worst.unit}")
     ax.legend(loc="best")
     return ax
+
+
+def plot_pointing(pointing: "Pointing", ax: "Axes | None" = None) -> "Axes":
+    """Peaks of the error over the speed of the wheels; a dot at the largest of each curve."""
+    ax = panel(3.6)[1] if ax is None else ax
+    wheels = [source for source in pointing.sources if source.curve is not None]
+    for number, source in enumerate(wheels):
+        curve = source.curve
+        assert curve is not None
+        for output, name in enumerate(pointing.outputs):
+            peaks = curve.ape_peak[:, output]
+            if not peaks.any():
+                continue
+            label = f"{source.name}, {name}" if len(wheels) > 1 else name
+            (line,) = ax.plot(
+                curve.speed,
+                peaks,
+                linewidth=1.0,
+                linestyle=DASHES[number % len(DASHES)],
+                label=literal(label),
+            )
+            top = int(peaks.argmax())
+            ax.plot(curve.speed[top], peaks[top], "o", color=line.get_color(), markersize=4)
+    units = ", ".join(dict.fromkeys(pointing.units))
+    ax.set(yscale="log", xlabel="speed of the wheel, rad/s", ylabel=f"APE peak, {units}")
+    ax.legend(loc="best")
+    return ax
+
+
+@drawing()
+def pointing_figure(pointing: "Pointing") -> Figure:
+    """The same as a figure of its own."""
+    figure, ax = panel(3.8)
+    plot_pointing(pointing, ax)
+    return figure
 
 
 @drawing()

@@ -12,6 +12,7 @@ from beamchain.report.svg import to_svg
 from beamchain.report.tables import plant as tables
 
 if TYPE_CHECKING:
+    from beamchain.plants.pointing import Pointing
     from beamchain.plants.scheduled import ScheduledPlant
 
 
@@ -20,9 +21,10 @@ def plant_report(
     of_loops: Sequence[Margins],
     name: str,
     worst: Sequence[WorstCase] = (),
+    budget: "Pointing | None" = None,
 ) -> str:
     """The text of one HTML file; `of_loops`, `worst`: margins and worst case per plant,
-    empty where there are none."""
+    empty where there are none; `budget`: of its pointing."""
     plants = [found] if isinstance(found, Plant) else list(found.plants)
     labels = () if isinstance(found, Plant) else found.labels
     figures = {
@@ -40,6 +42,8 @@ def plant_report(
     if worst:
         figures["worst"] = plant_plots.worst_figure(worst)
         figures["drawn"] = plant_plots.drawn_figure(worst)
+    if budget is not None and any(source.curve is not None for source in budget.sources):
+        figures["pointing"] = plant_plots.pointing_figure(budget)
     return page_text(
         "plant.html",
         name=name,
@@ -54,6 +58,7 @@ def plant_report(
         warnings=margin_warnings(plants, of_loops),
         margins=tables.margin_table(of_loops),
         closed_loops=tables.closed_loop_table(of_loops),
+        budget=budget,
         worst=tables.worst_table(worst, labels),
         worst_values=tables.worst_value_table(worst, labels),
         drawn={key: to_svg(figure, key) for key, figure in figures.items()},
