@@ -65,6 +65,7 @@ PUBLIC = {
     "Hub",
     "Identification",
     "InputError",
+    "InterfaceGrid",
     "Joint",
     "Latched",
     "Linear",

@@ -62,6 +62,7 @@ if TYPE_CHECKING:
     from beamchain.structure.beam import Beam as Beam
     from beamchain.structure.modal_data import ModalData as ModalData
     from beamchain.structure.readers import read_modes as read_modes
+    from beamchain.structure.readers.superelement import InterfaceGrid as InterfaceGrid
     from beamchain.structure.section import Box as Box
     from beamchain.structure.section import Custom as Custom
     from beamchain.structure.section import Draw as Draw
@@ -157,6 +158,7 @@ _PLACES = {
     "structure.beam": ("Beam",),
     "structure.modal_data": ("ModalData",),
     "structure.readers": ("read_modes",),
+    "structure.readers.superelement": ("InterfaceGrid",),
     "structure.section": (
         "Box",
         "Custom",
