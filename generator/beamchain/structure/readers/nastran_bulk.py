@@ -335,7 +335,10 @@ def _matrix(name: str, cards: Sequence[Card], number: Mapping[Freedom, int]) -> 
 
 
 def _freedom(card: Card, place: int) -> Freedom:
-    return _whole(card, place), _whole(card, place + 1, 0)
+    point, component = _whole(card, place), _whole(card, place + 1, 0)
+    if not 0 <= component <= len(DIRECTIONS):
+        raise ValueError(f"a card {card.name} names component {component} of point {point}")
+    return point, component
 
 
 def _entries(card: Card) -> Iterator[tuple[Freedom, float]]:

@@ -27,6 +27,7 @@ ROWS_OF_BIGMAT = 65_536  # from as many rows on a sparse matrix is "bigmat"
 HEADERS = {24: 4, 48: 8}  # bytes of a binary header -> bytes of its integers
 SINGLE = 6e-8  # half a unit in the last place of a single-precision number
 DOUBLE = 1e-12  # with some room for what was computed from such numbers
+MOST_MATRICES = 10_000  # of one file; a superelement has some thirty
 COMPLEX = (3, 4)
 TYPES = (1, 2, *COMPLEX)
 DIGITS = frozenset("0123456789+-.EeDd ")
@@ -98,6 +99,11 @@ class _Target:
         """Numbers of the present column, from `row` on."""
         if self.values is not None:
             self.values[row - 1 : row - 1 + numbers.size, self.column - 1] = numbers
+
+
+def _check_count(matrices: int) -> None:
+    if matrices > MOST_MATRICES:
+        raise ValueError(f"it has more than {MOST_MATRICES} matrices")
 
 
 def _check_header(header: Header, path: Path) -> None:
@@ -184,7 +190,8 @@ def _binary(path: Path, wanted: Collection[str]) -> Iterator[tuple[str, Matrix]]
     order, size = kind
     integer = np.dtype(f"{order}i{size}")
     records = _records(content, order)
-    for head in records:
+    for count, head in enumerate(records):
+        _check_count(count)
         if len(head) != 6 * size:
             raise ValueError(f"a header of {len(head)} bytes stands among ones of {6 * size}")
         numbers = tuple(np.frombuffer(head[: 4 * size], integer).tolist())
@@ -294,9 +301,12 @@ def fortran_number(text: str) -> float:
 
 def _text(path: Path, wanted: Collection[str]) -> Iterator[tuple[str, Matrix]]:
     lines = bounded.lines(path, smaller=SMALLER, no_text=NEITHER)
+    count = 0
     for line in lines:
         if not line.strip():
             continue
+        count += 1
+        _check_count(count)
         header, layout = _text_header(line)
         target = _Target(header, wanted, path)
         while True:
