@@ -233,6 +233,12 @@ class ModalData:
         return by_port / np.clip(by_port.sum(axis=1, keepdims=True), 1e-300, None)
 
     @property
+    def effective_mass_fractions(self) -> Array:
+        """`(n, 6)` effective mass of each mode in the six motions of the port, over the rigid
+        mass."""
+        return (self.participation / self.scale) ** 2
+
+    @property
     def belongs(self) -> tuple[str, ...]:
         """Port of each mode: where its participation is largest."""
         return tuple(PORTS[i] for i in np.argmax(self.shares, axis=1))
