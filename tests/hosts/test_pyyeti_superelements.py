@@ -176,3 +176,15 @@ def test_two_pieces_of_a_boom(name, tmp_path):
         ("the same through MuJoCo", through),
     ):
         print(f"{name}, {label}: {', '.join(f'{value:.6f}' for value in values)} Hz")  # noqa: T201
+
+
+def test_four_modes_of_a_piece_keep_the_step_of_the_last():
+    """A third of 2 / omega, Euler's limit of one mode, at least: fillers do not set the step."""
+    file = str(FOLDER / "cla_test_data" / "outboard.op4")
+    imported = {"file": file, "units": UNITS, "axes": OUTWARDS, "modes": [1, 2, 3, 4]}
+    result = bc.fit(spec_of({"name": "outboard", "imported": imported}))
+    assert result.space.data.modes == 22
+    step = result.limits.largest_step["Euler"]
+    share = step * result.space.data.frequencies[3] / 2.0
+    print(f"largest plain Euler step {step:.4f} s, {share:.3f} of 2 / omega of mode 4")  # noqa: T201
+    assert share > 1.0 / 3.0
