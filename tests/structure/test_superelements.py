@@ -237,3 +237,79 @@ def test_a_body_that_does_not_point_along_x_gets_axes_proposed(delivery):
     ):
         with pytest.raises(bc.InputError, match=f"give axes = {proposed}"):
             bc.fit(spec_of({"imported": {**imported, "axes": turned}}))
+
+
+# -- grids that the root does not hold -------------------------------------------------------------
+WITH_PORT = se.superelement(modes=200, port=True)
+
+
+@pytest.fixture
+def with_port(tmp_path):
+    """A delivery with a fourth interface grid, the end of the mast, and every mode of the mesh."""
+    count = WITH_PORT.mass.shape[0] - 24
+    (tmp_path / "boom.asm").write_text(se.asm_text(count, port=True))
+    path = tmp_path / "boom.op4"
+    both = {"KXX": WITH_PORT.stiffness, "MXX": WITH_PORT.mass}
+    path.write_bytes(se.op4_binary(both, "bigmat"))
+    return path
+
+
+def test_a_port_is_free(with_port):
+    """Cantilever modes are those with three grids held; the port moves in them as in the mesh."""
+    data = bc.read_modes(with_port, ports={"mast": se.PORT})
+    n = 30
+    assert data.frequencies[:n] == pytest.approx(WITH_PORT.frequencies[:n], rel=1e-7)
+    (mast,) = data.further
+    assert mast.name == "mast"
+    assert mast.place == pytest.approx([1600.0, 250.0 / 3.0, 0.0], rel=1e-12)
+    scale = np.max(np.abs(WITH_PORT.motion[:n]), axis=0)
+    weight = np.sqrt(np.diag(WITH_PORT.rigid))
+    sign = np.sign(np.sum(data.participation[:n] * WITH_PORT.participation[:n] / weight**2, axis=1))
+    gap = mast.motion[:n] * sign[:, None] - WITH_PORT.motion[:n]
+    assert np.max(np.abs(gap / scale)) < 1e-5
+    # held as well, it is not the cantilever that the modes are asked of
+    assert bc.read_modes(with_port).frequencies[0] > 1.5 * data.frequencies[0]
+
+
+def test_a_port_keeps_its_motion_in_other_axes_and_units(with_port):
+    imported = {
+        "file": str(with_port),
+        "units": UNITS,
+        "reference": [0.0, 250.0 / 3.0, 0.0],
+        "axes": [[1, 0, 0], [0, 0, 1], [0, -1, 0]],
+        "ports": {"mast": se.PORT},
+    }
+    data = spec_of({"imported": imported}).imported.read()
+    (mast,) = data.selected([1, 2, 3]).further
+    assert mast.place == pytest.approx([1.6, 0.0, 0.0], abs=1e-12)
+    moved = np.abs(mast.motion[:, [0, 2, 1]]) * np.sqrt(UNITS["mass"])
+    np.testing.assert_allclose(moved, np.abs(WITH_PORT.motion[:3, :3]), rtol=1e-5, atol=1e-4)
+    assert "grid 45 is free, as port 'mast'" in data.steps
+
+
+def test_what_is_no_port_is_refused(with_port):
+    refused(
+        with_port,
+        r"ports.mast = 46 is no interface grid of 'boom.op4'; it has 3, 11, 27, 45",
+        ports={"mast": 46},
+    )
+    refused(with_port, "ports names a grid twice", ports={"a": 45, "b": 45})
+    refused(
+        with_port,
+        "none of its freedoms belongs to a grid that the port holds",
+        ports={"a": 45, "b": 3, "c": 11, "d": 27},
+    )
+    refused(with_port, "ports.a = 'x' ", ports={"a": "x"})
+
+
+def test_a_port_carries_nothing(with_port):
+    imported = {"file": str(with_port), "units": UNITS, "ports": {"mast": se.PORT}}
+    craft = """<mujoco><worldbody><body name="bus"><freejoint/>
+<inertial pos="0 0 0" mass="50" diaginertia="9 9 9"/><site name="mount"/>
+<body name="dish" pos="1.6 0 0"><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body>
+</body></worldbody></mujoco>"""
+    spec = spec_of({"name": "boom", "imported": imported})
+    with pytest.raises(bc.InputError, match="port 'mast' .* is free in its modes, but its chain"):
+        bc.embed(craft, {"mount": spec}, carry={"mount:mast": ["dish"]})
+    with pytest.raises(bc.InputError, match=r"ports: 'Mast' must start with a small letter"):
+        spec_of({"imported": {**imported, "ports": {"Mast": 45}}})

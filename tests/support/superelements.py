@@ -16,28 +16,35 @@ from scipy.linalg import eigh
 import frames
 
 GRIDS = (3, 11, 27)
-PLACES = {3: (100.0, 250.0, 0.0), 11: (100.0, -250.0, 300.0), 27: (100.0, -250.0, -300.0)}  # mm
+PORT = 45  # the end of the mast, where it is an interface grid as well
+PLACES = {  # mm
+    3: (100.0, 250.0, 0.0),
+    11: (100.0, -250.0, 300.0),
+    27: (100.0, -250.0, -300.0),
+    PORT: (1700.0, 0.0, 0.0),
+}
 FIRST_SCALAR = 5001
 # axes of the components of grids 3 and 27: (origin, a point on z, a point in the plane of x and z)
 SYSTEMS = {
     10: ("R", (0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
     12: ("C", (130.0, 50.0, 80.0), (130.0, 53.0, 84.0), (131.0, 50.0, 80.0)),
 }
-OUTPUT = {3: 10, 11: 0, 27: 12}
+OUTPUT = {3: 10, 11: 0, 27: 12, PORT: 10}
 
 
 @dataclass(frozen=True)
 class Superelement:
     """Craig-Bampton matrices in mm, t, N over the freedoms of the grids and then of the modes; and
-    of the whole mesh, in basic axes: modes with the grids held `(n,)`, their participation about
-    the mean of the grids `(n, 6)`, rigid mass about it `(6, 6)`."""
+    of the whole mesh, in basic axes: modes with the three grids held `(n,)`, their participation
+    about the mean of these `(n, 6)`, motion of the port `(n, 6)`, rigid mass about it `(6, 6)`."""
 
     mass: np.ndarray
     stiffness: np.ndarray
     frequencies: np.ndarray
     participation: np.ndarray
+    motion: np.ndarray
     rigid: np.ndarray
-    reference: np.ndarray
+    grids: tuple
 
 
 def output_axes(grid):
@@ -59,15 +66,16 @@ def output_axes(grid):
 
 
 @cache
-def superelement(modes=22):
-    """The structure, with so many modes kept."""
+def superelement(modes=22, port=False):
+    """The structure, with so many modes kept; `port`: with the end of its mast as a fourth grid."""
+    grids = (*GRIDS, PORT) if port else GRIDS
     apex = (500.0, 0.0, 0.0)
-    mast = (1700.0, 0.0, 0.0)
+    mast = PLACES[PORT]
     tube = {"young": 7e4, "density": 2.7e-9}
     legs = [frames.tube(PLACES[grid], apex, 3, 24.0, 1.5, **tube) for grid in GRIDS]
     legs.append(frames.tube(apex, mast, 8, 40.0, 1.5, **tube))
     legs.append(frames.strip(mast, (2000.0, 500.0, 200.0), 5, 30.0, 8.0, **tube))
-    nodes = [np.array(PLACES[grid]) for grid in GRIDS]
+    nodes = [np.array(PLACES[grid]) for grid in grids]
 
     def node(place):
         for i, known in enumerate(nodes):
@@ -99,26 +107,30 @@ def superelement(modes=22):
     )
     held = 6 * len(GRIDS)
     squares, shapes = eigh(stiffness[held:, held:], mass[held:, held:])
-    w, shapes = np.sqrt(squares[:modes]), shapes[:, :modes]
-    follow = -np.linalg.solve(stiffness[held:, held:], stiffness[held:, :held])
-    turn = np.zeros((held, held))  # basic motion per motion in the grids' own axes
-    for k, grid in enumerate(GRIDS):
-        turn[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] = np.kron(np.eye(2), output_axes(grid).T)
-    reduced = np.vstack(
-        [
-            np.hstack([turn, np.zeros((held, modes))]),
-            np.hstack([follow @ turn, shapes]),
-        ]
-    )
+    end = 6 * node(np.array(mast)) - held
+    reduced = _craig_bampton(mass, stiffness, grids, modes)
     # the truth is of the whole mesh: rigid motion of every node, no reduction
     return Superelement(
         _symmetric(reduced.T @ mass @ reduced),
         _symmetric(reduced.T @ stiffness @ reduced),
-        w,
-        (shapes.T @ (mass @ rigid)[held:]),
+        np.sqrt(squares[:modes]),
+        shapes[:, :modes].T @ (mass @ rigid)[held:],
+        shapes[end : end + 6, :modes].T,
         rigid.T @ mass @ rigid,
-        reference,
+        grids,
     )
+
+
+def _craig_bampton(mass, stiffness, grids, modes):
+    """Motion of the mesh per freedom of the grids, in their own axes, and per mode."""
+    held = 6 * len(grids)
+    shapes = eigh(stiffness[held:, held:], mass[held:, held:])[1][:, :modes]
+    follow = -np.linalg.solve(stiffness[held:, held:], stiffness[held:, :held])
+    turn = np.zeros((held, held))  # basic motion per motion in the grids' own axes
+    for k, grid in enumerate(grids):
+        turn[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] = np.kron(np.eye(2), output_axes(grid).T)
+    own = np.hstack([turn, np.zeros((held, shapes.shape[1]))])
+    return np.vstack([own, np.hstack([follow @ turn, shapes])])
 
 
 def _symmetric(matrix):
@@ -243,16 +255,18 @@ def systems_text():
     return out
 
 
-def grids_text():
+def grids_text(port=False):
     """The interface grids: fields of 16, of 8, and free ones."""
     out = _large("GRID", 3, 0, *PLACES[3], OUTPUT[3], 0, 0)
     x, y, z = PLACES[11]
     out.append(f"GRID    {11:8d}{'':8}{x:8.3f}{y:8.2f}{z:8.3f}{OUTPUT[11]:8d}")
-    out.append(f"GRID,27,,{PLACES[27][0]},{PLACES[27][1]},{PLACES[27][2]},{OUTPUT[27]}")
+    for grid in (27, PORT) if port else (27,):
+        place = ",".join(str(x) for x in PLACES[grid])
+        out.append(f"GRID,{grid},,{place},{OUTPUT[grid]}")
     return out
 
 
-def asm_text(modes=22):
+def asm_text(modes=22, port=False):
     """An assembly file."""
     last = FIRST_SCALAR + modes - 1
     out = [
@@ -261,7 +275,7 @@ def asm_text(modes=22):
         "SECONCT       75       0",
     ]
     out += [f"        {'':8}" + "".join(f"{g:8d}{g:8d}" for g in GRIDS)]
-    out += [*systems_text(), *grids_text(), f"SPOINT  {FIRST_SCALAR:8d}    THRU{last:8d}"]
+    out += [*systems_text(), *grids_text(port), f"SPOINT  {FIRST_SCALAR:8d}    THRU{last:8d}"]
     return "\n".join(out) + "\n"
 
 

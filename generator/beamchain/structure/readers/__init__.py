@@ -6,7 +6,7 @@ from pathlib import Path
 
 from numpy.typing import ArrayLike
 
-from beamchain.checks import of_type, one_of, path_of, positive
+from beamchain.checks import of_type, one_of, path_of, positive, whole_number
 from beamchain.errors import InputError
 from beamchain.files import no_file
 from beamchain.structure.modal_data import ModalData
@@ -43,6 +43,7 @@ def read_modes(
     subcase: int | None = None,
     asm: str | Path | None = None,
     grids: Sequence[InterfaceGrid] = (),
+    ports: Mapping[str, int] | None = None,
 ) -> ModalData:
     """Read modes that another program computed.
 
@@ -57,6 +58,7 @@ def read_modes(
         subcase: number of the subcase, if the file holds several.
         asm: bulk data with the interface grids of a superelement; default: the .asm beside it.
         grids: the interface grids, where there is no such file.
+        ports: numbers of interface grids that the root does not hold, by name.
 
     Returns:
         Checked data in SI about the port, modes of equal frequency rotated into the bending planes;
@@ -99,7 +101,7 @@ def read_modes(
     for name, value in units.items():
         one_of("units", name, ("length", "mass"))
         positive(f"units.{name}", value, "SI units per unit of the file")
-    data = _read(path, kind, subcase, asm, grids)
+    data = _read(path, kind, subcase, asm, grids, ports or {})
     # first the port, in the file's own units, then the units, then the pairs,
     # which need the appendage's planes
     data = (
@@ -116,13 +118,16 @@ def _read(
     subcase: int | None,
     asm: str | Path | None,
     grids: Sequence[InterfaceGrid],
+    ports: Mapping[str, int],
 ) -> ModalData:
     """What a file holds, in its own units and axes, about its own reference point."""
     if asm is not None:
         asm = path_of("asm", asm, "the path of the bulk data with the interface grids")
     for i, grid in enumerate(grids):
         of_type(f"grids[{i}]", grid, InterfaceGrid, "an InterfaceGrid(id=3, at=(0.6, 0.0, 0.3))")
-    interface = Interface(asm, tuple(grids))
+    for name, grid in ports.items():
+        whole_number(f"ports.{name}", grid, 1, 999_999_999)
+    interface = Interface(asm, tuple(grids), dict(ports))
     if interface.asm is not None and interface.grids:
         raise InputError(
             "asm and grids are both given; name the file with the grids, or list them."
@@ -131,7 +136,8 @@ def _read(
         return MODES[kind](path, subcase)
     if kind in MATRICES:
         return superelement.read(path, subcase, interface)
+    given = "asm" if asm is not None else "grids" if grids else "ports"
     raise InputError(
-        f"{'asm' if asm is not None else 'grids'} is given, but {path.name!r} states its reference "
+        f"{given} is given, but {path.name!r} states its reference "
         f"point itself; leave it out, or give matrices ({', '.join(MATRICES)})."
     )

@@ -8,14 +8,14 @@ Source: R. R. Craig, M. C. C. Bampton, Coupling of substructures for dynamic ana
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import linalg
 
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
-from beamchain.structure.modal_data import ModalData
+from beamchain.structure.modal_data import FurtherPoint, ModalData
 from beamchain.structure.readers.bounded import check_size, mat_arrays, npz_arrays
 
 LARGEST = 4000  # freedoms; beyond that reduce in the program that made the model
@@ -96,11 +96,23 @@ class Boundary:
         rows: of these freedoms in the matrices, from 0.
         motion: `(b, 6)` their motion per motion of the port.
         names: what they are called in messages.
+        free: points whose motion is wanted.
     """
 
     rows: tuple[int, ...]
     motion: Array
     names: tuple[str, ...] = ()
+    free: tuple["FreePoint", ...] = ()
+
+
+class FreePoint(NamedTuple):
+    """A point that the boundary leaves free: its `place` `(3,)` from the port, its six `rows` in
+    the matrices, and the directions of their components, `axes` `(3, 3)` rows."""
+
+    name: str
+    place: Array
+    rows: tuple[int, ...]
+    axes: Array
 
 
 def from_matrices(
@@ -151,7 +163,17 @@ def from_matrices(
         )
     w = 1.0 / np.sqrt(inverse[order])
     # L = Phi^T (M_ii G + M_ib), Phi of unit mass
-    participation = (w * shapes[:, order]).T @ (m_ii @ follow + m_ib)
+    modes = w * shapes[:, order]
+    participation = modes.T @ (m_ii @ follow + m_ib)
+    number = {row: k for k, row in enumerate(inner)}
+    further = tuple(
+        FurtherPoint(
+            point.name,
+            point.place,
+            modes[[number[row] for row in point.rows]].T @ np.kron(np.eye(2), point.axes),
+        )
+        for point in boundary.free
+    )
     held = "six" if len(outer) == 6 else str(len(outer))
     steps = [
         f"matrices of {d} freedoms, {held} of them the port's; the lowest {w.size} modes with the "
@@ -162,7 +184,15 @@ def from_matrices(
             f"rigid-body check: forces of {strained:.1e} of the terms they are the sum of, where "
             f"{max(STRAINED, ROUNDED * precision):.0e} is taken"
         )
-    return ModalData(rigid, w, participation, precision=precision, source=name, steps=tuple(steps))
+    return ModalData(
+        rigid,
+        w,
+        participation,
+        precision=precision,
+        source=name,
+        steps=tuple(steps),
+        further=further,
+    )
 
 
 def _check_boundary(boundary: Sequence[int], d: int, name: str) -> None:

@@ -1,5 +1,6 @@
 """`[imported]` of SPEC.toml: the file that holds the modes; its reference point, axes and units."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Self
@@ -44,6 +45,10 @@ class Imported(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         tuple[InterfaceGrid, ...],
         field("interface grids of a superelement, where no asm holds them"),
     ] = ()
+    ports: Annotated[
+        dict[str, int],
+        field("interface grids of a superelement that the root does not hold, by name"),
+    ] = msgspec.field(default_factory=dict[str, int])
     reference: Annotated[
         Triple,
         field(
@@ -75,6 +80,13 @@ class Imported(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             raise InputError(
                 f"file = {self.file!r} has an unknown ending; beamchain reads {', '.join(READERS)}."
             )
+        for name, grid in self.ports.items():
+            if not re.fullmatch(r"[a-z][a-z0-9_]{0,62}", name):
+                raise InputError(
+                    f"ports: {name!r} must start with a small letter and hold only a-z, 0-9 and _; "
+                    "for example ports = { mast = 45 }."
+                )
+            whole_number(f"ports.{name}", grid, 1, 999_999_999)
         for i, value in enumerate(self.modes or ()):
             whole_number(f"modes[{i}]", value, 1, 10_000)
         if self.modes is not None and not 1 <= len(self.modes) <= MOST_MODES:
@@ -99,6 +111,7 @@ class Imported(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             subcase=self.subcase,
             asm=self.asm,
             grids=self.grids,
+            ports=self.ports,
         )
         if not data.states_line:
             check_outwards(data, np.array(self.axes))

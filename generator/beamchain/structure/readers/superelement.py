@@ -5,6 +5,7 @@ body.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from dataclasses import field as field_of
 from pathlib import Path
 from typing import Annotated
 
@@ -17,6 +18,7 @@ from beamchain.structure.modal_data import ModalData
 from beamchain.structure.readers.craig_bampton import (
     FULL,
     Boundary,
+    FreePoint,
     from_matrices,
     read_arrays,
 )
@@ -80,15 +82,17 @@ class Interface:
     Args:
         asm: the bulk data that was delivered with the matrices.
         grids: the interface grids, where there is no such file.
+        ports: interface grids that the port does not hold, by name.
     """
 
     asm: Path | None = None
     grids: tuple[InterfaceGrid, ...] = ()
+    ports: Mapping[str, int] = field_of(default_factory=dict[str, int])
 
     @property
     def empty(self) -> bool:
         """Whether nothing is given."""
-        return self.asm is None and not self.grids
+        return self.asm is None and not self.grids and not self.ports
 
 
 def read(path: Path, subcase: int | None, interface: Interface) -> ModalData:
@@ -121,7 +125,7 @@ def read(path: Path, subcase: int | None, interface: Interface) -> ModalData:
                 "grids."
             )
         rows, points = _rows_of(order, bulk.grids), bulk.grids
-    return _modal_data(path, mass, stiffness, rows, points, source)
+    return _modal_data(path, (mass, stiffness), rows, points, source, interface.ports)
 
 
 def _from_punch(path: Path, interface: Interface) -> ModalData:
@@ -143,7 +147,8 @@ def _from_punch(path: Path, interface: Interface) -> ModalData:
             f"{path.name!r}: the matrices name grid {unknown[0]}, which {source} does not hold; "
             "give asm, or grids."
         )
-    return _modal_data(path, mass, stiffness, _rows_of(freedoms, points), points, source)
+    rows = _rows_of(freedoms, points)
+    return _modal_data(path, (mass, stiffness), rows, points, source, interface.ports)
 
 
 def _from_arrays(path: Path, interface: Interface) -> ModalData:
@@ -168,7 +173,7 @@ def _from_arrays(path: Path, interface: Interface) -> ModalData:
         )
     placed = {freedom: boundary[k] for freedom, k in rows.items()}
     matrices = Matrix(mass, FULL), Matrix(stiffness, FULL)
-    return _modal_data(path, *matrices, placed, points, source)
+    return _modal_data(path, matrices, placed, points, source, interface.ports)
 
 
 def _chosen(path: Path, matrices: Mapping[str, Matrix]) -> tuple[Matrix, Matrix]:
@@ -262,15 +267,20 @@ def rigid_motions(
 
 def _modal_data(
     path: Path,
-    mass: Matrix,
-    stiffness: Matrix,
+    matrices: tuple[Matrix, Matrix],
     rows: Mapping[Freedom, int],
     points: Mapping[int, GridPoint],
     source: str,
+    ports: Mapping[str, int],
 ) -> ModalData:
-    if not rows:
-        raise InputError(f"{path.name!r}: none of its freedoms belongs to a grid; give grids.")
-    held = tuple(rows)
+    """The modes with all grids held as one rigid body, but for those of `ports`."""
+    _check_ports(path, rows, ports)
+    held = tuple(freedom for freedom in rows if freedom[0] not in ports.values())
+    if not held:
+        raise InputError(
+            f"{path.name!r}: none of its freedoms belongs to a grid that the port holds; give "
+            "grids, and leave one out of ports."
+        )
     names = tuple(dict.fromkeys(grid for grid, _ in held))
     reference = np.mean([points[grid].at for grid in names], axis=0)
     motion = rigid_motions(held, points, reference)
@@ -279,11 +289,22 @@ def _modal_data(
             f"{path.name!r}: the {len(held)} freedoms of its interface grids do not hold a rigid "
             "body in six motions; give all of them."
         )
+    free = tuple(
+        FreePoint(
+            name,
+            points[grid].at - reference,
+            tuple(rows[grid, component] for component in range(1, 7)),
+            points[grid].axes,
+        )
+        for name, grid in ports.items()
+    )
     boundary = Boundary(
         tuple(rows[freedom] for freedom in held),
         motion,
         tuple(f"grid {grid}, component {component}" for grid, component in held),
+        free,
     )
+    mass, stiffness = matrices
     data = from_matrices(
         mass.values,
         stiffness.values,
@@ -294,8 +315,27 @@ def _modal_data(
     grids = ", ".join(str(grid) for grid in names[:8]) + (", ..." if len(names) > 8 else "")
     where = ", ".join(f"{x:.6g}" for x in reference)
     one = len(names) == 1
-    step = (
+    steps = [
         f"grid{'' if one else 's'} {grids} of {source} held as one rigid body; the file's "
         f"reference point is {'that grid' if one else 'their mean'} ({where})"
-    )
-    return replace(data, steps=(step, *data.steps))
+    ]
+    steps += [f"grid {grid} is free, as port {name!r}" for name, grid in ports.items()]
+    return replace(data, steps=(*steps, *data.steps))
+
+
+def _check_ports(path: Path, rows: Mapping[Freedom, int], ports: Mapping[str, int]) -> None:
+    """Every port is an interface grid of six freedoms, named once."""
+    known = tuple(dict.fromkeys(grid for grid, _ in rows))
+    for name, grid in ports.items():
+        if grid not in known:
+            listed = ", ".join(str(g) for g in known[:12])
+            raise InputError(
+                f"ports.{name} = {grid} is no interface grid of {path.name!r}; it has {listed}."
+            )
+        if any((grid, component) not in rows for component in range(1, 7)):
+            raise InputError(
+                f"ports.{name} = {grid}: the matrices of {path.name!r} hold only some of its six "
+                "components; a port needs all of them."
+            )
+    if len(set(ports.values())) != len(ports):
+        raise InputError("ports names a grid twice; give each its own name.")
