@@ -61,6 +61,7 @@ PUBLIC = {
     "Filter",
     "Fit",
     "FitOptions",
+    "FurtherPoint",
     "HeldInput",
     "Hub",
     "Identification",

@@ -60,6 +60,7 @@ if TYPE_CHECKING:
     from beamchain.steps.start import HeldInput as HeldInput
     from beamchain.steps.start import start_velocity as start_velocity
     from beamchain.structure.beam import Beam as Beam
+    from beamchain.structure.modal_data import FurtherPoint as FurtherPoint
     from beamchain.structure.modal_data import ModalData as ModalData
     from beamchain.structure.readers import read_modes as read_modes
     from beamchain.structure.readers.superelement import InterfaceGrid as InterfaceGrid
@@ -156,7 +157,7 @@ _PLACES = {
         "start_velocity",
     ),
     "structure.beam": ("Beam",),
-    "structure.modal_data": ("ModalData",),
+    "structure.modal_data": ("FurtherPoint", "ModalData"),
     "structure.readers": ("read_modes",),
     "structure.readers.superelement": ("InterfaceGrid",),
     "structure.section": (

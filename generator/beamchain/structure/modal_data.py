@@ -40,6 +40,12 @@ class FurtherPoint(NamedTuple):
         name: of the point.
         place: `(3,)` from the root [m].
         motion: `(n, 6)` of the point in each mass-normalised mode.
+
+    Example:
+        >>> import beamchain as bc
+        >>> import numpy as np
+        >>> bc.FurtherPoint("mast", np.array([1.6, 0.0, 0.0]), np.zeros((3, 6))).name
+        'mast'
     """
 
     name: str
