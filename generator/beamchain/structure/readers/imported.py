@@ -154,13 +154,13 @@ def check_outwards(data: ModalData, axes: Array | None = None) -> None:
     centre /= 2.0
     if centre[0] > 0.0:
         return
-    where = ", ".join(f"{x:.6g}" for x in centre)
+    where = ", ".join(f"{axis} = {x:.6g}" for axis, x in zip("xyz", centre, strict=True))
     turned = proposed_axes(centre) @ (np.eye(3) if axes is None else axes)
     proposed = [[round(float(x), 9) + 0.0 for x in row] for row in turned]
     raise InputError(
-        f"{data.source}: the mass centre lies at ({where}) m from the root, not outwards along "
-        f"x; x must point from the root outwards: give axes = {proposed}, if reference "
-        "(the port) is right."
+        f"{data.source}: the mass centre lies at {where} m from the root, not outwards along x; x "
+        "must point from the root outwards: check reference (the port), and if that is right give "
+        f"axes = {proposed}."
     )
 
 
