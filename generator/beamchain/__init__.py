@@ -78,8 +78,10 @@ if TYPE_CHECKING:
     from beamchain.steps.start import HeldInput as HeldInput
     from beamchain.steps.start import start_velocity as start_velocity
     from beamchain.structure.beam import Beam as Beam
+    from beamchain.structure.modal_data import FurtherPoint as FurtherPoint
     from beamchain.structure.modal_data import ModalData as ModalData
     from beamchain.structure.readers import read_modes as read_modes
+    from beamchain.structure.readers.superelement import InterfaceGrid as InterfaceGrid
     from beamchain.structure.recovery_rows import RecoveryRows as RecoveryRows
     from beamchain.structure.section import Box as Box
     from beamchain.structure.section import Custom as Custom
@@ -200,9 +202,10 @@ _PLACES = {
         "start_velocity",
     ),
     "structure.beam": ("Beam",),
-    "structure.modal_data": ("ModalData",),
+    "structure.modal_data": ("FurtherPoint", "ModalData"),
     "structure.readers": ("read_modes",),
     "structure.recovery_rows": ("RecoveryRows",),
+    "structure.readers.superelement": ("InterfaceGrid",),
     "structure.section": (
         "Box",
         "Custom",

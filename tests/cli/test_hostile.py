@@ -83,7 +83,18 @@ def test_the_good_file_is_good(name, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "name", ["print", "modes, JSON", "matrices, NumPy", "matrices, MATLAB", "spec"]
+    "name",
+    [
+        "print",
+        "modes, JSON",
+        "matrices, NumPy",
+        "matrices, MATLAB",
+        "superelement, text",
+        "superelement, binary",
+        "assembly",
+        "punch",
+        "spec",
+    ],
 )
 def test_a_file_cut_anywhere(name, tmp_path):
     ending, good, read = READERS[name]

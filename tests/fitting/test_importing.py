@@ -375,3 +375,21 @@ def test_words_for_what_does_not_fit():
         (InputError, RealisationError), match="the mass centre lies at .* give axes"
     ):
         fit(backwards, options=FitOptions(form="chain"))
+
+
+def test_no_link_is_without_mass_where_the_mass_lies_at_two_places():
+    """Three quarters of the mass near the root, the rest at the end: all that moments know of it
+    would be two points, and a link between them would have nothing."""
+    mass, first, second = 1755.0, 772.0, 690.0
+    rigid = np.diag([mass, mass, mass, 36.0, second + 18.0, second + 18.0])
+    rigid[1, 5] = rigid[5, 1] = first
+    rigid[2, 4] = rigid[4, 2] = -first
+    root = np.linalg.cholesky(rigid)
+    rng = np.random.default_rng(3)
+    turn = np.linalg.qr(rng.normal(size=(8, 6)))[0]
+    rows = np.diag([0.9] * 8) @ turn @ root.T
+    data = ModalData(rigid, np.geomspace(40.0, 900.0, 8), rows)
+    result = fit(data)
+    assert result.status.ok
+    assert min(link.mass for link in result.chain.links[1:]) > 1e-3 * mass
+    assert result.space.error.frequency < MUJOCO

@@ -73,7 +73,11 @@ HOSTS = {
         "pyyeti",
         "[nastran]",
         [],
-        ["tests/hosts/test_pyyeti.py", "tests/structure/test_f06.py"],
+        [
+            "tests/hosts/test_pyyeti.py",
+            "tests/hosts/test_pyyeti_superelements.py",
+            "tests/structure/test_f06.py",
+        ],
     ),
     # of mjx, what make test-full runs
     "worlds": ("mujoco.mjx", "[mjx]", [], ["tests/hosts/test_mjx_worlds.py"]),

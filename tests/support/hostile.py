@@ -15,10 +15,21 @@ from beamchain import read_modes, read_spec
 from beamchain.cli.study import read_text
 from beamchain.craft.embedding import take_out
 from beamchain.mjcf.craft import read_craft
+from beamchain.structure.readers.nastran_bulk import read_bulk
 from beamchain.structure.readers.recovery_file import read_recovery
 from beamchain.studies.scenario import parse_profile
 from prints import plate, whole
 from spacecraft import APPENDAGES, CRAFTS
+from superelements import (
+    GRIDS,
+    PLACES,
+    asm_text,
+    op4_binary,
+    op4_text,
+    output_axes,
+    punch_text,
+    superelement,
+)
 
 SPEC = """name = "boom"
 [[segment]]
@@ -89,6 +100,18 @@ name = "acceleration"
 accelerations = [1.0, 0.5, 0.25]
 root = [0.0, 1.0, 0.0, 0.0, 0.0, 8.0]
 """
+SMALL = superelement(modes=3)
+BOTH = {"KXX": SMALL.stiffness, "MXX": SMALL.mass}
+
+
+def read_superelement(path: Path) -> object:
+    """An OUTPUT4 file, the grids of which are stated."""
+    grids = [bc.InterfaceGrid(id=g, at=PLACES[g], axes=_rows(output_axes(g))) for g in GRIDS]
+    return read_modes(path, grids=grids)
+
+
+def _rows(matrix: np.ndarray) -> tuple:
+    return tuple(tuple(float(x) for x in row) for row in matrix)
 
 
 def marked() -> bytes:
@@ -117,6 +140,16 @@ READERS: dict[str, tuple[str, bytes, Callable[[Path], object]]] = {
     "results": ("op2", b"\x04\x00\x00\x00\x03\x00\x00\x00\x04\x00\x00\x00NASTRAN" * 8, read_modes),
     "modes, TOML": ("toml", toml_modes().encode(), read_modes),
     "modes, JSON": ("json", json.dumps(MODES).encode(), read_modes),
+    "superelement, text": ("op4", op4_text(BOTH, "bigmat", 8), read_superelement),
+    "superelement, text, dense": ("op4", op4_text(BOTH, "dense"), read_superelement),
+    "superelement, binary": ("op4", op4_binary(BOTH, "sparse", ">"), read_superelement),
+    "superelement, binary, bigmat": (
+        "op4",
+        op4_binary(BOTH, "bigmat", wide=True),
+        read_superelement,
+    ),
+    "assembly": ("asm", asm_text(3).encode(), read_bulk),
+    "punch": ("pch", punch_text(SMALL).encode(), read_modes),
     "matrices, NumPy": ("npz", npz(), read_modes),
     "matrices, MATLAB": ("mat", mat(), read_modes),
     "recovery rows, NumPy": ("npz", rows_npz(), read_recovery),
@@ -233,6 +266,40 @@ def bombs() -> dict[str, tuple[str, bytes]]:
         "numbers without end, TOML": ("toml", b"frequencies = [" + b"1.0," * 4_900_000 + b"1.0]"),
         "a small zip that is large": ("npz", zip_bomb()),
         "a matrix that is not there": ("npz", claimed()),
+        "a matrix of many columns": (
+            "op4",
+            b"99999999" * 2
+            + b"       6       2KXX     1P,5E16.9\n"
+            + b"       1       1       1\n",
+        ),
+        "a column of many numbers": (
+            "op4",
+            b"    4000" * 2
+            + b"       6       2KXX     1P,5E16.9\n       1       199999999\n"
+            + b" 1.000000000E+00" * 5
+            + b"\n"
+            + b" 1.000000000E+00\n" * 300_000,
+        ),
+        "headers of OUTPUT4 without end": (
+            "op4",
+            b"       0       0       6       2A       1P,5E16.9\n       1       1       1\n1.0\n"
+            * 200_000,
+        ),
+        "empty records of OUTPUT4": ("op4", b"\x18\0\0\0" + bytes(20_000_000)),
+        "columns of OUTPUT4 without end": ("op4", binary_columns()),
+        "a card without end": ("pch", b"DMIG,KAAX,1,1,,1,1,1.0\n" + b",1,1,1.0\n" * 300_000),
+        "many grids": (
+            "asm",
+            b"".join(b"GRID,%d,,0.,0.,0.\n" % i for i in range(1, 100_000)),
+        ),
+        "many scalar points": ("asm", b"SPOINT,1,THRU,99999999\n" * 1000),
+        "systems that refer to each other": (
+            "asm",
+            b"GRID,1,5000,0.,0.,0.\n"
+            + b"".join(
+                b"CORD2R,%d,%d,0.,0.,0.,0.,0.,1.\n,1.,0.,0.\n" % (i, i - 1) for i in range(1, 5001)
+            ),
+        ),
         "one line of 20 MB": ("f06", b" " * 20_000_000),
         "20 MB of eigenvalues": (
             "f06",
@@ -246,6 +313,18 @@ def bombs() -> dict[str, tuple[str, bytes]]:
         ),
         "quotes of a CSV without end": ("csv", b'time,mz\n"' + b"1\n" * 1_000_000),
     }
+
+
+def binary_columns() -> bytes:
+    """A binary OUTPUT4 file of a thousand matrices with empty columns."""
+
+    def record(content: bytes) -> bytes:
+        length = len(content).to_bytes(4, "little")
+        return length + content + length
+
+    integers = np.array([4000, 4000, 6, 2], dtype="<i4").tobytes()
+    columns = b"".join(record(np.array([k, 0, 0], dtype="<i4").tobytes()) for k in range(1, 4002))
+    return b"".join(record(integers + f"K{k}".ljust(8).encode()) + columns for k in range(100))
 
 
 def zip_bomb() -> bytes:
@@ -277,7 +356,7 @@ def claimed() -> bytes:
 def reader_of(ending: str, name: str = "") -> list[Callable[[Path], object]]:
     """All readers that take files of an ending."""
     del name
-    return [read for kind, _, read in READERS.values() if kind == ending]
+    return list(dict.fromkeys(read for kind, _, read in READERS.values() if kind == ending))
 
 
 __all__ = ["APPENDAGES", "READERS", "bombs", "reader_of", "spoilt"]

@@ -73,6 +73,8 @@ def _show(result: "Fit") -> None:
     out.print(result.headline)
     if result.spec.root.hub is None:
         out.print(assumed_hub(result.mass_line))
+    if result.space is not None:
+        print_table(tables.effective_mass_table(result.space.data))
     title = "Modes, read back from MuJoCo (mjd_transitionFD)"
     print_table(tables.mode_table(result, list(result.error), title))
     print_table(tables.link_table(result))

@@ -69,6 +69,12 @@ def base_place(at: str, places: Sequence[str] | Mapping[str, object]) -> str:
 
 def port_x(at: str, spec: Spec, port: str) -> float:
     """x of a port [m]."""
+    if spec.imported is not None and port in spec.imported.ports:
+        raise InputError(
+            f"the port {port!r} of the appendage at {at} is free in its modes, but its chain is "
+            "exact at the root alone, so that it carries nothing; carry with a beam, or put what "
+            "it carries into the finite-element model."
+        )
     if spec.imported is not None:
         raise InputError(
             f"the appendage at {at} is imported modes, which carry nothing; carry with a beam, "

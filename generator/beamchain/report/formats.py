@@ -36,6 +36,11 @@ def whole(value: int) -> str:
     return str(int(value))
 
 
+def hundredths(value: float) -> str:
+    """Two places after the point, as programs print percentages."""
+    return f"{round(value, 2) + 0.0:.2f}"
+
+
 def vector(values: Iterable[float]) -> str:
     """Five digits each."""
     return ", ".join(f"{value:.5g}" for value in values)

@@ -20,6 +20,7 @@ from beamchain.structure.segment import Lump
 
 FLAT = 1e-9  # of the second moment along x: a spread across it that is negative by less is none
 INNER = 0.2  # of the length: no point stands nearer to the root, unless the moments ask for it
+SMOOTH = 0.02  # least share of the smooth part where one is possible: no link is without mass
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,6 +257,8 @@ class _Remainder(NamedTuple):
         if self.is_smooth:
             return 1.0
         innermost = min(INNER, self.inner_place(0.0))
+        if self.is_feasible(SMOOTH):
+            innermost = min(innermost, self.inner_place(SMOOTH))
         low = 0.0
         high = 1.0
         for _ in range(60):

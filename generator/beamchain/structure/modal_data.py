@@ -1,8 +1,8 @@
 """Modes from any program: cantilever frequencies, participation, rigid mass about the port."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -33,6 +33,26 @@ LARGEST = 1e50  # of any number given, so that products of several stay finite
 EXACT = 1e-13  # relative precision of numbers that were not printed
 
 
+class FurtherPoint(NamedTuple):
+    """A point beside the root that stays free.
+
+    Args:
+        name: of the point.
+        place: `(3,)` from the root [m].
+        motion: `(n, 6)` of the point in each mass-normalised mode.
+
+    Example:
+        >>> import beamchain as bc
+        >>> import numpy as np
+        >>> bc.FurtherPoint("mast", np.array([1.6, 0.0, 0.0]), np.zeros((3, 6))).name
+        'mast'
+    """
+
+    name: str
+    place: Array
+    motion: Array
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class ModalData:
     """Modes of an appendage held at its port, in SI, appendage axes, about the port.
@@ -53,6 +73,7 @@ class ModalData:
             as [uncertain] of a specification would.
         origin: `(n, N)` each mode in terms of what the file holds: its N modes by ascending
             frequency, or the N inner freedoms of its matrices; left out where they are the same.
+        further: points beside the root whose motion is known, such as ports of a superelement.
 
     Raises:
         InputError: shapes disagree, a number is not finite, or the numbers contradict each other.
@@ -83,6 +104,7 @@ class ModalData:
     printed: bool = True
     uncertain: Mapping[str, Any] = field(default_factory=dict[str, Any])
     origin: Array | None = None
+    further: tuple[FurtherPoint, ...] = ()
 
     def __repr__(self) -> str:
         first = ", ".join(f"{w:.6g}" for w in self.frequencies[:3])
@@ -99,6 +121,10 @@ class ModalData:
         self._check_frequencies(arrays["frequencies"])
         order = np.argsort(arrays["frequencies"], kind="stable")
         by_mode = {name: values[order] for name, values in arrays.items() if name != "mass"}
+        further = tuple(
+            point._replace(place=locked(point.place), motion=locked(point.motion[order]))
+            for point in self.further
+        )
         self._check_rigid_mass(arrays["mass"])
         mass, steps = self._settled_mass(arrays["mass"], by_mode["participation"])
         for name, values in {**by_mode, "rigid_mass": mass, "points": self.points}.items():
@@ -107,6 +133,7 @@ class ModalData:
             "pieces": tuple(self.pieces),
             "steps": (*self.steps, *steps),
             "printed": False,
+            "further": further,
         }.items():
             object.__setattr__(self, name, value)
 
@@ -238,6 +265,12 @@ class ModalData:
         return by_port / np.clip(by_port.sum(axis=1, keepdims=True), 1e-300, None)
 
     @property
+    def effective_mass_fractions(self) -> Array:
+        """`(n, 6)` effective mass of each mode in the six motions of the port, over the rigid
+        mass."""
+        return (self.participation / self.scale) ** 2
+
+    @property
     def belongs(self) -> tuple[str, ...]:
         """Port of each mode: where its participation is largest."""
         return tuple(PORTS[i] for i in np.argmax(self.shares, axis=1))
@@ -361,7 +394,23 @@ class ModalData:
             length=None if self.length is None else self.length * length,
             points=self.points * point_units,
             pieces=tuple(pieces),
+            further=self._further(
+                place=lambda place: place * length,
+                motion=lambda motion: motion / np.sqrt(mass) / motion_units,
+            ),
             steps=(*self.steps, step),
+        )
+
+    def _further(
+        self,
+        *,
+        place: Callable[[Array], Array] = lambda place: place,
+        motion: Callable[[Array], Array],
+    ) -> tuple[FurtherPoint, ...]:
+        """The further points in other units or axes, or of other modes."""
+        return tuple(
+            FurtherPoint(point.name, place(point.place), motion(point.motion))
+            for point in self.further
         )
 
     def moved(self, reference: ArrayLike, axes: ArrayLike | None = None) -> "ModalData":
@@ -402,6 +451,10 @@ class ModalData:
             tip=None if self.tip is None else self.tip @ tip_turn.T,
             pieces=(),
             points=np.zeros((0, 5)),
+            further=self._further(
+                place=lambda place: turn @ (place - r),
+                motion=lambda motion: motion @ tip_turn.T,
+            ),
             steps=(*self.steps, step),
         )
 
@@ -438,6 +491,7 @@ class ModalData:
             damping=self.damping[pick],
             tip=None if self.tip is None else self.tip[pick],
             origin=self.in_file[pick],
+            further=self._further(motion=lambda motion: motion[pick]),
         )
 
     @property
@@ -460,6 +514,7 @@ class ModalData:
             participation=turn @ self.participation,
             tip=None if self.tip is None else turn @ self.tip,
             origin=turn @ self.in_file,
+            further=self._further(motion=lambda motion: turn @ motion),
             steps=(*self.steps, step),
         )
 

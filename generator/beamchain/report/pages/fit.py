@@ -42,6 +42,7 @@ def fit_report(fit: "Fit") -> tuple[str, dict[str, str]]:
     pictures["chain.svg"] = to_svg(plots.chain_figure(fit), "chain")
     rivals = rival_errors(fit)
     imported = None if fit.space is None else tables.imported_table(fit.space.data)
+    effective = None if fit.space is None else tables.effective_mass_table(fit.space.data)
     page = page_text(
         "report.html",
         name=fit.spec.name,
@@ -50,6 +51,7 @@ def fit_report(fit: "Fit") -> tuple[str, dict[str, str]]:
         pictures=pictures,
         asked=_specification(fit),
         imported=imported,
+        effective=effective,
         mode_tables={port: tables.port_table(fit, port) for port in fit.target},
         port_note=tables.port_note,
         drawn_shapes=all_shapes(fit),

@@ -11,6 +11,7 @@ from beamchain.report.curves import CHAIN, CLASSICAL
 from beamchain.report.formats import (
     damping_ratio,
     digits,
+    hundredths,
     number,
     relative,
     step_text,
@@ -266,6 +267,25 @@ def imported_table(data: "ModalData") -> Table:
         Column("damping ratio", list(data.damping), format=damping_ratio),
     )
     return Table("Imported modes", columns)
+
+
+def effective_mass_table(data: "ModalData") -> Table:
+    """Effective masses in percent of the rigid mass, mode by mode and together, as
+    finite-element programs print them."""
+    shares = 100.0 * data.effective_mass_fractions
+    total = shares.sum(axis=0)
+    frequencies: list[float | None] = [*(data.frequencies / (2.0 * np.pi)).tolist(), None]
+    motions = ("x", "y", "z", "rot. x", "rot. y", "rot. z")
+    columns = (
+        Column("mode", [*(str(k + 1) for k in range(data.modes)), "all"]),
+        Column("frequency", frequencies, "Hz", digits(7)),
+        *(
+            Column(motion, [*share.tolist(), float(whole)], "%", hundredths)
+            for motion, share, whole in zip(motions, shares.T, total, strict=True)
+        ),
+    )
+    note = "Translations as the finite-element program prints them; rotations about the port."
+    return Table("Effective masses", columns, (note,))
 
 
 Comparison = tuple[str, float, float]  # what it is, of the beam, of the chain

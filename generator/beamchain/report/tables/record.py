@@ -48,6 +48,7 @@ def space_record(fit: "Fit") -> dict[str, Any]:
         "achieved": port_record(space.achieved),
         "error": _fields(space.error, "frequency", "participation", "accelerance_in_band"),
         "modes": [{"belongs": port, "leak": leak} for port, leak in modes],
+        "effective_mass_fractions": space.data.effective_mass_fractions,
         "steps": space.data.steps,
     }
     return {"form": space.form, "space": record}

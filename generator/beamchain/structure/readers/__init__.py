@@ -6,14 +6,21 @@ from pathlib import Path
 
 from numpy.typing import ArrayLike
 
-from beamchain.checks import one_of, path_of, positive
+from beamchain.checks import of_type, one_of, path_of, positive, whole_number
 from beamchain.errors import InputError
 from beamchain.files import no_file
 from beamchain.structure.modal_data import ModalData
-from beamchain.structure.readers import craig_bampton, nastran_f06, nastran_op2, own_format
+from beamchain.structure.readers import (
+    craig_bampton,
+    nastran_f06,
+    nastran_op2,
+    own_format,
+    superelement,
+)
+from beamchain.structure.readers.superelement import Interface, InterfaceGrid
 
-#: Reader by ending of the file's name.
-READERS = {
+#: Reader by ending of the file's name, of files that say by themselves where the port is.
+MODES = {
     ".f06": nastran_f06.read,
     ".op2": nastran_op2.read,
     ".toml": own_format.read,
@@ -21,6 +28,9 @@ READERS = {
     ".npz": craig_bampton.read,
     ".mat": craig_bampton.read,
 }
+#: Endings of files whose matrices have several interface grids, of which the places are beside.
+MATRICES = (".op4", ".pch", ".npz", ".mat")
+READERS = (*MODES, *(kind for kind in MATRICES if kind not in MODES))
 
 
 def read_modes(
@@ -31,16 +41,24 @@ def read_modes(
     units: Mapping[str, float] | None = None,
     modes: Sequence[int] | None = None,
     subcase: int | None = None,
+    asm: str | Path | None = None,
+    grids: Sequence[InterfaceGrid] = (),
+    ports: Mapping[str, int] | None = None,
 ) -> ModalData:
     """Read modes that another program computed.
 
     Args:
-        path: .f06, .op2 (needs pyYeti), .toml or .json, .npz or .mat (mass, stiffness, boundary).
-        reference: the port, from the file's reference point, in the file's axes and units.
+        path: .f06, .op2 (needs pyYeti), .toml or .json, .npz or .mat (mass, stiffness, boundary),
+            .op4 or .pch (mass and stiffness of a superelement).
+        reference: the port, from the file's reference point (of a superelement: its interface
+            grid, or the mean of several), in the file's axes and units.
         axes: rows: appendage x, y, z in the file's axes; default: the file's own.
         units: `{"length": metres per unit, "mass": kilograms per unit}`; default: SI.
         modes: numbers from 1, by ascending frequency; default: all.
         subcase: number of the subcase, if the file holds several.
+        asm: bulk data with the interface grids of a superelement; default: the .asm beside it.
+        grids: the interface grids, where there is no such file.
+        ports: numbers of interface grids that the root does not hold, by name.
 
     Returns:
         Checked data in SI about the port, modes of equal frequency rotated into the bending planes;
@@ -83,7 +101,7 @@ def read_modes(
     for name, value in units.items():
         one_of("units", name, ("length", "mass"))
         positive(f"units.{name}", value, "SI units per unit of the file")
-    data = READERS[kind](path, subcase)
+    data = _read(path, kind, subcase, asm, grids, ports or {})
     # first the port, in the file's own units, then the units, then the pairs,
     # which need the appendage's planes
     data = (
@@ -92,3 +110,34 @@ def read_modes(
         .untangled()
     )
     return data if modes is None else data.selected(modes)
+
+
+def _read(
+    path: Path,
+    kind: str,
+    subcase: int | None,
+    asm: str | Path | None,
+    grids: Sequence[InterfaceGrid],
+    ports: Mapping[str, int],
+) -> ModalData:
+    """What a file holds, in its own units and axes, about its own reference point."""
+    if asm is not None:
+        asm = path_of("asm", asm, "the path of the bulk data with the interface grids")
+    for i, grid in enumerate(grids):
+        of_type(f"grids[{i}]", grid, InterfaceGrid, "an InterfaceGrid(id=3, at=(0.6, 0.0, 0.3))")
+    for name, grid in ports.items():
+        whole_number(f"ports.{name}", grid, 1, 999_999_999)
+    interface = Interface(asm, tuple(grids), dict(ports))
+    if interface.asm is not None and interface.grids:
+        raise InputError(
+            "asm and grids are both given; name the file with the grids, or list them."
+        )
+    if kind in MODES and interface.empty:
+        return MODES[kind](path, subcase)
+    if kind in MATRICES:
+        return superelement.read(path, subcase, interface)
+    given = "asm" if asm is not None else "grids" if grids else "ports"
+    raise InputError(
+        f"{given} is given, but {path.name!r} states its reference "
+        f"point itself; leave it out, or give matrices ({', '.join(MATRICES)})."
+    )

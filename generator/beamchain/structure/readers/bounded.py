@@ -24,8 +24,12 @@ UNPACKED = 300_000_000  # bytes of matrices
 CHUNK = 1 << 20
 
 
-def check_size(path: Path, largest: int = LARGEST_FILE) -> None:
-    """Refuse files that are empty or too large."""
+WITHOUT_SHAPES = "print the modes without the mode shapes"
+PRINTED_FILE = "give the printed file, not the binary one"
+
+
+def check_size(path: Path, largest: int = LARGEST_FILE, *, smaller: str = WITHOUT_SHAPES) -> None:
+    """Refuse files that are empty or too large; `smaller`: how to get less of it."""
     note_input(path)
     try:
         size = path.stat().st_size
@@ -37,26 +41,24 @@ def check_size(path: Path, largest: int = LARGEST_FILE) -> None:
         raise InputError(f"file {str(path)!r} is empty; export the modes again.")
     if size > largest:
         raise InputError(
-            f"file {str(path)!r} has {size} bytes, more than the {largest} taken; print the modes "
-            "without the mode shapes."
+            f"file {str(path)!r} has {size} bytes, more than the {largest} taken; {smaller}."
         )
 
 
-def lines(path: Path) -> Iterator[str]:
-    """Lines of a print without their ends."""
-    check_size(path)
+def lines(
+    path: Path, *, smaller: str = WITHOUT_SHAPES, no_text: str = PRINTED_FILE
+) -> Iterator[str]:
+    """Lines of a print without their ends; `smaller` and `no_text`: the cures where it is too
+    large, and where it is no text."""
+    check_size(path, smaller=smaller)
     try:
         with path.open("r", encoding="latin-1", newline=None) as stream:
             for number, line in enumerate(stream, 1):
                 if "\0" in line or len(line) > LONGEST_LINE:
-                    raise InputError(
-                        f"file {str(path)!r} is no text (line {number}); give the printed file, "
-                        "not the binary one."
-                    )
+                    raise InputError(f"file {str(path)!r} is no text (line {number}); {no_text}.")
                 if number > MOST_LINES:
                     raise InputError(
-                        f"file {str(path)!r} has more than the {MOST_LINES} lines taken; print the "
-                        "modes without the mode shapes."
+                        f"file {str(path)!r} has more than the {MOST_LINES} lines taken; {smaller}."
                     )
                 yield line.rstrip("\n")
     except OSError as error:

@@ -6,21 +6,25 @@ Source: R. R. Craig, M. C. C. Bampton, Coupling of substructures for dynamic ana
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import linalg
 
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
-from beamchain.structure.modal_data import ModalData
+from beamchain.structure.modal_data import FurtherPoint, ModalData
 from beamchain.structure.readers.bounded import check_size, mat_arrays, npz_arrays
 
 LARGEST = 4000  # freedoms; beyond that reduce in the program that made the model
 MOST = 200  # modes handed on, the lowest
 LARGEST_FILE = 300_000_000
 DETERMINATE = 1e-6  # relative stiffness that may be left at the port
+STRAINED = 1e-4  # relative forces on freedoms that move as one rigid body; wrong axes leave 1
+ROUNDED = 100.0  # precisions of the numbers that rounding may leave of such forces
+FULL = 1e-12  # relative precision of matrices of all digits
 LOOSE = 1e-13  # pivot over diagonal entry below which a freedom is not held
 NAMES = {
     "mass": ("mass", "M", "m", "MAA", "maa"),
@@ -31,6 +35,13 @@ BOUNDARY = ("boundary", "b", "bset")
 
 def read(path: Path, subcase: int | None = None) -> ModalData:
     """Modal data of a .npz (freedoms from 0) or .mat file (from 1)."""
+    mass, stiffness, boundary = read_arrays(path, subcase)
+    return from_matrices(mass, stiffness, boundary, path.name)
+
+
+def read_arrays(path: Path, subcase: int | None = None) -> tuple[Array, Array, list[int]]:
+    """Mass and stiffness `(d, d)` of a .npz or .mat file, and the freedoms of its boundary,
+    from 0."""
     if subcase is not None:
         raise InputError(
             f"subcase = {subcase} is given, but {path.name!r} holds one set of matrices; leave "
@@ -59,9 +70,7 @@ def read(path: Path, subcase: int | None = None) -> ModalData:
             )
         found[key] = held[name]
     boundary = [int(v) - first for v in np.ravel(found["boundary"])]
-    return from_matrices(
-        _dense(found["mass"], path.name), _dense(found["stiffness"], path.name), boundary, path.name
-    )
+    return _dense(found["mass"], path.name), _dense(found["stiffness"], path.name), boundary
 
 
 def _dense(matrix: Any, name: str) -> Array:
@@ -79,52 +88,131 @@ def _dense(matrix: Any, name: str) -> Array:
     return np.asarray(out, dtype=np.float64)
 
 
+@dataclass(frozen=True, eq=False)
+class Boundary:
+    """The freedoms by which a structure is held, all of one rigid body.
+
+    Args:
+        rows: of these freedoms in the matrices, from 0.
+        motion: `(b, 6)` their motion per motion of the port.
+        names: what they are called in messages.
+        free: points whose motion is wanted.
+    """
+
+    rows: tuple[int, ...]
+    motion: Array
+    names: tuple[str, ...] = ()
+    free: tuple["FreePoint", ...] = ()
+
+
+class FreePoint(NamedTuple):
+    """A point that the boundary leaves free: its `place` `(3,)` from the port, its six `rows` in
+    the matrices, and the directions of their components, `axes` `(3, 3)` rows."""
+
+    name: str
+    place: Array
+    rows: tuple[int, ...]
+    axes: Array
+
+
 def from_matrices(
-    mass: Array, stiffness: Array, boundary: Sequence[int], name: str = "matrices"
+    mass: Array,
+    stiffness: Array,
+    boundary: Sequence[int] | Boundary,
+    name: str = "matrices",
+    *,
+    precision: float = FULL,
 ) -> ModalData:
-    """Modal data from mass and stiffness `(d, d)`; `boundary`: the port's six freedoms, from 0."""
+    """Modal data from mass and stiffness `(d, d)`.
+
+    Args:
+        mass, stiffness: over the same freedoms.
+        boundary: the port's six freedoms, from 0, or any number that one rigid body holds.
+        name: of the file, for messages.
+        precision: relative, of the numbers.
+    """
     d = mass.shape[0]
-    _check_matrices(mass, stiffness, boundary, name)
+    if not isinstance(boundary, Boundary):
+        _check_boundary(boundary, d, name)
+        boundary = Boundary(tuple(boundary), np.eye(6))
+    _check_matrices(mass, stiffness, name)
     mass, stiffness = (mass + mass.T) / 2.0, (stiffness + stiffness.T) / 2.0
-    outer = list(boundary)
+    outer = list(boundary.rows)
     inner = [i for i in range(d) if i not in set(outer)]
+    if not inner:
+        raise InputError(
+            f"{name}: all {d} freedoms belong to the port, so that nothing can vibrate; export "
+            "modes, or inner freedoms, too."
+        )
     k_ii = stiffness[np.ix_(inner, inner)]
     m_ii = mass[np.ix_(inner, inner)]
-    m_ib = mass[np.ix_(inner, outer)]
-    m_bb = mass[np.ix_(outer, outer)]
+    m_ib = mass[np.ix_(inner, outer)] @ boundary.motion
+    m_bb = boundary.motion.T @ mass[np.ix_(outer, outer)] @ boundary.motion
     # inner motion per rigid motion of the port: G = -K_ii^-1 K_ib
-    follow = _rigid_motion(stiffness, inner, outer, name)
+    follow, strained = _rigid_motion(stiffness, inner, boundary, name, precision)
     # M_rigid = M_bb + G^T M_ib + M_ib^T G + G^T M_ii G
     rigid = m_bb + follow.T @ m_ib + m_ib.T @ follow + follow.T @ m_ii @ follow
     # for 1/w^2: massless freedoms do no harm, low modes keep their digits
     inverse, shapes = linalg.eigh(m_ii, k_ii)
     order = np.argsort(inverse)[::-1]
     order = order[inverse[order] > 1e-14 * inverse[order[0]]][:MOST]
+    if not order.size or inverse[order[0]] <= 0.0:
+        raise InputError(
+            f"{name}: no freedom beside the port's has mass, so that nothing can vibrate; export "
+            "the mass matrix again."
+        )
     w = 1.0 / np.sqrt(inverse[order])
     # L = Phi^T (M_ii G + M_ib), Phi of unit mass
     normal = (w * shapes[:, order]).T
     participation = normal @ (m_ii @ follow + m_ib)
-    steps = (
-        f"matrices of {d} freedoms, six of them the port's; the lowest {w.size} modes with the "
-        "port held",
+    number = {row: k for k, row in enumerate(inner)}
+    further = tuple(
+        FurtherPoint(
+            point.name,
+            point.place,
+            normal[:, [number[row] for row in point.rows]] @ np.kron(np.eye(2), point.axes),
+        )
+        for point in boundary.free
     )
+    held = "six" if len(outer) == 6 else str(len(outer))
+    steps = [
+        f"matrices of {d} freedoms, {held} of them the port's; the lowest {w.size} modes with the "
+        "port held"
+    ]
+    if len(outer) != 6:
+        steps.append(
+            f"rigid-body check: forces of {strained:.1e} of the terms they are the sum of, where "
+            f"{max(STRAINED, ROUNDED * precision):.0e} is taken"
+        )
     return ModalData(
-        rigid, w, participation, precision=1e-12, source=name, steps=steps, origin=normal
+        rigid,
+        w,
+        participation,
+        precision=precision,
+        source=name,
+        steps=tuple(steps),
+        further=further,
+        origin=normal,
     )
 
 
-def _check_matrices(mass: Array, stiffness: Array, boundary: Sequence[int], name: str) -> None:
-    """Sizes, the six freedoms, symmetry."""
+def _check_boundary(boundary: Sequence[int], d: int, name: str) -> None:
+    """Six different freedoms, where no grids say more."""
+    if len(boundary) != 6 or len(set(boundary)) != 6 or not all(0 <= b < d for b in boundary):
+        raise InputError(
+            f"{name}: boundary = {list(boundary)} must name six different freedoms of the {d} (x, "
+            "y, z and rotations of the port); of several interface grids give the places by grids, "
+            "or tie them to one first (RBE2)."
+        )
+
+
+def _check_matrices(mass: Array, stiffness: Array, name: str) -> None:
+    """Sizes and symmetry."""
     d = mass.shape[0]
     if stiffness.shape != (d, d):
         raise InputError(
             f"{name}: mass {mass.shape} and stiffness {stiffness.shape} differ in size; give both "
             "for the same freedoms."
-        )
-    if len(boundary) != 6 or len(set(boundary)) != 6 or not all(0 <= b < d for b in boundary):
-        raise InputError(
-            f"{name}: boundary = {list(boundary)} must name six different freedoms of the {d} (x, "
-            "y, z and rotations of the port); tie several interface nodes to one first (RBE2)."
         )
     for word, matrix in (("mass", mass), ("stiffness", stiffness)):
         if np.max(np.abs(matrix - matrix.T)) > 1e-6 * np.max(np.abs(matrix)):
@@ -133,11 +221,17 @@ def _check_matrices(mass: Array, stiffness: Array, boundary: Sequence[int], name
             )
 
 
-def _rigid_motion(stiffness: Array, inner: list[int], outer: list[int], name: str) -> Array:
-    """`(n, 6)` motion of the inner freedoms per motion of the port, which must not strain them."""
+def _rigid_motion(
+    stiffness: Array, inner: list[int], boundary: Boundary, name: str, precision: float
+) -> tuple[Array, float]:
+    """`(n, 6)` motion of the inner freedoms per motion of the port, which must not strain them;
+    and the largest force that is left at the port, relative to the terms it is the sum of."""
+    outer = list(boundary.rows)
+    motion = boundary.motion
     k_ii = stiffness[np.ix_(inner, inner)]
-    k_ib = stiffness[np.ix_(inner, outer)]
-    k_bb = stiffness[np.ix_(outer, outer)]
+    k_io = stiffness[np.ix_(inner, outer)]
+    k_oo = stiffness[np.ix_(outer, outer)]
+    k_ib = k_io @ motion
     try:
         factor = linalg.cho_factor(k_ii)
         # rounding decides whether a singular matrix is factored:
@@ -146,18 +240,34 @@ def _rigid_motion(stiffness: Array, inner: list[int], outer: list[int], name: st
             raise linalg.LinAlgError
     except linalg.LinAlgError:
         raise InputError(
-            f"{name}: with the six boundary freedoms held the structure can still move (its "
-            "stiffness is not positive definite); check boundary, and that massless freedoms have "
+            f"{name}: with the {'six ' if len(outer) == 6 else ''}boundary freedoms held the "
+            "structure can still move (its stiffness is not positive definite); check "
+            f"{'grids' if boundary.names else 'boundary'}, and that massless freedoms have "
             "stiffness."
         ) from None
     follow = -linalg.cho_solve(factor, k_ib)
-    condensed = k_bb + k_ib.T @ follow  # zero where the port is the only support
-    terms = np.abs(np.diag(k_bb)) + np.abs(np.sum(k_ib * follow, axis=0))
-    scale = np.sqrt(terms + 1e-300)
+    # forces at the port's freedoms: zero where the port is the only support
+    forces = k_oo @ motion + k_io.T @ follow
+    terms = np.abs(k_oo) @ np.abs(motion) + np.abs(k_io.T) @ np.abs(follow)
+    strained = float(np.max(np.abs(forces) / np.maximum(terms, 1e-12 * np.max(terms) + 1e-300)))
+    if boundary.names:
+        limit = max(STRAINED, ROUNDED * precision)
+        relative = np.max(np.abs(forces), axis=1) / np.max(terms, axis=1).clip(1e-300)
+        if strained > limit:
+            worst = boundary.names[int(np.argmax(relative))]
+            raise InputError(
+                f"{name}: moving the interface grids as one rigid body strains the structure "
+                f"(forces of {strained:.1e} of their terms, most at {worst}, where {limit:.0e} is "
+                "taken); check the places and axes of the grids and the order of the freedoms, or "
+                "the structure is held elsewhere too."
+            )
+        return follow, strained
+    condensed = motion.T @ forces
+    scale = np.sqrt(np.sum(np.abs(motion) * terms, axis=0) + 1e-300)
     held = np.max(np.abs(stiffness[outer])) > 0.0
     if held and np.max(np.abs(condensed / np.outer(scale, scale))) > DETERMINATE:
         raise InputError(
             f"{name}: moving the port as a rigid body strains the structure; it is held elsewhere "
             "too, or boundary does not name the port's freedoms in the order x, y, z, rotations."
         )
-    return follow
+    return follow, strained

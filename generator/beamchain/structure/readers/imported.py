@@ -1,5 +1,6 @@
 """`[imported]` of SPEC.toml: the file that holds the modes; its reference point, axes and units."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Self
@@ -9,9 +10,11 @@ import numpy as np
 
 from beamchain.checks import Struct, field, whole_number
 from beamchain.errors import InputError
+from beamchain.ports.motions import Array
 from beamchain.structure.mass_line import default_length
 from beamchain.structure.modal_data import ModalData
 from beamchain.structure.readers import READERS, read_modes
+from beamchain.structure.readers.superelement import InterfaceGrid
 
 Triple = tuple[float, float, float]
 MOST_MODES = 200
@@ -27,7 +30,25 @@ class Units(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 class Imported(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Modes from a finite-element program, in place of [[segment]]."""
 
-    file: Annotated[str, field("path of the modes: .f06, .op2, .toml, .json, .npz or .mat")]
+    file: Annotated[
+        str,
+        field("path of the modes or matrices: .f06, .op2, .op4, .pch, .toml, .json, .npz or .mat"),
+    ]
+    asm: Annotated[
+        str | None,
+        field(
+            "path of the bulk data with the interface grids of a superelement (.asm, .pch); the "
+            ".asm beside the file where left out"
+        ),
+    ] = None
+    grids: Annotated[
+        tuple[InterfaceGrid, ...],
+        field("interface grids of a superelement, where no asm holds them"),
+    ] = ()
+    ports: Annotated[
+        dict[str, int],
+        field("interface grids of a superelement that the root does not hold, by name"),
+    ] = msgspec.field(default_factory=dict[str, int])
     reference: Annotated[
         Triple,
         field(
@@ -66,6 +87,13 @@ class Imported(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             raise InputError(
                 f"file = {self.file!r} has an unknown ending; beamchain reads {', '.join(READERS)}."
             )
+        for name, grid in self.ports.items():
+            if not re.fullmatch(r"[a-z][a-z0-9_]{0,62}", name):
+                raise InputError(
+                    f"ports: {name!r} must start with a small letter and hold only a-z, 0-9 and _; "
+                    "for example ports = { mast = 45 }."
+                )
+            whole_number(f"ports.{name}", grid, 1, 999_999_999)
         for i, value in enumerate(self.modes or ()):
             whole_number(f"modes[{i}]", value, 1, 10_000)
         if self.modes is not None and not 1 <= len(self.modes) <= MOST_MODES:
@@ -75,10 +103,17 @@ class Imported(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             )
 
     def beside(self, folder: Path) -> Self:
-        """The same with the file's path taken from a folder."""
-        # an absolute path stays as it is
-        rows = None if self.recovery is None else str(folder / self.recovery)
-        return msgspec.structs.replace(self, file=str(folder / self.file), recovery=rows)
+        """The same with the files' paths taken from a folder."""
+
+        def placed(path: str | None) -> str | None:
+            return None if path is None else str(folder / path)  # an absolute path stays as it is
+
+        return msgspec.structs.replace(
+            self,
+            file=str(folder / self.file),
+            asm=placed(self.asm),
+            recovery=placed(self.recovery),
+        )
 
     def read(self) -> ModalData:
         """All modes of the file, in SI, appendage axes, about the port;
@@ -89,7 +124,12 @@ class Imported(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             axes=np.array(self.axes),
             units={"length": self.units.length, "mass": self.units.mass},
             subcase=self.subcase,
+            asm=self.asm,
+            grids=self.grids,
+            ports=self.ports,
         )
+        if not data.states_line:
+            check_outwards(data, np.array(self.axes))
         return with_length(data, self.length)
 
 
@@ -103,9 +143,47 @@ def with_length(data: ModalData, length: float | None) -> ModalData:
         return replace(data, length=length, steps=(*data.steps, step))
     if data.length is not None:
         return data
+    if not data.states_line:
+        check_outwards(data)
     uniform_length = default_length(data.rigid_mass)
     step = (
         f"length {uniform_length:.6g} m from mass centre and radius of gyration, as of a uniform "
         "beam, for drawing and for sharing out the mass; not given (imported.length)"
     )
     return replace(data, length=uniform_length, steps=(*data.steps, step))
+
+
+def check_outwards(data: ModalData, axes: Array | None = None) -> None:
+    """The mass centre lies on the side of the root to which x points; `axes` `(3, 3)`: rows of the
+    present axes in those of the file, which are the same where left out.
+
+    Raises:
+        InputError: it does not; the message proposes `axes` in which it does.
+    """
+    mass = float(np.trace(data.rigid_mass[:3, :3])) / 3.0
+    # the block m [c x]
+    cross = data.rigid_mass[3:, :3] / mass
+    centre = np.array(
+        [cross[2, 1] - cross[1, 2], cross[0, 2] - cross[2, 0], cross[1, 0] - cross[0, 1]]
+    )
+    centre /= 2.0
+    if centre[0] > 0.0:
+        return
+    where = ", ".join(f"{axis} = {x:.6g}" for axis, x in zip("xyz", centre, strict=True))
+    turned = proposed_axes(centre) @ (np.eye(3) if axes is None else axes)
+    proposed = [[round(float(x), 9) + 0.0 for x in row] for row in turned]
+    raise InputError(
+        f"{data.source}: the mass centre lies at {where} m from the root, not outwards along x; x "
+        "must point from the root outwards: check reference (the port), and if that is right give "
+        f"axes = {proposed}."
+    )
+
+
+def proposed_axes(centre: Array) -> Array:
+    """`(3, 3)` rows of axes, along the present ones, of which x comes nearest to a direction
+    `(3,)`; z stays where it can."""
+    k = int(np.argmax(np.abs(centre)))
+    x = np.zeros(3)
+    x[k] = 1.0 if centre[k] >= 0.0 else -1.0
+    z = np.array([1.0, 0.0, 0.0] if k == 2 else [0.0, 0.0, 1.0])
+    return np.vstack([x, np.cross(z, x), z])

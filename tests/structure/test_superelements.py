@@ -1,0 +1,315 @@
+"""Superelements as they are delivered, against the whole mesh that they were made from
+(`support/superelements.py`, which writes them and shares nothing with the readers)."""
+
+import re
+
+import numpy as np
+import pytest
+
+import beamchain as bc
+import superelements as se
+from spec_tables import spec_of
+
+EXACT = 1e-9  # of the mesh: modes by eigh, of which the lowest lose some digits to K
+SINGLE = 2e-7  # relative to the largest entry: numbers of single precision
+DIGITS = 5e-8  # eight printed digits of the modes; rounding of K adds to this
+MUJOCO = 1e-8  # mjd_transitionFD with eps = 1e-6
+AXES = np.eye(3)
+FOUND = se.superelement()
+MATRICES = {"KXX": FOUND.stiffness, "MXX": FOUND.mass}
+OTHER = {"PX1": np.array([[0.0, 2.0], [1.0, 0.0]]), **MATRICES, "VA": np.ones((40, 1))}
+UNITS = {"length": 1e-3, "mass": 1e3}
+LENGTH = np.array([1.0, 1.0, 1.0, 1e3, 1e3, 1e3])  # mm per m, in the columns of rotations
+
+BINARY = [
+    (form, order, wide, single)
+    for form in ("dense", "sparse", "bigmat")
+    for order in "<>"
+    for wide, single in ((False, False), (True, False), (False, True))
+]
+TEXT = [
+    (form, digits, letter)
+    for form in ("dense", "sparse", "bigmat")
+    for digits, letter in ((16, "E"), (16, "D"), (8, "E"))
+]
+
+
+@pytest.fixture
+def delivery(tmp_path):
+    """A folder with the assembly file."""
+    (tmp_path / "boom.asm").write_text(se.asm_text())
+    return tmp_path
+
+
+def check_against_mesh(data, tolerance=EXACT):
+    """Frequencies, participation but for signs, and rigid mass, in the file's units."""
+    assert data.frequencies == pytest.approx(FOUND.frequencies, rel=tolerance)
+    scale = np.sqrt(np.diag(FOUND.rigid))
+    sign = np.sign(np.sum(data.participation * FOUND.participation / scale**2, axis=1))
+    gap = (data.participation * sign[:, None] - FOUND.participation) / scale
+    assert np.max(np.abs(gap)) < 30.0 * tolerance
+    miss = (data.rigid_mass - FOUND.rigid) / np.outer(scale, scale)
+    assert np.max(np.abs(miss)) < 10.0 * tolerance
+
+
+@pytest.mark.parametrize(("form", "order", "wide", "single"), BINARY)
+def test_binary_files_of_every_form_hold_the_mesh_s_modes(form, order, wide, single, delivery):
+    path = delivery / "boom.op4"
+    path.write_bytes(se.op4_binary(OTHER, form, order, wide, single))
+    check_against_mesh(bc.read_modes(path), SINGLE if single else EXACT)
+
+
+@pytest.mark.parametrize(("form", "digits", "letter"), TEXT)
+def test_text_files_of_every_form_hold_the_mesh_s_modes(form, digits, letter, delivery):
+    path = delivery / "boom.op4"
+    path.write_bytes(se.op4_text(OTHER, form, digits, letter))
+    check_against_mesh(bc.read_modes(path), EXACT if digits == 16 else DIGITS)
+
+
+def test_a_punch_file_holds_all_of_it(tmp_path):
+    path = tmp_path / "boom.pch"
+    path.write_text(se.punch_text(FOUND))
+    check_against_mesh(bc.read_modes(path), DIGITS)
+
+
+def test_the_grids_may_stand_in_the_specification(tmp_path):
+    (tmp_path / "boom.op4").write_bytes(se.op4_binary(MATRICES, "bigmat"))
+    grids = [
+        {"id": g, "at": list(se.PLACES[g]), "axes": se.output_axes(g).tolist()} for g in se.GRIDS
+    ]
+    imported = {"file": str(tmp_path / "boom.op4"), "grids": grids, "length": 2.0, "units": UNITS}
+    data = spec_of({"imported": imported}).imported.read()
+    assert data.frequencies == pytest.approx(FOUND.frequencies, rel=EXACT)
+    assert "of the specification held as one rigid body" in data.steps[0]
+    # the same by rows, in another order of the grids
+    moved = [grids[2] | {"row": 13}, grids[0] | {"row": 1}, grids[1] | {"row": 7}]
+    again = spec_of({"imported": {**imported, "grids": moved}}).imported.read()
+    np.testing.assert_allclose(again.rigid_mass, data.rigid_mass, rtol=1e-9, atol=1e-9)
+
+
+def test_arrays_with_several_grids_in_their_boundary(delivery):
+    """Modes first, grids last: `boundary` says so."""
+    last = np.r_[18:40, 0:18]
+    np.savez(
+        delivery / "boom.npz",
+        M=FOUND.mass[np.ix_(last, last)],
+        K=FOUND.stiffness[np.ix_(last, last)],
+        boundary=np.arange(22, 40),
+    )
+    check_against_mesh(bc.read_modes(delivery / "boom.npz", asm=delivery / "boom.asm"))
+    with pytest.raises(bc.InputError, match="must name six different freedoms.*give the places by"):
+        bc.read_modes(delivery / "boom.npz")
+
+
+def test_the_order_that_a_punch_file_beside_states_is_taken(delivery):
+    turned = np.r_[12:18, 0:12, 18:40]
+    both = {name: matrix[np.ix_(turned, turned)] for name, matrix in MATRICES.items()}
+    path = delivery / "boom.op4"
+    path.write_bytes(se.op4_binary(both, "sparse"))
+    with pytest.raises(bc.InputError, match="strains the structure"):
+        bc.read_modes(path)
+    (delivery / "boom.pch").write_text(se.extrn_text((27, 3, 11)))
+    check_against_mesh(bc.read_modes(path))
+
+
+def test_a_flexible_body_is_the_mesh_through_mujoco(delivery):
+    """Fitted, written, and read back by MuJoCo's linearisation, in SI, appendage axes."""
+    path = delivery / "boom.op4"
+    path.write_bytes(se.op4_binary(MATRICES, "bigmat"))
+    result = bc.fit(spec_of({"name": "boom", "imported": {"file": str(path), "units": UNITS}}))
+    assert result.status.ok
+    space = result.space.achieved
+    assert space.frequencies[:22] == pytest.approx(FOUND.frequencies, rel=MUJOCO)
+    effective = np.sum(result.space.data.participation**2, axis=0) / np.diag(
+        result.space.data.rigid_mass
+    )
+    of_mesh = np.sum(FOUND.participation**2, axis=0) / np.diag(FOUND.rigid)
+    assert effective == pytest.approx(of_mesh, rel=1e-8)
+    assert result.space.error.participation < 1e-4
+    assert result.space.error.accelerance_in_band < 1e-6
+
+
+def test_four_modes_of_twenty_two_keep_the_step_of_the_last(delivery):
+    """A third of 2 / omega at least: fillers do not set the step (Euler's limit of one mode)."""
+    path = delivery / "boom.op4"
+    path.write_bytes(se.op4_binary(MATRICES, "dense"))
+    imported = {"file": str(path), "units": UNITS, "modes": [1, 2, 3, 4]}
+    result = bc.fit(spec_of({"name": "boom", "imported": imported}))
+    assert result.space.data.modes == 22
+    share = result.limits.largest_step["Euler"] * FOUND.frequencies[3] / 2.0
+
+    assert share > 1.0 / 3.0
+
+
+def test_eight_digits_are_a_rigid_body_s(delivery):
+    """A chain of modes that couple ports needs the mass of a rigid body; eight digits are one."""
+    path = delivery / "boom.op4"
+    path.write_bytes(se.op4_text(MATRICES, "dense", 7))
+    result = bc.fit(
+        spec_of(
+            {"name": "boom", "imported": {"file": str(path), "units": UNITS, "modes": [1, 2, 3]}}
+        )
+    )
+    assert result.status.ok
+    assert result.space.error.frequency < 1e-7
+
+
+# -- what is refused -------------------------------------------------------------------------------
+def refused(path, match, **more):
+    with pytest.raises(bc.InputError, match=match) as caught:
+        bc.read_modes(path, **more)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_grid_at_a_wrong_place_or_in_wrong_axes_is_named(delivery):
+    path = delivery / "boom.op4"
+    path.write_bytes(se.op4_binary(MATRICES))
+    good = (delivery / "boom.asm").read_text()
+    (delivery / "boom.asm").write_text(good.replace(",-300.0,12", ",-301.0,12"))
+    refused(path, r"strains the structure \(forces of .*grid \d+, component")
+    (delivery / "boom.asm").write_text(good.replace(",-300.0,12", ",-300.0,0"))
+    refused(path, "most at grid 27, component .*check the places and axes of the grids")
+    (delivery / "boom.asm").write_text(good.replace(",-300.0,12", ",-300.0,13"))
+    refused(path, "coordinate system 13 is missing")
+    (delivery / "boom.asm").unlink()
+    refused(path, "boom.asm' does not exist; name the file with the grids by asm, or give grids")
+
+
+def test_a_structure_that_is_held_elsewhere_is_refused(delivery):
+    ground = MATRICES["KXX"] + np.diag([0.0] * 17 + [1e9] + [0.0] * 22)
+    path = delivery / "boom.op4"
+    path.write_bytes(se.op4_binary({**MATRICES, "KXX": ground}))
+    refused(path, "or the structure is held elsewhere too")
+
+
+def test_what_does_not_fit_together_is_refused(delivery):
+    path = delivery / "boom.op4"
+    path.write_bytes(se.op4_binary({"MXX": FOUND.mass}))
+    refused(path, "holds no stiffness .*it holds MXX")
+    path.write_bytes(se.op4_binary({**MATRICES, "MXX": FOUND.mass[:9, :9]}))
+    refused(path, "are not square and of one size")
+    path.write_bytes(se.op4_binary(MATRICES) + se.op4_binary(MATRICES))
+    refused(path, "holds KXX more than once")
+    (delivery / "boom.asm").write_text(se.asm_text(modes=20))
+    path.write_bytes(se.op4_binary(MATRICES))
+    refused(path, "matrices of 40 freedoms, but the grids and scalar points of boom.asm make 38")
+    (delivery / "boom.asm").write_text("$ nothing\n")
+    refused(path, "holds no GRID")
+    refused(path, "asm = .* is given|does not exist", asm=delivery / "no.asm")
+    modes = delivery / "modes.toml"
+    modes.write_text("frequencies = [1.0]")
+    refused(
+        modes,
+        "grids is given, but 'modes.toml' states its reference point itself",
+        grids=[bc.InterfaceGrid(id=1, at=(0.0, 0.0, 0.0))],
+    )
+
+
+def test_complex_matrices_are_refused(delivery):
+    text = se.op4_text(MATRICES).decode()
+    path = delivery / "boom.op4"
+    path.write_text(re.sub(r"       2KXX", "       4KXX", text))
+    refused(path, r"KXX holds complex numbers; give real mass and stiffness")
+
+
+def test_sizes_are_bounded(delivery):
+    path = delivery / "boom.op4"
+    header = f"{5000:8d}{-900000:8d}{6:8d}{2:8d}{'KXX':<8}1P,3E23.16\n"
+    path.write_text(header + f"{5001:8d}{1:8d}{1:8d}\n 1.0\n")
+    refused(path, r"KXX has the shape \(900000, 5000\); at most 4000 freedoms")
+    (delivery / "boom.asm").write_text("SPOINT,1,THRU,900000\n")
+    path.write_bytes(se.op4_binary(MATRICES))
+    refused(path, "goes from 1 to 900000")
+
+
+def test_a_body_that_does_not_point_along_x_gets_axes_proposed(delivery):
+    (delivery / "boom.op4").write_bytes(se.op4_binary(MATRICES))
+    imported = {"file": str(delivery / "boom.op4"), "units": UNITS}
+    for turned, proposed in (
+        (
+            [[-1, 0, 0], [0, -1, 0], [0, 0, 1]],
+            r"\[\[1.0, 0.0, 0.0\], \[0.0, 1.0, 0.0\], \[0.0, 0.0, 1.0\]\]",
+        ),
+        (
+            [[-1, 0, 0], [0, 0, 1], [0, 1, 0]],
+            r"\[\[1.0, 0.0, 0.0\], \[0.0, 0.0, -1.0\], \[0.0, 1.0, 0.0\]\]",
+        ),
+    ):
+        with pytest.raises(bc.InputError, match=f"give axes = {proposed}"):
+            bc.fit(spec_of({"imported": {**imported, "axes": turned}}))
+
+
+# -- grids that the root does not hold -------------------------------------------------------------
+WITH_PORT = se.superelement(modes=200, port=True)
+
+
+@pytest.fixture
+def with_port(tmp_path):
+    """A delivery with a fourth interface grid, the end of the mast, and every mode of the mesh."""
+    count = WITH_PORT.mass.shape[0] - 24
+    (tmp_path / "boom.asm").write_text(se.asm_text(count, port=True))
+    path = tmp_path / "boom.op4"
+    both = {"KXX": WITH_PORT.stiffness, "MXX": WITH_PORT.mass}
+    path.write_bytes(se.op4_binary(both, "bigmat"))
+    return path
+
+
+def test_a_port_is_free(with_port):
+    """Cantilever modes are those with three grids held; the port moves in them as in the mesh."""
+    data = bc.read_modes(with_port, ports={"mast": se.PORT})
+    n = 30
+    assert data.frequencies[:n] == pytest.approx(WITH_PORT.frequencies[:n], rel=1e-7)
+    (mast,) = data.further
+    assert mast.name == "mast"
+    assert mast.place == pytest.approx([1600.0, 250.0 / 3.0, 0.0], rel=1e-12)
+    scale = np.max(np.abs(WITH_PORT.motion[:n]), axis=0)
+    weight = np.sqrt(np.diag(WITH_PORT.rigid))
+    sign = np.sign(np.sum(data.participation[:n] * WITH_PORT.participation[:n] / weight**2, axis=1))
+    gap = mast.motion[:n] * sign[:, None] - WITH_PORT.motion[:n]
+    assert np.max(np.abs(gap / scale)) < 1e-5
+    # held as well, it is not the cantilever that the modes are asked of
+    assert bc.read_modes(with_port).frequencies[0] > 1.5 * data.frequencies[0]
+
+
+def test_a_port_keeps_its_motion_in_other_axes_and_units(with_port):
+    imported = {
+        "file": str(with_port),
+        "units": UNITS,
+        "reference": [0.0, 250.0 / 3.0, 0.0],
+        "axes": [[1, 0, 0], [0, 0, 1], [0, -1, 0]],
+        "ports": {"mast": se.PORT},
+    }
+    data = spec_of({"imported": imported}).imported.read()
+    (mast,) = data.selected([1, 2, 3]).further
+    assert mast.place == pytest.approx([1.6, 0.0, 0.0], abs=1e-12)
+    moved = np.abs(mast.motion[:, [0, 2, 1]]) * np.sqrt(UNITS["mass"])
+    np.testing.assert_allclose(moved, np.abs(WITH_PORT.motion[:3, :3]), rtol=1e-5, atol=1e-4)
+    assert "grid 45 is free, as port 'mast'" in data.steps
+
+
+def test_what_is_no_port_is_refused(with_port):
+    refused(
+        with_port,
+        r"ports.mast = 46 is no interface grid of 'boom.op4'; it has 3, 11, 27, 45",
+        ports={"mast": 46},
+    )
+    refused(with_port, "ports names a grid twice", ports={"a": 45, "b": 45})
+    refused(
+        with_port,
+        "none of its freedoms belongs to a grid that the port holds",
+        ports={"a": 45, "b": 3, "c": 11, "d": 27},
+    )
+    refused(with_port, "ports.a = 'x' ", ports={"a": "x"})
+
+
+def test_a_port_carries_nothing(with_port):
+    imported = {"file": str(with_port), "units": UNITS, "ports": {"mast": se.PORT}}
+    craft = """<mujoco><worldbody><body name="bus"><freejoint/>
+<inertial pos="0 0 0" mass="50" diaginertia="9 9 9"/><site name="mount"/>
+<body name="dish" pos="1.6 0 0"><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body>
+</body></worldbody></mujoco>"""
+    spec = spec_of({"name": "boom", "imported": imported})
+    with pytest.raises(bc.InputError, match="port 'mast' .* is free in its modes, but its chain"):
+        bc.embed(craft, {"mount": spec}, carry={"mount:mast": ["dish"]})
+    with pytest.raises(bc.InputError, match=r"ports: 'Mast' must start with a small letter"):
+        spec_of({"imported": {**imported, "ports": {"Mast": 45}}})
