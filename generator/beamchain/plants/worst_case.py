@@ -56,11 +56,17 @@ class Loops:
     its state space with dead times by Pade.
 
     `blocks` `(channels,)` is the number of the delta of each channel;
-    `ends` are the input where d acts and the output e.
+    `ends` are the input where d acts and the output e. `rows` and `columns` are the signals of M
+    that each loop measures and drives, `seen` and `driven` those of N.
     """
 
     blocks: NDArray[np.intp]
     controller: Controller
+    plant: System
+    rows: list[int]
+    columns: list[int]
+    seen: list[int]
+    driven: list[int]
     system: System
     poles: Complex
 
@@ -79,13 +85,13 @@ class Loops:
         e = place(ends[1], outputs, "output", "")
         self.blocks = np.asarray(blocks, dtype=np.intp)
         self.controller = controller
-        self._m = system
-        self._rows = [channels + i for i in rows]
-        self._columns = [channels + i for i in columns]
-        self._seen = [*range(channels), channels + e]
-        self._driven = [*range(channels), channels + d]
-        whole = close_loop(system, realise(controller), self._rows, self._columns)
-        self.system = picked(whole, self._seen, self._driven)
+        self.plant = system
+        self.rows = [channels + i for i in rows]
+        self.columns = [channels + i for i in columns]
+        self.seen = [*range(channels), channels + e]
+        self.driven = [*range(channels), channels + d]
+        whole = close_loop(system, realise(controller), self.rows, self.columns)
+        self.system = picked(whole, self.seen, self.driven)
         self.poles = np.linalg.eigvals(self.system[0]).astype(np.complex128)
         top = float(np.abs(self.poles).max(initial=1e-300))
         if float(self.poles.real.max(initial=-1.0)) > -GROWS * top:
@@ -99,20 +105,24 @@ class Loops:
     def exact(self, omega: Array) -> Complex:
         """`(k, channels + 1, channels + 1)` N at frequencies `(k,)`, dead times exact."""
         s = (1j * omega).astype(np.complex128)
-        m = response(self._m, s)
+        m = response(self.plant, s)
         # `(k, loops, 1)`
         k = np.array([loop_response(loop, s) for loop in self.controller.loop]).T[:, :, None]
-        to_end = m[:, self._seen]
-        to_loops = m[:, self._rows]
+        to_end = m[:, self.seen]
+        to_loops = m[:, self.rows]
         # N = M_ed - M_eu K (1 + M_yu K)^-1 M_yd
-        open_loops = to_loops[:, :, self._columns] * np.swapaxes(k, 1, 2)
-        measured = np.linalg.solve(np.eye(k.shape[1]) + open_loops, to_loops[:, :, self._driven])
+        open_loops = to_loops[:, :, self.columns] * np.swapaxes(k, 1, 2)
+        measured = np.linalg.solve(np.eye(k.shape[1]) + open_loops, to_loops[:, :, self.driven])
         torque = k * measured
-        return to_end[:, :, self._driven] - to_end[:, :, self._columns] @ torque
+        return to_end[:, :, self.driven] - to_end[:, :, self.columns] @ torque
 
     def gain(self, deltas: Array, omega: Array) -> Array:
         """`(k,)` gains of a sample `(blocks,)`, dead times exact."""
-        return np.abs(self._response_and_slopes(self.exact(omega), deltas)[0])
+        return self.size(self.exact(omega), deltas)
+
+    def size(self, n: Complex, deltas: Array) -> Array:
+        """`(k,)` the same from N `(k, channels + 1, channels + 1)` at the frequencies."""
+        return np.abs(self._response_and_slopes(n, deltas)[0])
 
     def _response_and_slopes(self, n: Complex, deltas: Array) -> tuple[Complex, Complex]:
         """`(k,)` response of a sample, and its slope by every channel's delta `(k, channels)`."""
