@@ -41,6 +41,10 @@ Uncertain = Annotated[
         help="What is uncertain: the worst for the controller is searched for and run in MuJoCo.",
     ),
 ]
+Bound = Annotated[
+    bool,
+    typer.Option("--bound", help="Prove what no value exceeds as well (the extra robust)."),
+]
 Worst = Annotated[
     str | None,
     typer.Option(
@@ -81,6 +85,7 @@ def plant(
     controller: Loops = None,
     uncertain: Uncertain = None,
     disturbance: Worst = None,
+    bound: Bound = False,
     report: Report = True,
     as_json: Json = False,
     force: Force = False,
@@ -105,6 +110,8 @@ def plant(
 
     _check_options(at, angle, controller, uncertain)
     source, target = _signals_between(disturbance, uncertain)
+    if bound and uncertain is None:
+        raise InputError("plant: --bound needs --uncertain, whose worst case it bounds.")
     page = beside(output, "_report.html")
     files_read = [model, *(place for place in (controller, uncertain) if place is not None)]
     check_outputs([output, *([page] if report else ())], force=force, inputs=files_read)
@@ -116,8 +123,11 @@ def plant(
         margins_by_plant = [[] if loops is None else margins(each, loops) for each in plants]
         cases: list[WorstCase] = []
         if loops is not None and uncertain is not None:
-            models = [each.uncertain(uncertain) for each in plants]
-            cases = [each.worst_case(loops, source, target) for each in models]
+            if isinstance(result, Plant):
+                one = result.uncertain(uncertain)
+                cases = [one.worst_case(loops, source, target, bound=bound)]
+            else:
+                cases = [*result.worst_case(uncertain, loops, source, target, bound=bound)]
         pages: dict[Path, str] = {}
         if report:
             pages[page] = plant_report(result, margins_by_plant, model.name, cases)
@@ -222,6 +232,6 @@ def _show(
         print_table(margins)
     for case in cases:
         console().print(f"worst case, {case.sentence}")
-    if cases:
-        print_table(tables.worst_value_table(cases))
+    for case in cases:
+        print_table(tables.worst_value_table(case))
     print_warnings(warnings, "note")

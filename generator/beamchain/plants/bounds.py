@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from beamchain.plants.lft import Block
 from beamchain.plants.local_loop import LocalLoop, in_box, local_loop
 from beamchain.plants.multipliers import (
     BEYOND,
@@ -32,7 +33,7 @@ from beamchain.ports.motions import Array, locked
 
 MOST = 200  # intervals
 LOOKED = 600  # frequencies at which samples are looked at, beside those about peaks
-FIRST = 24  # intervals at first
+FIRST = 40  # intervals at first
 CLOSE = 1.02  # of the largest gain found, to which the largest step is brought
 NEAR = 1.25  # of what samples reach in an interval, to which its step is brought
 NARROW = 1.001  # ratio of the ends of an interval that is not halved further
@@ -40,6 +41,7 @@ WIDE = 1.1  # ratio of the ends, down to which an interval without a bound is ha
 BOXES = 32  # most parts of the ranges in an interval
 MORE = 3  # frequencies that a program is given after the first
 ENOUGH = 1.01  # of a program's own gain, to which its proof is brought
+MENTIONED = 3  # deltas that a sentence names
 NOTHING = 1e-3  # relative, of the error of a dead time that a program need not know
 
 
@@ -53,14 +55,17 @@ class GainBound:
             bound was found.
         sampled: `(k,)` the most that samples reach there.
         boxes: number of parts of the ranges, interval by interval.
-        doubtful: numbers of the deltas whose ranges were too wide where no bound was found.
+        doubtful: names of the deltas whose ranges were too wide where no bound was found.
+        late: whether time was up before all steps were as close as they are wanted.
         programs, seconds: number of semidefinite programs, and time [s].
 
     Example:
         >>> import numpy as np
         >>> from beamchain.plants.bounds import GainBound
         >>> ends = np.array([0.0, 1.0, np.inf])
-        >>> bound = GainBound(ends, np.array([2.0, 0.5]), np.array([1.9, 0.4]), (1, 1), (), 2, 1.0)
+        >>> bound = GainBound(
+        ...     ends, np.array([2.0, 0.5]), np.array([1.9, 0.4]), (1, 1), (), False, 2, 1.0
+        ... )
         >>> bound.gain, bound.stable, bound.at([0.5, 3.0]).tolist()
         (2.0, True, [2.0, 0.5])
     """
@@ -69,7 +74,8 @@ class GainBound:
     gains: Array
     sampled: Array
     boxes: tuple[int, ...]
-    doubtful: tuple[int, ...]
+    doubtful: tuple[str, ...]
+    late: bool
     programs: int
     seconds: float
 
@@ -106,8 +112,17 @@ class GainBound:
         effort = f"{self.programs} programs in {self.gains.size} intervals, {self.seconds:.0f} s"
         if self.stable:
             return f"at most {self.gain:.4g} for all values ({effort})"
-        none = int(np.sum(~np.isfinite(self.gains)))
-        return f"no bound in {none} of {self.gains.size} intervals ({effort})"
+        none = np.flatnonzero(~np.isfinite(self.gains))
+        low, high = float(self.edges[none[0]]), float(self.edges[none[-1] + 1])
+        place = f"between {low:.4g} and {high:.4g} rad/s" if np.isfinite(high) else "at its end"
+        parts = max(self.boxes[int(at)] for at in none)
+        more = ", or more seconds, for time was up" if self.late else ""
+        return (
+            f"no bound in {none.size} of {self.gains.size} intervals, {place} ({effort}): the "
+            f"ranges of {', '.join(self.doubtful[:MENTIONED])} are too wide for the program there, "
+            f"even in {parts} parts; give smaller ranges, or each = true where modes share a "
+            f"number but need not{more}"
+        )
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON; None where there is no bound, and at the infinite end."""
@@ -115,6 +130,7 @@ class GainBound:
             "gain": self.gain if self.stable else None,
             "edges": [float(w) if np.isfinite(w) else None for w in self.edges],
             "gains": [float(g) if np.isfinite(g) else None for g in self.gains],
+            "doubtful": list(self.doubtful),
             "programs": self.programs,
             "seconds": self.seconds,
         }
@@ -163,7 +179,7 @@ class Bounder:
 
     Args:
         loops: the closed loop.
-        repetitions: of every delta.
+        blocks: the deltas.
         samples: `(n, blocks)` deltas whose gains say where to look.
         omega: `(k,)` frequencies at which they are looked at, from the lowest to the highest of
             interest [rad/s].
@@ -178,14 +194,15 @@ class Bounder:
     def __init__(
         self,
         loops: Loops,
-        repetitions: Sequence[int],
+        blocks: Sequence[Block],
         samples: Array,
         omega: Array,
         seconds: float,
     ) -> None:
         cvxpy()  # missing: said before any work
         self._loops = loops
-        self._repetitions = list(repetitions)
+        self._blocks = list(blocks)
+        self._repetitions = [block.repetitions for block in blocks]
         self._omega = omega
         self._n = loops.exact(omega)
         self._sampled = np.zeros(omega.size)
@@ -224,12 +241,13 @@ class Bounder:
             gains=locked([interval.gain for interval in intervals]),
             sampled=locked([self._peak(each.low, each.high)[1] for each in intervals]),
             boxes=tuple(len(interval.boxes) for interval in intervals),
-            doubtful=tuple(self._without_bound(intervals)),
+            doubtful=tuple(self._doubtful_names(intervals)),
+            late=self._late,
             programs=self.programs,
             seconds=time.perf_counter() - self._start,
         )
 
-    def _without_bound(self, intervals: Sequence[Interval]) -> list[int]:
+    def _doubtful_names(self, intervals: Sequence[Interval]) -> list[str]:
         """The deltas that failed programs are least sure of, the most frequent first."""
         splits = [
             box.split
@@ -237,7 +255,7 @@ class Bounder:
             for box in interval.boxes
             if not np.isfinite(box.gain)
         ]
-        return [delta for delta, _ in Counter(splits).most_common()]
+        return [self._blocks[delta].name for delta, _ in Counter(splits).most_common()]
 
     def _peak(self, low: float, high: float) -> tuple[float, float]:
         """Where samples reach the most between two frequencies, and how much; that beside them
@@ -287,9 +305,7 @@ class Bounder:
             self._interval(middle, interval.high, parts),
         ]
 
-    def _interval(
-        self, low: float, high: float, parts: Sequence[tuple[Array, Array]]
-    ) -> Interval:
+    def _interval(self, low: float, high: float, parts: Sequence[tuple[Array, Array]]) -> Interval:
         """The bound over an interval in parts (centre, half) of the ranges."""
         loop = local_loop(self._loops, low, high)
         boxes: list[Box] = []
@@ -298,9 +314,7 @@ class Bounder:
             self._try(boxes[-1].likely, self._inside(low, high))
         return Interval(low, high, tuple(boxes))
 
-    def _box(
-        self, loop: LocalLoop, low: float, high: float, centre: Array, half: Array
-    ) -> Box:
+    def _box(self, loop: LocalLoop, low: float, high: float, centre: Array, half: Array) -> Box:
         """The bound in a part of the ranges: a program at a few frequencies, its proof, and again
         with the frequency at which the proof needs the most."""
         top = high if np.isfinite(high) else BEYOND * low

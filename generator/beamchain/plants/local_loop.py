@@ -104,6 +104,7 @@ def local_loop(loops: Loops, low: float, high: float) -> LocalLoop:
     rows = [*loops.seen[:channels], *(seen + i for i in late), loops.seen[-1]]
     columns = [*loops.driven[:channels], *(loops.columns[i] for i in late), loops.driven[-1]]
     a, b, c, d = picked((a, b, c, d), rows, columns)
+    d[-1, -1] += loops.offset
     of_errors = np.s_[channels : channels + count]
     b[:, of_errors] *= -1.0
     d[:, of_errors] *= -1.0

@@ -57,7 +57,8 @@ class Loops:
 
     `blocks` `(channels,)` is the number of the delta of each channel;
     `ends` are the input where d acts and the output e. `rows` and `columns` are the signals of M
-    that each loop measures and drives, `seen` and `driven` those of N.
+    that each loop measures and drives, `seen` and `driven` those of N. `offset` is added to the
+    response from d to e.
     """
 
     blocks: NDArray[np.intp]
@@ -67,6 +68,7 @@ class Loops:
     columns: list[int]
     seen: list[int]
     driven: list[int]
+    offset: float
     system: System
     poles: Complex
 
@@ -78,6 +80,7 @@ class Loops:
         outputs: list[str],
         controller: Controller,
         ends: tuple[str, str],
+        offset: float = 0.0,
     ) -> None:
         channels = len(blocks)
         rows, columns = places(controller, inputs, outputs)
@@ -92,6 +95,8 @@ class Loops:
         self.driven = [*range(channels), channels + d]
         whole = close_loop(system, realise(controller), self.rows, self.columns)
         self.system = picked(whole, self.seen, self.driven)
+        self.offset = offset
+        self.system[3][-1, -1] += offset
         self.poles = np.linalg.eigvals(self.system[0]).astype(np.complex128)
         top = float(np.abs(self.poles).max(initial=1e-300))
         if float(self.poles.real.max(initial=-1.0)) > -GROWS * top:
@@ -114,7 +119,9 @@ class Loops:
         open_loops = to_loops[:, :, self.columns] * np.swapaxes(k, 1, 2)
         measured = np.linalg.solve(np.eye(k.shape[1]) + open_loops, to_loops[:, :, self.driven])
         torque = k * measured
-        return to_end[:, :, self.driven] - to_end[:, :, self.columns] @ torque
+        n = to_end[:, :, self.driven] - to_end[:, :, self.columns] @ torque
+        n[:, -1, -1] += self.offset
+        return np.asarray(n, dtype=np.complex128)
 
     def gain(self, deltas: Array, omega: Array) -> Array:
         """`(k,)` gains of a sample `(blocks,)`, dead times exact."""
@@ -153,10 +160,7 @@ class Loops:
         first = int(np.argmax(poles.real))
         if poles[first].real > GROWS * np.abs(poles).max():
             return Peak(np.inf, float(np.abs(poles[first].imag)))
-        upper = poles[poles.imag > 0.0]
-        near = (upper.imag[:, None] - upper.real[:, None] * AROUND).ravel()
-        least = STILL * self._wide[0]
-        omega = np.unique(np.concatenate([[least], self._wide, near[near > least]]))
+        omega = self._grid(poles)
         at = int(np.argmax(resonances.size(omega)))
         low = float(omega[max(at - 1, 0)])
         high = float(omega[min(at + 1, omega.size - 1)])
@@ -168,6 +172,16 @@ class Loops:
         )
         top = float(best.x)
         return Peak(float(self.gain(deltas, np.array([top]))[0]), top)
+
+    def frequencies(self, deltas: Array) -> Array:
+        """`(k,)` frequencies that resolve the gain of a sample [rad/s]."""
+        return self._grid(self._resonances(deltas).poles)
+
+    def _grid(self, poles: Complex) -> Array:
+        upper = poles[poles.imag > 0.0]
+        near = (upper.imag[:, None] - upper.real[:, None] * AROUND).ravel()
+        least = STILL * self._wide[0]
+        return np.unique(np.concatenate([[least], self._wide, near[near > least]]))
 
     def slope(self, deltas: Array, omega: float) -> Array:
         """`(blocks,)` slope of the logarithm of the gain at a frequency;
@@ -230,6 +244,11 @@ def search(loops: Loops, samples: Array, seed: int = 0) -> tuple[Array, Peak, li
     if worst.peak.stable:
         return worst.deltas, worst.peak, peaks
     return worst.deltas, _stability_limit(loops, worst), peaks
+
+
+def climb(loops: Loops, start: Array) -> Tried:
+    """The worst of what a local search from a stable sample tries."""
+    return max(_ascent(loops, start), key=lambda sample: sample.peak.gain)
 
 
 def _ascent(loops: Loops, start: Array) -> list[Tried]:

@@ -22,10 +22,15 @@ if TYPE_CHECKING:
     from beamchain.report.pages.notebook import embedded_text as embedded_text
     from beamchain.report.pages.notebook import fit_html as fit_html
     from beamchain.report.pages.notebook import fit_text as fit_text
+    from beamchain.report.pages.notebook import table_html as table_html
     from beamchain.report.pages.study import study_page as study_page
     from beamchain.report.plant_plots import plot_scheduled as plot_scheduled
     from beamchain.report.plant_plots import plot_worst as plot_worst
     from beamchain.report.plots import plot_accelerance as plot_accelerance
+    from beamchain.report.table import Table as Table
+    from beamchain.report.tables.plant import worst_margin_table as worst_margin_table
+    from beamchain.report.tables.plant import worst_table as worst_table
+    from beamchain.report.tables.plant import worst_value_table as worst_value_table
     from beamchain.report.tables.record import embed_record as embed_record
     from beamchain.report.tables.record import fit_record as fit_record
     from beamchain.report.tables.record import inspection_record as inspection_record
@@ -36,9 +41,11 @@ _PLACES = {
     "pages.embed": ("embed_report",),
     "pages.fit": ("fit_report",),
     "pages.identification": ("identification_html", "identification_page", "plot_identification"),
-    "pages.notebook": ("embedded_html", "embedded_text", "fit_html", "fit_text"),
+    "pages.notebook": ("embedded_html", "embedded_text", "fit_html", "fit_text", "table_html"),
     "plant_plots": ("plot_scheduled", "plot_worst"),
     "plots": ("plot_accelerance",),
+    "table": ("Table",),
+    "tables.plant": ("worst_margin_table", "worst_table", "worst_value_table"),
     "tables.record": ("embed_record", "fit_record", "inspection_record", "study_record"),
     "pages.study": ("study_page",),
 }

@@ -51,7 +51,8 @@ def plant_report(
         warnings=margin_warnings(plants, of_loops),
         margins=tables.margin_table(of_loops),
         worst=tables.worst_table(worst),
-        worst_values=tables.worst_value_table(worst),
+        worst_values=[tables.worst_value_table(case) for case in worst],
+        bounds=[case.bound.sentence for case in worst if case.bound],
         drawn={key: to_svg(figure, key) for key, figure in figures.items()},
     )
 
