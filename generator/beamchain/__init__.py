@@ -49,6 +49,8 @@ if TYPE_CHECKING:
     from beamchain.plants.scheduled import ScheduledPlant as ScheduledPlant
     from beamchain.plants.uncertain_plant import UncertainPlant as UncertainPlant
     from beamchain.plants.uncertain_plant import WorstCase as WorstCase
+    from beamchain.plants.uncertain_plant import WorstCases as WorstCases
+    from beamchain.plants.worst_margins import WorstMargins as WorstMargins
     from beamchain.ports.compare import Comparison as Comparison
     from beamchain.ports.compare import compare as compare
     from beamchain.ports.model import PortModel as PortModel
@@ -135,6 +137,7 @@ _PLACES = {
     "plants.uncertain_plant": (
         "UncertainPlant",
         "WorstCase",
+        "WorstCases",
     ),
     "ports.compare": (
         "Comparison",

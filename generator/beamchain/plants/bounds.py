@@ -33,7 +33,8 @@ from beamchain.ports.motions import Array, locked
 
 MOST = 200  # intervals
 LOOKED = 600  # frequencies at which samples are looked at, beside those about peaks
-FIRST = 40  # intervals at first
+MANY = 10  # channels, above which programs are large
+FIRST, FEWER = 40, 24  # intervals at first, and with large programs
 CLOSE = 1.02  # of the largest gain found, to which the largest step is brought
 NEAR = 1.25  # of what samples reach in an interval, to which its step is brought
 NARROW = 1.001  # ratio of the ends of an interval that is not halved further
@@ -227,10 +228,15 @@ class Bounder:
     def bound(self) -> GainBound:
         """Intervals halved until their steps are close to what samples reach, or time is up."""
         low, high = float(self._omega[0]), float(self._omega[-1])
-        edges = [0.0, *np.geomspace(low, high, FIRST - 1).tolist(), float("inf")]
+        count = FIRST if sum(self._repetitions) <= MANY else FEWER
+        edges = [0.0, *np.geomspace(low, high, count - 1).tolist(), float("inf")]
         blocks = len(self._repetitions)
         whole = [(np.zeros(blocks), np.ones(blocks))]
-        intervals = [self._interval(a, b, whole) for a, b in pairwise(edges)]
+        pairs = list(pairwise(edges))
+        # the highest first: what is not reached in time has no bound
+        order = sorted(pairs, key=lambda ends: -self._peak(*ends)[1])
+        found = {ends: self._interval(*ends, whole) for ends in order}
+        intervals = [found[ends] for ends in pairs]
         while not self._late:
             at = self._next(intervals)
             if at is None:
@@ -319,17 +325,22 @@ class Bounder:
         with the frequency at which the proof needs the most."""
         top = high if np.isfinite(high) else BEYOND * low
         at, sampled = self._peak(low, high)
-        omega = [max(low, 1e-3 * top), min(max(at, low), top), top]
+        ends = [max(low, 1e-3 * top), top]
+        omega = [min(max(at, low), top)]
+        if len(loop.blocks) <= MANY:
+            omega += ends
         known = loop.errors > NOTHING
         deltas = [Delta(count, real=True) for count in self._repetitions]
         deltas += [Delta(1, real=False)] * int(known.sum())
         channels = sum(delta.repetitions for delta in deltas)
         system = _without_unknown(in_box(loop, centre, half), len(loop.blocks), known)
-        system = balanced(system, np.array(omega), sampled)
+        system = balanced(system, np.array([*omega, *ends]), sampled)
         all_channels = system.d.shape[0] - 1
         asked = [*range(channels), all_channels]
         box = Box(centre, half, np.inf, np.inf, self._doubtful(system, np.array(omega)), centre)
         for _ in range(MORE):
+            if self._late:
+                break
             self.programs += 1
             n = system.at(np.unique(omega))[:, asked][:, :, asked]
             program = solve_program(n, deltas)
@@ -343,7 +354,7 @@ class Bounder:
             likely = centre + half * np.clip(program.likely[of_reals], -1.0, 1.0)
             gain = min(box.gain, sampled * float(np.sqrt(proof.g)))
             box = Box(centre, half, gain, floor, split, likely)
-            if gain < ENOUGH * floor or self._late:
+            if gain < ENOUGH * floor:
                 break
             omega.append(proof.omega if np.isfinite(proof.omega) else top)
         return box

@@ -31,6 +31,7 @@ ROUNDS = 30  # of raising g
 SETTINGS = {
     "accept_unknown": True,
     "chordal_decomposition_enable": False,
+    "direct_solve_method": "faer",
     "equilibrate_enable": False,
     "max_threads": 1,
     "tol_feas": 1e-6,
@@ -326,6 +327,6 @@ def cvxpy() -> Any:
         import cvxpy
     except ImportError:
         raise InputError(
-            "bound: upper bounds need cvxpy and Clarabel; pip install 'beamchain[robust]'."
+            "bound: upper bounds need cvxpy and Clarabel; pip install beamchain[robust]."
         ) from None
     return cvxpy

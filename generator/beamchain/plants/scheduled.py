@@ -14,9 +14,9 @@ from beamchain import report
 from beamchain.craft.linear_craft import LinearCraft
 from beamchain.engine.normal_modes import NormalModes
 from beamchain.fitting.uncertain import UncertainCraft
+from beamchain.plants.controllers import Controller
 from beamchain.plants.export import write
 from beamchain.plants.realisation import Plant
-from beamchain.plants.controllers import Controller
 from beamchain.plants.uncertain_plant import UncertainPlant, WorstCases
 from beamchain.plants.worst_margins import WorstMargins
 from beamchain.ports.motions import Array, locked

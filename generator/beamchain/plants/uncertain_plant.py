@@ -55,7 +55,8 @@ class WorstCase:
             input, output, unit: what is driven, what is seen, and the unit of gains.
             omega: `(k,)` [rad/s].
             nominal, worst: `(k,)` gain of the nominal plant and of the worst sample.
-            drawn: `(n,)` peak gains of samples from the distributions; infinite where one is unstable.
+            drawn: `(n,)` peak gains of samples from the distributions;
+            infinite where one is unstable.
             deltas, values: of the worst sample.
             gain: peak gain of the worst sample; infinite where the loop becomes unstable.
             frequency: where the peak is [rad/s]; where the loop becomes unstable, that at which it

@@ -63,6 +63,12 @@ class WorstMargins:
         stable: whether no sample was found unstable.
         bounds: by input, of `|(S - T)/2|`; empty where they were not asked for.
         pose: of the craft, one of several; empty where there is one.
+
+    Example:
+        >>> from beamchain.plants.worst_margins import Margin, WorstMargins
+        >>> disk = Margin("torque_z", "disk", "", 0.9, 0.7, 1.3, {"bus.mass": 280.0}, 0.69)
+        >>> WorstMargins((disk,), True, {}).least().worst
+        0.7
     """
 
     margins: tuple[Margin, ...]

@@ -99,7 +99,7 @@ def plot_steps(bound: "GainBound", ax: "Axes") -> None:
     low, high = ax.get_xlim()
     ends = np.clip(bound.edges, low, high)
     level = np.where(np.isfinite(bound.gains), bound.gains, np.nan)
-    ax.stairs(level, ends, baseline=None, color=RIVAL, linewidth=1.2, label="no value exceeds")
+    ax.stairs(level, ends, baseline=None, color=BEAM, linewidth=1.0, label="no value exceeds")
     ax.set_xlim(low, high)
 
 
