@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from beamchain.fleet.worlds import worlds as worlds
     from beamchain.identification.identify import identify as identify
     from beamchain.identification.result import Identification as Identification
+    from beamchain.plants.bounds import GainBound as GainBound
     from beamchain.plants.controllers import Controller as Controller
     from beamchain.plants.controllers import Filter as Filter
     from beamchain.plants.controllers import Loop as Loop
@@ -126,6 +127,7 @@ _PLACES = {
     ),
     "identification.identify": ("identify",),
     "identification.result": ("Identification",),
+    "plants.bounds": ("GainBound",),
     "plants.controllers": (
         "Controller",
         "Filter",
@@ -139,6 +141,7 @@ _PLACES = {
         "WorstCase",
         "WorstCases",
     ),
+    "plants.worst_margins": ("WorstMargins",),
     "ports.compare": (
         "Comparison",
         "compare",

@@ -391,8 +391,8 @@ def _middle(low: float, high: float) -> float:
 def _without_unknown(system: ComplexSystem, start: int, known: Any) -> ComplexSystem:
     """The channels of errors that programs know before those that they need not."""
     count = known.size
-    order = [*range(start), *(start + np.flatnonzero(known)), *(start + np.flatnonzero(~known))]
-    order.append(start + count)
+    behind = [*np.flatnonzero(known).tolist(), *np.flatnonzero(~known).tolist()]
+    order = [*range(start), *(start + error for error in behind), start + count]
     a, b, c, d = system
     return ComplexSystem(a, b[:, order], c[order], d[np.ix_(order, order)])
 

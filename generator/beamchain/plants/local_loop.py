@@ -2,7 +2,7 @@
 space: dead times by their expansion about the middle, what that leaves as an error that is bounded.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import control
 import numpy as np
@@ -54,8 +54,9 @@ def delay_near(delay: float, low: float, high: float) -> Delay:
     centre = (low + high) / 2.0
     half = (high - low) / 2.0 * delay
     if not half <= EXPANDED:
-        nothing = np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.zeros((1, 1))
-        return Delay(tuple(part.astype(np.complex128) for part in nothing), 1.0)
+        states = np.zeros((0, 0), np.complex128)
+        driven = np.zeros((0, 1), np.complex128)
+        return Delay((states, driven, driven.T, np.zeros((1, 1), np.complex128)), 1.0)
     top, bottom = control.pade(1.0, ORDER)
     phase = -half - float(np.angle(np.polyval(top, 1j * half) / np.polyval(bottom, 1j * half)))
     phase = float(np.angle(np.exp(1j * phase)))
@@ -99,11 +100,12 @@ def local_loop(loops: Loops, low: float, high: float) -> LocalLoop:
         else:
             gain[column, seen + i] = -1.0
     errors = np.array([delay.error for delay in delays])
-    a, b, c, d = close_feedback((a, b, c, d), gain)
+    whole: Any = (a, b, c, d)
+    whole = close_feedback(whole, gain)
     channels = loops.blocks.size
     rows = [*loops.seen[:channels], *(seen + i for i in late), loops.seen[-1]]
     columns = [*loops.driven[:channels], *(loops.columns[i] for i in late), loops.driven[-1]]
-    a, b, c, d = picked((a, b, c, d), rows, columns)
+    a, b, c, d = (part.astype(np.complex128) for part in picked(whole, rows, columns))
     d[-1, -1] += loops.offset
     of_errors = np.s_[channels : channels + count]
     b[:, of_errors] *= -1.0
@@ -119,7 +121,8 @@ def in_box(loop: LocalLoop, centre: Array, half: Array) -> ComplexSystem:
     channels = len(loop.blocks)
     gain = np.zeros((size, size))
     np.fill_diagonal(gain[:channels, :channels], centre[loop.blocks])
-    a, b, c, d = (np.asarray(part) for part in close_feedback(tuple(loop.system), gain))
+    whole: Any = tuple(loop.system)
+    a, b, c, d = (np.asarray(part, np.complex128) for part in close_feedback(whole, gain))
     scale = np.ones(size)
     scale[:channels] = half[loop.blocks]
     return ComplexSystem(a, b, c * scale[:, None], d * scale[:, None])

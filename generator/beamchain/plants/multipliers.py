@@ -14,9 +14,11 @@ imaginary axis there. Complex deltas of a size of at most 1 have G = 0.
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from beamchain.errors import InputError
 from beamchain.plants.systems import Complex
@@ -120,8 +122,8 @@ class Proof(NamedTuple):
     omega: float
 
 
-def _transposed(n: Complex) -> Complex:
-    return np.conj(np.swapaxes(n, -1, -2))
+def _transposed(n: NDArray[Any]) -> Complex:
+    return np.asarray(np.conj(np.swapaxes(n, -1, -2)), dtype=np.complex128)
 
 
 def balanced(system: ComplexSystem, omega: Array, gain: float) -> ComplexSystem:
@@ -236,7 +238,8 @@ def solve_program(n: Complex, deltas: Sequence[Delta]) -> Program | None:
         turned = np.pad(of_g @ through, ((0, 0), (0, 1), (0, 0)))
         in_g = -1j * (turned - _transposed(turned))
         constant = -np.outer(at[-1].conj(), at[-1])
-        positive.append(_matrix(cp, np.concatenate([in_d, in_g, last]), x, constant))
+        basis = np.concatenate([in_d, in_g, last]).astype(np.complex128)
+        positive.append(_matrix(cp, basis, x, constant))
     least = [_of_block(cp, of_d, block, d) for block, _ in blocks]
     conditions = [matrix >> 0 for matrix in positive]
     cost = x[-1] + TIDY * cp.sum_squares(x[:-1])
@@ -323,8 +326,8 @@ def cvxpy() -> Any:
         InputError: they are not installed.
     """
     try:
-        import clarabel  # noqa: F401
-        import cvxpy
+        cvxpy = import_module("cvxpy")
+        import_module("clarabel")
     except ImportError:
         raise InputError(
             "bound: upper bounds need cvxpy and Clarabel; pip install beamchain[robust]."

@@ -49,54 +49,53 @@ AROUND = np.sinh(np.linspace(-3.0, 3.0, 13))
 @dataclass(frozen=True, eq=False, repr=False)
 class WorstCase:
     """The worst that a controller meets in an uncertain plant,
-        from a disturbance at an input to an output.
+    from a disturbance at an input to an output.
 
-        Args:
-            input, output, unit: what is driven, what is seen, and the unit of gains.
-            omega: `(k,)` [rad/s].
-            nominal, worst: `(k,)` gain of the nominal plant and of the worst sample.
-            drawn: `(n,)` peak gains of samples from the distributions;
-            infinite where one is unstable.
-            deltas, values: of the worst sample.
-            gain: peak gain of the worst sample; infinite where the loop becomes unstable.
-            frequency: where the peak is [rad/s]; where the loop becomes unstable, that at which it
-                begins to ring on the way from the nominal values to the worst ones.
-            simulated: the same gain in a run of MuJoCo at that frequency; NaN where there is none.
-            nominal_values, percent: of every quantity, and where the worst value lies in its range,
-                -100 to 100, 0 the nominal one.
-            value_units: of the quantities.
-            bound: what no value exceeds; None where it was not asked for.
-            pose: of the craft, one of several; empty where there is one.
+    Args:
+        input, output, unit: what is driven, what is seen, and the unit of gains.
+        omega: `(k,)` [rad/s].
+        nominal, worst: `(k,)` gain of the nominal plant and of the worst sample.
+        drawn: `(n,)` peak gains of samples from the distributions;
+        infinite where one is unstable.
+        deltas, values: of the worst sample.
+        gain: peak gain of the worst sample; infinite where the loop becomes unstable.
+        frequency: where the peak is [rad/s]; where the loop becomes unstable, that at which it
+            begins to ring on the way from the nominal values to the worst ones.
+        simulated: the same gain in a run of MuJoCo at that frequency; NaN where there is none.
+        nominal_values, percent: of every quantity, and where the worst value lies in its range,
+            -100 to 100, 0 the nominal one.
+        value_units: of the quantities.
+        bound: what no value exceeds; None where it was not asked for.
+        pose: of the craft, one of several; empty where there is one.
 
-        Example:
-            >>> import beamchain as bc
-            >>> craft = '''<mujoco><worldbody><body name="bus"><freejoint/>
-            ... <inertial pos="0 0 0" mass="300" diaginertia="90 90 90"/>
-            ... <site name="mount" pos="0.5 0 0"/></body></worldbody></mujoco>'''
-            >>> section = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
-            >>> from beamchain.plants.bounds import Bounder, GainBound, frequencies
-    from beamchain.plants.controllers import Controller, Loop
-            >>> from beamchain.fitting.uncertain import Uncertain, Uncertainty
-            >>> tenth = Uncertain(frequency=Uncertainty(relative=0.1, distribution="uniform"))
-            >>> segment = bc.Segment(length=8.0, section=section)
-            >>> boom = bc.Spec(segment=(segment,), damping=bc.Damping(ratio=0.01), uncertain=tenth)
-            >>> plant = bc.plant(bc.embed(craft, {"mount": boom}), ["torque:bus"], ["attitude"])
-            >>> uncertain = plant.uncertain()
-            >>> loops = [
-            ...     Loop(
-            ...         input=f"torque_{a}",
-            ...         output=f"attitude_{a}",
-            ...         numerator=(600.0, 60.0),
-            ...         denominator=(0.05, 1.0),
-            ...     )
-            ...     for a in "xyz"
-            ... ]
-            >>> controller = Controller(loop=tuple(loops))
-            >>> worst = uncertain.worst_case(
-            ...     controller, "torque_z", "attitude_z", samples=5, simulate=False
-            ... )
-            >>> worst.stable, float(worst.drawn.max()) <= worst.gain
-            (True, True)
+    Example:
+        >>> import beamchain as bc
+        >>> craft = '''<mujoco><worldbody><body name="bus"><freejoint/>
+        ... <inertial pos="0 0 0" mass="300" diaginertia="90 90 90"/>
+        ... <site name="mount" pos="0.5 0 0"/></body></worldbody></mujoco>'''
+        >>> section = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
+        >>> from beamchain.plants.controllers import Controller, Loop
+        >>> from beamchain.fitting.uncertain import Uncertain, Uncertainty
+        >>> tenth = Uncertain(frequency=Uncertainty(relative=0.1, distribution="uniform"))
+        >>> segment = bc.Segment(length=8.0, section=section)
+        >>> boom = bc.Spec(segment=(segment,), damping=bc.Damping(ratio=0.01), uncertain=tenth)
+        >>> plant = bc.plant(bc.embed(craft, {"mount": boom}), ["torque:bus"], ["attitude"])
+        >>> uncertain = plant.uncertain()
+        >>> loops = [
+        ...     Loop(
+        ...         input=f"torque_{a}",
+        ...         output=f"attitude_{a}",
+        ...         numerator=(600.0, 60.0),
+        ...         denominator=(0.05, 1.0),
+        ...     )
+        ...     for a in "xyz"
+        ... ]
+        >>> controller = Controller(loop=tuple(loops))
+        >>> worst = uncertain.worst_case(
+        ...     controller, "torque_z", "attitude_z", samples=5, simulate=False
+        ... )
+        >>> worst.stable, float(worst.drawn.max()) <= worst.gain
+        (True, True)
     """
 
     input: str

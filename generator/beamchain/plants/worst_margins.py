@@ -262,7 +262,8 @@ def _root(function: Callable[[float], float], low: float, high: float) -> float:
     ends = function(low), function(high)
     if ends[0] * ends[1] >= 0.0:  # rounding at an end
         return float(low if abs(ends[0]) < abs(ends[1]) else high)
-    return float(brentq(function, low, high, rtol=1e-9))
+    root: Any = brentq(function, low, high)
+    return float(root)
 
 
 def balanced_norms(matrices: Complex) -> Array:
