@@ -121,8 +121,8 @@ class GainBound:
         return (
             f"no bound in {none.size} of {self.gains.size} intervals, {place} ({effort}): the "
             f"ranges of {', '.join(self.doubtful[:MENTIONED])} are too wide for the program there, "
-            f"even in {parts} parts, or hold values that make the loop unstable; give smaller ranges, or each = true where modes share a "
-            f"number but need not{more}"
+            f"even in {parts} parts, or hold values that make the loop unstable; give smaller "
+            f"ranges, or each = true where modes share a number but need not{more}"
         )
 
     def as_dict(self) -> dict[str, Any]:
