@@ -28,7 +28,7 @@ from beamchain.plants.worst_margins import (
     GAIN,
     LESS,
     PHASE,
-    Margin,
+    LeastMargin,
     SampleLoops,
     WorstMargins,
     least,
@@ -446,7 +446,7 @@ class UncertainPlant(Lft):
         count = len(self.blocks)
         nominal = np.zeros(count)
         corners = np.random.default_rng(seed).choice([-1.0, 1.0], (CORNERS, count))
-        rows: list[Margin] = []
+        rows: list[LeastMargin] = []
         bounds: dict[str, GainBound] = {}
         worst_of_disks: list[Array] = []
         for name, disk in zip(loops.names, loops.disks, strict=True):
@@ -461,16 +461,16 @@ class UncertainPlant(Lft):
             values = self.values(deltas)
             start = 1.0 / disk.peak(nominal).gain
             least_disk = 1.0 / peak.gain
-            rows.append(Margin(name, DISK, "", start, least_disk, peak.omega, values, proved))
+            rows.append(LeastMargin(name, DISK, "", start, least_disk, peak.omega, values, proved))
         tried = [nominal, *worst_of_disks, *drawn, *corners]
         rows += self._limits(loops, tried)
         rows.append(self._at_once(loops, tried))
         stable = all(row.worst > 0.0 for row in rows if row.kind == DISK)
         return WorstMargins(tuple(rows), stable, bounds)
 
-    def _limits(self, loops: SampleLoops, tried: Sequence[Array]) -> list[Margin]:
+    def _limits(self, loops: SampleLoops, tried: Sequence[Array]) -> list[LeastMargin]:
         """The least gain and phase margins at every input."""
-        rows: list[Margin] = []
+        rows: list[LeastMargin] = []
         for i, name in enumerate(loops.names):
             for kind, unit in ((GAIN, ""), (LESS, ""), (PHASE, "degrees")):
                 which = (GAIN, LESS, PHASE).index(kind)
@@ -485,15 +485,15 @@ class UncertainPlant(Lft):
                 worst, frequency = loops.limits(deltas)[i][which]
                 start = loops.limits(tried[0])[i][which][0]
                 values = self.values(deltas)
-                rows.append(Margin(name, kind, unit, start, worst, frequency, values, None))
+                rows.append(LeastMargin(name, kind, unit, start, worst, frequency, values, None))
         return rows
 
-    def _at_once(self, loops: SampleLoops, tried: Sequence[Array]) -> Margin:
+    def _at_once(self, loops: SampleLoops, tried: Sequence[Array]) -> LeastMargin:
         """The least disk margin of all loops at once."""
         deltas = least(lambda each: loops.at_once(each)[0], tried)
         worst, frequency = loops.at_once(deltas)
         start = loops.at_once(tried[0])[0]
-        return Margin(ALL, DISK, "", start, worst, frequency, self.values(deltas), None)
+        return LeastMargin(ALL, DISK, "", start, worst, frequency, self.values(deltas), None)
 
     def _search(
         self,

@@ -30,7 +30,7 @@ SCALINGS = 10  # sweeps of Osborne's scaling
 NEARBY = np.linspace(0.97, 1.03, 13)
 
 
-class Margin(NamedTuple):
+class LeastMargin(NamedTuple):
     """The least of a margin over all samples.
 
     Args:
@@ -65,13 +65,13 @@ class WorstMargins:
         pose: of the craft, one of several; empty where there is one.
 
     Example:
-        >>> from beamchain.plants.worst_margins import Margin, WorstMargins
-        >>> disk = Margin("torque_z", "disk", "", 0.9, 0.7, 1.3, {"bus.mass": 280.0}, 0.69)
+        >>> from beamchain.plants.worst_margins import LeastMargin, WorstMargins
+        >>> disk = LeastMargin("torque_z", "disk", "", 0.9, 0.7, 1.3, {"bus.mass": 280.0}, 0.69)
         >>> WorstMargins((disk,), True, {}).least().worst
         0.7
     """
 
-    margins: tuple[Margin, ...]
+    margins: tuple[LeastMargin, ...]
     stable: bool
     bounds: Mapping[str, GainBound]
     pose: str = ""
@@ -82,16 +82,16 @@ class WorstMargins:
     def __len__(self) -> int:
         return len(self.margins)
 
-    def __getitem__(self, number: int) -> Margin:
+    def __getitem__(self, number: int) -> LeastMargin:
         return self.margins[number]
 
-    def least(self, kind: str = DISK) -> Margin:
+    def least(self, kind: str = DISK) -> LeastMargin:
         """The least of one kind, over the inputs broken one at a time."""
         several = [row for row in self.margins if row.kind == kind and row.at != ALL]
         return (max if kind == LESS else min)(several, key=lambda row: row.worst)
 
     @property
-    def all_at_once(self) -> Margin:
+    def all_at_once(self) -> LeastMargin:
         """The disk margin of simultaneous changes of all loops."""
         return next(row for row in self.margins if row.at == ALL)
 
