@@ -67,7 +67,10 @@ RESULTS = {
     "Sweep": "bc.sweep(source, samples)",
     "UncertainPlant": "plant.uncertain(craft)",
     "Worlds": "bc.worlds(model, variants)",
+    "GainBound": "plant.uncertain(craft).bound(controller)",
     "WorstCase": "plant.uncertain(craft).worst_case(controller)",
+    "WorstCases": "scheduled.worst_case(craft, controller)",
+    "WorstMargins": "plant.uncertain(craft).worst_margins(controller)",
 }
 #: classes that these and public classes hold: shown on the same page
 PARTS = {
@@ -139,6 +142,7 @@ PARTS = {
         "plants.lft.Block",
         "plants.worst_case.Loops",
         "plants.worst_case.Peak",
+        "plants.worst_margins.LeastMargin",
     ),
 }
 GYM = ("fleet.satellite.Satellite",)

@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from beamchain.fleet.worlds import worlds as worlds
     from beamchain.identification.identify import identify as identify
     from beamchain.identification.result import Identification as Identification
+    from beamchain.plants.bounds import GainBound as GainBound
     from beamchain.plants.controllers import Controller as Controller
     from beamchain.plants.controllers import Filter as Filter
     from beamchain.plants.controllers import Loop as Loop
@@ -67,6 +68,8 @@ if TYPE_CHECKING:
     from beamchain.plants.scheduled import ScheduledPlant as ScheduledPlant
     from beamchain.plants.uncertain_plant import UncertainPlant as UncertainPlant
     from beamchain.plants.uncertain_plant import WorstCase as WorstCase
+    from beamchain.plants.uncertain_plant import WorstCases as WorstCases
+    from beamchain.plants.worst_margins import WorstMargins as WorstMargins
     from beamchain.ports.compare import Comparison as Comparison
     from beamchain.ports.compare import compare as compare
     from beamchain.ports.model import PortModel as PortModel
@@ -157,6 +160,7 @@ _PLACES = {
     ),
     "identification.identify": ("identify",),
     "identification.result": ("Identification",),
+    "plants.bounds": ("GainBound",),
     "plants.controllers": (
         "Controller",
         "Filter",
@@ -182,7 +186,9 @@ _PLACES = {
     "plants.uncertain_plant": (
         "UncertainPlant",
         "WorstCase",
+        "WorstCases",
     ),
+    "plants.worst_margins": ("WorstMargins",),
     "ports.compare": (
         "Comparison",
         "compare",

@@ -25,8 +25,8 @@ COUPLED = (
 )
 DELAY = "the delay between torque and motion is estimated, and stated with its interval."
 BOUND = (
-    "upper bounds of a worst case are no longer computed; gain is the worst that a search found, "
-    "simulated the same in a run of MuJoCo, and drawn the peaks of random samples."
+    "worst_case(..., bound=True) proves an upper bound, whose steps and largest gain are in "
+    "`bound`; gain is the worst that a search found, simulated the same in a run of MuJoCo."
 )
 
 #: what was dropped: "COMMAND", "COMMAND --option", "function(argument)", "Struct(field)" for the
@@ -66,7 +66,6 @@ DROPPED = {
     "sweep(executor)": f"executor is gone: {CLUSTER}",
     "sweep(folder)": f"folder is gone: {RESUME}",
     "sweep(resume)": f"resume is gone: {RESUME}",
-    "WorstCase.bound": f"bound is gone: {BOUND}",
     "WorstCase.stability": f"stability is gone: {BOUND}",
     "WorstCase.upper": f"upper is gone: {BOUND}",
     "WorstCase.gap": f"gap is gone: {BOUND}",

@@ -47,6 +47,10 @@ Uncertain = Annotated[
         help="What is uncertain: the worst for the controller is searched for and run in MuJoCo.",
     ),
 ]
+Bound = Annotated[
+    bool,
+    typer.Option("--bound", help="Prove what no value exceeds as well (the extra robust)."),
+]
 Worst = Annotated[
     str | None,
     typer.Option(
@@ -117,6 +121,7 @@ def plant(
     disturbance: Worst = None,
     disturbances: DisturbanceFile = None,
     window: Window = 1.0,
+    bound: Bound = False,
     report: Report = True,
     as_json: Json = False,
     force: Force = False,
@@ -153,6 +158,8 @@ def plant(
             "plant: --disturbances takes one pose; leave --angle out, and give one --pose."
         )
     source, target = _signals_between(disturbance, uncertain)
+    if bound and uncertain is None:
+        raise InputError("plant: --bound needs --uncertain, whose worst case it bounds.")
     page = beside(output, "_report.html")
     given = (controller, uncertain, disturbances)
     files_read = [model, *(place for place in given if place is not None)]
@@ -171,8 +178,11 @@ def plant(
         margins_by_plant = [found] if isinstance(found, Margins) else list(found)
         cases: list[WorstCase] = []
         if loops is not None and uncertain is not None:
-            models = [each.uncertain(uncertain) for each in plants]
-            cases = [each.worst_case(loops, source, target) for each in models]
+            if isinstance(result, Plant):
+                one = result.uncertain(uncertain)
+                cases = [one.worst_case(loops, source, target, bound=bound)]
+            else:
+                cases = [*result.worst_case(uncertain, loops, source, target, bound=bound)]
         budget = None
         if sources is not None:
             budget = pointing(compiled, sources, seen, place, window=window)
@@ -315,11 +325,11 @@ def _show(
     if margins_by_plant:
         print_table(tables.margin_table(margins_by_plant))
         print_table(tables.closed_loop_table(margins_by_plant))
-    for i, case in enumerate(cases):
-        where = f" ({labels[i]})" if labels else ""
+    for case in cases:
+        where = f" ({case.pose})" if case.pose else ""
         console().print(f"worst case{where}, {case.sentence}")
-    if cases:
-        print_table(tables.worst_value_table(cases, labels))
+    for case in cases:
+        print_table(tables.worst_value_table(case))
     if budget is not None:
         print_table(budget.table)
         print_table(budget.mode_table)

@@ -2,12 +2,13 @@
 shapes."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.optimize import linear_sum_assignment
 
 from beamchain import report
@@ -17,9 +18,11 @@ from beamchain.craft.poses import Way
 from beamchain.engine.normal_modes import NormalModes
 from beamchain.errors import InputError
 from beamchain.fitting.uncertain import UncertainCraft
+from beamchain.plants.controllers import Controller
 from beamchain.plants.export import write
 from beamchain.plants.realisation import Plant
-from beamchain.plants.uncertain_plant import UncertainPlant
+from beamchain.plants.uncertain_plant import UncertainPlant, WorstCases
+from beamchain.plants.worst_margins import WorstMargins
 from beamchain.ports.motions import Array, locked
 
 if TYPE_CHECKING:
@@ -130,6 +133,43 @@ class ScheduledPlant:
         """An uncertain plant per pose, see `Plant.uncertain`;
         their states are in an order of their own."""
         return tuple(plant.uncertain(uncertain) for plant in self.plants)
+
+    def worst_case(
+        self,
+        uncertain: "UncertainCraft | str | Path | None",
+        controller: "Controller | str | Path",
+        input: str | None = None,
+        output: str | None = None,
+        omega: "ArrayLike | None" = None,
+        **options: Any,
+    ) -> WorstCases:
+        """The worst case at every pose: the poses are a grid, the quantities take all values at
+        each.
+
+        Args:
+            uncertain: what is uncertain, as of `uncertain`.
+            controller, input, output, omega, options: as of `UncertainPlant.worst_case`.
+
+        Raises:
+            InputError: as of `UncertainPlant.worst_case`.
+        """
+        cases = [
+            replace(plant.worst_case(controller, input, output, omega, **options), pose=label)
+            for plant, label in zip(self.uncertain(uncertain), self.labels, strict=True)
+        ]
+        return WorstCases(tuple(cases))
+
+    def worst_margins(
+        self,
+        uncertain: "UncertainCraft | str | Path | None",
+        controller: "Controller | str | Path",
+        **options: Any,
+    ) -> tuple[WorstMargins, ...]:
+        """The least margins at every pose, see `UncertainPlant.worst_margins`."""
+        return tuple(
+            replace(plant.worst_margins(controller, **options), pose=label)
+            for plant, label in zip(self.uncertain(uncertain), self.labels, strict=True)
+        )
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """Frequencies of the modes over the poses, or the angle of a grid, as thick as their gain.

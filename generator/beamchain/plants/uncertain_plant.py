@@ -1,9 +1,9 @@
 """`plant.uncertain(...)`: an uncertain plant, and the worst that a given controller meets in it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,15 +17,30 @@ from beamchain.dropped import DROPPED
 from beamchain.engine.library import one_thread
 from beamchain.errors import InputError
 from beamchain.fitting.uncertain import OF_MODES, Correlation, Uncertain, UncertainCraft
+from beamchain.plants.bounds import Bounder, GainBound, frequencies
 from beamchain.plants.controllers import Controller, place, places, read_controller
 from beamchain.plants.lft import LARGEST, Lft, Made
 from beamchain.plants.simulated_gain import FORGOTTEN, simulated_gain
-from beamchain.plants.worst_case import Loops, Peak, search
+from beamchain.plants.worst_case import Loops, Peak, climb, search
+from beamchain.plants.worst_margins import (
+    ALL,
+    DISK,
+    GAIN,
+    LESS,
+    PHASE,
+    LeastMargin,
+    SampleLoops,
+    WorstMargins,
+    least,
+)
 from beamchain.ports.motions import Array, locked
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+SECONDS = 120.0  # after which a bound is refined no further
+UNLIMITED = 1e6  # of a margin that nothing limits, in a search for the least
+CORNERS = 40  # of the ranges, whose gains say where a bound is to be close
 GRID = 300  # frequencies of the curves over the band of the closed loop
 # frequencies of the curves at a resonance, in its half widths
 AROUND = np.sinh(np.linspace(-3.0, 3.0, 13))
@@ -40,12 +55,18 @@ class WorstCase:
         input, output, unit: what is driven, what is seen, and the unit of gains.
         omega: `(k,)` [rad/s].
         nominal, worst: `(k,)` gain of the nominal plant and of the worst sample.
-        drawn: `(n,)` peak gains of samples from the distributions; infinite where one is unstable.
+        drawn: `(n,)` peak gains of samples from the distributions;
+        infinite where one is unstable.
         deltas, values: of the worst sample.
         gain: peak gain of the worst sample; infinite where the loop becomes unstable.
         frequency: where the peak is [rad/s]; where the loop becomes unstable, that at which it
             begins to ring on the way from the nominal values to the worst ones.
         simulated: the same gain in a run of MuJoCo at that frequency; NaN where there is none.
+        nominal_values, percent: of every quantity, and where the worst value lies in its range,
+            -100 to 100, 0 the nominal one.
+        value_units: of the quantities.
+        bound: what no value exceeds; None where it was not asked for.
+        pose: of the craft, one of several; empty where there is one.
 
     Example:
         >>> import beamchain as bc
@@ -89,6 +110,11 @@ class WorstCase:
     gain: float
     frequency: float
     simulated: float
+    nominal_values: Mapping[str, float]
+    percent: Mapping[str, float]
+    value_units: Mapping[str, str]
+    bound: GainBound | None = None
+    pose: str = ""
 
     def __repr__(self) -> str:
         return f"<WorstCase, {self.sentence}>"
@@ -108,15 +134,17 @@ class WorstCase:
     @property
     def sentence(self) -> str:
         """The finding in a sentence."""
+        where = f"{self.pose}: " if self.pose else ""
         if not self.stable:
             return (
-                "unstable for some values of the uncertain quantities; on the way to them from "
-                f"the nominal ones the loop begins to ring at {self.frequency:.4g} rad/s"
+                f"{where}unstable for some values of the uncertain quantities; on the way to them "
+                f"from the nominal ones the loop begins to ring at {self.frequency:.4g} rad/s"
             )
         seen = "" if np.isnan(self.simulated) else f", {self.simulated:.4g} in MuJoCo"
+        above = "" if self.bound is None else f"; {self.bound.sentence}"
         return (
-            f"{self.input} to {self.output}: worst sample {self.gain:.4g} {self.unit} at "
-            f"{self.frequency:.4g} rad/s{seen}"
+            f"{where}{self.input} to {self.output}: worst sample {self.gain:.4g} {self.unit} at "
+            f"{self.frequency:.4g} rad/s{seen}{above}"
         )
 
     def as_dict(self) -> dict[str, Any]:
@@ -129,12 +157,23 @@ class WorstCase:
             "gain": self.gain,
             "frequency": self.frequency,
             "simulated": self.simulated,
+            "pose": self.pose,
         }
         finite = {
             key: None if isinstance(value, float) and not np.isfinite(value) else value
             for key, value in record.items()
         }
-        return {**finite, "values": dict(self.values)}
+        bound = None if self.bound is None else self.bound.as_dict()
+        rows = self.table.records()
+        return {**finite, "values": dict(self.values), "quantities": rows, "bound": bound}
+
+    @property
+    def table(self) -> "report.Table":
+        """The worst values beside the nominal ones, in percent of their ranges."""
+        return report.worst_value_table(self)
+
+    def _repr_html_(self) -> str:
+        return report.table_html(self.table, [self.sentence])
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """Gains over frequency: worst sample, nominal, and the peak in MuJoCo.
@@ -144,6 +183,79 @@ class WorstCase:
             ax: drawn into; those of a new figure where left out.
         """
         return report.plot_worst(self, ax=ax)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class WorstCases:
+    """A worst case at every pose of a craft.
+
+    Args:
+        cases: one per pose.
+
+    Example:
+        >>> from beamchain.plants.uncertain_plant import WorstCases
+        >>> len(WorstCases(()))
+        0
+    """
+
+    cases: tuple[WorstCase, ...]
+
+    def __repr__(self) -> str:
+        return f"<WorstCases, {len(self)} poses; {self.worst.sentence}>"
+
+    def __len__(self) -> int:
+        return len(self.cases)
+
+    def __getitem__(self, number: int) -> WorstCase:
+        return self.cases[number]
+
+    def __iter__(self) -> Iterator[WorstCase]:
+        return iter(self.cases)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """The poses."""
+        return tuple(case.pose for case in self.cases)
+
+    @property
+    def worst(self) -> WorstCase:
+        """That of the largest gain, with its pose."""
+        return max(self.cases, key=lambda case: case.gain)
+
+    @property
+    def stable(self) -> bool:
+        """Whether no sample was found unstable at any pose."""
+        return all(case.stable for case in self.cases)
+
+    @property
+    def table(self) -> "report.Table":
+        """The worst gains, pose by pose."""
+        return report.worst_table(self.cases)
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {"worst": self.worst.pose, "cases": [case.as_dict() for case in self.cases]}
+
+    def _repr_html_(self) -> str:
+        return report.table_html(self.table, [self.worst.sentence])
+
+
+class Search(NamedTuple):
+    """What a search for the worst sample found.
+
+    Args:
+        loops, ends: the closed loop, and the names of its input and output.
+        deltas, worst: of the worst sample, and its peak.
+        peaks: of the draws.
+        grid: `(k,)` frequencies that show them [rad/s].
+    """
+
+    loops: Loops
+    ends: tuple[str, str]
+    deltas: Array
+    worst: Peak
+    peaks: Sequence[Peak]
+    grid: Array
 
 
 class UncertainPlant(Lft):
@@ -202,12 +314,14 @@ class UncertainPlant(Lft):
         samples: int = 100,
         seed: int = 0,
         simulate: bool = True,
+        bound: bool = False,
+        seconds: float = SECONDS,
     ) -> WorstCase:
         """The worst gain of a closed loop over all values of the uncertain quantities, as far as a
-        search finds it.
+        search finds it, and what it cannot exceed where `bound` asks for that.
 
-        Tried are draws, corners of the ranges, and a local search from the worst of both; nothing
-        proves that no other values are worse. Dead times are exact in gains. The worst sample is
+        Tried are draws, corners of the ranges, and a local search from the worst of both. Dead
+        times are exact in gains. The worst sample is
         run in MuJoCo: its values are written into the compiled model, which `mj_step` takes
         through a sine at the worst frequency with the controller in the loop, until the motion is
         steady. A run that would take more than 300,000 steps is left out.
@@ -222,36 +336,25 @@ class UncertainPlant(Lft):
             samples: number of draws from the distributions.
             seed: of the draws.
             simulate: run the worst sample in MuJoCo.
+            bound: prove an upper bound as well, see `bound`.
+            seconds: for the bound, after which it is refined no further.
 
         Raises:
-            InputError: a name is unknown, or the nominal loop is unstable.
+            InputError: a name is unknown, the nominal loop is unstable, or the extra `robust` is
+                not installed.
         """
-        whole_number("samples", samples, 0, LARGEST)
-        whole_number("seed", seed, 0, LARGEST)
-        asked = [
-            positive("omega", w, "rad/s")
-            for w in ([] if omega is None else np.atleast_1d(omega).tolist())
-        ]
-        loops_of = read_controller(controller)
-        places(loops_of, self.inputs, self.outputs)  # refused before the first loop is asked
-        for field, name in (("input", input), ("output", output)):
-            if name is not None:
-                of_type(field, name, str, "the name of a plant's input or output")
-        ends = input or loops_of.loop[0].input, output or loops_of.loop[0].output
-        loops = self.loops(loops_of, *ends)
-        rows = [self._block_deltas(values) for values in self.draw(samples, seed)]
-        drawn = np.array(rows).reshape(-1, len(self.blocks))
-        deltas, worst, peaks = search(loops, drawn, seed)
+        search_of = self._search(controller, input, output, omega, samples, seed, seconds)
+        loops, ends, deltas, worst, peaks, grid = search_of
+        limit = None
         nominal = np.zeros(len(self.blocks))
-        if omega is None:
-            grid = _grid(loops, worst, [deltas, nominal], [*peaks, loops.peak(nominal)])
-        else:
-            grid = np.unique([*asked, worst.omega])
+        if bound:
+            limit, deltas, worst = self._bound(search_of, seconds)
+        grid = np.unique([*grid, worst.omega])
         simulated = float("nan")
         if simulate and worst.stable:
             sample = self._again(deltas[self._group])
             settling = loops.settling(deltas, worst.omega, FORGOTTEN)
-            simulated = simulated_gain(sample, loops_of, ends, worst.omega, settling)
+            simulated = simulated_gain(sample, loops.controller, ends, worst.omega, settling)
         output_unit = self.units[1][place(ends[1], self.outputs, "output", "")]
         input_unit = self.units[0][place(ends[0], self.inputs, "input", "")]
         return WorstCase(
@@ -267,7 +370,188 @@ class UncertainPlant(Lft):
             gain=worst.gain,
             frequency=worst.omega,
             simulated=simulated,
+            nominal_values={q.name: q.nominal for q in self.quantities},
+            percent=self.percent(deltas),
+            value_units={q.name: q.unit for q in self.quantities},
+            bound=limit,
         )
+
+    @one_thread()
+    def bound(
+        self,
+        controller: Controller | str | Path,
+        input: str | None = None,
+        output: str | None = None,
+        omega: ArrayLike | None = None,
+        *,
+        samples: int = 100,
+        seed: int = 0,
+        seconds: float = SECONDS,
+    ) -> GainBound:
+        """What the gain of a closed loop cannot exceed at any values of the uncertain quantities
+        in their ranges: steps over frequency, each of which holds between its ends.
+
+        For every interval a semidefinite program (cvxpy, Clarabel) gives multipliers, and the
+        eigenvalues of a Hamiltonian matrix the gain that these prove from one end to the other; see
+        docs/theory.md, section 8. Dead times are exact. Correlated quantities take all values of
+        their ranges. A finite bound proves that the loop is stable for all values.
+
+        Args:
+            controller, input, output: as of `worst_case`.
+            omega: `(k,)` frequencies [rad/s] at which samples say where to look.
+            samples, seed: draws that say where to look.
+            seconds: after which nothing is refined further.
+
+        Raises:
+            InputError: a name is unknown, the nominal loop is unstable, or the extra `robust` is
+                not installed.
+        """
+        search_of = self._search(controller, input, output, omega, samples, seed, seconds)
+        return self._bound(search_of, seconds)[0]
+
+    @one_thread()
+    def worst_margins(
+        self,
+        controller: Controller | str | Path,
+        *,
+        samples: int = 50,
+        seed: int = 0,
+        bound: bool = False,
+        seconds: float = SECONDS,
+    ) -> WorstMargins:
+        """The least margins over the values of the uncertain quantities, as far as a search finds
+        them: at every input that loops drive, the loops of the others closed, and of the disk
+        margin all loops at once.
+
+        Tried are draws, corners of the ranges, the worst for every disk margin, and for gain and
+        phase a local search from the least of these.
+
+        Args:
+            controller: loops, or the path of their file.
+            samples: number of draws from the distributions.
+            seed: of the draws.
+            bound: prove as well what no value lets the disk margins fall below.
+            seconds: for the bounds together, after which they are refined no further.
+
+        Raises:
+            InputError: a name is unknown, or the nominal loop is unstable.
+        """
+        whole_number("samples", samples, 0, LARGEST)
+        whole_number("seed", seed, 0, LARGEST)
+        positive("seconds", seconds, "s")
+        loops_of = read_controller(controller)
+        blocks = [int(number) for number in self._group[self._of]]
+        loops = SampleLoops(self._system, blocks, self.inputs, self.outputs, loops_of)
+        drawn = self.drawn_deltas(samples, seed)
+        count = len(self.blocks)
+        nominal = np.zeros(count)
+        corners = np.random.default_rng(seed).choice([-1.0, 1.0], (CORNERS, count))
+        rows: list[LeastMargin] = []
+        bounds: dict[str, GainBound] = {}
+        worst_of_disks: list[Array] = []
+        for name, disk in zip(loops.names, loops.disks, strict=True):
+            deltas, peak, peaks = search(disk, drawn, seed)
+            proved = None
+            if bound:
+                grid = _grid(disk, peak, [deltas, nominal], [*peaks, disk.peak(nominal)])
+                found = Search(disk, (name, name), deltas, peak, peaks, grid)
+                bounds[name], deltas, peak = self._bound(found, seconds / len(loops.names))
+                proved = 1.0 / bounds[name].gain
+            worst_of_disks.append(deltas)
+            values = self.values(deltas)
+            start = 1.0 / disk.peak(nominal).gain
+            least_disk = 1.0 / peak.gain
+            rows.append(LeastMargin(name, DISK, "", start, least_disk, peak.omega, values, proved))
+        tried = [nominal, *worst_of_disks, *drawn, *corners]
+        rows += self._limits(loops, tried)
+        rows.append(self._at_once(loops, tried))
+        stable = all(row.worst > 0.0 for row in rows if row.kind == DISK)
+        return WorstMargins(tuple(rows), stable, bounds)
+
+    def _limits(self, loops: SampleLoops, tried: Sequence[Array]) -> list[LeastMargin]:
+        """The least gain and phase margins at every input."""
+        rows: list[LeastMargin] = []
+        for i, name in enumerate(loops.names):
+            for kind, unit in ((GAIN, ""), (LESS, ""), (PHASE, "degrees")):
+                which = (GAIN, LESS, PHASE).index(kind)
+                sign = -1.0 if kind == LESS else 1.0
+
+                def cost(
+                    deltas: Array, i: int = i, which: int = which, sign: float = sign
+                ) -> float:
+                    return min(sign * loops.limits(deltas)[i][which][0], UNLIMITED)
+
+                deltas = least(cost, tried)
+                worst, frequency = loops.limits(deltas)[i][which]
+                start = loops.limits(tried[0])[i][which][0]
+                values = self.values(deltas)
+                rows.append(LeastMargin(name, kind, unit, start, worst, frequency, values, None))
+        return rows
+
+    def _at_once(self, loops: SampleLoops, tried: Sequence[Array]) -> LeastMargin:
+        """The least disk margin of all loops at once."""
+        deltas = least(lambda each: loops.at_once(each)[0], tried)
+        worst, frequency = loops.at_once(deltas)
+        start = loops.at_once(tried[0])[0]
+        return LeastMargin(ALL, DISK, "", start, worst, frequency, self.values(deltas), None)
+
+    def _search(
+        self,
+        controller: Controller | str | Path,
+        input: str | None,
+        output: str | None,
+        omega: ArrayLike | None,
+        samples: int,
+        seed: int,
+        seconds: float,
+    ) -> "Search":
+        """The worst sample that is found."""
+        whole_number("samples", samples, 0, LARGEST)
+        whole_number("seed", seed, 0, LARGEST)
+        positive("seconds", seconds, "s")
+        asked = [
+            positive("omega", w, "rad/s")
+            for w in ([] if omega is None else np.atleast_1d(omega).tolist())
+        ]
+        loops_of = read_controller(controller)
+        places(loops_of, self.inputs, self.outputs)  # refused before the first loop is asked
+        for field, name in (("input", input), ("output", output)):
+            if name is not None:
+                of_type(field, name, str, "the name of a plant's input or output")
+        ends = input or loops_of.loop[0].input, output or loops_of.loop[0].output
+        loops = self.loops(loops_of, *ends)
+        deltas, worst, peaks = search(loops, self.drawn_deltas(samples, seed), seed)
+        nominal = np.zeros(len(self.blocks))
+        if omega is None:
+            grid = _grid(loops, worst, [deltas, nominal], [*peaks, loops.peak(nominal)])
+        else:
+            grid = np.unique([*asked, worst.omega])
+        return Search(loops, ends, deltas, worst, peaks, grid)
+
+    def _bound(self, found: "Search", seconds: float) -> tuple[GainBound, Array, Peak]:
+        """The bound, and the worst sample after it: a program's worst case may be a worse one."""
+        loops = found.loops
+        nominal = np.zeros((1, len(self.blocks)))
+        corners = np.random.default_rng(0).choice([-1.0, 1.0], (CORNERS, len(self.blocks)))
+        samples = np.vstack([found.deltas[None], nominal, corners])
+        omega = frequencies(loops, found.grid)
+        bounder = Bounder(loops, self.blocks, samples, omega, seconds)
+        bound = bounder.bound()
+        deltas, gain = bounder.best
+        if found.worst.stable and gain > found.worst.gain:
+            better = climb(loops, deltas)
+            return bound, better.deltas, better.peak
+        return bound, found.deltas, found.worst
+
+    def drawn_deltas(self, samples: int, seed: int) -> Array:
+        """`(samples, blocks)` deltas of draws from the distributions."""
+        rows = [self._block_deltas(values) for values in self.draw(samples, seed)]
+        return np.array(rows).reshape(-1, len(self.blocks))
+
+    def percent(self, deltas: Array) -> dict[str, float]:
+        """Where every quantity lies in its range, -100 to 100, of `(blocks,)` deltas."""
+        each = 100.0 * deltas[self._group]
+        return {q.name: float(value) for q, value in zip(self.quantities, each, strict=True)}
 
     def _block_deltas(self, values: Mapping[str, float]) -> Array:
         """`(blocks,)` deltas of a draw; correlated ones differ within a block,

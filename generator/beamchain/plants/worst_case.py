@@ -56,11 +56,19 @@ class Loops:
     its state space with dead times by Pade.
 
     `blocks` `(channels,)` is the number of the delta of each channel;
-    `ends` are the input where d acts and the output e.
+    `ends` are the input where d acts and the output e. `rows` and `columns` are the signals of M
+    that each loop measures and drives, `seen` and `driven` those of N. `offset` is added to the
+    response from d to e.
     """
 
     blocks: NDArray[np.intp]
     controller: Controller
+    plant: System
+    rows: list[int]
+    columns: list[int]
+    seen: list[int]
+    driven: list[int]
+    offset: float
     system: System
     poles: Complex
 
@@ -72,6 +80,7 @@ class Loops:
         outputs: list[str],
         controller: Controller,
         ends: tuple[str, str],
+        offset: float = 0.0,
     ) -> None:
         channels = len(blocks)
         rows, columns = places(controller, inputs, outputs)
@@ -79,13 +88,15 @@ class Loops:
         e = place(ends[1], outputs, "output", "")
         self.blocks = np.asarray(blocks, dtype=np.intp)
         self.controller = controller
-        self._m = system
-        self._rows = [channels + i for i in rows]
-        self._columns = [channels + i for i in columns]
-        self._seen = [*range(channels), channels + e]
-        self._driven = [*range(channels), channels + d]
-        whole = close_loop(system, realise(controller), self._rows, self._columns)
-        self.system = picked(whole, self._seen, self._driven)
+        self.plant = system
+        self.rows = [channels + i for i in rows]
+        self.columns = [channels + i for i in columns]
+        self.seen = [*range(channels), channels + e]
+        self.driven = [*range(channels), channels + d]
+        whole = close_loop(system, realise(controller), self.rows, self.columns)
+        self.system = picked(whole, self.seen, self.driven)
+        self.offset = offset
+        self.system[3][-1, -1] += offset
         self.poles = np.linalg.eigvals(self.system[0]).astype(np.complex128)
         top = float(np.abs(self.poles).max(initial=1e-300))
         if float(self.poles.real.max(initial=-1.0)) > -GROWS * top:
@@ -99,20 +110,26 @@ class Loops:
     def exact(self, omega: Array) -> Complex:
         """`(k, channels + 1, channels + 1)` N at frequencies `(k,)`, dead times exact."""
         s = (1j * omega).astype(np.complex128)
-        m = response(self._m, s)
+        m = response(self.plant, s)
         # `(k, loops, 1)`
         k = np.array([loop_response(loop, s) for loop in self.controller.loop]).T[:, :, None]
-        to_end = m[:, self._seen]
-        to_loops = m[:, self._rows]
+        to_end = m[:, self.seen]
+        to_loops = m[:, self.rows]
         # N = M_ed - M_eu K (1 + M_yu K)^-1 M_yd
-        open_loops = to_loops[:, :, self._columns] * np.swapaxes(k, 1, 2)
-        measured = np.linalg.solve(np.eye(k.shape[1]) + open_loops, to_loops[:, :, self._driven])
+        open_loops = to_loops[:, :, self.columns] * np.swapaxes(k, 1, 2)
+        measured = np.linalg.solve(np.eye(k.shape[1]) + open_loops, to_loops[:, :, self.driven])
         torque = k * measured
-        return to_end[:, :, self._driven] - to_end[:, :, self._columns] @ torque
+        n = to_end[:, :, self.driven] - to_end[:, :, self.columns] @ torque
+        n[:, -1, -1] += self.offset
+        return np.asarray(n, dtype=np.complex128)
 
     def gain(self, deltas: Array, omega: Array) -> Array:
         """`(k,)` gains of a sample `(blocks,)`, dead times exact."""
-        return np.abs(self._response_and_slopes(self.exact(omega), deltas)[0])
+        return self.size(self.exact(omega), deltas)
+
+    def size(self, n: Complex, deltas: Array) -> Array:
+        """`(k,)` the same from N `(k, channels + 1, channels + 1)` at the frequencies."""
+        return np.abs(self._response_and_slopes(n, deltas)[0])
 
     def _response_and_slopes(self, n: Complex, deltas: Array) -> tuple[Complex, Complex]:
         """`(k,)` response of a sample, and its slope by every channel's delta `(k, channels)`."""
@@ -143,10 +160,7 @@ class Loops:
         first = int(np.argmax(poles.real))
         if poles[first].real > GROWS * np.abs(poles).max():
             return Peak(np.inf, float(np.abs(poles[first].imag)))
-        upper = poles[poles.imag > 0.0]
-        near = (upper.imag[:, None] - upper.real[:, None] * AROUND).ravel()
-        least = STILL * self._wide[0]
-        omega = np.unique(np.concatenate([[least], self._wide, near[near > least]]))
+        omega = self._grid(poles)
         at = int(np.argmax(resonances.size(omega)))
         low = float(omega[max(at - 1, 0)])
         high = float(omega[min(at + 1, omega.size - 1)])
@@ -158,6 +172,16 @@ class Loops:
         )
         top = float(best.x)
         return Peak(float(self.gain(deltas, np.array([top]))[0]), top)
+
+    def frequencies(self, deltas: Array) -> Array:
+        """`(k,)` frequencies that resolve the gain of a sample [rad/s]."""
+        return self._grid(self._resonances(deltas).poles)
+
+    def _grid(self, poles: Complex) -> Array:
+        upper = poles[poles.imag > 0.0]
+        near = (upper.imag[:, None] - upper.real[:, None] * AROUND).ravel()
+        least = STILL * self._wide[0]
+        return np.unique(np.concatenate([[least], self._wide, near[near > least]]))
 
     def slope(self, deltas: Array, omega: float) -> Array:
         """`(blocks,)` slope of the logarithm of the gain at a frequency;
@@ -220,6 +244,11 @@ def search(loops: Loops, samples: Array, seed: int = 0) -> tuple[Array, Peak, li
     if worst.peak.stable:
         return worst.deltas, worst.peak, peaks
     return worst.deltas, _stability_limit(loops, worst), peaks
+
+
+def climb(loops: Loops, start: Array) -> Tried:
+    """The worst of what a local search from a stable sample tries."""
+    return max(_ascent(loops, start), key=lambda sample: sample.peak.gain)
 
 
 def _ascent(loops: Loops, start: Array) -> list[Tried]:

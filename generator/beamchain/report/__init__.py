@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from beamchain.report.pages.notebook import margins_html as margins_html
     from beamchain.report.pages.notebook import pointing_html as pointing_html
     from beamchain.report.pages.notebook import recovery_html as recovery_html
+    from beamchain.report.pages.notebook import table_html as table_html
     from beamchain.report.pages.study import study_page as study_page
     from beamchain.report.plant_plots import plot_pointing as plot_pointing
     from beamchain.report.plant_plots import plot_scheduled as plot_scheduled
@@ -35,6 +36,9 @@ if TYPE_CHECKING:
     from beamchain.report.recovery_plots import plot_recovery as plot_recovery
     from beamchain.report.table import Table as Table
     from beamchain.report.tables.plant import margin_table as margin_table
+    from beamchain.report.tables.plant import worst_margin_table as worst_margin_table
+    from beamchain.report.tables.plant import worst_table as worst_table
+    from beamchain.report.tables.plant import worst_value_table as worst_value_table
     from beamchain.report.tables.pointing import pointing_mode_table as pointing_mode_table
     from beamchain.report.tables.pointing import pointing_table as pointing_table
     from beamchain.report.tables.record import embed_record as embed_record
@@ -57,12 +61,13 @@ _PLACES = {
         "margins_html",
         "pointing_html",
         "recovery_html",
+        "table_html",
     ),
     "plant_plots": ("plot_pointing", "plot_scheduled", "plot_worst"),
     "margin_plots": ("nichols_figure", "open_loop_figure"),
     "plots": ("plot_accelerance",),
     "table": ("Table",),
-    "tables.plant": ("margin_table",),
+    "tables.plant": ("margin_table", "worst_margin_table", "worst_table", "worst_value_table"),
     "tables.pointing": ("pointing_mode_table", "pointing_table"),
     "recovery_plots": ("plot_recovery",),
     "tables.record": ("embed_record", "fit_record", "inspection_record", "study_record"),

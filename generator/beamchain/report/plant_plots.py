@@ -29,6 +29,7 @@ from beamchain.report.pose_looks import pose_legend, pose_looks
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from beamchain.plants.bounds import GainBound
     from beamchain.plants.pointing import Pointing
     from beamchain.plants.realisation import Plant
     from beamchain.plants.scheduled import ScheduledPlant
@@ -102,6 +103,8 @@ def plot_worst(worst: "WorstCase", ax: "Axes | None" = None) -> "Axes":
     ax = panel(3.6)[1] if ax is None else ax
     ax.loglog(worst.omega, worst.worst, color=OURS, linewidth=1.4, label="worst sample found")
     ax.loglog(worst.omega, worst.nominal, color=RIVAL, linewidth=1.0, label="nominal")
+    if worst.bound is not None:
+        plot_steps(worst.bound, ax)
     if np.isfinite(worst.simulated):
         ax.loglog(
             [worst.frequency],
@@ -150,6 +153,15 @@ def pointing_figure(pointing: "Pointing") -> Figure:
     figure, ax = panel(3.8)
     plot_pointing(pointing, ax)
     return figure
+
+
+def plot_steps(bound: "GainBound", ax: "Axes") -> None:
+    """An upper bound as steps: a level line per interval, risers where neighbours are finite."""
+    low, high = ax.get_xlim()
+    ends = np.clip(bound.edges, low, high)
+    level = np.where(np.isfinite(bound.gains), bound.gains, np.nan)
+    ax.stairs(level, ends, baseline=None, color=BEAM, linewidth=1.0, label="no value exceeds")
+    ax.set_xlim(low, high)
 
 
 @drawing()

@@ -59,8 +59,9 @@ def plant_report(
         margins=tables.margin_table(of_loops),
         closed_loops=tables.closed_loop_table(of_loops),
         budget=budget,
-        worst=tables.worst_table(worst, labels),
-        worst_values=tables.worst_value_table(worst, labels),
+        worst=tables.worst_table(worst),
+        worst_values=[tables.worst_value_table(case) for case in worst],
+        bounds=[case.bound.sentence for case in worst if case.bound],
         drawn={key: to_svg(figure, key) for key, figure in figures.items()},
     )
 

@@ -1,7 +1,7 @@
 """The tables of a plant: signals, modes and their gains, margins, the worst case."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from beamchain.report.formats import digits, number
@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from beamchain.plants.margins import LoopMargins, Margins
     from beamchain.plants.realisation import Plant
     from beamchain.plants.uncertain_plant import WorstCase
+    from beamchain.plants.worst_margins import WorstMargins
 
 #: where the frequency of a margin stands
 FREQUENCIES = {
@@ -144,30 +145,58 @@ def _sample_text(gain: float) -> str:
     return "unstable" if math.isinf(gain) else _gain_text(gain)
 
 
-def worst_table(cases: "Sequence[WorstCase]", labels: Sequence[str] = ()) -> Table:
-    """The worst sample of the gain from a disturbance to an output, plant by plant; `labels`: of
-    their poses."""
+def worst_table(cases: "Sequence[WorstCase]") -> Table:
+    """The worst sample of the gain from a disturbance to an output, pose by pose."""
     names = [f"{case.input} → {case.output}" for case in cases]
-    if cases and labels:
-        names = [f"{label}: {name}" for label, name in zip(labels, names, strict=True)]
+    if len(cases) > 1:
+        names = [f"{case.pose}: {name}" for case, name in zip(cases, names, strict=True)]
     predicted = [case.gain if case.stable else math.inf for case in cases]
     drawn = [float(max(case.drawn, default=math.nan)) for case in cases]
-    columns = (
+    columns = [
         Column("disturbance → output", names),
         Column("worst sample, predicted", predicted, format=_sample_text),
         Column("worst sample, MuJoCo", [case.simulated for case in cases], format=_gain_text),
         Column("at", [case.frequency for case in cases], "rad/s", _gain_text),
         Column("worst of the draws", drawn, format=_gain_text),
         Column("unit", [case.unit for case in cases]),
+    ]
+    if any(case.bound for case in cases):
+        bounds = [case.bound.gain if case.bound else math.inf for case in cases]
+        columns.insert(-1, Column("no value exceeds", bounds, format=_gain_text))
+    return Table("Worst case", tuple(columns))
+
+
+def worst_value_table(case: "WorstCase") -> Table:
+    """The worst values beside the nominal ones, and where they lie in their ranges."""
+    names = list(case.values)
+    percent = [case.percent[name] for name in names]
+    columns = (
+        Column("quantity", names, key="quantity"),
+        Column("nominal", [case.nominal_values[n] for n in names], format=number, key="nominal"),
+        Column("worst", [case.values[name] for name in names], format=number, key="worst"),
+        Column("unit", [case.value_units[name] for name in names], key="unit"),
+        Column("of its range", percent, "%", format=_percent, key="percent"),
     )
-    return Table("Worst case", columns)
+    where = f" at {case.pose}" if case.pose else ""
+    return Table(f"Values of the worst sample{where}", columns)
 
 
-def worst_value_table(cases: "Sequence[WorstCase]", labels: Sequence[str] = ()) -> Table:
-    """Values of the uncertain quantities in the worst sample of every plant."""
-    quantities: Mapping[str, float] = cases[0].values if cases else {}
-    columns = [Column("quantity", list(quantities))]
-    for i, case in enumerate(cases):
-        name = f"worst sample, {labels[i]}" if labels else "worst sample"
-        columns.append(Column(name, [case.values[q] for q in quantities], format=number))
-    return Table("Values of the worst sample", tuple(columns))
+def _percent(value: float) -> str:
+    return f"{value:+.0f}" if abs(value) >= 0.5 else "0"
+
+
+def worst_margin_table(margins: "WorstMargins") -> Table:
+    """The least margins over all samples beside the nominal ones."""
+    rows = margins.margins
+    columns = (
+        Column("broken", [row.at for row in rows], key="at"),
+        Column("margin", [row.kind for row in rows], key="kind"),
+        Column("nominal", [row.nominal for row in rows], format=margin_text, key="nominal"),
+        Column("worst", [row.worst for row in rows], format=margin_text, key="worst"),
+        Column("unit", [row.unit for row in rows], key="unit"),
+        Column("at", [row.frequency for row in rows], "rad/s", margin_text, key="frequency"),
+        Column("proved", [row.proved for row in rows], format=margin_text, key="proved"),
+    )
+    shown = columns if any(row.proved for row in rows) else columns[:-1]
+    where = f" at {margins.pose}" if margins.pose else ""
+    return Table(f"Least margins over all samples{where}", shown)
