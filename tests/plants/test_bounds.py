@@ -413,7 +413,7 @@ def test_a_worst_case_per_pose_and_the_worst_of_them(turning):
         for plant in scheduled.plants
     ]
     assert [case.gain for case in cases] == [case.gain for case in alone]
-    assert cases.labels == ("drive 0°", "drive 68.75°")
+    assert cases.labels == ("drive 0°", "drive 68.7549°")
     assert cases.worst.gain == max(case.gain for case in alone)
     assert cases.worst.pose in cases.worst.sentence
     assert len(cases) == 2

@@ -691,8 +691,10 @@ def test_the_record_holds_the_figures(plant):
     assert record["loops"][0]["gain_db"] == 20.0 * np.log10(found.loops[0].gain)
     assert record["loops"][0]["lowest_gain_db"] is None
     assert record["instabilities"] == []
-    texts = [row[2] for row in found.table.rows]
-    assert texts[-3:] == ["disk", "peak of S", "peak of T"]
+    head, row = found.table.head, found.table.rows[0]
+    gain = f"{found.loops[0].gain_db:.4g} ({found.loops[0].gain_frequency:.4g})"
+    assert row[head.index("gain, dB (at rad/s)")] == gain
+    assert "peak of S (at rad/s)" in found._repr_html_()
 
 
 def test_the_command_says_why(embedded, tmp_path):

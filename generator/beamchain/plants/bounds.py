@@ -100,7 +100,11 @@ class GainBound:
         return float(self.edges[at]), float(self.edges[at + 1])
 
     def at(self, omega: Any) -> Array:
-        """`(k,)` the steps at frequencies `(k,)` [rad/s]; between two steps the higher."""
+        """`(k,)` the steps at frequencies; between two steps the higher.
+
+        Args:
+            omega: `(k,)` [rad/s].
+        """
         asked = np.atleast_1d(np.asarray(omega, dtype=np.float64))
         last = self.gains.size - 1
         right = np.clip(np.searchsorted(self.edges, asked, side="right") - 1, 0, last)

@@ -165,7 +165,15 @@ class ScheduledPlant:
         controller: "Controller | str | Path",
         **options: Any,
     ) -> tuple[WorstMargins, ...]:
-        """The least margins at every pose, see `UncertainPlant.worst_margins`."""
+        """The least margins at every pose.
+
+        Args:
+            uncertain: what is uncertain, as of `uncertain`.
+            controller, options: as of `UncertainPlant.worst_margins`.
+
+        Raises:
+            InputError: as of `UncertainPlant.worst_margins`.
+        """
         return tuple(
             replace(plant.worst_margins(controller, **options), pose=label)
             for plant, label in zip(self.uncertain(uncertain), self.labels, strict=True)

@@ -544,7 +544,12 @@ class UncertainPlant(Lft):
         return bound, found.deltas, found.worst
 
     def drawn_deltas(self, samples: int, seed: int) -> Array:
-        """`(samples, blocks)` deltas of draws from the distributions."""
+        """`(samples, blocks)` deltas of draws from the distributions.
+
+        Args:
+            samples: number of draws.
+            seed: of the draws.
+        """
         rows = [self._block_deltas(values) for values in self.draw(samples, seed)]
         return np.array(rows).reshape(-1, len(self.blocks))
 

@@ -11,12 +11,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq, minimize
+from scipy.optimize import brentq
 
 from beamchain import report
 from beamchain.plants.bounds import GainBound
 from beamchain.plants.controllers import Controller, Response, places
 from beamchain.plants.controllers import response as loop_response
+from beamchain.plants.structured import balanced_bounds, bound
 from beamchain.plants.systems import Complex, System, response
 from beamchain.plants.worst_case import Loops
 from beamchain.ports.motions import Array
@@ -25,7 +26,6 @@ READ = "total of "  # before the name of an input: an output that reads it, cont
 DISK, GAIN, LESS, PHASE = "disk", "gain up, factor", "gain down, factor", "phase"
 ALL = "all loops at once"
 PATTERN = (1.0, 0.5, 0.25)  # steps of the local search for gain and phase, from the least
-SCALINGS = 10  # sweeps of Osborne's scaling
 # times the frequency of a peak, where a mu is looked at besides
 NEARBY = np.linspace(0.97, 1.03, 13)
 
@@ -215,9 +215,9 @@ class SampleLoops:
             return 0.0, float("nan")
         half = np.eye(len(self.names)) / 2.0
         omega = self.disks[0].frequencies(deltas)
-        rough = balanced_norms(self.sensitivity(deltas, omega) - half)
+        rough = balanced_bounds(self.sensitivity(deltas, omega) - half)
         near = omega[np.argmax(rough)] * NEARBY
-        sizes = np.array([structured(each) for each in self.sensitivity(deltas, near) - half])
+        sizes = np.array([bound(each) for each in self.sensitivity(deltas, near) - half])
         return float(1.0 / sizes.max()), float(near[np.argmax(sizes)])
 
 
@@ -264,37 +264,6 @@ def _root(function: Callable[[float], float], low: float, high: float) -> float:
         return float(low if abs(ends[0]) < abs(ends[1]) else high)
     root: Any = brentq(function, low, high)
     return float(root)
-
-
-def balanced_norms(matrices: Complex) -> Array:
-    """`(k,)` upper bounds of mu for diagonal complex changes: norms after Osborne's scaling of
-    `(k, n, n)`."""
-    scale = np.ones(matrices.shape[:2])
-    size = np.abs(matrices) ** 2
-    size = size - size * np.eye(matrices.shape[1])
-    for _ in range(SCALINGS):
-        for i in range(matrices.shape[1]):
-            squares = scale**2
-            row = (size[:, i] / squares).sum(axis=1) * squares[:, i]
-            column = (size[:, :, i] * squares).sum(axis=1) / squares[:, i]
-            both = np.maximum(column, 1e-300) / np.maximum(row, 1e-300)
-            scale[:, i] *= both**0.25
-    scaled = matrices * scale[:, :, None] / scale[:, None]
-    return np.linalg.norm(scaled, 2, axis=(1, 2))
-
-
-def structured(matrix: Complex) -> float:
-    """The least such bound: the norm of `D M D^-1`, convex in the logarithms of D."""
-    if matrix.shape[0] == 1:
-        return float(abs(matrix[0, 0]))
-
-    def norm(logarithms: Array) -> float:
-        scale = np.exp(np.append(0.0, logarithms))
-        return float(np.linalg.norm(matrix * scale[:, None] / scale, 2))
-
-    start = np.zeros(matrix.shape[0] - 1)
-    found = minimize(norm, start, method="Nelder-Mead", options={"xatol": 1e-4, "fatol": 1e-7})
-    return min(float(found.fun), float(balanced_norms(matrix[None])[0]))
 
 
 def least(cost: Callable[[Array], float], tried: Sequence[Array]) -> Array:
