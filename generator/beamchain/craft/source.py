@@ -8,6 +8,7 @@ import numpy as np
 
 from beamchain.caution import Caution
 from beamchain.checks import finite_array, number
+from beamchain.craft.disturbances import left_out
 from beamchain.craft.embedded import Embedded
 from beamchain.engine.door import check_model
 from beamchain.engine.library import mujoco
@@ -45,9 +46,9 @@ def linear_omissions(model: "mujoco.MjModel") -> list[str]:
     found = (
         (gravity, "gravity", "the plant is one in free fall: the model's gravity is left out."),
         (medium, "medium", "the medium's density and viscosity are left out of the plant."),
-        (model.neq, "equality", f"{model.neq} equality constraint(s) are left out of the plant."),
     )
-    return [Caution(code, text) for there, code, text in found if there]
+    said = [Caution(code, text) for there, code, text in found if there]
+    return [*said, *left_out(model, "the plant")]
 
 
 def angle_grid(at: At) -> tuple[str, Array] | None:

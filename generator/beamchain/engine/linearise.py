@@ -446,6 +446,21 @@ def dense_mass(model: "mujoco.MjModel", data: "mujoco.MjData") -> Array:
     return (out + out.T) / 2.0
 
 
+def integrators_of(model: "mujoco.MjModel") -> tuple[str, ...]:
+    """The integrators of the installed MuJoCo that take a model; "discrete" does not take every
+    flex."""
+    out: list[str] = []
+    for name, number in INTEGRATORS.items():
+        trial = copy(model)
+        trial.opt.integrator = number
+        try:
+            mujoco.mj_forward(trial, mujoco.MjData(trial))
+        except mujoco.FatalError:
+            continue
+        out.append(name)
+    return tuple(out)
+
+
 def implicit_stiffness(model: "mujoco.MjModel", data: "mujoco.MjData", damping: Array) -> Array:
     """`(nv, nv)` the share of `M^-1 K` [1/s^2] implicit in "discrete": joints' springs."""
     nv = model.nv

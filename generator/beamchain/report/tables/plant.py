@@ -25,7 +25,7 @@ def signal_table(title: str, names: Sequence[str], units: Sequence[str]) -> Tabl
 def mode_table(plant: "Plant") -> Table:
     """The flexible modes; in brief with the pair of signals that each shows most in."""
     pairs = [f"{seen} per {driven}" for seen in plant.output_names for driven in plant.input_names]
-    gains = plant.gain.reshape(len(plant.modes), -1)
+    gains = plant.gain.reshape(len(plant.modes), len(pairs))
     frequencies = plant.frequency.tolist()
     columns = (
         Column("mode", plant.modes, key="name"),
