@@ -61,6 +61,9 @@ if TYPE_CHECKING:
     from beamchain.steps.start import start_velocity as start_velocity
     from beamchain.structure.beam import Beam as Beam
     from beamchain.structure.modal_data import ModalData as ModalData
+    from beamchain.structure.profile import Profile as Profile
+    from beamchain.structure.profile import ProfilePart as ProfilePart
+    from beamchain.structure.profile import section_from as section_from
     from beamchain.structure.readers import read_modes as read_modes
     from beamchain.structure.section import Box as Box
     from beamchain.structure.section import Custom as Custom
@@ -157,6 +160,11 @@ _PLACES = {
     "structure.beam": ("Beam",),
     "structure.modal_data": ("ModalData",),
     "structure.readers": ("read_modes",),
+    "structure.profile": (
+        "Profile",
+        "ProfilePart",
+        "section_from",
+    ),
     "structure.section": (
         "Box",
         "Custom",
