@@ -23,7 +23,12 @@ HOWTO = sorted((ROOT / "docs" / "howto").glob("*.md"))
 PAGES = [README, *sorted((ROOT / "docs").glob("*.md")), *HOWTO]
 EMPTY = [ROOT / "docs" / "start.md", *HOWTO]  # these pages begin in an empty folder
 # pages that need one
-HOSTS = {"basilisk": "Basilisk.simulation.mujoco", "mjx": "mujoco.mjx", "warp": "mujoco_warp"}
+HOSTS = {
+    "basilisk": "Basilisk.simulation.mujoco",
+    "mjx": "mujoco.mjx",
+    "sections": "sectionproperties.analysis",
+    "warp": "mujoco_warp",
+}
 QUICKER = {
     "--samples 1000": "--samples 8",
     "beamchain study": "beamchain study --budget 0.002 --duration 60",

@@ -79,7 +79,11 @@ HOSTS = {
         "sectionproperties.analysis",
         "[sections]",
         [],
-        ["tests/hosts/test_sections.py", "tests/structure/test_section.py"],
+        [
+            "tests/hosts/test_sections.py",
+            "tests/structure/test_section.py",
+            PAGE.format("sections"),
+        ],
     ),
     # of mjx, what make test-full runs
     "worlds": ("mujoco.mjx", "[mjx]", [], ["tests/hosts/test_mjx_worlds.py"]),

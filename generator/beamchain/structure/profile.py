@@ -321,7 +321,7 @@ def _section_of(rings: Sequence[Ring], rotation: float) -> Any:
     try:
         with importing, warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of its own imports
-            import shapely  # pyright: ignore[reportMissingImports]
+            import shapely  # pyright: ignore[reportMissingModuleSource]
             from sectionproperties.analysis import (  # pyright: ignore[reportMissingImports]
                 Section,
             )
