@@ -1,5 +1,5 @@
-"""A bare craft with uniform rods on it, put together by hand: the craft's matrices from plain MuJoCo,
-the rods' modes in closed form; nothing of the package."""
+"""A bare craft with uniform rods on it, put together by hand: the craft's matrices from plain
+MuJoCo, the rods' modes in closed form; nothing of the package."""
 
 import copy
 
