@@ -18,7 +18,7 @@ from spacecraft import CRAFTS
 MARK = re.compile(r"<!-- beamchain embed (\{.*?\}) -->")
 WRONG = (3, "x", None, [1], {"a": 1}, True)
 QUICK = 1  # of each kind of mark; the slow test takes MANY
-MANY = 60
+MANY = 25
 
 
 def damaged(value):
