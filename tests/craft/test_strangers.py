@@ -125,7 +125,7 @@ def test_no_command_stumbles(name, rod, tmp_path):
             ("plant", file, *driven[:4], *plant[4:], "-o", tmp_path / "two.npz"),
             ("stability", file, "-o", tmp_path / "stability"),
             ("retime", file, "--timestep", "0.001", "-o", tmp_path / "timed.xml"),
-            ("render", file, "-o", tmp_path / "film", "--no-mp4", "--width", 64, "--height", 48),
+            ("render", file, "-o", tmp_path / "film", "--no-mp4", "--width", 64, "--height", 64),
         ]
     ):
         answer = call(*words)
