@@ -2,7 +2,7 @@
 sensors of all kinds, equalities, includes, attached models, replicas, flexes.
 
 The coupled modes of what `embed` writes are those of a composition by hand; what the proof leaves
-out is said; the file comes back byte for byte; no other command stumbles.
+out is said; the file comes back byte for byte; inspect, plant, stability and retime do not stumble.
 """
 
 import mujoco
@@ -125,7 +125,6 @@ def test_no_command_stumbles(name, rod, tmp_path):
             ("plant", file, *driven[:4], *plant[4:], "-o", tmp_path / "two.npz"),
             ("stability", file, "-o", tmp_path / "stability"),
             ("retime", file, "--timestep", "0.001", "-o", tmp_path / "timed.xml"),
-            ("render", file, "-o", tmp_path / "film", "--no-mp4", "--width", 64, "--height", 64),
         ]
     ):
         answer = call(*words)
