@@ -39,7 +39,7 @@ test: lint quick
 quick: $(VENV)/.installed
 	$(BIN)/$(PYTEST) -m "not slow and not host"
 
-HOSTS ?= oldest newest dm_control basilisk nastran worlds
+HOSTS ?= oldest newest dm_control basilisk nastran sections worlds
 
 hosts:
 	for host in $(HOSTS); do $(PYTHON) tests/hosts/run.py $$host || exit 1; done

@@ -27,6 +27,7 @@ HOSTS = {
     "basilisk": "Basilisk.simulation.mujoco",
     "mjx": "mujoco.mjx",
     "newton": "newton",
+    "sections": "sectionproperties.analysis",
     "warp": "mujoco_warp",
 }
 QUICKER = {

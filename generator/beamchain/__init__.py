@@ -83,6 +83,9 @@ if TYPE_CHECKING:
     from beamchain.structure.beam import Beam as Beam
     from beamchain.structure.modal_data import FurtherPoint as FurtherPoint
     from beamchain.structure.modal_data import ModalData as ModalData
+    from beamchain.structure.profile import Profile as Profile
+    from beamchain.structure.profile import ProfilePart as ProfilePart
+    from beamchain.structure.profile import section_from as section_from
     from beamchain.structure.readers import read_modes as read_modes
     from beamchain.structure.readers.superelement import InterfaceGrid as InterfaceGrid
     from beamchain.structure.recovery_rows import RecoveryRows as RecoveryRows
@@ -212,6 +215,11 @@ _PLACES = {
     "structure.readers": ("read_modes",),
     "structure.recovery_rows": ("RecoveryRows",),
     "structure.readers.superelement": ("InterfaceGrid",),
+    "structure.profile": (
+        "Profile",
+        "ProfilePart",
+        "section_from",
+    ),
     "structure.section": (
         "Box",
         "Custom",

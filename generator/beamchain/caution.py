@@ -5,6 +5,10 @@ from typing import Self
 
 #: what each code stands for; docs/warnings.md lists them
 CODES = {
+    "contacts": "bodies of the spacecraft touch, which is left out",
+    "dry-friction": "dry friction in joints of the spacecraft is left out",
+    "limits": "a joint of the spacecraft stands outside its range",
+    "other-bases": "other bodies of the file move by themselves and carry no appendage",
     "alignfree": "MuJoCo defines a body's frame differently as soon as the body carries an "
     "appendage",
     "allocation-matrix": "the matrix of an allocation does not give the torque that is commanded",

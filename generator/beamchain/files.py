@@ -14,7 +14,7 @@ from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
 
-from beamchain.errors import OutputError
+from beamchain.errors import InputError, OutputError
 
 LARGEST_TOML = 2_000_000  # bytes: tomllib reads about a megabyte in a second
 
@@ -217,6 +217,17 @@ def _make_folder(folder: Path, made: list[Path]) -> None:
     for place in reversed(missing):
         place.mkdir()
         made.append(place)
+
+
+def check_utf8(content: bytes, what: str) -> None:
+    """Refuse an XML file in another encoding."""
+    try:
+        content.decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise InputError(
+            f"{what} is not UTF-8 (byte {error.start}), as which MuJoCo takes every file, whatever "
+            "it declares; convert it, for example: iconv -f LATIN1 -t UTF-8 craft.xml > utf8.xml."
+        ) from None
 
 
 def no_file(path: Path) -> str | None:

@@ -79,6 +79,16 @@ HOSTS = {
             "tests/structure/test_f06.py",
         ],
     ),
+    "sections": (
+        "sectionproperties.analysis",
+        "[sections]",
+        [],
+        [
+            "tests/hosts/test_sections.py",
+            "tests/structure/test_section.py",
+            PAGE.format("sections"),
+        ],
+    ),
     # of mjx, what make test-full runs
     "worlds": ("mujoco.mjx", "[mjx]", [], ["tests/hosts/test_mjx_worlds.py"]),
     "mjx": ("mujoco.mjx", "[mjx]", KERNEL, [*MJX, NOTEBOOK, PAGE.format("mjx")]),

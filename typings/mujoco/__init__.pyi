@@ -17,6 +17,15 @@ class mjtIntegrator:
     mjINT_DISCRETE: mjtIntegrator
     def __int__(self) -> int: ...
 
+class mjtEq:
+    __members__: dict[str, mjtEq]
+    def __int__(self) -> int: ...
+
+class mjtConstraint:
+    mjCNSTR_LIMIT_JOINT: mjtConstraint
+    mjCNSTR_LIMIT_TENDON: mjtConstraint
+    def __int__(self) -> int: ...
+
 class mjtTrn:
     mjTRN_JOINT: mjtTrn
     mjTRN_JOINTINPARENT: mjtTrn

@@ -215,12 +215,14 @@ def motion_warnings(
         warnings.append(Caution("preloaded-spring", text))
     ratios = [r for a in appendages for m in a.fit.achieved.values() for r in m.damping]
     kept = [w for a in appendages for m in a.fit.target.values() for w in m.frequencies]
+    ids = ids_of(model, names(appendages))
     found = disturbances(
         final,
         step_limits(linear_model(quiet_copy(final))),
         fastest=max(kept, default=0.0),
         zeta=min(ratios, default=0.0),
-        geoms=ids_of(model, names(appendages))["geom"],
+        geoms=ids["geom"],
+        bodies=ids["body"],
     )
     has_timing = final is not model
     warnings += [text for text in found if not (has_timing and text.startswith(TENDON_DAMPING))]

@@ -1,16 +1,23 @@
 """What in a compiled spacecraft disturbs its appendages' motion:
 each with the figure and the cure."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 
 from beamchain.caution import Caution
+from beamchain.engine.constraints import (
+    beyond_limits,
+    equalities,
+    listed,
+    touching,
+    with_dry_friction,
+)
 from beamchain.engine.forces import along
 from beamchain.engine.library import mujoco
 from beamchain.engine.linear import linear_at
 from beamchain.engine.linearise import NUMBERS
-from beamchain.engine.operating_point import quiet_copy, rest_point
+from beamchain.engine.operating_point import base_body, quiet_copy, rest_point
 from beamchain.errors import InputError
 from beamchain.steps.limits import StepLimits
 
@@ -37,13 +44,18 @@ def disturbances(
     fastest: float,
     zeta: float,
     geoms: Sequence[int],
+    bodies: Sequence[int],
 ) -> list[str]:
     """Warnings about what in a compiled spacecraft disturbs its appendages' motion.
 
     `fastest`: the largest of their cantilever frequencies [rad/s], 0 where there is none; `zeta`:
-    their smallest damping ratio; `geoms`: ids of their shapes.
+    their smallest damping ratio; `geoms`, `bodies`: ids of their shapes and bodies.
     """
-    return [*_surroundings(model, geoms), *_integration(model, limits, fastest, zeta)]
+    return [
+        *_surroundings(model, geoms),
+        *left_out(model, "the proof", bodies),
+        *_integration(model, limits, fastest, zeta),
+    ]
 
 
 def _surroundings(model: "mujoco.MjModel", geoms: Sequence[int]) -> Iterator[str]:
@@ -70,12 +82,79 @@ def _surroundings(model: "mujoco.MjModel", geoms: Sequence[int]) -> Iterator[str
             f"{len(collide)} shapes of the appendages collide, and neighbouring links touch; leave "
             "scene.contacts off.",
         )
-    if int(model.neq):
+
+
+def left_out(model: "mujoco.MjModel", where: str, bodies: Collection[int] = ()) -> Iterator[str]:
+    """Warnings about what a compiled spacecraft has and a linear model has not, each in a sentence.
+
+    `where` it is left out: "the plant"; `bodies`: ids of those of the appendages, for a proof of
+    the base bodies that carry them, where the others are left out as well.
+    """
+    held = equalities(model)
+    if held:
         yield Caution(
             "equality",
-            f"{int(model.neq)} equality constraints of the spacecraft are left out of the proof of "
-            "coupled modes.",
+            f"{len(held)} equality constraint{'s' * (len(held) > 1)} of the spacecraft "
+            f"({listed(held)}) {'are' if len(held) > 1 else 'is'} left out of {where}.",
         )
+    rubbing = with_dry_friction(model)
+    if rubbing:
+        yield Caution(
+            "dry-friction",
+            f"dry friction (frictionloss) of {listed(rubbing)} is left out of {where}, as if "
+            f"{'they' if len(rubbing) > 1 else 'it'} always slid.",
+        )
+    touches, beyond = _at_poses(model)
+    if touches:
+        yield Caution(
+            "contacts",
+            f"{listed(touches)}; contacts are left out of {where}, which is of free flight.",
+        )
+    if beyond:
+        yield Caution(
+            "limits",
+            f"{listed(beyond)}; a limit pushes it back, which is left out of {where}: write a ref "
+            "or a keyframe within the range.",
+        )
+    free = _other_bases(model, bodies)
+    if free:
+        yield Caution(
+            "other-bases",
+            f"{listed(free)} also {'move' if len(free) > 1 else 'moves'} in the world, without "
+            f"appendages, and {'have' if len(free) > 1 else 'has'} no part in {where}.",
+        )
+
+
+def _at_poses(model: "mujoco.MjModel") -> tuple[list[str], list[str]]:
+    """What touches, and what is outside its range, at the rest pose and at every keyframe."""
+    data = mujoco.MjData(model)
+    touches: dict[tuple[str, str], str] = {}
+    beyond: dict[str, str] = {}
+    for k in range(-1, model.nkey):
+        pose = "rest"
+        if k >= 0:
+            mujoco.mj_resetDataKeyframe(model, data, k)
+            pose = f"keyframe {model.key(k).name or k}"
+        mujoco.mj_forward(model, data)
+        for pair in touching(model, data):
+            touches.setdefault(pair, pose)
+        for name in beyond_limits(model, data):
+            beyond.setdefault(name, pose)
+    return (
+        [f"{one!r} touches {two!r} at {pose}" for (one, two), pose in touches.items()],
+        [f"{name} is outside its range at {pose}" for name, pose in beyond.items()],
+    )
+
+
+def _other_bases(model: "mujoco.MjModel", bodies: Collection[int]) -> list[str]:
+    """Bodies that move in the world by themselves and carry none of some bodies."""
+    bases = dict.fromkeys(base_body(model, int(body)) for body in model.dof_bodyid)
+    carrying = {base_body(model, body) for body in bodies}
+    return [
+        repr(model.body(base).name) if model.body(base).name else f"body {base}"
+        for base in bases
+        if carrying and base not in carrying
+    ]
 
 
 def _integration(

@@ -10,6 +10,7 @@ import numpy as np
 
 from beamchain import report
 from beamchain.craft.coupled_modes import SHARE, WORDS
+from beamchain.craft.disturbances import left_out
 from beamchain.craft.mode_names import cantilever_names
 from beamchain.engine.bench import Composite, composite
 from beamchain.engine.library import mujoco
@@ -107,7 +108,7 @@ def inspect_model(source: "str | Path | mujoco.MjModel") -> Inspection:
         limits=step_limits(linear),
         made_for=made,
         shown=pole_rows(model) if made else [],
-        warnings=mismatch(model),
+        warnings=[*mismatch(model), *left_out(model, "the modes and steps")],
     )
 
 

@@ -7,6 +7,7 @@ couple are separated by their eigenvectors. A discrete plant is taken apart in t
 `(A - 1)/h` instead of A.
 """
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -22,6 +23,7 @@ from beamchain.ports.motions import Array
 
 Flags = NDArray[np.bool_]
 
+OSCILLATES = 2  # where blocks of oscillators stand in the order
 APART = 1e-12  # relative: a smaller coupling is none
 ZERO = 1e-11  # relative: smaller singular values are zero
 SKEW = 1e7  # condition of eigenvectors beyond which blocks stay together
@@ -205,6 +207,8 @@ def modal_form(
 
     states = [(f"rigid_{name}", unit) for name, unit in rigid_labels]
     states += [state for block in blocks for state in block.states]
+    of_mode = [False] * len(rigid_labels)
+    of_mode += [block.order[0] == OSCILLATES for block in blocks for _ in block.states]
     weight = np.concatenate([1.0 / rigid_size, *(block.weight for block in blocks)])
     b_blocks = np.asarray(np.linalg.solve(basis * weight, b), dtype=np.float64)
     return ModalForm(
@@ -212,7 +216,7 @@ def modal_form(
         b=b_blocks * weight[:, None],
         c=c @ basis,
         d=system[3],
-        names=_numbered([name for name, _ in states]),
+        names=_numbered([name for name, _ in states], of_mode),
         units=tuple(unit for _, unit in states),
         weight=weight,
         rigid=(n_rigid, sum(block.order[0] == 0 for block in blocks)),
@@ -270,12 +274,19 @@ def _in_blocks(a: Array, blocks: list[Block], n_rigid: int, noise: float) -> tup
     return basis, matrix
 
 
-def _numbered(names: list[str]) -> tuple[str, ...]:
-    """The names, a repeated one with its number: `a, b, a` become `a, b, a_2`."""
-    return tuple(
-        name if name not in names[:i] else f"{name}_{names[:i].count(name) + 1}"
-        for i, name in enumerate(names)
-    )
+def _numbered(names: list[str], of_mode: list[bool]) -> tuple[str, ...]:
+    """The names, a repeated one with its number: `a, b, a` become `a, b, a_2`.
+
+    States of modes are found by their names and keep them: what decays may be named after the
+    same coordinate.
+    """
+    out = list(names)
+    times = Counter[str]()
+    for i in sorted(range(len(names)), key=lambda i: not of_mode[i]):
+        times[names[i]] += 1
+        if times[names[i]] > 1:
+            out[i] = f"{names[i]}_{times[names[i]]}"
+    return tuple(out)
 
 
 def _separated(
@@ -342,7 +353,7 @@ def _kept_together(matrix: Array, group: list[int], coordinates: _Coordinates) -
     )
     flexible = [i for i in group if coordinates.is_flexible(i)]
     return Block(
-        order=(2, flexible[0]) if flexible else (1, 0),
+        order=(OSCILLATES, flexible[0]) if flexible else (1, 0),
         basis=np.diag(1.0 / factor),
         matrix=matrix * np.outer(factor, 1.0 / factor),
         states=[coordinates.states[i] for i in group],
@@ -399,7 +410,7 @@ def _oscillator(
     name, unit = coordinates.states[i]
     speed = abs(pole)
     if is_mode:  # a mode's amplitude eta is 1
-        order = (2, i)
+        order = (OSCILLATES, i)
         x = vector * coordinates.frequency[i]
         weight = 1.0 / speed
         units = (unit, MODAL[1])

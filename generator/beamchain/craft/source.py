@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from beamchain.caution import Caution
+from beamchain.craft.disturbances import left_out
 from beamchain.craft.embedded import Embedded
 from beamchain.engine.door import check_model
 from beamchain.engine.library import mujoco
@@ -40,6 +41,6 @@ def linear_omissions(model: "mujoco.MjModel") -> list[str]:
     found = (
         (gravity, "gravity", "the plant is one in free fall: the model's gravity is left out."),
         (medium, "medium", "the medium's density and viscosity are left out of the plant."),
-        (model.neq, "equality", f"{model.neq} equality constraint(s) are left out of the plant."),
     )
-    return [Caution(code, text) for there, code, text in found if there]
+    said = [Caution(code, text) for there, code, text in found if there]
+    return [*said, *left_out(model, "the plant")]

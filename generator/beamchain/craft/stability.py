@@ -5,18 +5,20 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from beamchain.caution import Caution, warnings_record
 from beamchain.checks import path_of
 from beamchain.craft.slews import SlewRow, slews
 from beamchain.engine.library import mujoco, one_thread
-from beamchain.engine.linearise import INTEGRATORS, NUMBERS, compile_model
+from beamchain.engine.linearise import NUMBERS, compile_model
 from beamchain.errors import EngineError
 from beamchain.fitting.fit import fit
 from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec, read_spec
-from beamchain.steps.budget import Budget, budget, preload_sentence
+from beamchain.steps.budget import HOST, Budget, budget, preload_sentence
 from beamchain.steps.large_motion import LargeMotion
-from beamchain.steps.measured_limit import measured_limit
+from beamchain.steps.measured_limit import FARTHEST, measured_limit
 
 Say = Callable[[str], None]
 LONGEST = 10.0  # slowest periods: where the search for a limit of "discrete" starts
@@ -97,12 +99,14 @@ def step_rows(model: "mujoco.MjModel", limits: Budget, say: Say = silent) -> lis
     """Predicted and measured limits of a compiled model, one row per integrator;
     `say` is told what is measured."""
     out: list[StepRow] = []
-    for integrator in INTEGRATORS:
+    for integrator, predicted in limits.largest_step.items():
+        if integrator == HOST:
+            continue
         say(f"measuring {limits.name} with {integrator}")
-        predicted = limits.largest_step[integrator]
-        measured = measured_limit(
-            model, integrator, min(predicted, LONGEST / float(limits.frequencies[0]))
-        )
+        guess = min(predicted, LONGEST / float(limits.frequencies[0]))
+        measured = measured_limit(model, integrator, guess)
+        if np.isinf(measured) and predicted > FARTHEST * guess:
+            predicted = measured  # both are beyond any step that is measured
         out.append(StepRow(limits.name, integrator, predicted, measured))
     return out
 

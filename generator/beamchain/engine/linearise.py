@@ -20,7 +20,7 @@ from beamchain.checks import of_type, path_of, positive
 from beamchain.engine.door import check_model
 from beamchain.engine.library import mujoco, one_thread
 from beamchain.errors import EngineError, InputError
-from beamchain.files import no_file, note_input
+from beamchain.files import check_utf8, no_file, note_input
 from beamchain.late import importing
 from beamchain.mjcf.sizes import check_sizes
 from beamchain.ports.model import PortModel
@@ -58,10 +58,11 @@ def compile_model(source: "mujoco.MjModel | str | Path") -> "mujoco.MjModel":
         kind = no_file(path)
         if kind:
             raise InputError(f"model {str(path)!r} {kind}; give the path of an MJCF (.xml) file.")
-    if text:
-        check_sizes(str(source).encode("utf-8"), Path(), what)
-    elif path.suffix.lower() != ".mjb":
-        check_sizes(path.read_bytes(), path.parent, what)
+    is_xml = text or path.suffix.lower() != ".mjb"
+    content = b""
+    if is_xml:
+        content = str(source).encode("utf-8") if text else path.read_bytes()
+        check_sizes(content, path.parent, what)
     try:
         model = (
             mujoco.MjModel.from_xml_string(str(source))
@@ -69,11 +70,22 @@ def compile_model(source: "mujoco.MjModel | str | Path") -> "mujoco.MjModel":
             else mujoco.MjModel.from_xml_path(str(path))
         )
     except ValueError as error:
+        check_utf8(content, what)  # a likelier reason
         raise EngineError(
             f"MuJoCo refuses {'the model' if text else repr(str(path))}: {error}"
         ) from None
+    if is_xml and not _is_utf8(model.names):
+        check_utf8(content, what)
     check_model(model, what)
     return model
+
+
+def _is_utf8(names: bytes) -> bool:
+    try:
+        names.decode("utf-8")
+    except UnicodeDecodeError:
+        return False
+    return True
 
 
 def check_freedoms(model: "mujoco.MjModel") -> None:
@@ -444,6 +456,21 @@ def dense_mass(model: "mujoco.MjModel", data: "mujoco.MjData") -> Array:
         mujoco.mj_mulM(model, data, column, unit)
         out[:, i] = column
     return (out + out.T) / 2.0
+
+
+def integrators_of(model: "mujoco.MjModel") -> tuple[str, ...]:
+    """The integrators of the installed MuJoCo that take a model; "discrete" does not take every
+    flex."""
+    out: list[str] = []
+    for name, number in INTEGRATORS.items():
+        trial = copy(model)
+        trial.opt.integrator = number
+        try:
+            mujoco.mj_forward(trial, mujoco.MjData(trial))
+        except mujoco.FatalError:
+            continue
+        out.append(name)
+    return tuple(out)
 
 
 def implicit_stiffness(model: "mujoco.MjModel", data: "mujoco.MjData", damping: Array) -> Array:

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from beamchain.checks import as_array, finite_array, number, of_type, unknown
+from beamchain.engine.constraints import touching
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import mass_matrix
 from beamchain.errors import InputError
@@ -226,16 +227,11 @@ def check_pose(model: "mujoco.MjModel", qpos: Array, field: str = "at") -> None:
     data = mujoco.MjData(model)
     data.qpos[:] = qpos
     mujoco.mj_forward(model, data)
-    for contact in (data.contact[i] for i in range(data.ncon)):
-        if contact.dist <= 0.0:
-            one, two = (
-                model.geom(int(g)).name or model.body(int(model.geom_bodyid[g])).name
-                for g in contact.geom
-            )
-            raise InputError(
-                f"{field}: {one!r} touches {two!r} in this pose, and a contact has no linear part; "
-                "give another pose, or exclude the pair (<contact><exclude/>)."
-            )
+    for one, two in touching(model, data):
+        raise InputError(
+            f"{field}: {one!r} touches {two!r} in this pose, and a contact has no linear part; "
+            "give another pose, or exclude the pair (<contact><exclude/>)."
+        )
 
 
 def _check_rates(model: "mujoco.MjModel", qpos: Array, qvel: Array) -> None:

@@ -13,7 +13,7 @@ from lxml.etree import _Element as Element
 
 from beamchain.checks import path_of
 from beamchain.errors import InputError
-from beamchain.files import no_file, note_input
+from beamchain.files import check_utf8, no_file, note_input
 from beamchain.mjcf.text import Edit, Node, change_start_tag, edit_bytes, outline
 
 LARGEST_FILE = 50_000_000  # bytes
@@ -46,13 +46,7 @@ def read_bytes(path: Path, what: str = "spacecraft") -> bytes:
 def parse_text(content: bytes, what: str) -> Element:
     """The root of a document, comments and whitespace kept, nothing fetched or expanded."""
     check_text(content, what)
-    try:
-        content.decode("utf-8")
-    except UnicodeDecodeError as error:
-        raise InputError(
-            f"{what} is not UTF-8 (byte {error.start}), the only encoding that MuJoCo reads; "
-            "convert it, for example: iconv -f LATIN1 -t UTF-8 craft.xml > utf8.xml."
-        ) from None
+    check_utf8(content, what)
     parser = etree.XMLParser(
         strip_cdata=False,
         resolve_entities=False,

@@ -225,7 +225,12 @@ def bode_figure(plants: "Sequence[Plant]", labels: Sequence[str] = ()) -> Figure
     pairs: list[tuple[int, int]] = [(i, j) for i, j in np.argwhere(seen).tolist()]
     pairs = sorted(pairs, key=lambda at: -float(plant.gain[:, at[0], at[1]].max(initial=0.0)))[
         :PAIRS
-    ] or [(0, 0)]
+    ]
+    if not pairs:
+        figure, ax = panel(1.2)
+        ax.set_axis_off()
+        ax.text(0.5, 0.5, "no input moves an output", ha="center", va="center")
+        return figure
     looks = pose_looks(labels or ["this pose"] * len(plants))
     figure = Figure(figsize=(WIDTH, 2.6 * len(pairs) + 0.6), layout="constrained")
     for place, (i, j) in enumerate(pairs):

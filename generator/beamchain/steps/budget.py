@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from beamchain.engine import linearise as engine
+from beamchain.engine.constraints import without_constraints
 from beamchain.engine.forces import along_all
 from beamchain.engine.library import mujoco
 from beamchain.errors import EngineError
@@ -65,28 +66,29 @@ class Budget:
 
 
 def linear_model(model: "mujoco.MjModel", data: "mujoco.MjData | None" = None) -> LinearModel:
-    """The linear model behind a MuJoCo model about a state, the initial one where left out."""
+    """The linear model behind a MuJoCo model about a state, the initial one where left out;
+    constraints are left out."""
     nv = model.nv
     if nv and _holds_nothing(model):  # differences would show nothing but their own rounding
         nothing = np.zeros((nv, nv))
         return LinearModel(nothing, nothing, nothing, nothing)
+    model = without_constraints(model)
     linear = engine.linearise(model, data)
     if data is None:
         data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
+    pull = preload_sentence(model, data)  # before differences leave their traces in the data
     own = engine.dense_mass(model, data)
     implicit = not int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
     joints = model.dof_damping * implicit
     spring = linear.stiffness
-    if "discrete" in engine.INTEGRATORS:
+    if "discrete" in engine.integrators_of(model):
         spring = engine.implicit_stiffness(model, data, linear.damping)
     euler = np.asarray(np.linalg.solve(own, np.diag(joints)), dtype=np.float64)
     rows = along_all(model)
     held = rows.T @ (model.tendon_stiffness[:, None] * rows)
     tendons = np.asarray(np.linalg.solve(own, held), dtype=np.float64)
-    return LinearModel(
-        linear.stiffness, linear.damping, euler, spring, tendons, preload_sentence(model, data)
-    )
+    return LinearModel(linear.stiffness, linear.damping, euler, spring, tendons, pull)
 
 
 def preload_sentence(model: "mujoco.MjModel", data: "mujoco.MjData") -> str:
@@ -160,10 +162,11 @@ def budget(
     frequencies = np.abs(wanted)
     ratios = np.clip(-wanted.real / np.abs(wanted), 0.0, None)
     ratios = np.where(ratios < 1e-9, 0.0, ratios)
-    largest = {integrator: limits.largest_step[integrator] for integrator in engine.INTEGRATORS}
-    accuracy = {integrator: limits.accuracy[integrator] for integrator in engine.INTEGRATORS}
+    integrators = engine.integrators_of(model)
+    largest = {integrator: limits.largest_step[integrator] for integrator in integrators}
+    accuracy = {integrator: limits.accuracy[integrator] for integrator in integrators}
     shown: dict[str, Array] = {}
-    for integrator in engine.INTEGRATORS:
+    for integrator in integrators:
         s = linear.shown(integrator, h, wanted)
         seen = np.column_stack([np.abs(s), -s.real / np.abs(s)])
         shown[integrator] = seen if h < largest[integrator] else np.full_like(seen, np.nan)

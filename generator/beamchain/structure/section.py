@@ -126,7 +126,7 @@ class _Section(Struct, frozen=True, kw_only=True):
         return 1.0
 
 
-class _Solid(_Section, frozen=True, kw_only=True):
+class Solid(_Section, frozen=True, kw_only=True):
     """A section that a drawing fixes, so that a material gives its stiffness and mass."""
 
     def geometry(self, end: "_Section", fraction: Array) -> Geometry:
@@ -139,7 +139,7 @@ class _Solid(_Section, frozen=True, kw_only=True):
 
 
 class Round(
-    _Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="shape", tag="round"
+    Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="shape", tag="round"
 ):
     """Solid circle.
 
@@ -174,7 +174,7 @@ class Round(
 
 
 class Tube(
-    _Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="shape", tag="tube"
+    Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="shape", tag="tube"
 ):
     """Hollow circle.
 
@@ -228,7 +228,7 @@ class Tube(
 
 
 class Rectangle(
-    _Solid,
+    Solid,
     frozen=True,
     kw_only=True,
     forbid_unknown_fields=True,
@@ -272,7 +272,7 @@ class Rectangle(
 
 
 class Box(
-    _Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="shape", tag="box"
+    Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="shape", tag="box"
 ):
     """Hollow rectangle; thin-walled in torsion (Bredt).
 
@@ -339,7 +339,7 @@ class Box(
 
 
 class Custom(
-    _Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="shape", tag="custom"
+    Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="shape", tag="custom"
 ):
     """Any section, given by its properties about principal axes through the centroid.
 

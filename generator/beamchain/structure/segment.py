@@ -9,6 +9,7 @@ import numpy as np
 from beamchain.checks import Struct, field, not_negative
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
+from beamchain.structure.profile import Profile
 from beamchain.structure.section import Equivalent, Material, Section
 
 Theory = Literal["euler", "timoshenko"]
@@ -30,8 +31,8 @@ class Stations(NamedTuple):
 
 
 EXAMPLES = {
-    "section": "Round(diameter=0.02), Tube(...), Rectangle(...), Box(...), Custom(...) or "
-    "Equivalent(...)",
+    "section": "Round(diameter=0.02), Tube(...), Rectangle(...), Box(...), Custom(...), "
+    "Equivalent(...) or Profile(...)",
     "material": "Material(youngs_modulus=7e10, density=2700.0)",
 }
 
@@ -48,9 +49,10 @@ class Segment(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """
 
     length: Annotated[float, field("length along x", "m", above=0.0)]
-    section: Annotated[Section, field("section at the root end")]
+    section: Annotated[Section | Profile, field("section at the root end")]
     section_end: Annotated[
-        Section | None, field("section at the tip end, of the same shape, for a linear taper")
+        Section | Profile | None,
+        field("section at the tip end, of the same shape, for a linear taper"),
     ] = None
     material: Annotated[
         Material | None,
@@ -77,7 +79,7 @@ class Segment(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         for name, value, kind in (
-            ("section", self.section, Section),
+            ("section", self.section, Section | Profile),
             ("material", self.material, Material | None),
         ):
             if not isinstance(value, kind):
@@ -85,6 +87,7 @@ class Segment(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
                     f"{name} = {value!r:.60} is a {type(value).__name__}; give one as "
                     f"{EXAMPLES[name]}."
                 )
+        self._compute_profiles()
         if self.section_end is not None and type(self.section_end) is not type(self.section):
             raise InputError(
                 f'section_end has shape "{_shape_name(self.section_end)}" but section has '
@@ -115,13 +118,29 @@ class Segment(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
                 '"timoshenko".'
             )
 
+    def _compute_profiles(self) -> None:
+        """Put the computed section in the place of a profile."""
+        material = self.material
+        for name, section in (("section", self.section), ("section_end", self.section_end)):
+            if not isinstance(section, Profile):
+                continue
+            if bool(section.parts) == (material is not None):
+                raise InputError(
+                    "material is given beside the parts of a profile, which have their own; leave "
+                    "material out."
+                    if section.parts
+                    else "material is missing; add material = { youngs_modulus = 7e10, density = "
+                    "2700.0, poissons_ratio = 0.33 }, or give the profile in parts of their own."
+                )
+            msgspec.structs.force_setattr(self, name, section.section())
+
     @property
     def taper(self) -> float:
         """Largest ratio between a dimension at the two ends, at least 1."""
         return self.section.ratio(self.end)
 
     @property
-    def end(self) -> Section:
+    def end(self) -> Section | Profile:
         """The section at the tip end."""
         return self.section if self.section_end is None else self.section_end
 

@@ -35,7 +35,7 @@ def signal_table(title: str, names: Sequence[str], units: Sequence[str]) -> Tabl
 def mode_table(plant: "Plant", pose: str = "") -> Table:
     """The flexible modes, in a pose, with the pair of signals that each shows most in."""
     pairs = [f"{seen} per {driven}" for seen in plant.output_names for driven in plant.input_names]
-    gains = plant.gain.reshape(len(plant.modes), -1)
+    gains = plant.gain.reshape(len(plant.modes), len(pairs))
     frequencies = plant.frequency.tolist()
     columns = (
         Column("mode", plant.modes, key="name"),

@@ -1,0 +1,199 @@
+"""Spacecraft as others write them: docking pairs, mocap bodies, planar bases, actuators and
+sensors of all kinds, equalities, includes, attached models, replicas, flexes.
+
+The coupled modes of what `embed` writes are those of a composition by hand; what the proof leaves
+out is said; the file comes back byte for byte; inspect, plant, stability and retime do not stumble.
+"""
+
+import mujoco
+import numpy as np
+import pytest
+
+import beamchain as bc
+from command import call
+from composition import (
+    ROD,
+    damping_matrix,
+    frequencies,
+    quiet,
+    stiffness_matrix,
+    with_rods,
+)
+from mechanics import mass_matrix, system_matrix
+from spacecraft import CRAFTS
+
+SAME = 1e-9  # relative: closed forms against MuJoCo's matrices (1e-13 is seen)
+READ = 2e-6  # relative: embed's table, through mjd_transitionFD; a damped net shifts it by 1e-6
+SLOPES = 1e-6  # relative: poles from differences of forces
+
+#: file, places, codes of what is left out
+STRANGERS = {
+    "docking pair, each with a wing": (
+        "docking",
+        ("chaser_wing", "target_wing"),
+        {"equality", "contacts", "other-bases"},
+    ),
+    "a massless frame on a massless frame": (
+        "docking",
+        ("wing_root",),
+        {"equality", "contacts", "other-bases"},
+    ),
+    "planar base, actuators of all kinds": (
+        "planar_arm",
+        ("mount",),
+        {"equality", "gravity", "dry-friction", "held-ports", "unstable-step"},
+    ),
+    "at the end of a servo-driven arm": (
+        "planar_arm",
+        ("tip",),
+        {"equality", "gravity", "dry-friction", "held-ports", "joints-behind"},
+    ),
+    "includes, defaults, an attached gimbal, replicas": (
+        "inspector",
+        ("mount", "wing_end"),
+        {"joints-behind"},
+    ),
+    "a net, and a towed body": (
+        "net",
+        ("mount",),
+        {"equality", "other-bases", "tendon-damping"},
+    ),
+}
+QUICK = ("a massless frame on a massless frame", "at the end of a servo-driven arm")
+
+
+@pytest.fixture
+def rod(tmp_path):
+    (tmp_path / "rod.toml").write_text(ROD)
+    return tmp_path / "rod.toml"
+
+
+@pytest.mark.parametrize(
+    "name",
+    [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in STRANGERS],
+)
+def test_embedded(name, rod, tmp_path):
+    stem, places, codes = STRANGERS[name]
+    craft = CRAFTS / "strangers" / f"{stem}.xml"
+    made = bc.embed(craft, dict.fromkeys(places, rod), retime=False)
+    wanted = frequencies(*with_rods(mujoco.MjModel.from_xml_path(str(craft)), places))
+    written = quiet(mujoco.MjModel.from_xml_path(str(made.write(tmp_path / "flexible.xml")[-1])))
+    got = frequencies(mass_matrix(written), stiffness_matrix(written))
+    # the same modes, and what fills the chain above them
+    assert all(np.abs(got / w - 1.0).min() < SAME for w in wanted)
+    told = [mode.mujoco for mode in made.assembly.modes if mode.kept and mode.mujoco]
+    assert all(np.abs(wanted / w - 1.0).min() < READ for w in told)
+    assert {warning.code for warning in made.warnings} == codes
+    assert all("\n" not in warning for warning in made.warnings)
+    answer = call("embed", tmp_path / "flexible.xml", "--remove", "-o", tmp_path / "back.xml")
+    assert answer.status == 0, answer.err
+    if stem != "inspector":  # its relative paths are seen from another folder
+        assert (tmp_path / "back.xml").read_bytes() == craft.read_bytes()
+
+
+def test_back_beside_its_parts(rod, tmp_path):
+    for path in [*(CRAFTS / "strangers").glob("*.xml"), *(CRAFTS / "strangers/parts").iterdir()]:
+        target = tmp_path / path.relative_to(CRAFTS / "strangers")
+        target.parent.mkdir(exist_ok=True)
+        target.write_bytes(path.read_bytes())
+    made = bc.embed(tmp_path / "inspector.xml", {"wing_end": rod}, retime=False)
+    made.write(tmp_path / "flexible.xml")
+    call("embed", tmp_path / "flexible.xml", "--remove", "-o", tmp_path / "back.xml")
+    assert (tmp_path / "back.xml").read_bytes() == (tmp_path / "inspector.xml").read_bytes()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name",
+    [
+        "docking pair, each with a wing",
+        "planar base, actuators of all kinds",
+        "a net, and a towed body",
+    ],
+)
+def test_no_command_stumbles(name, rod, tmp_path):
+    stem, places, _ = STRANGERS[name]
+    made = bc.embed(CRAFTS / "strangers" / f"{stem}.xml", dict.fromkeys(places, rod), retime=False)
+    file = made.write(tmp_path / "flexible.xml")[-1]
+    base = {"docking": "chaser", "planar_arm": "base"}.get(stem, "bus")
+    driven = [w for i in range(made.model.nu) for w in ("--input", made.model.actuator(i).name)]
+    plant = ("plant", file, "--input", f"torque:{base}", "--output", "attitude")
+    for number, words in enumerate(
+        [
+            ("inspect", file),
+            (*plant, "-o", tmp_path / "one.npz"),
+            ("plant", file, *driven[:4], *plant[4:], "-o", tmp_path / "two.npz"),
+            ("stability", file, "-o", tmp_path / "stability"),
+            ("retime", file, "--timestep", "0.001", "-o", tmp_path / "timed.xml"),
+        ]
+    ):
+        answer = call(*words)
+        assert answer.status in (0, 2, 3), (number, answer.err)
+        assert answer.status != 2 or answer.err.startswith("beamchain: "), answer.err
+        assert "Traceback" not in answer.err
+
+
+def test_modes_of_a_plant_beside_joints_that_only_decay(rod):
+    """A rod at the end of an arm of damped joints: every mode's frequency is the size of a pole."""
+    made = bc.embed(CRAFTS / "strangers" / "planar_arm.xml", {"tip": rod}, retime=False)
+    plant = bc.plant(made, inputs=["torque:base"], outputs=["attitude"])
+    model = quiet(made.model)
+    matrices = mass_matrix(model), damping_matrix(model), stiffness_matrix(model)
+    poles = np.linalg.eigvals(system_matrix(*matrices))
+    ringing = np.abs(poles[poles.imag > 1e-3])
+    assert plant.frequency.size >= 3
+    assert all(np.abs(ringing / w - 1.0).min() < SLOPES for w in plant.frequency)
+
+
+PUSHED = """<mujoco><compiler angle="radian"/><option gravity="0 0 0" integrator="implicitfast"/>
+<worldbody><body name="bus"><freejoint/>
+<inertial pos="0 0 0" mass="50" diaginertia="9 9 9"/><site name="mount" pos="0.5 0 0"/>
+<body name="yoke" pos="0 0.5 0">
+<joint name="drive" axis="0 0 1" range="{range}" limited="{limited}"/>
+<inertial pos="0.4 0 0" mass="4" diaginertia="1 1 1"/></body></body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("limits", "codes"),
+    [pytest.param("0 2", set(), marks=pytest.mark.slow), ("1 2", {"limits"})],
+)
+def test_a_limit_at_or_beside_the_rest_pose_makes_no_modes(limits, codes, rod, tmp_path):
+    """Half a limit's spring stood in the slopes before, as a mode of its own."""
+    free = bc.embed(PUSHED.format(range=limits, limited="false"), {"mount": rod}, retime=False)
+    held = bc.embed(PUSHED.format(range=limits, limited="true"), {"mount": rod}, retime=False)
+    assert {warning.code for warning in held.warnings} == codes
+    records = []
+    for made, name in ((free, "free.xml"), (held, "held.xml")):
+        made.write(tmp_path / name)
+        records.append(call("inspect", tmp_path / name, "--json").record)
+    assert {each["code"] for each in records[1]["warning_codes"]} == codes
+    both = [[mode["frequency"] for mode in record["modes"]] for record in records]
+    np.testing.assert_allclose(both[1], both[0], rtol=1e-9)
+
+
+def test_a_plant_that_excites_no_mode_has_its_page(rod, tmp_path):
+    """Thrust along the axis of a rod on the centre of mass."""
+    craft = (
+        '<mujoco><worldbody><body name="bus"><freejoint/><inertial pos="0 0 0" mass="5" '
+        'diaginertia="1 1 1"/><site name="mid"/></body></worldbody><actuator><motor name="jet" '
+        'site="mid" gear="1 0 0 0 0 0"/></actuator></mujoco>'
+    )
+    file = bc.embed(craft, {"mid": rod}, retime=False).write(tmp_path / "flexible.xml")[-1]
+    answer = call("plant", file, "--input", "jet", "--output", "rate", "-o", tmp_path / "p.npz")
+    assert answer.status == 0, answer.err
+    assert (tmp_path / "p_report.html").exists() or "report" in answer.out
+
+
+@pytest.mark.parametrize("command", ["inspect", "plant", "render", "stability"])
+@pytest.mark.parametrize("encoding", ["ISO-8859-1", "UTF-16"])
+def test_names_in_another_encoding_are_refused_with_their_cure(command, encoding, tmp_path):
+    text = f'<?xml version="1.0" encoding="{encoding}"?>' + PUSHED.format(
+        range="0 1", limited="auto"
+    )
+    (tmp_path / "craft.xml").write_bytes(text.replace("yoke", "trägt").encode(encoding))
+    more = ("--input", "torque:bus", "--output", "attitude") if command == "plant" else ()
+    out = () if command == "inspect" else ("-o", tmp_path / ("p.npz" if more else "out"))
+    answer = call(command, tmp_path / "craft.xml", *more, *out)
+    assert answer.status == 2
+    assert "is not UTF-8" in answer.err
+    assert "iconv" in answer.err
