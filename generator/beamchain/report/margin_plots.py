@@ -163,7 +163,8 @@ def nichols_figure(several: "Sequence[Margins]") -> Figure:
     loops = several[0].loops
     figure = Figure(figsize=(WIDTH, 3.9 * len(loops) + 0.4), layout="constrained")
     axes = figure.subplots(len(loops), 1, squeeze=False)[:, 0]
-    circle = -1.0 + DISTANCE * np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 200))
+    turn = np.linspace(0.0, 2.0 * np.pi, 200)
+    circle = (-1.0 + DISTANCE * np.exp(1j * turn)).astype(np.complex128)
     around = _phase(circle)
     for number, (ax, loop) in enumerate(zip(axes, loops, strict=True)):
         for each, look in zip(several, pose_looks(_labels(several)), strict=True):

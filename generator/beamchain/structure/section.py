@@ -133,7 +133,7 @@ class Solid(_Section, frozen=True, kw_only=True):
         """Section properties at `fraction` `(k,)` of the way to `end`."""
         raise NotImplementedError
 
-    def outline(self, end: "_Section", fraction: Array) -> Outline:
+    def half_widths(self, end: "_Section", fraction: Array) -> Outline:
         """The outermost fibres at `fraction` `(k,)` of the way to `end`."""
         raise NotImplementedError
 
@@ -162,7 +162,7 @@ class Round(
             polar_moment=2.0 * i,
         )
 
-    def outline(self, end: _Section, fraction: Array) -> Outline:
+    def half_widths(self, end: _Section, fraction: Array) -> Outline:
         radius = self.at(end, fraction)["diameter"] / 2.0
         return Outline(radius, radius, is_round=True)
 
@@ -211,7 +211,7 @@ class Tube(
             polar_moment=2.0 * i,
         )
 
-    def outline(self, end: _Section, fraction: Array) -> Outline:
+    def half_widths(self, end: _Section, fraction: Array) -> Outline:
         radius = self.at(end, fraction)["outer_diameter"] / 2.0
         return Outline(radius, radius, is_round=True)
 
@@ -260,7 +260,7 @@ class Rectangle(
             polar_moment=iz + iy,
         )
 
-    def outline(self, end: _Section, fraction: Array) -> Outline:
+    def half_widths(self, end: _Section, fraction: Array) -> Outline:
         dims = self.at(end, fraction)
         return Outline(dims["width_y"] / 2.0, dims["width_z"] / 2.0, is_round=False)
 
@@ -317,7 +317,7 @@ class Box(
             polar_moment=iz + iy,
         )
 
-    def outline(self, end: _Section, fraction: Array) -> Outline:
+    def half_widths(self, end: _Section, fraction: Array) -> Outline:
         dims = self.at(end, fraction)
         return Outline(dims["width_y"] / 2.0, dims["width_z"] / 2.0, is_round=False)
 
@@ -386,7 +386,7 @@ class Custom(
             polar_moment=dims["polar_moment"],
         )
 
-    def outline(self, end: _Section, fraction: Array) -> Outline:
+    def half_widths(self, end: _Section, fraction: Array) -> Outline:
         unknown = np.full_like(fraction, np.nan)
         return Outline(unknown, unknown, is_round=False)
 

@@ -72,7 +72,7 @@ def sections_at(beam: Beam, stations: Array) -> Sections:
             continue
         fraction = np.clip(np.array([(x - starts[index]) / segment.length]), 0.0, 1.0)
         geometry = segment.section.geometry(segment.end, fraction)
-        outline = segment.section.outline(segment.end, fraction)
+        outline = segment.section.half_widths(segment.end, fraction)
         values[:3, i] = [
             float(geometry.area[0]),
             float(geometry.second_moment_z[0]),
