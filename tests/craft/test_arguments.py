@@ -82,7 +82,7 @@ def made(spec):
         ),
         (
             lambda: bc.plant(CRAFT, ["torque:bus"], at=[[1, 2], [3]]),
-            r"at = \[\[1, 2\], \[3\]\] is a list; qpos with shape",
+            r"at\[0\] has the shape \(2,\); give qpos with shape",
         ),
         (lambda: bc.plant(5), "model = 5 is a int; give"),
         (lambda: bc.linearise(CRAFT, data="now"), "data = 'now' is a str; give a mujoco.MjData"),

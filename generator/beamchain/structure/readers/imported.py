@@ -18,6 +18,7 @@ from beamchain.structure.readers.superelement import InterfaceGrid
 
 Triple = tuple[float, float, float]
 MOST_MODES = 200
+CENTRED = 1e-9  # of the radius of gyration: a mass centre on the root, but for rounding
 
 
 class Units(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -167,7 +168,9 @@ def check_outwards(data: ModalData, axes: Array | None = None) -> None:
         [cross[2, 1] - cross[1, 2], cross[0, 2] - cross[2, 0], cross[1, 0] - cross[0, 1]]
     )
     centre /= 2.0
-    if centre[0] > 0.0:
+    gyration = float(np.sqrt(np.trace(data.rigid_mass[3:, 3:]) / mass))
+    # a body that is centred on its root has no outward side
+    if centre[0] > 0.0 or np.linalg.norm(centre) <= CENTRED * gyration:
         return
     where = ", ".join(f"{axis} = {x:.6g}" for axis, x in zip("xyz", centre, strict=True))
     turned = proposed_axes(centre) @ (np.eye(3) if axes is None else axes)
