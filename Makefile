@@ -1,7 +1,7 @@
 # make demo        fit the example boom into build/demo
 # make test        lint, types and the quick tests (about 4 minutes on 2 cores)
 # make test-full   wheel in an empty environment, notebooks, the long tests (under 50 minutes)
-# make hosts       the exported file in other simulators, each in an environment of its own; HOSTS="mjx warp" for more
+# make hosts       the exported file in other simulators, each in an environment of its own; HOSTS="mjx warp newton" for more
 # make bench       print the timings that README and CHANGELOG quote
 # make bench-peers  the README's study beside Exudyn and Basilisk, an arm of two links beside Exudyn, a cantilever beside MuJoCo's own means, in an environment of its own under build/peers
 # make fuzz        EXAMPLES hostile specifications, every reader with as many spoilt files, random craft, all from another seed every day, then coverage-guided where atheris installs
