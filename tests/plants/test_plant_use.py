@@ -401,3 +401,42 @@ def test_signals_of_an_appendage_have_no_exact_plant():
         bc.InputError, match="the exact plant has the bare spacecraft's signals only"
     ):
         _ = plant.exact
+
+
+@pytest.mark.parametrize("kind", ["magnetometer", "framexaxis", "framepos", "velocimeter"])
+def test_an_output_that_sees_few_directions_alone_is_what_it_is_beside_others(tmp_path, kind):
+    """Directions that no output sees are left out of the states; what is seen stays."""
+    sensor = f'<{kind} name="seen" objtype="site" objname="imu"/>'
+    if kind in ("magnetometer", "velocimeter"):
+        sensor = f'<{kind} name="seen" site="imu"/>'
+    (tmp_path / "craft.xml").write_text(
+        '<mujoco><option gravity="0 0 0" magnetic="0.3 -0.5 0.8"/><worldbody><body name="bus">'
+        '<freejoint/><inertial pos="0 0 0" mass="300" diaginertia="100 120 150"/>'
+        '<site name="mount" pos="0.6 0 0"/><site name="imu" pos="0.2 -0.3 0.4" euler="20 30 40"/>'
+        f"</body></worldbody><sensor>{sensor}</sensor></mujoco>"
+    )
+    boom = beam_of_two_planes()
+    flexible = bc.embed(tmp_path / "craft.xml", {"mount": boom})
+    inputs = ["torque:bus", "force:bus"]
+    s = 1j * np.array([0.05, 0.4, 1.7])
+    alone = bc.plant(flexible, inputs, ["seen"])(s, squeeze=False)
+    beside = bc.plant(flexible, inputs, ["seen", "attitude", "rate", "motion:imu"])(
+        s, squeeze=False
+    )
+    size = np.abs(beside[:3]).max(axis=(0, 1))
+    assert np.max(np.abs(alone - beside[:3]) / size) < 1e-9
+
+
+def beam_of_two_planes():
+    section = bc.Equivalent(
+        bending_stiffness_xy=2e3,
+        bending_stiffness_xz=3e3,
+        torsion_stiffness=500.0,
+        linear_mass=4.0,
+        polar_inertia=0.2,
+    )
+    return bc.Spec(
+        name="boom",
+        segment=(bc.Segment(length=6.0, section=section),),
+        modes=bc.Modes(xy=2, xz=1, torsion=1),
+    )

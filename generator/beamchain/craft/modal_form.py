@@ -144,7 +144,8 @@ class ModalForm:
         seen, among = _range(
             np.vstack([_level(self.c[:, part] @ driven * w[pick]) for part in parts]).T, self.limit
         )
-        onto = seen.T * w[pick] / w[pick][among][:, None]
+        # Z = C driven diag(w) = Z[:, among] seen^T, so that x' = diag(w[among]) seen^T diag(1/w) x
+        onto = w[pick][among][:, None] * seen.T / w[pick]
         keep = [pick[i] for i in among]
         states = [2 * i + k for i in keep for k in (0, 1)] + list(range(chain, len(self.names)))
         out = self.picked(states, (len(keep), len(keep)))
