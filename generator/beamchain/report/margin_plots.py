@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 GROWING = "#b3261e"
 LOW, HIGH = -60.0, 60.0  # dB that are drawn
 DISTANCE = 0.5  # |1 + L| on the closed line about the critical point: |S| = 6 dB
+TITLE = 8.0  # dB below a title, where it leaves no room for a number
 NAMED = 7  # frequencies that a Nichols curve is marked with
 # degrees between which a phase is drawn: that of a loop with lead is positive at modes
 LEAST_PHASE, MOST_PHASE = -270.0, 90.0
@@ -113,20 +114,22 @@ def open_loop_figure(several: "Sequence[Margins]") -> Figure:
 
 
 def _mark_gain(ax: "Axes", several: "Sequence[Margins]", number: int) -> None:
-    """Gain margins as lines from the curve to 0 dB, the least with its figure."""
-    loops = [each.loops[number] for each in several if np.isfinite(each.loops[number].gain)]
-    for loop in loops:
-        margin = 20.0 * np.log10(loop.gain)
-        ax.plot([loop.gain_frequency] * 2, [-margin, 0.0], color=BEAM, linewidth=0.9, marker="_")
-    if loops:
-        least = min(loops, key=lambda loop: loop.gain)
-        margin = 20.0 * np.log10(least.gain)
-        _say(
-            ax,
-            f"{margin:.1f} dB at {least.gain_frequency:.3g} rad/s",
-            least.gain_frequency,
-            -margin,
-        )
+    """Gain margins up and down as lines from the curve to 0 dB, the least of each with its
+    figure."""
+    loops = [each.loops[number] for each in several]
+    margins = [
+        *((loop.gain_db, loop.gain_frequency) for loop in loops),
+        *((loop.lowest_gain_db, loop.lowest_gain_frequency) for loop in loops),
+    ]
+    drawn = [(margin, omega) for margin, omega in margins if np.isfinite(margin) and omega > 0.0]
+    for margin, omega in drawn:
+        ax.plot([omega] * 2, [-margin, 0.0], color=BEAM, linewidth=0.9, marker="_")
+    for side in (1.0, -1.0):
+        of_side = [pair for pair in drawn if side * pair[0] > 0.0]
+        if not of_side:
+            continue
+        margin, omega = min(of_side, key=lambda pair: abs(pair[0]))
+        _say(ax, f"{margin:.1f} dB at {omega:.3g} rad/s", omega, -margin)
 
 
 def _mark_phase(ax: "Axes", several: "Sequence[Margins]", number: int) -> None:
@@ -186,7 +189,7 @@ def _mark_frequencies(ax: "Axes", loop: "LoopMargins") -> None:
     """Points on a Nichols curve with their frequencies [rad/s]: evenly spread on a logarithmic
     scale, and where margins are."""
     gain = _decibels(loop.response)
-    seen = loop.omega[(gain > LOW) & (gain < HIGH)]
+    seen = loop.omega[(gain > LOW) & (gain < HIGH - TITLE)]
     if not seen.size:
         return
     spread = np.geomspace(seen[0], seen[-1], NAMED)
@@ -258,8 +261,12 @@ def closed_poles_figure(several: "Sequence[Margins]") -> Figure:
     ax.set_yscale("symlog", linthresh=max(float(sizes[sizes > 0.0].min(initial=top)), 1e-6 * top))
     right = top if any(each.instabilities for each in several) else least
     ax.set(xlim=(-2.0 * top, right), ylim=(0.0, 2.0 * top))
-    for axis in (ax.xaxis, ax.yaxis):
-        axis.set_major_formatter(_signed)
+    smallest = {ax.xaxis: least, ax.yaxis: 0.0}
+    for axis, size in smallest.items():
+        # beside zero there is room for zero alone
+        axis.set_major_formatter(
+            lambda value, _, size=size: "" if 0.0 < abs(value) < 3.0 * size else _signed(value)
+        )
     ax.set(xlabel="real part, 1/s", ylabel="imaginary part, rad/s")
     pose_legend(figure, _labels(several))
     return figure

@@ -52,6 +52,7 @@ def plant_report(
         verdict=_verdict(plants[0], of_loops, worst),
         inputs=tables.signal_table("Inputs", plants[0].input_names, plants[0].input_units),
         outputs=tables.signal_table("Outputs", plants[0].output_names, plants[0].output_units),
+        allocations=tables.allocation_tables(plants[0]),
         modes=tables.mode_table(plants[0], labels[0] if labels else ""),
         poses=tables.pose_table(plants, labels) if labels else None,
         gains=tables.gain_table(plants[0]),
@@ -72,7 +73,10 @@ def _verdict(plant: Plant, of_loops: Sequence[Margins], of_samples: Sequence[Wor
         return Verdict(True, f"{size}; no controller was given.")
     if unstable := [margins for margins in of_loops if not margins.stable]:
         why = " ".join(one.sentence for one in unstable[0].instabilities)
-        where = f" at {unstable[0].pose}" if unstable[0].pose else ""
+        named = "; ".join(margins.pose for margins in unstable if margins.pose)
+        where = f" at {named}" if named else ""
+        if len(unstable) > 1 and why:
+            why = f"At {unstable[0].pose}: {why}"
         return Verdict(False, f"{size}; the closed loop{where} is unstable. {why}".strip())
     if not all(one.stable for one in of_samples):
         return Verdict(
@@ -82,8 +86,11 @@ def _verdict(plant: Plant, of_loops: Sequence[Margins], of_samples: Sequence[Wor
     every = [(margins.pose, loop) for margins in of_loops for loop in margins.loops]
     pose, worst = min(every, key=lambda at: at[1].disk)
     where = f"{pose}, {worst.name}" if pose else worst.name
+    at_once = min(of_loops, key=lambda margins: margins.all_at_once.value)
+    of_all = f"{at_once.all_at_once.value:.3g} of all loops at once"
+    of_all += f" ({at_once.pose})" if at_once.pose else ""
     return Verdict(
         True,
         f"{size}; every closed loop is stable, least disk margin {worst.disk:.3g} "
-        f"({where}) at {worst.disk_frequency:.4g} rad/s.",
+        f"({where}) at {worst.disk_frequency:.4g} rad/s, {of_all}.",
     )

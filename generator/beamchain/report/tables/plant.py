@@ -4,6 +4,8 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from beamchain.report.formats import digits, number
 from beamchain.report.table import Column, Place, Table
 
@@ -48,6 +50,24 @@ def mode_table(plant: "Plant", pose: str = "") -> Table:
     return Table(f"Flexible modes{f', {pose}' if pose else ''}", columns)
 
 
+def allocation_tables(plant: "Plant") -> list[Table]:
+    """The command of every actuator for a torque about every axis, and what gives no torque."""
+    tables: list[Table] = []
+    for name, allocated in plant.allocations.items():
+        commands = np.asarray(allocated.commands)
+        labels = [label for label in plant.input_names if label.startswith(f"{name}_")]
+        columns = [Column("actuator", list(allocated.actuators))]
+        for axis, label in enumerate(labels[: commands.shape[1]]):
+            values = commands[:, axis].tolist()
+            columns.append(Column(label, values, "per N m", digits(4)))
+        notes = [
+            "without torque: " + ", ".join(f"{which} {share:+.3g}" for which, share in null.items())
+            for null in allocated.without_torque
+        ]
+        tables.append(Table(f"Commands of {name}", tuple(columns), tuple(notes)))
+    return tables
+
+
 def pose_table(plants: "Sequence[Plant]", labels: Sequence[str]) -> Table:
     """Frequencies of the modes in every pose."""
     columns = [Column("mode", plants[0].modes)]
@@ -81,7 +101,7 @@ def margin_text(value: float) -> str:
 def margin_at_text(pair: tuple[float, float]) -> str:
     """A margin and the frequency at which it is."""
     value, frequency = pair
-    at = f" ({frequency:.4g})" if math.isfinite(value) and math.isfinite(frequency) else ""
+    at = f" ({frequency:.3g})" if math.isfinite(value) and math.isfinite(frequency) else ""
     return f"{margin_text(value)}{at}"
 
 
@@ -106,11 +126,11 @@ def margin_table(several: "Sequence[Margins]") -> Table:
         Column("input broken", names),
         Column("closed loop", [_state(loop) for _, loop in loops]),
         figures("gain", "dB (at rad/s)", "gain_db"),
-        figures("gain down to", "dB (at rad/s)", "lowest_gain_db", "page"),
+        figures("gain down to", "dB (at rad/s)", "lowest_gain_db"),
         figures("phase", "degrees (at rad/s)", "phase"),
         Column("delay", [loop.delay for _, loop in loops], "s", margin_text),
-        figures("modulus (at rad/s)", "", "modulus", "page"),
         figures("disk (at rad/s)", "", "disk"),
+        figures("modulus (at rad/s)", "", "modulus", "page"),
     )
     return Table("Margins, the other loops closed", columns, tuple(notes))
 
