@@ -176,6 +176,7 @@ def found_error(text, file, specs, exact=None):
     return worst
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "number",
     [*range(QUICK), *(pytest.param(n, marks=pytest.mark.slow) for n in range(QUICK, CRAFTS))],
@@ -241,6 +242,7 @@ def test_exit_status_and_json_say_whether_the_promise_is_kept(tmp_path):
     assert len(record["appendages"][0]["ports"]["xy"]["frequencies"]) == 1  # typed: never changed
 
 
+@pytest.mark.slow
 def test_everything_shown_is_of_the_band_and_the_axes_asked_for(tmp_path):
     spec = boom(scene={"bandwidth": 10.0, "tolerance": 1e-3, "axes": ["y", "z"]})
     (tmp_path / "boom.toml").write_text(toml(spec))

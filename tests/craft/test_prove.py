@@ -176,6 +176,7 @@ def written_once(tmp_path_factory):
     return file, file.read_text()
 
 
+@pytest.mark.slow
 def test_the_command_prints_the_proof_and_exits_with_3_where_it_is_missed(written_once):
     file, text = written_once
     file.write_text(text)

@@ -79,6 +79,7 @@ def test_the_promise_of_an_arm_is_what_finite_elements_find(tmp_path, hand, hing
         assert stated == pytest.approx(found, rel=AGREE, abs=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "hand", [pytest.param(0.001, marks=SLOW), 10.0, pytest.param(1000.0, marks=SLOW)]
 )
@@ -247,6 +248,7 @@ def test_what_cannot_be_carried_is_refused_in_a_sentence(tmp_path, carry, senten
     assert "\n" not in str(refused.value)
 
 
+@pytest.mark.slow
 def test_the_command_line_carries_too_and_refuses_without_writing(tmp_path):
     craft, at = written(tmp_path, arm())
     for spec in at.values():

@@ -95,6 +95,7 @@ def test_poles_of_draws_stay_near_exact_motion(arm):
         assert ours < NEAR
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "integrator", ["Euler", pytest.param("implicitfast", marks=pytest.mark.slow)]
 )

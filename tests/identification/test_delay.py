@@ -87,6 +87,7 @@ def test_a_punctual_torque_is_said_to_be_punctual(prior):
         assert ("zero within" in found.timing) == found.punctual
 
 
+@pytest.mark.slow
 def test_a_log_that_begins_in_motion_may_be_five_samples_late():
     found = bc.identify(late(10, first=130), HUB.xml, "mount")
     check(found, 5.0 * STEP)
@@ -143,6 +144,7 @@ def test_a_frequency_response_with_a_delay():
     assert judge(found, TWO, [2], [0, 1]).verdict == "right"
 
 
+@pytest.mark.slow
 def test_the_command_and_the_record_state_the_delay(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "craft.xml").write_text(HUB.xml)

@@ -69,6 +69,7 @@ def test_without_noise_two_modes_are_found_exactly(prior, tmp_path):
     assert relative(seen(HUB, record_)[0][2, 2], HUB.inertia[2, 2] + TWO.rigid[5, 5]) < EXACT
 
 
+@pytest.mark.slow
 def test_without_noise_three_axes_of_turned_wings_are_found_exactly():
     hub = Hub(axes=TURNED)
     four = PAIR.kept(4)

@@ -692,7 +692,7 @@ def test_the_record_holds_the_figures(plant):
     assert record["loops"][0]["lowest_gain_db"] is None
     assert record["instabilities"] == []
     head, row = found.table.head, found.table.rows[0]
-    gain = f"{found.loops[0].gain_db:.4g} ({found.loops[0].gain_frequency:.3g})"
+    gain = f"{found.loops[0].gain_db:.3g} ({found.loops[0].gain_frequency:.3g})"
     assert row[head.index("gain, dB (at rad/s)")] == gain
     assert "peak of S (at rad/s)" in found._repr_html_()
 

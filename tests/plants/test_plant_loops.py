@@ -309,6 +309,7 @@ def test_wrong_calls_write_nothing(more, words, place, capsys, monkeypatch):
     assert sorted(place.iterdir()) == before
 
 
+@pytest.mark.slow
 def test_angles_give_a_plant_each(place, capsys, monkeypatch):
     turning = (
         CRAFT.replace(

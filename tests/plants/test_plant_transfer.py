@@ -76,6 +76,7 @@ def test_the_plant_is_the_craft_with_its_kept_modes(name, degrees):
     assert found < KEPT
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "degrees"), WHOLE)
 def test_the_exact_plant_is_the_craft_in_finite_elements(name, degrees):
     craft = CRAFTS[name]

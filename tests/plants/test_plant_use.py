@@ -244,6 +244,7 @@ def test_a_lag_of_an_actuator_is_a_state():
     assert error(slow(S, squeeze=False), plain(S, squeeze=False) / (0.5 * S + 1.0)) < AGREE
 
 
+@pytest.mark.slow
 # -- over angles -----------------------------------------------------------------------------------
 def test_a_plant_per_angle_keeps_its_states_and_modes():
     angles = np.radians([0.0, 30.0, 60.0, 90.0])

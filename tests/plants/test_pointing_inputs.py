@@ -239,6 +239,7 @@ def test_nothing_and_twice_the_same():
         budget["rw"]
 
 
+@pytest.mark.slow
 def test_a_deviation_vanishes_with_the_window_and_is_the_error_itself_in_an_endless_one(files):
     short, shorter, endless = (
         bc.pointing(files / "craft.xml", files / "jitter.toml", window=window)

@@ -49,6 +49,7 @@ def turned(model, angle):
     return qpos
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("timestep", "hand"),
     [(0.01, 20.0), *(pytest.param(h, m, marks=SLOW) for h in (0.01, 0.02) for m in (0.01, 100.0))],
@@ -259,6 +260,7 @@ def test_timing_and_latching_of_a_joint_do_not_meet(latched_first):
     assert np.array_equal(model.dof_armature, before)
 
 
+@pytest.mark.slow
 def test_discrete_leaves_an_arm_alone(tmp_path):
     if "discrete" not in INTEGRATORS:
         pytest.skip("this MuJoCo has no `discrete` integrator")

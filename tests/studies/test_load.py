@@ -21,6 +21,7 @@ LINEAR = 1e-5  # of the largest elastic part: what docs/study.md states
 SQUARE = 0.05
 
 
+@pytest.mark.slow
 def test_the_default_load_is_linear():
     found = bc.study(SEED, **QUICK)
     assert found.as_dict()["reference"]["kind"] == "linear"

@@ -383,6 +383,7 @@ def test_front_keeps_only_what_nothing_beats():
     assert [p.seconds for _, p in front.front(both, "error")] == [1.0, 2.0, 4.0]
 
 
+@pytest.mark.slow
 # -- the whole -------------------------------------------------------------------------------------
 def test_command(tmp_path):
     out = tmp_path / "study"

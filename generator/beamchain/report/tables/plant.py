@@ -91,18 +91,18 @@ def gain_table(plant: "Plant") -> Table:
     return Table("Modal gains", tuple(columns))
 
 
-def margin_text(value: float) -> str:
+def margin_text(value: float, count: int = 4) -> str:
     """A margin; infinity is no limit, and an unstable loop has none."""
     if math.isinf(value):
         return "no limit"
-    return "-" if math.isnan(value) else f"{value:.4g}"
+    return "-" if math.isnan(value) else f"{value:.{count}g}"
 
 
 def margin_at_text(pair: tuple[float, float]) -> str:
     """A margin and the frequency at which it is."""
     value, frequency = pair
     at = f" ({frequency:.3g})" if math.isfinite(value) and math.isfinite(frequency) else ""
-    return f"{margin_text(value)}{at}"
+    return f"{margin_text(value, 3)}{at}"
 
 
 def margin_table(several: "Sequence[Margins]") -> Table:
