@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from beamchain.plants.uncertain_plant import WorstCase
 
 APART = 0.035  # of the height of a panel, between the names of modes
+DECADE = 10.0  # ratio of speeds, from which their axis is logarithmic
 PAIRS = 4  # of inputs and outputs that a Bode plot shows
 
 
@@ -143,6 +144,10 @@ def plot_pointing(pointing: "Pointing", ax: "Axes | None" = None) -> "Axes":
             ax.plot(curve.speed[top], peaks[top], "o", color=line.get_color(), markersize=4)
     units = ", ".join(dict.fromkeys(pointing.units))
     ax.set(yscale="log", xlabel="speed of the wheel, rad/s", ylabel=f"APE peak, {units}")
+    low, high = ax.dataLim.intervalx
+    if low > 0.0 and high > DECADE * low:
+        ax.set_xscale("log")
+        log_axis(ax.xaxis, (float(low), float(high)), plain)
     ax.legend(loc="best")
     return ax
 
