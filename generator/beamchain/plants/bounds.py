@@ -338,7 +338,8 @@ class Bounder:
         deltas += [Delta(1, real=False)] * int(known.sum())
         channels = sum(delta.repetitions for delta in deltas)
         system = _without_unknown(in_box(loop, centre, half), len(loop.blocks), known)
-        system = balanced(system, np.array([*omega, *ends]), sampled)
+        unknown = int((~known).sum())
+        system = balanced(system, np.array([*omega, *ends]), sampled, unknown)
         all_channels = system.d.shape[0] - 1
         asked = [*range(channels), all_channels]
         box = Box(centre, half, np.inf, np.inf, self._doubtful(system, np.array(omega)), centre)

@@ -126,13 +126,27 @@ def _transposed(n: NDArray[Any]) -> Complex:
     return np.asarray(np.conj(np.swapaxes(n, -1, -2)), dtype=np.complex128)
 
 
-def balanced(system: ComplexSystem, omega: Array, gain: float) -> ComplexSystem:
+def balanced(
+    system: ComplexSystem, omega: Array, gain: float, unknown: int = 0
+) -> ComplexSystem:
     """The same with e in units of `gain` times d, and channels scaled so that at the frequencies
-    each is driven as much by d as it drives e."""
+    each is driven as much by d as it drives e.
+
+    The last `unknown` channels, for which multipliers are not looked for, are scaled so that each
+    is driven as much by all others as it drives them: one that d or e does not concern, such as the
+    dead time of another axis, may yet reach the deltas.
+    """
     n = np.abs(system.at(omega)).max(axis=0)
+    n[-1] /= gain
     driven = n[:-1, -1] + 1e-12 * n[:-1].max(initial=1e-300)
-    drives = n[-1, :-1] / gain + 1e-12 * n[:, :-1].max(initial=1e-300)
+    drives = n[-1, :-1] + 1e-12 * n[:, :-1].max(initial=1e-300)
     scale = np.append(np.sqrt(drives / driven), 1.0)
+    last = range(scale.size - 1 - unknown, scale.size - 1)
+    others = np.delete(np.arange(scale.size), list(last))
+    for channel in last:
+        driven_by = float((n[channel, others] / scale[others]).max(initial=1e-300))
+        driving = float((n[others, channel] * scale[others]).max(initial=1e-300))
+        scale[channel] = np.sqrt(driving / driven_by)
     after = scale.copy()
     after[-1] = 1.0 / gain
     a, b, c, d = system
