@@ -104,8 +104,9 @@ class Program(NamedTuple):
     Args:
         multipliers: D and G.
         g: the least that is common to all its frequencies.
-        likely, unsure: `(deltas,)` mean and variance of every delta in the program's worst case;
-            the variance is zero where it is one number, as it is in a plant.
+        likely: `(deltas,)` mean of every delta in the program's worst case.
+        unsure: `(deltas,)` what the program allows by not taking a delta for one number, as it is
+            in a plant: its variance in the worst case, in units of g.
     """
 
     multipliers: Multipliers
@@ -126,9 +127,7 @@ def _transposed(n: NDArray[Any]) -> Complex:
     return np.asarray(np.conj(np.swapaxes(n, -1, -2)), dtype=np.complex128)
 
 
-def balanced(
-    system: ComplexSystem, omega: Array, gain: float, unknown: int = 0
-) -> ComplexSystem:
+def balanced(system: ComplexSystem, omega: Array, gain: float, unknown: int = 0) -> ComplexSystem:
     """The same with e in units of `gain` times d, and channels scaled so that at the frequencies
     each is driven as much by d as it drives e.
 
@@ -267,11 +266,12 @@ def solve_program(n: Complex, deltas: Sequence[Delta]) -> Program | None:
     if x.value is None or not np.all(np.isfinite(x.value)):
         return None
     worst = [_complex(np.asarray(condition.dual_value)) for condition in conditions]
-    likely, unsure = np.transpose([_moments(block, n, worst) for block, _ in blocks])
     split = of_d.shape[0]
     found = Multipliers(
         np.tensordot(x.value[:split], of_d, 1), np.tensordot(x.value[split:-1], of_g, 1)
     )
+    moments = [_moments(block, n, worst, found.d[block, block]) for block, _ in blocks]
+    likely, unsure = np.transpose(moments)
     return Program(found, float(x.value[-1]), likely, unsure)
 
 
@@ -321,16 +321,22 @@ def _complex(matrix: Array) -> Complex:
     return a + d + 1j * (c - b)
 
 
-def _moments(block: slice, n: Complex, worst: Sequence[Complex]) -> tuple[float, float]:
-    """Mean and variance of a delta in the worst case of a program: with W = E[x x^H], x = [w, d],
-    `E[delta^2]` is `tr E[w w^H] / tr E[z z^H]` and `E[delta]` is `tr E[w z^H] / tr E[z z^H]`."""
-    zz = ww = wz = 0.0
+def _moments(block: slice, n: Complex, worst: Sequence[Complex], d: Complex) -> tuple[float, float]:
+    """Mean of a delta in the worst case of a program, and its variance in units of g.
+
+    With W = E[x x^H], x = [w, d], `E[delta^2]` is `tr E[w w^H] / tr E[z z^H]` and `E[delta]` is
+    `tr E[w z^H] / tr E[z z^H]`. What the program allows w is worth `tr D E[z z^H]` of g, which is
+    next to nothing where the delta is hardly driven, whatever rounding makes its variance.
+    """
+    zz = ww = wz = worth = 0.0
     for at, w in zip(n, worst, strict=True):
         z = at[block]
-        zz += float(np.trace(z @ w @ _transposed(z)).real)
+        of_z = z @ w @ _transposed(z)
+        zz += float(np.trace(of_z).real)
+        worth += float(np.trace(d @ of_z).real)
         ww += float(np.trace(w[block, block]).real)
         wz += float(np.trace(w[block] @ _transposed(z)).real)
-    return (wz / zz, ww / zz - (wz / zz) ** 2) if zz > 0.0 else (0.0, 0.0)
+    return (wz / zz, (ww / zz - (wz / zz) ** 2) * worth) if zz > 0.0 else (0.0, 0.0)
 
 
 def cvxpy() -> Any:
