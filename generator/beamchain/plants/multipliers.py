@@ -27,6 +27,8 @@ from beamchain.ports.motions import Array
 SLACK = 1e-5  # of D that a program leaves, for the rounding of its solution
 LEAST = 1e-7  # least eigenvalue of D, its channels in balance
 TIDY = 1e-8  # of the squares of D and G: holds those that matter to nothing
+NOT_SEEN = 1e-12  # of the gain, by way of a channel: what rounding makes of none
+NO_COUPLING = 1e-16  # of the largest coupling of a channel
 RAISED = 1e-6  # relative, by which g is raised above what is needed where F was looked at
 ROUNDS = 30  # of raising g
 # of programs, which are in balance; proofs follow
@@ -131,21 +133,24 @@ def balanced(system: ComplexSystem, omega: Array, gain: float, unknown: int = 0)
     """The same with e in units of `gain` times d, and channels scaled so that at the frequencies
     each is driven as much by d as it drives e.
 
-    The last `unknown` channels, for which multipliers are not looked for, are scaled so that each
-    is driven as much by all others as it drives them: one that d or e does not concern, such as the
-    dead time of another axis, may yet reach the deltas.
+    The last `unknown` channels, for which multipliers are not looked for, and those between which
+    and d or e there is nothing but rounding, are scaled so that each is driven as much by those
+    before it as it drives them: the dead time of another axis may yet reach the deltas.
     """
     n = np.abs(system.at(omega)).max(axis=0)
     n[-1] /= gain
     driven = n[:-1, -1] + 1e-12 * n[:-1].max(initial=1e-300)
     drives = n[-1, :-1] + 1e-12 * n[:, :-1].max(initial=1e-300)
     scale = np.append(np.sqrt(drives / driven), 1.0)
-    last = range(scale.size - 1 - unknown, scale.size - 1)
-    others = np.delete(np.arange(scale.size), list(last))
-    for channel in last:
-        driven_by = float((n[channel, others] / scale[others]).max(initial=1e-300))
-        driving = float((n[others, channel] * scale[others]).max(initial=1e-300))
-        scale[channel] = np.sqrt(driving / driven_by)
+    of_others = driven * drives < NOT_SEEN
+    of_others[of_others.size - unknown :] = True
+    others = np.append(~of_others, True)
+    for channel in np.flatnonzero(of_others):
+        least = NO_COUPLING * float(n[[channel], :].max() + n[:, channel].max()) + 1e-300
+        driven_by = float((n[channel, others] / scale[others]).max())
+        driving = float((n[others, channel] * scale[others]).max())
+        scale[channel] = np.sqrt(max(driving, least) / max(driven_by, least))
+        others[channel] = True  # the next ones may concern it
     after = scale.copy()
     after[-1] = 1.0 / gain
     a, b, c, d = system
