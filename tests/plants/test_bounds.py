@@ -345,6 +345,9 @@ def test_steps_are_read_on_both_sides_of_an_edge():
     assert "no bound in 1 of 3 intervals" in bound.sentence
     assert "a are too wide" in bound.sentence
     assert json.dumps(bound.as_dict(), allow_nan=False)
+    early = GainBound(ends, steps, steps / 2.0, (1, 1, 1), ("a",), True, 3, 1.0)
+    assert "time was up before parts of the ranges were tried" in early.sentence
+    assert "too wide" not in early.sentence
 
 
 def test_the_steps_are_drawn_as_steps_and_not_across_what_has_no_bound(bounded):
