@@ -33,6 +33,9 @@ CRAFT = """<mujoco model="craft"><compiler angle="radian"/><option gravity="0 0 
 <site name="mount" pos="0.5 0 0"/><site name="left" pos="0 0.5 0" euler="0 0 1.5707963267948966"/>
 <body name="rotor" pos="0 -0.5 0"><joint name="drive" axis="0 1 0" stiffness="60" damping="0.9"/>
 <inertial pos="0 0 0" mass="5" diaginertia="0.3 0.2 0.3"/></body></body></worldbody></mujoco>"""
+TWINS = CRAFT.replace(
+    '"mount" pos="0.5 0 0"', '"right" pos="0 -0.5 0" euler="0 0 -1.5707963267948966"'
+)
 SPINNING = """<mujoco><option gravity="0 0 0"/><worldbody><body name="bus"><freejoint/>
 <inertial pos="0 0 0" mass="50" diaginertia="9 8 7"/><body name="rotor">
 <joint name="drive" axis="0 0 1" stiffness="12" damping="0.04"/>
@@ -81,6 +84,11 @@ COMMON = {
     prefix: bc.UncertainModes(frequency=uniform(relative=0.15, group="all"))
     for prefix in ("boom_mount_", "boom_left_")
 }
+# two equal booms, of which the controlled axis hardly moves or sees that they oppose each other
+EQUAL = {
+    prefix: bc.UncertainModes(frequency=uniform(relative=0.04, each=True))
+    for prefix in ("boom_left_", "boom_right_")
+}
 CASES = {
     "each mode, inertia, a drive": SimpleNamespace(
         uncertain=bc.UncertainCraft(
@@ -88,20 +96,36 @@ CASES = {
             body={"bus": bc.UncertainBody(inertia_zz=uniform(relative=0.05))},
             joint={"drive": bc.UncertainJoint(stiffness=uniform(relative=0.2))},
         ),
+        craft=CRAFT,
+        booms={"mount": 2e3, "left": 1.3e3},
         ratio=0.005,
         delay=0.1,
         output="rate_z",
     ),
     "one number for all modes": SimpleNamespace(
-        uncertain=bc.UncertainCraft(appendage=COMMON), ratio=0.003, delay=0.2, output="rate_z"
+        uncertain=bc.UncertainCraft(appendage=COMMON),
+        craft=CRAFT,
+        booms={"mount": 2e3, "left": 1.3e3},
+        ratio=0.003,
+        delay=0.2,
+        output="rate_z",
+    ),
+    "two equal booms": SimpleNamespace(
+        uncertain=bc.UncertainCraft(
+            appendage=EQUAL, body={"bus": bc.UncertainBody(inertia_zz=uniform(relative=0.03))}
+        ),
+        craft=TWINS,
+        booms={"left": 2e3, "right": 2e3},
+        ratio=0.005,
+        delay=0.02,
+        output="rate_z",
     ),
 }
 
 
 def made(case):
-    embedded = bc.embed(
-        CRAFT, {"mount": boom(2e3, case.ratio), "left": boom(1.3e3, case.ratio)}, retime=False
-    )
+    booms = {site: boom(stiffness, case.ratio) for site, stiffness in case.booms.items()}
+    embedded = bc.embed(case.craft, booms, retime=False)
     plant = bc.plant(embedded, ["torque:bus"], ["attitude", "rate"])
     return embedded.model, plant.uncertain(case.uncertain)
 
@@ -321,6 +345,9 @@ def test_steps_are_read_on_both_sides_of_an_edge():
     assert "no bound in 1 of 3 intervals" in bound.sentence
     assert "a are too wide" in bound.sentence
     assert json.dumps(bound.as_dict(), allow_nan=False)
+    early = GainBound(ends, steps, steps / 2.0, (1, 1, 1), ("a",), True, 3, 1.0)
+    assert "time was up before parts of the ranges were tried" in early.sentence
+    assert "too wide" not in early.sentence
 
 
 def test_the_steps_are_drawn_as_steps_and_not_across_what_has_no_bound(bounded):

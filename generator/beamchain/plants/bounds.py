@@ -121,6 +121,12 @@ class GainBound:
         low, high = float(self.edges[none[0]]), float(self.edges[none[-1] + 1])
         place = f"between {low:.4g} and {high:.4g} rad/s" if np.isfinite(high) else "at its end"
         parts = max(self.boxes[int(at)] for at in none)
+        if self.late and parts == 1:
+            return (
+                f"no bound in {none.size} of {self.gains.size} intervals, {place} ({effort}): time "
+                "was up before parts of the ranges were tried there; give more seconds, or fewer "
+                "uncertain quantities, for programs grow with their number"
+            )
         more = ", or more seconds, for time was up" if self.late else ""
         return (
             f"no bound in {none.size} of {self.gains.size} intervals, {place} ({effort}): the "
@@ -338,7 +344,8 @@ class Bounder:
         deltas += [Delta(1, real=False)] * int(known.sum())
         channels = sum(delta.repetitions for delta in deltas)
         system = _without_unknown(in_box(loop, centre, half), len(loop.blocks), known)
-        system = balanced(system, np.array([*omega, *ends]), sampled)
+        unknown = int((~known).sum())
+        system = balanced(system, np.array([*omega, *ends]), sampled, unknown)
         all_channels = system.d.shape[0] - 1
         asked = [*range(channels), all_channels]
         box = Box(centre, half, np.inf, np.inf, self._doubtful(system, np.array(omega)), centre)

@@ -27,6 +27,8 @@ from beamchain.ports.motions import Array
 SLACK = 1e-5  # of D that a program leaves, for the rounding of its solution
 LEAST = 1e-7  # least eigenvalue of D, its channels in balance
 TIDY = 1e-8  # of the squares of D and G: holds those that matter to nothing
+NOT_SEEN = 1e-12  # of the gain, by way of a channel: what rounding makes of none
+NO_COUPLING = 1e-16  # of the largest coupling of a channel
 RAISED = 1e-6  # relative, by which g is raised above what is needed where F was looked at
 ROUNDS = 30  # of raising g
 # of programs, which are in balance; proofs follow
@@ -104,8 +106,9 @@ class Program(NamedTuple):
     Args:
         multipliers: D and G.
         g: the least that is common to all its frequencies.
-        likely, unsure: `(deltas,)` mean and variance of every delta in the program's worst case;
-            the variance is zero where it is one number, as it is in a plant.
+        likely: `(deltas,)` mean of every delta in the program's worst case.
+        unsure: `(deltas,)` what the program allows by not taking a delta for one number, as it is
+            in a plant: its variance in the worst case, in units of g.
     """
 
     multipliers: Multipliers
@@ -126,13 +129,28 @@ def _transposed(n: NDArray[Any]) -> Complex:
     return np.asarray(np.conj(np.swapaxes(n, -1, -2)), dtype=np.complex128)
 
 
-def balanced(system: ComplexSystem, omega: Array, gain: float) -> ComplexSystem:
+def balanced(system: ComplexSystem, omega: Array, gain: float, unknown: int = 0) -> ComplexSystem:
     """The same with e in units of `gain` times d, and channels scaled so that at the frequencies
-    each is driven as much by d as it drives e."""
+    each is driven as much by d as it drives e.
+
+    The last `unknown` channels, for which multipliers are not looked for, and those between which
+    and d or e there is nothing but rounding, are scaled so that each is driven as much by those
+    before it as it drives them: the dead time of another axis may yet reach the deltas.
+    """
     n = np.abs(system.at(omega)).max(axis=0)
+    n[-1] /= gain
     driven = n[:-1, -1] + 1e-12 * n[:-1].max(initial=1e-300)
-    drives = n[-1, :-1] / gain + 1e-12 * n[:, :-1].max(initial=1e-300)
+    drives = n[-1, :-1] + 1e-12 * n[:, :-1].max(initial=1e-300)
     scale = np.append(np.sqrt(drives / driven), 1.0)
+    of_others = driven * drives < NOT_SEEN
+    of_others[of_others.size - unknown :] = True
+    others = np.append(~of_others, True)
+    for channel in np.flatnonzero(of_others):
+        least = NO_COUPLING * float(n[[channel], :].max() + n[:, channel].max()) + 1e-300
+        driven_by = float((n[channel, others] / scale[others]).max())
+        driving = float((n[others, channel] * scale[others]).max())
+        scale[channel] = np.sqrt(max(driving, least) / max(driven_by, least))
+        others[channel] = True  # the next ones may concern it
     after = scale.copy()
     after[-1] = 1.0 / gain
     a, b, c, d = system
@@ -253,11 +271,12 @@ def solve_program(n: Complex, deltas: Sequence[Delta]) -> Program | None:
     if x.value is None or not np.all(np.isfinite(x.value)):
         return None
     worst = [_complex(np.asarray(condition.dual_value)) for condition in conditions]
-    likely, unsure = np.transpose([_moments(block, n, worst) for block, _ in blocks])
     split = of_d.shape[0]
     found = Multipliers(
         np.tensordot(x.value[:split], of_d, 1), np.tensordot(x.value[split:-1], of_g, 1)
     )
+    moments = [_moments(block, n, worst, found.d[block, block]) for block, _ in blocks]
+    likely, unsure = np.transpose(moments)
     return Program(found, float(x.value[-1]), likely, unsure)
 
 
@@ -307,16 +326,22 @@ def _complex(matrix: Array) -> Complex:
     return a + d + 1j * (c - b)
 
 
-def _moments(block: slice, n: Complex, worst: Sequence[Complex]) -> tuple[float, float]:
-    """Mean and variance of a delta in the worst case of a program: with W = E[x x^H], x = [w, d],
-    `E[delta^2]` is `tr E[w w^H] / tr E[z z^H]` and `E[delta]` is `tr E[w z^H] / tr E[z z^H]`."""
-    zz = ww = wz = 0.0
+def _moments(block: slice, n: Complex, worst: Sequence[Complex], d: Complex) -> tuple[float, float]:
+    """Mean of a delta in the worst case of a program, and its variance in units of g.
+
+    With W = E[x x^H], x = [w, d], `E[delta^2]` is `tr E[w w^H] / tr E[z z^H]` and `E[delta]` is
+    `tr E[w z^H] / tr E[z z^H]`. What the program allows w is worth `tr D E[z z^H]` of g, which is
+    next to nothing where the delta is hardly driven, whatever rounding makes its variance.
+    """
+    zz = ww = wz = worth = 0.0
     for at, w in zip(n, worst, strict=True):
         z = at[block]
-        zz += float(np.trace(z @ w @ _transposed(z)).real)
+        of_z = z @ w @ _transposed(z)
+        zz += float(np.trace(of_z).real)
+        worth += float(np.trace(d @ of_z).real)
         ww += float(np.trace(w[block, block]).real)
         wz += float(np.trace(w[block] @ _transposed(z)).real)
-    return (wz / zz, ww / zz - (wz / zz) ** 2) if zz > 0.0 else (0.0, 0.0)
+    return (wz / zz, (ww / zz - (wz / zz) ** 2) * worth) if zz > 0.0 else (0.0, 0.0)
 
 
 def cvxpy() -> Any:
