@@ -234,20 +234,26 @@ def test_a_loop_that_has_no_solution_on_its_way_is_told():
 
 
 def test_poles_are_followed_past_gains_without_a_closed_loop():
-    """-1 - k/(1 - 2 k), where one of the steps meets k = 0.5 itself, and so does a bisection."""
+    """-1 - k/(1 - 2 k), with no closed loop at the gain of a step."""
     from beamchain.plants.pole_paths import follow
 
-    def closed(gain):
-        if abs(gain - 0.5) < 0.01:
-            raise np.linalg.LinAlgError
+    start = np.array([-1.0 + 0j]), np.eye(1, dtype=complex)
+
+    def pole(gain):
         return np.array([[-1.0 - 0.7 * gain / (1.0 - 2.0 * gain)]])
 
-    paths = follow(closed, (np.array([-1.0 + 0j]), np.eye(1, dtype=complex)))
-    assert np.all(np.abs(paths.gains - 0.5) >= 0.01)
+    met = float(next(gain for gain in follow(pole, start).gains if gain > 0.3))
+
+    def closed(gain):
+        if gain == met:
+            raise np.linalg.LinAlgError
+        return pole(gain)
+
+    paths = follow(closed, start)
     np.testing.assert_allclose(paths.poles[-1], -0.3, rtol=CLOSED)
-    gain, pole = paths.crossing(0, lambda poles: poles.real + 0.5, 1e-9)
-    np.testing.assert_allclose(gain, 0.5, atol=0.01)
-    assert not np.isfinite(pole)
+    gain, ending = paths.crossing(0, lambda poles: poles.real + 0.5, 1e-9)
+    np.testing.assert_allclose(gain, 0.5, atol=1e-6)
+    assert not np.isfinite(ending)
 
 
 # -- undamped poles --------------------------------------------------------------------------------

@@ -20,7 +20,7 @@ FAR = 0.4  # of the distance to the next pole: a pole that moves less is the sam
 TOGETHER = 1e-6  # relative distance of poles that are not told apart
 HALVINGS = 48  # of the interval in which a pole crosses
 ENDLESS = 1e6  # a pole that grows by more as its interval is halved comes from infinity
-BESIDE = 0.9  # of a step, to a gain beside one at which there is no closed loop
+BESIDE = 1.0 - 1e-9  # of a gain at which there is no closed loop
 
 Closed = Callable[[float], Array]  # the matrix of the closed loop at a factor of its gain
 
@@ -92,10 +92,9 @@ def follow(closed: Closed, start: tuple[Complex, Complex]) -> Paths:
     step = FIRST
     while gains[-1] < 1.0:
         gain = min(1.0, gains[-1] + step)
-        found = _eigen(closed, gain)
+        found = _eigen(closed, gain) or _eigen(closed, gain * BESIDE)
         if found is None:
-            step *= BESIDE
-            continue
+            raise np.linalg.LinAlgError(f"no closed loop about {gain} of the gains")
         order, sure = _continued(poles, vectors, *found)
         if not sure and step > max(FIRST, FINEST * gain):
             step /= 2.0
