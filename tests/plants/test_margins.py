@@ -245,7 +245,7 @@ def test_poles_are_followed_past_gains_without_a_closed_loop():
     met = float(next(gain for gain in follow(pole, start).gains if gain > 0.3))
 
     def closed(gain):
-        if gain == met:
+        if gain in (met, 0.5):
             raise np.linalg.LinAlgError
         return pole(gain)
 
