@@ -198,7 +198,7 @@ def _struct_of(hint: Any, data: Any) -> Any:
 def _value(data: Any, place: str) -> Any:
     """What stands at a place, unless it is a table or a list."""
     found = _at(data, place)
-    return None if isinstance(found, (dict, list)) else cast("Any", found)
+    return None if isinstance(found, (dict, list)) else found
 
 
 def _at(data: Any, place: str) -> Any:
