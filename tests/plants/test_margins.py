@@ -6,6 +6,7 @@ through the plant's resonances. LIMIT, of the gain on both sides of a margin in 
 marginal motion grows or decays visibly in the time of a run.
 """
 
+import re
 import sys
 
 import control
@@ -170,6 +171,106 @@ def test_a_gain_that_must_not_fall_at_rest():
     assert found.stable
     np.testing.assert_allclose(found.loops[0].lowest_gain, 0.5, rtol=CLOSED)
     assert found.loops[0].lowest_gain_frequency == 0.0
+
+
+# -- direct parts ----------------------------------------------------------------------------------
+def direct(d):
+    """1/(s + 1) + d."""
+    return control.ss([[-1.0]], [[1.0]], [[1.0]], [[d]])
+
+
+def test_infinite_frequency_counts_with_a_direct_part():
+    """k L = k 0.3 (1/(s + 1) - 2) has its pole at -(1 - 0.3 k)/(1 - 0.6 k), which passes infinity
+    at k = 1/0.6. |1 + L| is least at infinite frequency, 0.4, where S = 2.5, T = -1.5 and
+    |S - T|/2 = 2."""
+    found = bc.margins(direct(-2.0), control.tf([0.3], [1]))
+    (loop,) = found.loops
+    np.testing.assert_allclose(loop.gain, 1.0 / 0.6, rtol=CLOSED)
+    assert not bc.margins(direct(-2.0), control.tf([0.3 * 1.001 / 0.6], [1])).stable
+    for value, expected in (
+        (loop.modulus, 0.4),
+        (loop.disk, 0.5),
+        (found.all_at_once.value, 0.5),
+        (found.peak_sensitivity.value, 2.5),
+        (found.peak_complementary.value, 1.5),
+    ):
+        np.testing.assert_allclose(value, expected, rtol=CLOSED)
+    at = (loop.gain_frequency, loop.modulus_frequency, loop.disk_frequency)
+    assert at == (np.inf,) * 3
+    np.testing.assert_allclose(
+        bc.margins(direct(2.0), control.tf([0.3], [1])).loops[0].disk, 8.0, rtol=CLOSED
+    )
+    # k L = k (1/(s + 1) + 2): above 1 at any frequency, the shortest dead time turns it to -1
+    far = bc.margins(direct(2.0), control.tf([1.0], [1])).loops[0]
+    assert (far.gain, far.delay) == (np.inf, 0.0)
+
+
+def test_infinite_frequency_counts_with_the_other_loops_closed():
+    """S at infinite frequency is the inverse of 1 + D K alone."""
+    d = np.array([[-0.4, 0.3], [0.2, -0.5]])
+    plant = control.ss(-np.eye(2), 0.01 * np.eye(2), np.eye(2), d)
+    found = bc.margins(plant, control.ss([], [], [], np.eye(2)))
+    s = np.linalg.inv(np.eye(2) + d)
+    np.testing.assert_allclose(found.peak_sensitivity.value, np.linalg.norm(s, 2), rtol=CLOSED)
+    for i, loop in enumerate(found.loops):
+        # 1 + k L_ii = 0, the determinant with one row of D times k
+        one, other = d[i, i], d[1 - i, 1 - i]
+        k = -(1.0 + other) / (one * (1.0 + other) - d[0, 1] * d[1, 0])
+        np.testing.assert_allclose(loop.gain, k, rtol=CLOSED)
+        assert loop.gain_frequency == np.inf
+
+
+def test_a_loop_that_has_no_solution_on_its_way_is_told():
+    """1 - 1.2 k = 0 at k = 1/1.2, where the pole comes back from infinity; at 1 it is +2."""
+    (one,) = bc.margins(direct(-2.0), control.tf([0.6], [1])).instabilities
+    np.testing.assert_allclose(one.pole, 2.0, rtol=CLOSED)
+    np.testing.assert_allclose(one.gain, 1.0 / 1.2, rtol=CLOSED)
+    np.testing.assert_allclose(one.alone["u[0]"], 1.0 / 1.2, rtol=CLOSED)
+    assert one.crossing == np.inf
+    assert one.as_dict()["crossing"] is None
+    assert "at 0.833 of the gains of all loops their direct parts have no solution" in one.sentence
+    with pytest.raises(bc.InputError, match="algebraic loop that has no solution"):
+        bc.margins(direct(-2.0), control.tf([0.5], [1]))
+
+
+def test_poles_are_followed_past_gains_without_a_closed_loop():
+    """-1 - k/(1 - 2 k), with no closed loop at the gain of a step."""
+    from beamchain.plants.pole_paths import follow
+
+    start = np.array([-1.0 + 0j]), np.eye(1, dtype=complex)
+
+    def pole(gain):
+        return np.array([[-1.0 - 0.7 * gain / (1.0 - 2.0 * gain)]])
+
+    met = float(next(gain for gain in follow(pole, start).gains if gain > 0.3))
+
+    def closed(gain):
+        if gain in (met, 0.5):
+            raise np.linalg.LinAlgError
+        return pole(gain)
+
+    paths = follow(closed, start)
+    np.testing.assert_allclose(paths.poles[-1], -0.3, rtol=CLOSED)
+    gain, ending = paths.crossing(0, lambda poles: poles.real + 0.5, 1e-9)
+    np.testing.assert_allclose(gain, 0.5, atol=1e-6)
+    assert not np.isfinite(ending)
+
+
+# -- undamped poles --------------------------------------------------------------------------------
+@pytest.mark.parametrize("turn", [0.0, 0.7])
+def test_gains_have_no_limit_at_undamped_poles_and_zeros(turn):
+    """A body that carries an undamped mode, lead at the actuator: every gain is stable, though the
+    phase jumps by 180 degrees where the response is infinite and where it is zero."""
+    w = 3.0
+    turned = np.kron(np.eye(2), [[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    a = np.block([[np.zeros((2, 2)), np.eye(2)], [-np.diag([0.0, w**2]), np.zeros((2, 2))]])
+    b, c = np.array([[0.0], [0.0], [1.0], [0.6]]), np.array([[1.0, 0.6, 0.0, 0.0]])
+    plant = control.ss(turned @ a @ turned.T, turned @ b, c @ turned.T, 0.0)
+    found = bc.margins(plant, control.tf([2.0, 1.0], [0.05, 1.0]))
+    (loop,) = found.loops
+    assert found.stable
+    assert (loop.lowest_gain, loop.gain) == (0.0, np.inf)
+    assert loop.lowest_gain_db == -np.inf
 
 
 # -- det(1 + L), evaluated here --------------------------------------------------------------------
@@ -553,6 +654,50 @@ def test_a_wrong_sign_grows_from_rigid_motion(plant):
     assert "at any part of its gain" in one.sentence
 
 
+def two_axes(*lags):
+    """Two double integrators, each with `(kd s + kp)/((a s + 1)(b s + 1))`."""
+    two = np.eye(2)
+    plant = control.ss(
+        np.kron(two, [[0.0, 1.0], [0.0, 0.0]]),
+        np.kron(two, [[0.0], [1.0]]),
+        np.kron(two, [[1.0, 0.0]]),
+        0.0,
+    )
+    loops = {
+        (f"u[{i}]", f"y[{i}]"): control.tf([kd, kp], np.polymul([a, 1.0], [b, 1.0]))
+        for i, (kp, kd, a, b) in enumerate(lags)
+    }
+    return bc.margins(plant, loops).instabilities
+
+
+@pytest.mark.parametrize(
+    "lags",
+    [
+        [(0.652, 0.984, 0.718, 0.668), (0.716, 0.669, 0.279, 0.674)],
+        [(0.973, 0.550, 0.465, 0.683), (0.738, 0.942, 0.689, 0.579)],
+        [(0.317, 0.405, 0.266, 0.991), (0.363, 0.606, 0.911, 0.606)],
+        [(0.787, 0.312, 0.424, 0.383), (0.631, 0.843, 0.383, 0.926)],
+        [(0.928, 0.270, 0.251, 0.865), (0.695, 0.813, 0.492, 0.673)],
+    ],
+)
+def test_poles_that_pass_each_other_keep_their_crossings(lags):
+    """Of a b s^4 + (a + b) s^3 + s^2 + k kd s + k kp, by Routh, w^2 = k kd/(a + b) on the axis and
+    k = (kd/(a + b) - kp) (a + b)^2/(a b kd^2); not above zero: it grows from the smallest gain on.
+    """
+    expected = {}
+    for i, (kp, kd, a, b) in enumerate(lags):
+        k = max(0.0, (kd / (a + b) - kp) * (a + b) ** 2 / (a * b * kd**2))
+        if k < 1.0:
+            expected[f"u[{i}]"] = k, np.sqrt(k * kd / (a + b))
+    found = two_axes(*lags)
+    assert len(found) == len(expected)
+    for one in found:
+        ((name, alone),) = one.alone.items()
+        k, crossing = expected.pop(name)
+        np.testing.assert_allclose([one.gain, alone], k, rtol=1e-5, atol=1e-12)
+        np.testing.assert_allclose(one.crossing, crossing, rtol=1e-5, atol=1e-12)
+
+
 def test_what_no_loop_does_alone():
     """Two channels that are stable alone at any gain, and not together: L = [0 k; k 0]/(s + 1),
     whose poles are -1 +- k."""
@@ -730,3 +875,55 @@ def test_the_command_says_why(embedded, tmp_path):
     assert told.status == 3
     assert said["sentence"].partition(" (")[0] in " ".join(told.out.split())
     assert said["sentence"].partition(" (")[0] in page.read_text()
+
+
+# -- mistakes in files and on the command line -----------------------------------------------------
+LOOP_TEXT = """[[loop]]
+input = "torque_z"
+output = "attitude_z"
+numerator = [80.0]
+denominator = [0.05, 1.0]
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "loop is missing; add at least one [[loop]] with input, output, numerator, denom"),
+        ("[allocation.t]\nactuators = ['a']\n", "add at least one [[loop]] with input, output"),
+        (
+            "[allocation.t]\nactuators = ['a']\n[allocation.q]\nactuators = []\n" + LOOP_TEXT,
+            "allocation.q: actuators of an allocation is empty",
+        ),
+        ("[alignment.star]\nbody = 'bus'\n" + LOOP_TEXT, "alignment.star: sensor is missing"),
+        ("[alignment.a]\nsensor = 3\n" + LOOP_TEXT, "alignment.a.sensor = 3 is a whole number"),
+        (
+            "[allocation.a]\nwheels = ['b']\n" + LOOP_TEXT,
+            "the keys of [allocation.a] are actuators",
+        ),
+        (
+            "[allocation.'t q']\nactuators = ['a']\n" + LOOP_TEXT,
+            "the table's name 't q' becomes the name of signals, which has no blanks",
+        ),
+    ],
+)
+def test_mistakes_in_a_file_of_loops_are_told(text, words, plant, tmp_path):
+    path = tmp_path / "loops.toml"
+    path.write_text(text)
+    with pytest.raises(bc.InputError, match=re.escape(words)):
+        bc.margins(plant, path)
+
+
+def test_continuous_loops_of_a_file_on_a_sampled_plant_are_told(stepped, embedded, tmp_path):
+    """A file cannot be sampled: on the command line the option is left out."""
+    path = tmp_path / "loops.toml"
+    path.write_text(LOOP_TEXT)
+    with pytest.raises(bc.InputError, match="loops of a file are continuous"):
+        bc.margins(stepped, path)
+    model = embedded.write(tmp_path / "flexible.xml")[-1]
+    words = ["plant", model, "--controller", path, "--discrete", STEP, "-o", tmp_path / "p.npz"]
+    told = call(*words)
+    assert told.status == 2
+    said = " ".join(told.err.split())
+    assert "leave --discrete out, or use bc.margins in Python with a controller sampled by" in said
+    assert not (tmp_path / "p.npz").exists()

@@ -226,7 +226,7 @@ def test_margins_above_the_kept_modes_are_told(file, found, plant):
 def test_margins_are_of_continuous_plants(file):
     answer = asked(file, LOOPS, *ANGLES, "--discrete", 0.01)
     assert answer.status == 2
-    assert "leave discrete out" in answer.err
+    assert "leave --discrete out" in answer.err
 
 
 # -- the command -----------------------------------------------------------------------------------

@@ -157,6 +157,7 @@ def test_files_hold_the_poses(made, tmp_path):
         ([{"drive": 0.1}, [0.0, 1.0]], r"at\[1\] has the shape \(2,\); give qpos"),
         ("turn", r"at = 'turn' is unknown; .*Or give angles by joint, \{'turn': 0.5\}"),
         ({"drive": [0.1], "turn": [0.2]}, "several joints give a list of poses"),
+        ([], "at is an empty list; give at least one pose"),
         (["drive", "fast"], "other states in the pose 'fast' than in 'drive'.*give rates"),
     ],
 )
@@ -228,6 +229,10 @@ def test_angle_and_at_are_other_words_for_it(place, capsys, monkeypatch):
         (["--pose", "drive=x"], "--pose 'drive=x' is not JOINT=POSITION"),
         (["--pose", "drive=4,turn"], "--pose 'drive=4,turn' is not JOINT=POSITION"),
         (["--pose", "drive=1,drive=2"], "gives 'drive' twice"),
+        (
+            ["--pose", "drive=1,turn=2", "--pose", "turn=2,drive=1.0"],
+            "--pose 'turn=2,drive=1.0' is given twice; give each pose once",
+        ),
         (["--pose", "drive=nan"], "drive = nan cannot be used"),
         (["--pose", "drive=180"], "outside its range, -114.592 to 114.592 degrees"),
         (["--pose", "reach=3"], "joint 'reach' = 3 is outside its range, -1 to 1 m"),

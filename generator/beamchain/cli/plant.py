@@ -144,7 +144,7 @@ def plant(
     """
     from beamchain.craft.source import compiled_model
     from beamchain.files import beside, check_outputs
-    from beamchain.plants.controllers import read_controller, signals_with
+    from beamchain.plants.controllers import read_controller, signals_with, takes_time
     from beamchain.plants.jitter_sources import read_disturbances
     from beamchain.plants.margins import Margins, margin_warnings, margins
     from beamchain.plants.plant import plant as linearise
@@ -168,6 +168,12 @@ def plant(
     driven, seen = inputs or None, outputs or None
     if loops is not None:
         driven, seen = signals_with(loops, driven, seen)
+        if discrete is not None and takes_time(loops):
+            raise InputError(
+                "plant: --controller gives continuous loops, --discrete a sampled plant; leave "
+                "--discrete out, or use bc.margins in Python with a controller sampled by "
+                "control.c2d."
+            )
     sources = None if disturbances is None else read_disturbances(disturbances)
     with spinner("linearising", quiet or as_json):
         compiled = compiled_model(model)
@@ -249,6 +255,9 @@ def _place(model: "mujoco.MjModel", poses: list[str], at: str | None, angle: str
     if at is not None:
         return at
     each = [pose_of(model, text) for text in poses]
+    for i, (text, one) in enumerate(zip(poses, each, strict=True)):
+        if one in each[:i]:
+            raise InputError(f"--pose {text!r} is given twice; give each pose once.")
     return each if len(each) > 1 else each[0] if each else None
 
 

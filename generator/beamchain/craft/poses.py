@@ -103,6 +103,11 @@ def poses_of(model: "mujoco.MjModel", at: At) -> Poses | None:
         joint, angles = grid
         each = [{**at, joint: float(angle)} for angle in angles]
         return _made(model, each, ["at"] * len(each), joint)
+    if isinstance(at, list | tuple) and not at:
+        raise InputError(
+            "at is an empty list; give at least one pose, or leave at out for the pose that the "
+            "model has."
+        )
     if not _is_list_of_poses(at):
         return None
     each = [{} if one is None else one for one in at]

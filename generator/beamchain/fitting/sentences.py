@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping
-from typing import Any, get_args, get_type_hints
+from typing import Any, cast, get_args, get_origin, get_type_hints
 
 import msgspec
 
@@ -28,10 +28,11 @@ def sentence(message: str, data: Mapping[str, Any], root: type) -> str:
     what is allowed, what to do."""
     match = re.fullmatch(r"(.*?)(?: - at `(?:key in )?\$\.?(.*)`)?", message, re.DOTALL)
     assert match is not None
-    what, place = match[1], match[2] or ""
+    what, path = match[1], match[2] or ""
+    place = _named(path, data, root)
     unknown = re.fullmatch(r"Object contains unknown field `(.*)`", what)
     if unknown:
-        struct = _struct_at(root, place, data)
+        struct = _struct_at(root, path, data)
         gone = None if struct is None else DROPPED.get(f"{struct.__name__}({unknown[1]})")
         answer = gone or (
             f"unknown key {unknown[1]!r}; {_keys_instead(unknown[1], place, struct, root)}"
@@ -39,9 +40,8 @@ def sentence(message: str, data: Mapping[str, Any], root: type) -> str:
         return f"{place + ': ' if place else ''}{answer}"
     missing = re.fullmatch(r"Object missing required field `(.*)`", what)
     if missing:
-        return (
-            f"{place + ': ' if place else ''}{missing[1]} is missing; add {missing[1]} = ... there."
-        )
+        add = _to_add(missing[1], _struct_at(root, path, data))
+        return f"{place + ': ' if place else ''}{missing[1]} is missing; add {add}."
     wrong = re.fullmatch(r"Expected `(.*)`, got `(.*)`", what)
     if wrong:
         wanted = " or ".join(
@@ -49,7 +49,7 @@ def sentence(message: str, data: Mapping[str, Any], root: type) -> str:
             for kind in wrong[1].split("|")
             if kind.strip() != "null"
         )
-        value = _value(data, match[2] or "")
+        value = _value(data, place)
         shown = (
             ""
             if value is None
@@ -75,6 +75,32 @@ def sentence(message: str, data: Mapping[str, Any], root: type) -> str:
         key = place.rpartition(".")[2].partition("[")[0]
         return f"{place} = {invalid[1]!r} is not allowed; {_choose(invalid[1], key, root)}"
     return f"{place + ': ' if place else ''}{what}"
+
+
+def _named(path: str, data: Any, root: type) -> str:
+    """msgspec's path with the first name that does not fit where it writes `[...]` for any."""
+    table, dots, rest = path.partition("[...]")
+    struct, tables = _struct_at(root, table, data), _at(data, table)
+    if not dots or struct is None or not isinstance(tables, Mapping):
+        return path
+    for name, one in cast("Mapping[str, Any]", tables).items():
+        try:
+            msgspec.convert(one, struct)
+        except msgspec.ValidationError:
+            return f"{table}.{name}{rest}"
+    return path
+
+
+def _to_add(field: str, struct: Any) -> str:
+    """What a missing field asks for: of a list of tables one with the fields that it needs."""
+    hint = None if struct is None else get_type_hints(struct).get(field)
+    listed = None if get_origin(hint) is not tuple else _struct_of(hint, None)
+    if listed is None:
+        return f"{field} = ... there"
+    required = [one.name for one in msgspec.structs.fields(listed) if one.required]
+    # its own before those that it inherits
+    needed = sorted(required, key=lambda name: name not in listed.__annotations__)
+    return f"at least one [[{field}]] with {', '.join(needed)}"
 
 
 def _choose(word: str, key: str, root: type) -> str:
@@ -136,6 +162,9 @@ def _struct_at(root: Any, place: str, data: Any) -> Any:
         if step.isdigit():
             data = data[int(step)] if isinstance(data, list) and int(step) < len(data) else None
             continue
+        if step == "...":
+            data = None
+            continue
         hint = None if struct is None else get_type_hints(struct).get(step)
         if hint is None:
             return None
@@ -167,9 +196,15 @@ def _struct_of(hint: Any, data: Any) -> Any:
 
 
 def _value(data: Any, place: str) -> Any:
+    """What stands at a place, unless it is a table or a list."""
+    found = _at(data, place)
+    return None if isinstance(found, (dict, list)) else found
+
+
+def _at(data: Any, place: str) -> Any:
     for step in re.findall(r"[^.\[\]]+", place):
         try:
             data = data[int(step)] if isinstance(data, list) else data[step]
         except (KeyError, IndexError, TypeError, ValueError):
             return None
-    return None if isinstance(data, (dict, list)) else data
+    return data

@@ -35,7 +35,7 @@ def instabilities(closed: ClosedLoop) -> tuple[Instability, ...]:
     blames = [_Blame(closed, i, start, ends) for i in range(len(closed.inputs))] if numbers else []
     out: list[Instability] = []
     for number in sorted(numbers, key=lambda number: -float(s[number].real)):
-        gain, crossing = paths.crossing(number, closed.growth)
+        gain, crossing = paths.crossing(number, closed.growth, closed.rounding)
         origin = _together(origins, ends, number)
         alone = {blame.input: blame.alone(number) for blame in blames}
         out.append(
@@ -44,13 +44,20 @@ def instabilities(closed: ClosedLoop) -> tuple[Instability, ...]:
                 origin=origin.name,
                 kind=origin.kind,
                 gain=gain,
-                crossing=abs(complex(closed.to_s(np.array([crossing]))[0]).imag),
+                crossing=_frequency(closed, crossing),
                 alone={name: factor for name, factor in alone.items() if factor is not None},
                 stable_without=tuple(blame.input for blame in blames if blame.ends_without(number)),
                 timestep=closed.step,
             )
         )
     return tuple(out)
+
+
+def _frequency(closed: ClosedLoop, pole: complex) -> float:
+    """At which a pole s, or z, crosses the axis [rad/s]."""
+    if not np.isfinite(pole):
+        return float("inf")
+    return abs(complex(closed.to_s(np.array([pole]))[0]).imag)
 
 
 class _Blame:
@@ -88,7 +95,7 @@ class _Blame:
         if self._closed.growth(np.array([pole]))[0] <= 0.0:
             return None
         same = int(np.argmin(np.abs(self._paths.poles[-1] - pole)))
-        return self._paths.crossing(same, self._closed.growth)[0]
+        return self._paths.crossing(same, self._closed.growth, self._closed.rounding)[0]
 
     def ends_without(self, number: int) -> bool:
         """Whether a pole no longer grows with this loop open."""

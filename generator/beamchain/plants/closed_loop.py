@@ -4,6 +4,7 @@ them, and the count of unstable poles by Nyquist's criterion."""
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 from typing import NamedTuple
 
 import control
@@ -11,7 +12,7 @@ import numpy as np
 
 from beamchain.checks import of_type
 from beamchain.errors import InputError
-from beamchain.plants.controllers import ORDER
+from beamchain.plants.controllers import ORDER, Controller
 from beamchain.plants.feedback import Feedback, Given, Signals, feedback
 from beamchain.plants.realisation import Plant
 from beamchain.plants.sampling import sampled
@@ -23,6 +24,7 @@ GROWS = 1e-9  # growth of a pole relative to the fastest one, below which it is 
 # 1e-16, makes of a double integrator
 AT_REST = 1e-7
 ORDERS = (ORDER, 8, 10, 12)  # of Pade approximations, until the number of unstable poles is right
+UNDAMPED = 1e-8  # damping ratio, and relative distance to a pole, that are rounding
 NEAR = np.sinh(np.linspace(-6.0, 6.0, 62))  # half widths of a resonance, at which it is looked at
 PER_DECADE = 400  # frequencies
 ALGEBRAIC = 1e-12  # relative, of an algebraic loop that is singular
@@ -121,8 +123,24 @@ class ClosedLoop:
     def growth(self, poles: Complex) -> Array:
         """`(k,)` growth [1/s] of poles s, or z; above zero: unstable. Those at rest do not grow."""
         s = self.to_s(poles)
-        growth = s.real - GROWS * self.top
-        return np.where(np.abs(s) < self.rest, -GROWS * self.top, growth)
+        return np.where(np.abs(s) < self.rest, 0.0, s.real) - self.rounding
+
+    @property
+    def rounding(self) -> float:
+        """Growth of a pole on the axis that may be rounding [1/s]."""
+        return GROWS * self.top
+
+    @cached_property
+    def limit(self) -> Array | None:
+        """`(inputs, inputs)` K G at infinite frequency; None where there is none, or it is zero."""
+        direct = self.controller[3] @ self.plant[3]
+        return None if self.step or self.fed.delayed or not direct.any() else direct
+
+    def undamped(self, omega: float) -> bool:
+        """Whether an open pole on the axis is at a frequency [rad/s]."""
+        far = np.abs(self.open_poles - 1j * omega)
+        still = np.abs(self.open_poles.real) <= UNDAMPED * np.abs(self.open_poles)
+        return bool(np.any(still & (far <= UNDAMPED * omega)))
 
     @cached_property
     def growing(self) -> Complex:
@@ -183,9 +201,8 @@ def close(plant: control.StateSpace, controller: Given) -> ClosedLoop:
     step = plant_step if fed.step is None else fed.step
     if plant_step and not step:
         raise InputError(
-            f"controller: it is continuous, the plant sampled at {plant_step:g} s; sample the "
-            f"controller, control.c2d(system, {plant_step:g}), or leave discrete out of the plant "
-            "(dead times are then exact)."
+            f"controller: {_what_samples(controller, plant_step)}, or leave discrete out of the "
+            "plant (dead times are then exact)."
         )
     a, b, c, d = (np.asarray(getattr(plant, name), dtype=np.float64) for name in "ABCD")
     if not all(np.all(np.isfinite(part)) for part in (a, b, c, d)):
@@ -208,6 +225,17 @@ def close(plant: control.StateSpace, controller: Given) -> ClosedLoop:
         step=step,
     )
     return _counted(closed) if fed.delayed else closed
+
+
+def _what_samples(controller: Given, step: float) -> str:
+    """What a continuous controller is beside a sampled plant, and how it is sampled."""
+    sample = f"control.c2d(system, {step:g})"
+    if isinstance(controller, Controller | str | Path):
+        return (
+            f"the loops of a file are continuous, the plant sampled at {step:g} s; give a system "
+            f"of python-control that is sampled, {sample}"
+        )
+    return f"it is continuous, the plant sampled at {step:g} s; sample the controller, {sample}"
 
 
 def _plant_step(plant: control.StateSpace) -> float:

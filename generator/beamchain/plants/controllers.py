@@ -1,6 +1,7 @@
 """Controllers as files of loops: transfer functions with dead times,
 their responses and their states."""
 
+import re
 from collections.abc import Sequence
 from functools import reduce
 from pathlib import Path
@@ -133,6 +134,17 @@ class Controller(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         field("outputs NAME_x, NAME_y, NAME_z: a sensor in the axes of a body"),
     ] = msgspec.field(default_factory=dict[str, Alignment])
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for kind, table in (("allocation", self.allocation), ("alignment", self.alignment)):
+            for name in table:
+                if not name or re.search(r"\s", name):
+                    words = "_".join(name.split()) or "NAME"
+                    raise InputError(
+                        f"{kind}: the table's name {name!r} becomes the name of signals, which has "
+                        f"no blanks; write [{kind}.{words}]."
+                    )
+
 
 def read_controller(path: str | Path | Controller) -> Controller:
     """Read a controller from TOML; one that was read already is returned.
@@ -217,6 +229,11 @@ def realise(controller: Controller, order: int = ORDER) -> tuple[Array, Array, A
         np.asarray(block_diag(*same), dtype=np.float64) for same in zip(*parts, strict=True)
     )
     return a, b, c, d
+
+
+def takes_time(controller: Controller) -> bool:
+    """Whether a loop has a pole or a dead time, so that it is continuous."""
+    return any(_balance(loop, ORDER)[0].size for loop in controller.loop)
 
 
 def _companion(top: Array, bottom: Array) -> tuple[Array, Array, Array, Array]:

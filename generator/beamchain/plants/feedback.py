@@ -15,13 +15,13 @@ from scipy.linalg import block_diag
 from beamchain.checks import preview
 from beamchain.errors import InputError
 from beamchain.plants.controllers import (
-    ORDER,
     Controller,
     place,
     places,
     read_controller,
     realise,
     realise_fraction,
+    takes_time,
 )
 from beamchain.plants.controllers import response as loop_response
 from beamchain.plants.systems import Complex, System, response
@@ -122,9 +122,10 @@ def _of_file(controller: Controller, signals: Signals) -> Feedback:
         each = np.array([loop_response(loop, s) for loop in controller.loop])
         return np.einsum("il,lk,lj->kij", drive, each, measure).astype(np.complex128)
 
-    poles = any(realise(controller, ORDER)[0].shape)
     delayed = any(loop.delay for loop in controller.loop)
-    return Feedback(rows, columns, realised, values, 0.0 if poles else None, delayed)
+    return Feedback(
+        rows, columns, realised, values, 0.0 if takes_time(controller) else None, delayed
+    )
 
 
 def _of_mapping(several: Mapping[Any, Any], signals: Signals) -> Feedback:

@@ -24,7 +24,9 @@ class Instability:
         kind: which of these it is; `several` of a pair that meets other poles on the real axis on
             its way, so that each of the two has an origin of its own.
         gain: factor of the gains of all loops from which on it grows; 0: from the smallest on.
-        crossing: frequency at which it crosses the axis [rad/s].
+        crossing: frequency at which it crosses the axis [rad/s]; infinite where it comes back from
+            infinity, at a gain that leaves the direct parts of plant and controller no solution,
+            `det(1 + L) = 0` at infinite frequency.
         alone: inputs whose loop makes it grow with all others open, and the factor of that loop's
             gain from which on it does.
         stable_without: inputs whose loop ends the growth where it alone is opened.
@@ -85,7 +87,15 @@ class Instability:
         what = f"{WORDS[self.kind]}{self.origin}"
         return (
             f"UNSTABLE: {what} ({how}) grows with time constant {self.time_constant:.3g} s; "
-            f"{self._blame()}."
+            f"{self._blame()}{self._endless()}."
+        )
+
+    def _endless(self) -> str:
+        if self.crossing < math.inf:
+            return ""
+        return (
+            f"; at {self.gain:.3g} of the gains of all loops their direct parts have no solution, "
+            "1 + L = 0 at infinite frequency"
         )
 
     def _blame(self) -> str:
@@ -111,7 +121,7 @@ class Instability:
             "origin": self.origin,
             "kind": self.kind,
             "gain": self.gain,
-            "crossing": self.crossing,
+            "crossing": self.crossing if self.crossing < math.inf else None,
             "alone": dict(self.alone),
             "stable_without": list(self.stable_without),
             "sentence": self.sentence,

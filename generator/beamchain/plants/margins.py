@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 POLISHED = 4  # maxima on the grid that are polished
 AT_ZERO = 1e-6  # of the lowest frequency, at which the response at rest is taken
+VANISHING = 1e-8  # size of a response beside that at neighbouring frequencies, which is rounding
 REAL = 1e-4  # imaginary by real part of a response that is real at rest
 NO = float("nan")
 
@@ -47,7 +48,9 @@ class LoopMargins:
     """Margins at an input of the plant, the loops of all others closed;
     infinite where there is no limit.
 
-    Of an unstable closed loop they are not defined: NaN.
+    Of an unstable closed loop they are not defined: NaN. Where plant and controller have direct
+    parts and no dead time, a margin may be reached at infinite frequency alone; its frequency is
+    then infinite.
 
     Args:
         input, outputs: the input that is broken, and what its loops measure.
@@ -57,11 +60,15 @@ class LoopMargins:
             then rings [rad/s].
         lowest_gain: factor below one to which it may fall, and `lowest_gain_frequency`; 0 where it
             may vanish.
-        phase: [degrees], at `phase_frequency` [rad/s].
+        phase: [degrees] between -180 and 180, at `phase_frequency` [rad/s]: the least change in
+            size that reaches the limit. Signed: where positive the phase of the open loop may fall
+            by it (a lag), where negative it may rise by its size (a lead).
         delay: further dead time that the loop bears [s].
         modulus: modulus margin, the least `|1 + L|`, at `modulus_frequency` [rad/s].
         disk: disk margin (balanced, skew 0) at `disk_frequency` [rad/s]:
-            gain and phase may change together by it, the gain up to `(2 + disk)/(2 - disk)`.
+            gain and phase may change together by it, the gain from `(2 - disk)/(2 + disk)` up to
+            `(2 + disk)/(2 - disk)`; of 2 or more the gain may rise without limit, and vanish; of
+            more than 2 its sign may change as well.
         omega, response: `(k,)` [rad/s] and the open loop's response.
 
     Example:
@@ -146,7 +153,8 @@ class Margins:
         loops: at every input that the controller drives, the loops of the others closed.
         stable: whether the closed loop is stable.
         all_at_once: disk margin of all inputs at once, each by a gain and phase of its own: the
-            loop stays stable for all factors `(1 + d)/(1 - d)`, `|d|` below half of it. From an
+            loop stays stable for all factors `(1 + d)/(1 - d)`, `|d|` below half of it; of 2 or
+            more all gains may rise without limit. From an
             upper bound of mu of `(S - T)/2`, which is mu itself for up to three inputs.
         peak_sensitivity, peak_complementary: largest singular values of S and T at the inputs.
         poles: `(n,)` of the closed loop [rad/s], dead times as Pade approximations; of a sampled
@@ -340,7 +348,7 @@ def _beyond(plant: control.StateSpace, found: Sequence[LoopMargins]) -> list[str
         far = [
             f"{what} margin (at {omega:.4g} rad/s)"
             for what, omega in at.items()
-            if top < omega < np.inf
+            if top < omega and (omega < np.inf or np.isfinite(getattr(one, what)))
         ]
         if far:
             out.append(
@@ -361,15 +369,21 @@ def _of_all(closed: ClosedLoop, sensitivity: Complex) -> tuple[Extremum, Extremu
         loop = closed.open_loop(np.array([w]))[0]
         return np.asarray(np.linalg.inv(eye + loop), dtype=np.complex128)
 
-    peak_s = _peak(omega, _largest(sensitivity), lambda w: float(np.linalg.norm(at(w), 2)))
-    peak_t = _peak(
-        omega, _largest(eye - sensitivity), lambda w: float(np.linalg.norm(eye - at(w), 2))
-    )
+    def peak(values: Array, size: Callable[[Complex], float]) -> Extremum:
+        limit = None if closed.limit is None else size(_sensitivity_at_infinity(closed.limit))
+        return _peak(omega, values, lambda w: size(at(w)), limit)
+
+    peak_s = peak(_largest(sensitivity), lambda s: float(np.linalg.norm(s, 2)))
+    peak_t = peak(_largest(eye - sensitivity), lambda s: float(np.linalg.norm(eye - s, 2)))
     # (S - T)/2 = S - 1/2
     middle = sensitivity - eye / 2.0
     bounds = _refined(middle, balanced_bounds(middle))
-    mu = _peak(omega, bounds, lambda w: bound(at(w) - eye / 2.0))
+    mu = peak(bounds, lambda s: bound(s - eye / 2.0))
     return Extremum(1.0 / mu.value, mu.frequency), peak_s, peak_t
+
+
+def _sensitivity_at_infinity(limit: Array) -> Complex:
+    return np.linalg.inv(np.eye(limit.shape[0]) + limit).astype(np.complex128)
 
 
 def _refined(matrices: Complex, bounds: Array) -> Array:
@@ -390,8 +404,14 @@ def _largest(matrices: Complex) -> Array:
     return np.asarray(np.linalg.norm(matrices, 2, axis=(1, 2)), dtype=np.float64)
 
 
-def _peak(omega: Array, values: Array, function: Callable[[float], float]) -> Extremum:
-    """The largest of values on a grid, the highest maxima polished."""
+def _peak(
+    omega: Array,
+    values: Array,
+    function: Callable[[float], float],
+    limit: float | None = None,
+) -> Extremum:
+    """The largest of values on a grid, the highest maxima polished, and of their limit at infinite
+    frequency."""
     before = np.concatenate([[-np.inf], values[:-1]])
     after = np.concatenate([values[1:], [-np.inf]])
     tops = np.flatnonzero((values >= before) & (values >= after))
@@ -407,7 +427,7 @@ def _peak(omega: Array, values: Array, function: Callable[[float], float]) -> Ex
         )
         if -float(found.fun) > best.value:
             best = Extremum(-float(found.fun), float(found.x))
-    return best
+    return best if limit is None or limit <= best.value else Extremum(limit, float("inf"))
 
 
 class _Figures(NamedTuple):
@@ -453,7 +473,13 @@ def _figures(closed: ClosedLoop, i: int, response: Complex) -> _Figures:
         inverse = np.linalg.inv(np.eye(len(closed.inputs)) + loop)
         return complex(1.0 / inverse[i, i] - 1.0)
 
+    # of the open loop at infinite frequency, the other loops closed
+    limit = None
+    if closed.limit is not None:
+        limit = complex(1.0 / _sensitivity_at_infinity(closed.limit)[i, i] - 1.0)
     factors = _phase_crossings(closed, omega, response, at)
+    if limit is not None and limit.real < 0.0:
+        factors.append(Extremum(_factor(limit), np.inf))
     gain = min((one for one in factors if one.value > 1.0), default=Extremum(np.inf, np.inf))
     lowest = max((one for one in factors if one.value < 1.0), default=Extremum(0.0, np.inf))
     phases = [
@@ -462,9 +488,21 @@ def _figures(closed: ClosedLoop, i: int, response: Complex) -> _Figures:
     ]
     phase = min(phases, key=lambda one: abs(one.value), default=Extremum(np.inf, np.inf))
     later = [float(np.radians(np.mod(one.value, 360.0))) / one.frequency for one in phases]
-    modulus = _peak(omega, -np.abs(1.0 + response), lambda w: -abs(1.0 + at(w)))
+    if limit is not None and abs(limit) >= 1.0:
+        later.append(0.0)  # however short, a dead time turns it to -1 at some high frequency
+    modulus = _peak(
+        omega,
+        -np.abs(1.0 + response),
+        lambda w: -abs(1.0 + at(w)),
+        None if limit is None else -abs(1.0 + limit),
+    )
     size = np.abs((1.0 - response) / (1.0 + response))
-    disk = _peak(omega, size, lambda w: abs((1.0 - at(w)) / (1.0 + at(w))))
+    disk = _peak(
+        omega,
+        size,
+        lambda w: abs((1.0 - at(w)) / (1.0 + at(w))),
+        None if limit is None else abs((1.0 - limit) / (1.0 + limit)),
+    )
     return _Figures(
         gain,
         lowest,
@@ -485,7 +523,12 @@ def _phase_crossings(
         if response.real[k] >= 0.0 and response.real[k + 1] >= 0.0:
             continue
         w = _root(lambda w: at(w).imag, float(omega[k]), float(omega[k + 1]))
-        out.append(Extremum(_factor(at(w)), w))
+        value = at(w)
+        # at an undamped pole the response changes its sign through infinity, at an undamped zero
+        # through nothing
+        vanishes = abs(value) < VANISHING * float(np.abs(response[k : k + 2]).max())
+        if not (vanishes or closed.undamped(w)):
+            out.append(Extremum(_factor(value), w))
     still = AT_ZERO * float(omega[0])
     rest = at(still), at(10.0 * still)
     if abs(rest[1].imag) < REAL * abs(rest[1]) and abs(rest[1] - rest[0]) < REAL * abs(rest[0]):
