@@ -61,10 +61,10 @@ class GainBound:
         programs, seconds: number of semidefinite programs, and time [s].
 
     Example:
+        >>> import beamchain as bc
         >>> import numpy as np
-        >>> from beamchain.plants.bounds import GainBound
         >>> ends = np.array([0.0, 1.0, np.inf])
-        >>> bound = GainBound(
+        >>> bound = bc.GainBound(
         ...     ends, np.array([2.0, 0.5]), np.array([1.9, 0.4]), (1, 1), (), False, 2, 1.0
         ... )
         >>> bound.gain, bound.stable, bound.at([0.5, 3.0]).tolist()

@@ -193,8 +193,8 @@ class WorstCases:
         cases: one per pose.
 
     Example:
-        >>> from beamchain.plants.uncertain_plant import WorstCases
-        >>> len(WorstCases(()))
+        >>> import beamchain as bc
+        >>> len(bc.WorstCases(()))
         0
     """
 

@@ -65,9 +65,10 @@ class WorstMargins:
         pose: of the craft, one of several; empty where there is one.
 
     Example:
-        >>> from beamchain.plants.worst_margins import LeastMargin, WorstMargins
+        >>> import beamchain as bc
+        >>> from beamchain.plants.worst_margins import LeastMargin
         >>> disk = LeastMargin("torque_z", "disk", "", 0.9, 0.7, 1.3, {"bus.mass": 280.0}, 0.69)
-        >>> WorstMargins((disk,), True, {}).least().worst
+        >>> bc.WorstMargins((disk,), True, {}).least().worst
         0.7
     """
 
