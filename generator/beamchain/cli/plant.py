@@ -152,14 +152,9 @@ def plant(
     from beamchain.plants.realisation import Plant
     from beamchain.report.pages.plant import plant_report
 
-    _check_options(poses, at, angle, controller, uncertain)
-    if disturbances is not None and (angle is not None or len(poses or []) > 1):
-        raise InputError(
-            "plant: --disturbances takes one pose; leave --angle out, and give one --pose."
-        )
+    _check_poses(poses or [], at, angle, single=disturbances is not None)
+    _check_uncertain(uncertain, controller, bound=bound)
     source, target = _signals_between(disturbance, uncertain)
-    if bound and uncertain is None:
-        raise InputError("plant: --bound needs --uncertain, whose worst case it bounds.")
     page = beside(output, "_report.html")
     given = (controller, uncertain, disturbances)
     files_read = [model, *(place for place in given if place is not None)]
@@ -210,25 +205,29 @@ def plant(
         raise typer.Exit(3)
 
 
-def _check_options(
-    poses: list[str] | None,
-    at: str | None,
-    angle: str | None,
-    controller: Path | None,
-    uncertain: Path | None,
-) -> None:
-    """Refuse options that do not go together."""
+def _check_poses(poses: list[str], at: str | None, angle: str | None, *, single: bool) -> None:
+    """Refuse options for poses that do not go together; `single`: whether only one is taken."""
     given = {"--pose": bool(poses), "--at": at is not None, "--angle": angle is not None}
     if sum(given.values()) > 1:
         several = " and ".join(option for option, there in given.items() if there)
         raise InputError(
             f"plant: {several} are given together; leave one out, or give every pose as a --pose."
         )
+    if single and (angle is not None or len(poses) > 1):
+        raise InputError(
+            "plant: --disturbances takes one pose; leave --angle out, and give one --pose."
+        )
+
+
+def _check_uncertain(uncertain: Path | None, controller: Path | None, *, bound: bool) -> None:
+    """Refuse options for a worst case that do not go together."""
     if uncertain is not None and controller is None:
         raise InputError(
             "plant: --uncertain needs --controller, whose worst case it seeks; in Python: "
             "plant.uncertain."
         )
+    if bound and uncertain is None:
+        raise InputError("plant: --bound needs --uncertain, whose worst case it bounds.")
 
 
 def _signals_between(

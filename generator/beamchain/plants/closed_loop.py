@@ -108,11 +108,9 @@ class ClosedLoop:
     @cached_property
     def top(self) -> float:
         """Size of the fastest pole [rad/s]."""
-        size = np.abs(self.to_s(self.eigenvalues))
-        size = size[size > 0.0]
         if self.step:
             return np.pi / self.step
-        return float(size.max(initial=1e-300))
+        return float(np.abs(self.eigenvalues).max(initial=1e-300))
 
     @cached_property
     def rest(self) -> float:

@@ -1,7 +1,6 @@
 """What a controller feeds back, `u = -K y`: files of loops, python-control's systems and mappings
 of them in one form."""
 
-import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from numbers import Real
@@ -27,7 +26,6 @@ from beamchain.plants.controllers import response as loop_response
 from beamchain.plants.systems import Complex, System, response
 from beamchain.ports.motions import Array
 
-UNNAMED = re.compile(r"[uy]\[\d+\]")  # signals as python-control calls them by itself
 SAME = 1e-9  # relative, of steps that are one
 
 LTI = control.StateSpace | control.TransferFunction

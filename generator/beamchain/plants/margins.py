@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
 import control
 import numpy as np
-from scipy.optimize import brentq, minimize_scalar
+from scipy.optimize import minimize_scalar
 
 from beamchain import report
 from beamchain.engine.library import one_thread
 from beamchain.plants.blame import instabilities
 from beamchain.plants.closed_loop import ClosedLoop, close
 from beamchain.plants.controllers import Response
+from beamchain.plants.crossings import crossing
 from beamchain.plants.feedback import Given
 from beamchain.plants.instability import Instability
 from beamchain.plants.realisation import Plant
@@ -522,7 +523,7 @@ def _phase_crossings(
     for k in changes:
         if response.real[k] >= 0.0 and response.real[k + 1] >= 0.0:
             continue
-        w = _root(lambda w: at(w).imag, float(omega[k]), float(omega[k + 1]))
+        w = crossing(lambda w: at(w).imag, float(omega[k]), float(omega[k + 1]))
         value = at(w)
         # at an undamped pole the response changes its sign through infinity, at an undamped zero
         # through nothing
@@ -550,13 +551,9 @@ def _gain_crossings(
     size = np.abs(response) - 1.0
     changes = np.flatnonzero(np.sign(size[1:]) * np.sign(size[:-1]) < 0.0)
     roots = [
-        _root(lambda w: abs(at(w)) - 1.0, float(omega[k]), float(omega[k + 1])) for k in changes
+        crossing(lambda w: abs(at(w)) - 1.0, float(omega[k]), float(omega[k + 1])) for k in changes
     ]
     return [(w, at(w)) for w in roots]
-
-
-def _root(function: Callable[[float], float], low: float, high: float) -> float:
-    return float(brentq(function, low, high, xtol=1e-13 * high, rtol=1e-13))
 
 
 def _decibels(factor: float) -> float:

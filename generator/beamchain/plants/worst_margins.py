@@ -11,12 +11,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from beamchain import report
 from beamchain.plants.bounds import GainBound
 from beamchain.plants.controllers import Controller, Response, places
 from beamchain.plants.controllers import response as loop_response
+from beamchain.plants.crossings import crossing
 from beamchain.plants.structured import balanced_bounds, bound
 from beamchain.plants.systems import Complex, System, response
 from beamchain.plants.worst_case import Loops
@@ -249,22 +249,14 @@ def limits_of(omega: Array, values: Response, open_loop: Callable[[float], compl
     for which, found in enumerate((np.where(factor > 1.0, factor, np.nan), 1.0 / factor)):
         if np.any(found > 1.0):
             k = int(at[np.nanargmin(np.where(found > 1.0, found, np.nan))])
-            w = _root(lambda w: open_loop(w).imag, omega[k], omega[k + 1])
+            w = crossing(lambda w: open_loop(w).imag, omega[k], omega[k + 1])
             limits[which] = -1.0 / open_loop(w).real, w
     at, there = crossings(np.abs(values) - 1.0)
     if at.size:
         k = int(at[np.argmin(np.abs(np.angle(-there)))])
-        w = _root(lambda w: abs(open_loop(w)) - 1.0, omega[k], omega[k + 1])
+        w = crossing(lambda w: abs(open_loop(w)) - 1.0, omega[k], omega[k + 1])
         limits[2] = float(np.degrees(abs(np.angle(-open_loop(w))))), w
     return Limits(*limits)
-
-
-def _root(function: Callable[[float], float], low: float, high: float) -> float:
-    ends = function(low), function(high)
-    if ends[0] * ends[1] >= 0.0:  # rounding at an end
-        return float(low if abs(ends[0]) < abs(ends[1]) else high)
-    root: Any = brentq(function, low, high)
-    return float(root)
 
 
 def least(cost: Callable[[Array], float], tried: Sequence[Array]) -> Array:

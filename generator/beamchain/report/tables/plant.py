@@ -4,8 +4,6 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from beamchain.report.formats import digits, number
 from beamchain.report.table import Column, Place, Table
 
@@ -15,14 +13,6 @@ if TYPE_CHECKING:
     from beamchain.plants.uncertain_plant import WorstCase
     from beamchain.plants.worst_margins import WorstMargins
 
-#: where the frequency of a margin stands
-FREQUENCIES = {
-    "gain_db": "gain_frequency",
-    "lowest_gain_db": "lowest_gain_frequency",
-    "phase": "phase_frequency",
-    "modulus": "modulus_frequency",
-    "disk": "disk_frequency",
-}
 LARGEST_PAIRS = 6  # pairs of input and output whose modal gains a page shows
 FEW = 4  # poses whose frequencies the terminal shows
 ROUNDING = 1e-9  # gain relative to the largest, below which it is rounding
@@ -54,12 +44,9 @@ def allocation_tables(plant: "Plant") -> list[Table]:
     """The command of every actuator for a torque about every axis, and what gives no torque."""
     tables: list[Table] = []
     for name, allocated in plant.allocations.items():
-        commands = np.asarray(allocated.commands)
-        labels = [label for label in plant.input_names if label.startswith(f"{name}_")]
-        columns = [Column("actuator", list(allocated.actuators))]
-        for axis, label in enumerate(labels[: commands.shape[1]]):
-            values = commands[:, axis].tolist()
-            columns.append(Column(label, values, "per N m", digits(4)))
+        columns = [Column("actuator", allocated.actuators)]
+        for axis, commands in zip(allocated.about, allocated.commands.T.tolist(), strict=True):
+            columns.append(Column(f"{name}_{axis}", commands, "per N m", digits(4)))
         notes = [
             "without torque: " + ", ".join(f"{which} {share:+.3g}" for which, share in null.items())
             for null in allocated.without_torque
@@ -119,7 +106,8 @@ def margin_table(several: "Sequence[Margins]") -> Table:
         notes.append("Sampled: all figures hold at the samples, up to pi/T.")
 
     def figures(name: str, unit: str, field: str, place: Place = "everywhere") -> Column:
-        pairs = [(getattr(loop, field), getattr(loop, FREQUENCIES[field])) for _, loop in loops]
+        where = f"{field.removesuffix('_db')}_frequency"
+        pairs = [(getattr(loop, field), getattr(loop, where)) for _, loop in loops]
         return Column(name, pairs, unit, margin_at_text, place=place)
 
     columns = (

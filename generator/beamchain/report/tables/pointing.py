@@ -1,6 +1,7 @@
 """The tables of a pointing budget: source by source, and the modes that errors come from."""
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from beamchain.ports.motions import Array
@@ -8,6 +9,7 @@ from beamchain.report.formats import digits
 from beamchain.report.table import Column, Table
 
 if TYPE_CHECKING:
+    from beamchain.plants.error_indices import ErrorIndex
     from beamchain.plants.pointing import Pointing
 
 SHOWN = 0.01  # least share of a mode that is shown
@@ -33,31 +35,12 @@ def pointing_table(pointing: "Pointing") -> Table:
         else None
         for row, n in cells
     ]
-    text = digits(4)
     columns = (
         Column("source", [row[0] for row, _ in cells], key="source"),
         Column("output", [pointing.outputs[n] for _, n in cells], key="output"),
         Column("unit", [pointing.units[n] for _, n in cells], key="unit"),
-        Column(
-            "APE rms",
-            [_number(row[1].rms[n]) for row, n in cells],
-            format=text,
-            missing="-",
-            key="ape_rms",
-        ),
-        Column(
-            "APE peak", [float(row[1].peak[n]) for row, n in cells], format=text, key="ape_peak"
-        ),
-        Column(
-            "RPE rms",
-            [_number(row[2].rms[n]) for row, n in cells],
-            format=text,
-            missing="-",
-            key="rpe_rms",
-        ),
-        Column(
-            "RPE peak", [float(row[2].peak[n]) for row, n in cells], format=text, key="rpe_peak"
-        ),
+        *_index_columns("APE", [(row[1], n) for row, n in cells]),
+        *_index_columns("RPE", [(row[2], n) for row, n in cells]),
         Column(
             "at speed",
             [None if row[3] is None else float(row[3][n]) for row, n in cells],
@@ -73,6 +56,18 @@ def pointing_table(pointing: "Pointing") -> Table:
         "All: root of the sum of squares; peaks added, 3 sigma of all random sources on top.",
     )
     return Table("Pointing budget", columns, notes)
+
+
+def _index_columns(name: str, cells: "Sequence[tuple[ErrorIndex, int]]") -> tuple[Column, Column]:
+    """Root mean square and peak of an index, of an output each."""
+    text = digits(4)
+    key = name.lower()
+    rms = [_number(index.rms[n]) for index, n in cells]
+    peak = [float(index.peak[n]) for index, n in cells]
+    return (
+        Column(f"{name} rms", rms, format=text, missing="-", key=f"{key}_rms"),
+        Column(f"{name} peak", peak, format=text, key=f"{key}_peak"),
+    )
 
 
 def pointing_mode_table(pointing: "Pointing") -> Table:
