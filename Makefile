@@ -95,7 +95,7 @@ wheel: $(VENV)/.installed
 	rm -rf dist
 	$(BIN)/python -m build --outdir dist .
 
-IN_WHEEL := pytest pytest-timeout pytest-xdist hypothesis sympy gymnasium nbclient nbformat ipykernel basedpyright hatchling twine
+IN_WHEEL := pytest pytest-timeout pytest-xdist hypothesis sympy gymnasium cvxpy-base clarabel nbclient nbformat ipykernel basedpyright hatchling twine
 
 # the wheel, built from the sdist, in an environment that has never seen the checkout, tested from outside it:
 # quick tests, notebooks, its contents, its types
