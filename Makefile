@@ -95,14 +95,14 @@ wheel: $(VENV)/.installed
 	rm -rf dist
 	$(BIN)/python -m build --outdir dist .
 
-IN_WHEEL := pytest pytest-timeout pytest-xdist hypothesis sympy gymnasium cvxpy-base clarabel nbclient nbformat ipykernel basedpyright hatchling twine
+IN_WHEEL := pytest pytest-timeout pytest-xdist hypothesis sympy gymnasium nbclient nbformat ipykernel basedpyright hatchling twine
 
-# the wheel, built from the sdist, in an environment that has never seen the checkout, tested from outside it:
-# quick tests, notebooks, its contents, its types
+# the wheel, built from the sdist, with its extra for bounds, in an environment that has never seen the checkout,
+# tested from outside it: quick tests, notebooks, its contents, its types
 wheel-test: wheel
 	rm -rf build/wheel && mkdir -p build/wheel
 	$(PYTHON) -m venv build/wheel/venv
-	build/wheel/venv/bin/python -m pip install --quiet --disable-pip-version-check dist/*.whl $(IN_WHEEL)
+	build/wheel/venv/bin/python -m pip install --quiet --disable-pip-version-check "$$(ls dist/*.whl)[robust]" $(IN_WHEEL)
 	cp -r tests notebooks dist pyproject.toml build/wheel/
 	cd build/wheel && venv/bin/$(PYTEST) -m "not slow and not host"
 	cd build/wheel && venv/bin/$(PYTEST) tests/test_notebooks.py tests/test_release.py
@@ -119,7 +119,7 @@ ifeq ($(NEWEST),)
 else
 	rm -rf build/newest && mkdir -p build/newest
 	$(NEWEST) -m venv build/newest/venv
-	build/newest/venv/bin/python -m pip install --quiet --disable-pip-version-check dist/*.whl $(IN_WHEEL)
+	build/newest/venv/bin/python -m pip install --quiet --disable-pip-version-check "$$(ls dist/*.whl)[robust]" $(IN_WHEEL)
 	cp -r tests notebooks dist pyproject.toml build/newest/
 	cd build/newest && venv/bin/python --version && venv/bin/$(PYTEST) -m "not slow and not host"
 endif
