@@ -66,6 +66,8 @@ DROPPED = {
     "sweep(executor)": f"executor is gone: {CLUSTER}",
     "sweep(folder)": f"folder is gone: {RESUME}",
     "sweep(resume)": f"resume is gone: {RESUME}",
+    "Fit.error": "error is gone: readback_error has, per port, how far the values read back from "
+    "MuJoCo are from their target, and in_band_error is the model's error.",
     "WorstCase.stability": f"stability is gone: {BOUND}",
     "WorstCase.upper": f"upper is gone: {BOUND}",
     "WorstCase.gap": f"gap is gone: {BOUND}",
@@ -134,6 +136,12 @@ def check_words(words: Sequence[str]) -> None:
         if word == "--":
             break
         check(f"{command} {word.partition('=')[0]}")
+
+
+def missing_attribute(owner: str, name: str) -> AttributeError:
+    """The error of an attribute that a result does not have, with the sentence on one that
+    earlier versions had."""
+    return AttributeError(DROPPED.get(f"{owner}.{name}") or f"a {owner} has no attribute {name!r}")
 
 
 def answers_dropped(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:

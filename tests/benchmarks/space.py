@@ -45,7 +45,7 @@ def exactness() -> None:
         ("array, 2 deployment hinges", deployed_array(), {"xy": 3, "xz": 3, "torsion": 2}),
     ):
         result = fit(beam, modes=kept)
-        worst = {p: max(e.frequency, e.participation) for p, e in result.error.items()}
+        worst = {p: max(e.frequency, e.participation) for p, e in result.readback_error.items()}
         words = ", ".join(f"{p} {v:.1e}" for p, v in worst.items())
         say(
             f"{name:28s} {words}, ports coupled by {result.measured.coupling:.0e}; "
@@ -61,7 +61,9 @@ def random_arrays() -> None:
         for seed in range(40):
             result = fit(random_array(seed), modes=kept)
             if result.status.ok:
-                exact.append(max(max(e.frequency, e.participation) for e in result.error.values()))
+                exact.append(
+                    max(max(e.frequency, e.participation) for e in result.readback_error.values())
+                )
                 links.append(
                     min(link.length for link in result.chain.links if link.mass > 0.0)
                     / result.chain.length
@@ -148,7 +150,9 @@ def tip() -> None:
         for asked in (False, True):
             result = fit(tube(), modes={"xy": n}, scene=Scene(tip=True) if asked else None)
             errors = " ".join(f"{e:+.1e}" for e in result.tip_error["xy"])
-            root = max(result.error["xy"].frequency, result.error["xy"].participation)
+            root = max(
+                result.readback_error["xy"].frequency, result.readback_error["xy"].participation
+            )
             say(f"n = {n}, scene.tip = {asked!s:5s}: {errors}   (root {root:.0e})")
 
 

@@ -96,8 +96,8 @@ def test_both_planes(make, kept):
     assert result.status.ok
     for port, n in kept.items():
         assert np.max(np.abs(result.tip_error[port][:n])) < TIP
-        assert result.error[port].frequency < ROOT
-        assert result.error[port].participation < ROOT
+        assert result.readback_error[port].frequency < ROOT
+        assert result.readback_error[port].participation < ROOT
 
 
 def test_tip_of_the_uniform_beam_in_closed_form():
@@ -134,7 +134,7 @@ def test_tip_angle_in_torsion():
     assert mujoco.MjModel.from_xml_string(result.to_mjcf()).njnt == 3
     careful = fit(tube(), modes={"torsion": 3}, scene=Scene(tip=True))
     assert np.max(np.abs(careful.tip_error["torsion"][:3])) < TIP
-    assert careful.error["torsion"].frequency < ROOT
+    assert careful.readback_error["torsion"].frequency < ROOT
 
 
 # -- static check ----------------------------------------------------------------------------------

@@ -105,3 +105,13 @@ def test_a_call_is_answered(call, cure):
     with pytest.raises(bc.InputError, match=cure) as told:
         call()
     assert "\n" not in str(told.value)
+
+
+def test_an_attribute_of_a_fit_is_answered():
+    section = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=2.0)
+    segment = bc.Segment(length=8.0, section=section)
+    fit = bc.fit(bc.Spec(name="boom", segment=(segment,), modes=bc.Modes(xy=1)))
+    with pytest.raises(AttributeError, match="readback_error has, per port"):
+        _ = fit.error
+    assert not hasattr(fit, "error")
+    assert list(fit.readback_error) == ["xy"]

@@ -48,12 +48,12 @@ def silent(model, data):
 def test_a_fit_is_frozen_and_complete():
     result = bc.fit(tube(), name="boom", modes=KEPT, root=bc.Root(hub=HUB))
     assert result.status.ok
-    assert list(result.target) == list(result.achieved) == list(result.error) == list(KEPT)
+    assert list(result.target) == list(result.achieved) == list(result.readback_error) == list(KEPT)
     with pytest.raises(dataclasses.FrozenInstanceError):
         result.status = None  # type: ignore[misc]
     assert set(result.seconds) == {"model", "realise", "write", "verify"}
     assert all(value >= 0.0 for value in result.seconds.values())
-    for error in result.error.values():
+    for error in result.readback_error.values():
         assert error.frequency < MODES
         assert error.accelerance_in_band is not None
     assert result.hub_mass is not None
@@ -83,7 +83,7 @@ def test_a_plane_left_out_without_a_word_is_a_warning():
 
 def test_the_model_s_error_comes_before_the_readback():
     result = bc.fit(tube(), modes={"xy": 2, "xz": 0})
-    assert result.in_band_error == result.error["xy"].accelerance_in_band
+    assert result.in_band_error == result.readback_error["xy"].accelerance_in_band
     assert result.readback_error["xy"].frequency < 1e-9 < result.in_band_error
     lines = repr(result).splitlines()
     assert "in-band error" in lines[1]

@@ -42,7 +42,7 @@ def test_in_band_errors_stand_beside_the_classical_chains(boom):
     theirs = bc.compare(classical, fit.full["xy"], hub, fit.bandwidth["xy"]).accelerance_in_band
     row = html.fromstring(page).xpath("//caption[text()='In-band error']/../tbody/tr")[0]
     cells = [cell.text_content() for cell in row]
-    assert cells[2] == plots.percent(fit.error["xy"].accelerance_in_band)
+    assert cells[2] == plots.percent(fit.readback_error["xy"].accelerance_in_band)
     assert cells[3] == plots.percent(theirs)
 
 
@@ -51,7 +51,7 @@ def test_verdict(boom):
     verdict = html.fromstring(page).xpath("//p[contains(@class, 'verdict')]")[0]
     assert "missed" not in verdict.get("class")
     assert "3 rigid links on 2 hinges" in verdict.text_content()
-    assert plots.percent(fit.error["xy"].accelerance_in_band) in verdict.text_content()
+    assert plots.percent(fit.readback_error["xy"].accelerance_in_band) in verdict.text_content()
     strict = bc.fit(fit.spec, scene=bc.Scene(tolerance=1e-6))
     missed = html.fromstring(fit_report(strict)[0]).xpath("//p[contains(@class, 'missed')]")[0]
     assert "more than the tolerance" in missed.text_content()
@@ -197,7 +197,7 @@ def test_what_was_left_out_stands_with_its_cost():
 @pytest.mark.parametrize("name", EVERY)
 def test_error_curve_peaks_at_the_in_band_error(name):
     fit = fitted(name)
-    for port, error in fit.error.items():
+    for port, error in fit.readback_error.items():
         hub, _ = curves.worst_hub(fit, port)
         (curve,) = curves.error_curves(
             fit, port, [curves.read_back_model(fit, port)], hub, curves.span(fit, port)

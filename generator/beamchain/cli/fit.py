@@ -76,7 +76,7 @@ def _show(result: "Fit") -> None:
     if result.space is not None:
         print_table(tables.effective_mass_table(result.space.data))
     title = "Modes, read back from MuJoCo (mjd_transitionFD)"
-    print_table(tables.mode_table(result, list(result.error), title))
+    print_table(tables.mode_table(result, list(result.readback_error), title))
     print_table(tables.link_table(result))
     print_table(tables.hinge_table(result))
     if result.chain.tendons:

@@ -151,7 +151,7 @@ def assess_fit(
         full=case.full(built.targets),
         target=built.targets,
         achieved={port: measured.ports[port] for port in built.targets},
-        error=error,
+        readback_error=error,
         measured=measured,
         limits=limits,
         status=verdict(spec, status, promise),

@@ -13,6 +13,7 @@ from beamchain.caution import Caution
 from beamchain.chain.build import Status
 from beamchain.chain.chain import Chain
 from beamchain.chain.cut import Cut
+from beamchain.dropped import missing_attribute
 from beamchain.engine.bench import Measured, ballast_for
 from beamchain.engine.library import mujoco, rest
 from beamchain.engine.linear import rigid_body
@@ -98,7 +99,8 @@ class Fit:
         full: per port, all modes of the beam's discretisation, which are the reference.
         target: per port, the reduced model the chain was made for.
         achieved: per port, read back through `mjd_transitionFD`.
-        error: per port, achieved against target; in band, against the whole beam.
+        readback_error: per port, achieved against target: the error of the file, not of the model;
+            in band, against the whole beam.
         measured: results of the test bench.
         limits: step limits on the hub of the spec, or without a hub.
         status: ok, message, history.
@@ -130,7 +132,7 @@ class Fit:
     full: dict[str, PortModel]
     target: dict[str, PortModel]
     achieved: dict[str, PortModel]
-    error: dict[str, Comparison]
+    readback_error: dict[str, Comparison]
     measured: Measured
     limits: StepLimits
     status: Status
@@ -144,6 +146,12 @@ class Fit:
     cut: Cut | None = None
     line: MassLine | None = None
     space: InSpace | None = None
+
+    if not TYPE_CHECKING:  # a type checker knows what there is
+
+        def __getattr__(self, name: str) -> Any:
+            # asked only for names that the result does not have
+            raise missing_attribute("Fit", name)
 
     def __repr__(self) -> str:
         return report.fit_text(self)
@@ -243,17 +251,11 @@ class Fit:
         return None if self.spec.root.hub is None else self.spec.root.hub.mass_matrix()
 
     @property
-    def readback_error(self) -> dict[str, Comparison]:
-        """Per port, the values read back from MuJoCo against their target: the error of the file,
-        not of the model."""
-        return self.error
-
-    @property
     def modes(self) -> list[ModeRow]:
         """The kept modes, port by port, slowest first;
         `pandas.DataFrame(fit.modes)` makes a table of them."""
         rows: list[ModeRow] = []
-        for port, error in self.error.items():
+        for port, error in self.readback_error.items():
             target = self.target[port].frequencies
             achieved = self.achieved[port]
             for k in np.argsort(error.matches[:, 1]):
@@ -266,9 +268,8 @@ class Fit:
     @property
     def worst_port(self) -> str | None:
         """The port with the largest in-band error; None where the appendage is rigid."""
-        return max(
-            self.error, key=lambda port: self.error[port].accelerance_in_band or 0.0, default=None
-        )
+        in_band = {p: e.accelerance_in_band or 0.0 for p, e in self.readback_error.items()}
+        return max(in_band, key=lambda port: in_band[port], default=None)
 
     @property
     def in_band_error(self) -> float | None:
@@ -278,7 +279,7 @@ class Fit:
         return (
             self.promise
             if self.promise is not None or port is None
-            else self.error[port].accelerance_in_band
+            else self.readback_error[port].accelerance_in_band
         )
 
     @property
@@ -296,7 +297,11 @@ class Fit:
             said += ", rigid" if port is None else " of what the scene asks for"
         else:
             said = f"in-band error {error:.2e} up to {self.bandwidth[port]:.4g} rad/s ({port}"
-            said += f", worst of {len(self.error)} ports)" if len(self.error) > 1 else ")"
+            said += (
+                f", worst of {len(self.readback_error)} ports)"
+                if len(self.readback_error) > 1
+                else ")"
+            )
         return said if self.tip_told is None else f"{said}; {self.tip_told}"
 
     @property

@@ -13,7 +13,7 @@ from beamchain.caution import Caution
 from beamchain.checks import of_type, positive, whole_number
 from beamchain.craft.embedded import Embedded
 from beamchain.craft.quantities import quantities
-from beamchain.dropped import DROPPED
+from beamchain.dropped import missing_attribute
 from beamchain.engine.library import one_thread
 from beamchain.errors import InputError
 from beamchain.fitting.uncertain import OF_MODES, Correlation, Uncertain, UncertainCraft
@@ -123,8 +123,7 @@ class WorstCase:
 
         def __getattr__(self, name: str) -> Any:
             # asked only for names that the result does not have
-            sentence = DROPPED.get(f"WorstCase.{name}")
-            raise AttributeError(sentence or f"a WorstCase has no attribute {name!r}")
+            raise missing_attribute("WorstCase", name)
 
     @property
     def stable(self) -> bool:

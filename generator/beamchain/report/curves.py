@@ -43,7 +43,9 @@ def kept_count(fit: "Fit", port: str) -> int:
     A target may hold static shapes of further points beside its modes.
     """
     modes = fit.target[port].modes
-    return min(modes, len(fit.error[port].matches)) if port in fit.error else modes
+    return (
+        min(modes, len(fit.readback_error[port].matches)) if port in fit.readback_error else modes
+    )
 
 
 class Response(NamedTuple):

@@ -217,7 +217,7 @@ def error_figure(fit: "Fit", port: str) -> Figure:
     x = float(ours.omega[at])
     y = float(ours.error[at])
     ax.plot(x, y, marker="o", markersize=5.5, color=OURS, linestyle="none", label="largest in band")
-    stated = fit.error[port].accelerance_in_band
+    stated = fit.readback_error[port].accelerance_in_band
     box: Any = {
         "boxstyle": "square,pad=0.1",
         "facecolor": "white",

@@ -101,7 +101,7 @@ def _verdict(fit: "Fit", rivals: RivalErrors) -> Verdict:
     if fit.promise is not None and scene is not None and scene.bandwidth is not None:
         promised = fit.promise, scene.bandwidth
     less = "" if fit.status.ok else f"Less than was asked for: {fit.status.message.rstrip('.')}. "
-    if not fit.error:  # the scene needs no mode
+    if not fit.readback_error:  # the scene needs no mode
         text = "One rigid body stands for the appendage"
         if promised:
             error, band = promised
@@ -110,8 +110,8 @@ def _verdict(fit: "Fit", rivals: RivalErrors) -> Verdict:
                 f"{short(band)} rad/s"
             )
         return Verdict(fit.status.ok, f"{less}{text}.")
-    frequency = max(error.frequency for error in fit.error.values())
-    errors = {port: error.accelerance_in_band or 0.0 for port, error in fit.error.items()}
+    frequency = max(error.frequency for error in fit.readback_error.values())
+    errors = {port: error.accelerance_in_band or 0.0 for port, error in fit.readback_error.items()}
     worst = max(errors, key=lambda port: errors[port])
     links = sum(link.mass > 0.0 for link in fit.chain.links)
     what = (

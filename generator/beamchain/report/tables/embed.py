@@ -135,7 +135,7 @@ def file_step_table(limits: Limits, integrator: str, timestep: float, fastest: f
 
 def in_band_table(appendages: "Sequence[Appendage]") -> Table:
     """Errors of equal appendages, each alone on the hub that its root feels."""
-    errors = [(a, port, error) for a in appendages for port, error in a.fit.error.items()]
+    errors = [(a, port, error) for a in appendages for port, error in a.fit.readback_error.items()]
     columns = (
         Column("at", [a.at for a, _, _ in errors]),
         Column("port", [port for _, port, _ in errors]),

@@ -67,7 +67,7 @@ def matched_modes(fit: "Fit", port: str) -> list[MatchedMode]:
     """The matched modes of a port, slowest first."""
     target = fit.target[port]
     achieved = fit.achieved[port]
-    error = fit.error[port]
+    error = fit.readback_error[port]
     free = achieved.free_frequencies
     tip = fit.tip_error.get(port, ())
     modes = []
@@ -93,7 +93,9 @@ def matched_modes(fit: "Fit", port: str) -> list[MatchedMode]:
 
 def mode_table(fit: "Fit", ports: Sequence[str], title: str) -> Table:
     """Modes of ports: asked for, read back through MuJoCo, how far off."""
-    modes = [mode for port in ports if port in fit.error for mode in matched_modes(fit, port)]
+    modes = [
+        mode for port in ports if port in fit.readback_error for mode in matched_modes(fit, port)
+    ]
     ratios = any(mode.target_damping > 0.0 or mode.damping > 0.0 for mode in modes)
     hertz = [mode.target_frequency / (2.0 * np.pi) for mode in modes]
     columns = [
@@ -227,13 +229,13 @@ def _coefficients(freedoms: Iterable[tuple[int, str]], coefficients: "Array") ->
 
 def in_band_table(fit: "Fit", rivals: RivalErrors) -> Table:
     """Error of the hub's motion per port, of the chain and of the rivals (none in the terminal)."""
-    ports = list(fit.error)
+    ports = list(fit.readback_error)
     columns = [
         Column("port", ports),
         Column("band", [f"0 to {number(fit.bandwidth[port])}" for port in ports], "rad/s"),
         Column(
             CHAIN,
-            [fit.error[port].accelerance_in_band or 0.0 for port in ports],
+            [fit.readback_error[port].accelerance_in_band or 0.0 for port in ports],
             format=relative,
         ),
     ]

@@ -119,7 +119,7 @@ def fit_record(fit: "Fit") -> dict[str, Any]:
 
 
 def _port(fit: "Fit", port: str) -> dict[str, Any]:
-    error = fit.error[port]
+    error = fit.readback_error[port]
     band = fit.bandwidth[port]
     readback = _fields(error, "frequency", "participation")
     in_band = error.accelerance_in_band
