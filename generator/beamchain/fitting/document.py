@@ -17,9 +17,7 @@ from beamchain.steps.retime_file import put_hinge_armature, put_time
 from beamchain.structure.mass_line import MassLine
 
 
-def appendage_tree(
-    spec: Spec, chain: Chain, line: MassLine, skins: Sequence[Skin] = ()
-) -> Element:
+def appendage_tree(spec: Spec, chain: Chain, line: MassLine, skins: Sequence[Skin] = ()) -> Element:
     """The drop-in file with the elements that the scene uses; `skins` in place of boxes."""
     scene = spec.scene or Scene()
     sensors = spec.sensors

@@ -11,6 +11,7 @@ vertex shall move as the cross-section of the elastic beam does.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +23,8 @@ from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, Array
 
 # weight of the distance from the plain weights, beside displacements relative to the largest
-RIDGE = 1e-3
+
+RIDGE = 3e-3
 DIGITS = 5  # of a weight, behind the point
 
 
@@ -30,8 +32,8 @@ class Bone(NamedTuple):
     """A link, numbered from 0, that carries vertices."""
 
     link: int
-    bound: float  # x at which its body is bound [m]
-    shift: float  # x of its body less that [m]
+    bound: tuple[float, float, float]  # place at which its body is bound [m]
+    shift: tuple[float, float, float]  # place of its body less that [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,9 +60,7 @@ class Skin:
     weights: Array
 
 
-def mode_motion(
-    chain: Chain, port: str, kept: PortModel, x: Array, columns: Indices
-) -> ModeMotion:
+def mode_motion(chain: Chain, port: str, kept: PortModel, x: Array, columns: Indices) -> ModeMotion:
     """How beam and links move in the kept modes of a port.
 
     Args:
@@ -93,12 +93,12 @@ def skins(
 ) -> tuple[list[Skin], list[Array]]:
     """The surfaces on the links, and how far they miss each mode `(n,)` of each of `modes`: the
     largest error of a vertex's displacement, over the largest displacement of any vertex."""
-    bones = _bones(chain)
     made: list[Skin] = []
     missed: list[Array] = []
     wanted = [_wanted(surface.points, modes) for surface in surfaces]
     largest = np.max([np.max(np.linalg.norm(w, axis=2), axis=0) for w in wanted], axis=0)
     for surface, displacement in zip(surfaces, wanted, strict=True):
+        bones = _bones(chain, surface.points, panel=surface.look == "panel")
         carried = _carried(surface.points, bones, modes) / largest[:, None, None]
         displacement = displacement / largest[:, None]
         weights = _plain_weights(surface.points[:, 0], chain, bones)
@@ -106,15 +106,18 @@ def skins(
         made.append(Skin(surface, bones, weights))
         off = np.einsum("vkcb,vb->vkc", carried, weights) - displacement
         missed.append(np.max(np.linalg.norm(off, axis=2), axis=0))
-    counts = np.cumsum([len(mode.sections) for mode in modes])[:-1]
-    return made, np.split(np.max(missed, axis=0), counts)
+    ends = np.cumsum([len(mode.sections) for mode in modes], dtype=np.int64)
+    return made, np.split(np.max(missed, axis=0), ends)[:-1]
 
 
-def _bones(chain: Chain) -> tuple[Bone, ...]:
-    """Two of every link."""
-    places = [0.0, *(hinge.x for hinge in chain.hinges)]
-    shifts = (0.0, chain.length)
-    return tuple(Bone(i, x - shift, shift) for shift in shifts for i, x in enumerate(places))
+def _bones(chain: Chain, points: Array, *, panel: bool) -> tuple[Bone, ...]:
+    """Two of every link, and a third one where the surface is a panel."""
+    sizes = np.ptp(points, axis=0)
+    axes = (0, 1 + int(np.argmax(sizes[1:])))[: 2 if panel else 1]
+    shifts = [np.zeros(3), *(chain.length * np.eye(3)[axis] for axis in axes)]
+    places = [np.zeros(3), *(np.array([hinge.x, 0.0, 0.0]) for hinge in chain.hinges)]
+    pairs = product(shifts, enumerate(places))
+    return tuple(Bone(i, tuple(x - shift), tuple(shift)) for shift, (i, x) in pairs)
 
 
 def _displacement(motion: Array, points: Array) -> Array:
@@ -125,7 +128,7 @@ def _displacement(motion: Array, points: Array) -> Array:
 def _wanted(points: Array, modes: Sequence[ModeMotion]) -> Array:
     """`(v, k, 3)` displacement of vertices `(v, 3)` with their cross-sections in all modes."""
     beside = points * np.array([0.0, 1.0, 1.0])
-    moved: list[Array] = []
+    moved = [np.zeros((len(points), 0, 3))]
     for mode in modes:
         sections = mode.sections[:, np.searchsorted(mode.x, points[:, 0])]
         moved.append(_displacement(sections, beside).transpose(1, 0, 2))
@@ -135,8 +138,9 @@ def _wanted(points: Array, modes: Sequence[ModeMotion]) -> Array:
 def _carried(points: Array, bones: Sequence[Bone], modes: Sequence[ModeMotion]) -> Array:
     """`(v, k, 3, b)` displacement of vertices `(v, 3)` by each bone alone in all modes."""
     links = [bone.link for bone in bones]
-    shifts = np.array([[bone.shift, 0.0, 0.0] for bone in bones])
-    motion = np.concatenate([mode.links[:, links] for mode in modes])
+    shifts = np.array([bone.shift for bone in bones])
+    none = np.zeros((0, len(links), 6))
+    motion = np.concatenate([none, *(mode.links[:, links] for mode in modes)])
     moved = _displacement(motion, points[:, None, None] + shifts)
     return moved.transpose(0, 1, 3, 2)
 
@@ -145,7 +149,7 @@ def _plain_weights(x: Array, chain: Chain, bones: Sequence[Bone]) -> Array:
     """`(v, b)` weights without the modes: from the middle of each link over to the next."""
     middles = np.array([link.start + link.length / 2.0 for link in chain.links])
     shares = [np.interp(x, middles, unit) for unit in np.eye(middles.size)]
-    return np.stack([shares[bone.link] * (bone.shift == 0.0) for bone in bones], axis=1)
+    return np.stack([shares[bone.link] * (not any(bone.shift)) for bone in bones], axis=1)
 
 
 def _least_squares(carried: Array, wanted: Array, plain: Array, bones: Sequence[Bone]) -> Array:
@@ -155,7 +159,7 @@ def _least_squares(carried: Array, wanted: Array, plain: Array, bones: Sequence[
     """
     count = len(bones)
     shifts = np.array([bone.shift for bone in bones])
-    free = null_space(np.stack([np.ones(count), shifts / np.max(shifts)]))
+    free = null_space(np.vstack([np.ones(count), shifts.T / np.max(shifts)]))
     rows = carried.reshape(len(carried), -1, count)
     off = wanted.reshape(len(wanted), -1) - np.einsum("vrb,vb->vr", rows, plain)
     rows = rows @ free

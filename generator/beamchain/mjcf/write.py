@@ -339,7 +339,7 @@ def _add_skins(root: Element, name: str, skins: Sequence[Skin]) -> None:
                     element,
                     "bone",
                     body=f"{name}_link{bone.link + 1}",
-                    bindpos=number([bone.bound, 0.0, 0.0]),
+                    bindpos=number(bone.bound),
                     bindquat="1 0 0 0",
                     vertid=" ".join(map(str, carried.tolist())),
                     vertweight=short_numbers(weights[carried]),

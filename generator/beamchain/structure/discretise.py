@@ -84,16 +84,12 @@ def converged_model(
         step = min(2 * step, 8) if change > FAR else step
 
 
-def sampled_model(
-    parts: Parts, port: str, modes: int, stations: tuple[float, ...]
-) -> PortModel:
+def sampled_model(parts: Parts, port: str, modes: int, stations: tuple[float, ...]) -> PortModel:
     """The beam cut at many stations, with few functions between them and no refinement.
 
     Its lowest modes are good to some 1e-6: enough to be drawn.
     """
-    return _discretise(
-        parts, port, SAMPLED, wanted=max(modes, 1), stations=stations, shaped=False
-    )
+    return _discretise(parts, port, SAMPLED, wanted=max(modes, 1), stations=stations, shaped=False)
 
 
 def _largest_change(coarse: Array, fine: Array, wanted: int) -> float:
