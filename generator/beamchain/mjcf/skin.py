@@ -2,11 +2,16 @@
 
 MuJoCo draws a vertex p at `sum_i w_i (x_i + R_i (p - b_i))`, where bone i stands on a body at x_i
 with attitude R_i, and b_i is the place at which it was bound. Bound at the place of its body less
-d, a bone carries the point p + d of that body. Each link has two bones, one bound at its place
-and one a length of the appendage before it; so its displacement and its rotation count by
-themselves. The weights of a vertex sum to 1 and the shifts d, weighted, to 0: a rigid motion is
-followed exactly. What else the weights can do follows from least squares: in each kept mode the
-vertex shall move as the cross-section of the elastic beam does.
+d, a bone carries the point p + d of that body. Each link has a bone that is bound at its place,
+one that is bound a length of the appendage before it, so that its displacement and its rotation
+count by themselves, and for panels one that is bound as far aside. The weights of a vertex sum to
+1 and the shifts d, weighted, to 0: a rigid motion is followed exactly. What else the weights can
+do follows from least squares: in each kept mode the vertex shall move as the cross-section of the
+elastic beam does.
+
+Whatever the bones, all that a vertex gets of the rotation w_h of hinge h at x_h is `w_h x G_h`,
+with `G_h` the sum of `w_i (p + d_i - x_h)` over the bones behind the hinge: three numbers per
+hinge. Modes that turn the same hinges, in two planes or in bending and torsion, share them.
 """
 
 from collections.abc import Sequence
@@ -23,7 +28,6 @@ from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, Array
 
 # weight of the distance from the plain weights, beside displacements relative to the largest
-
 RIDGE = 3e-3
 DIGITS = 5  # of a weight, behind the point
 
