@@ -6,6 +6,11 @@ mass matrix and spring forces. The beam's mode comes from `finite_elements.py`, 
 nothing from the package.
 """
 
+import json
+import os
+import subprocess
+import sys
+
 import msgspec
 import mujoco
 import numpy as np
@@ -15,6 +20,7 @@ import scipy.linalg
 import beamchain as bc
 import finite_elements
 from beamchain.cli import shipped
+from beamchain.engine import backend
 from beamchain.fitting.spec_text import spec_toml
 from command import run
 
@@ -213,7 +219,6 @@ def test_the_surface_follows_every_kept_mode(given):
     _, _, found = compared(given, fit)
     assert set(fit.look.residual) == set(given["modes"])
     for (port, k), error in errors_of(found).items():
-        print(f"{given['name']} {port} {k + 1}: {error:.2e}")
         assert error < FOLLOWED
         assert fit.look.residual[port][k] == pytest.approx(error, abs=STATED)
 
@@ -224,7 +229,6 @@ def test_the_shipped_examples_do(name):
     given, fit = example(name)
     _, _, found = compared(given, fit, 1e-3)
     for (port, k), error in errors_of(found).items():
-        print(f"{name}.toml {port} {k + 1}: {error:.2e}")
         assert error < FOLLOWED
 
 
@@ -257,7 +261,6 @@ def test_what_no_weights_can_follow_is_as_near_as_can_be():
     assert np.max(reached) < 1.02 * np.max(least)
     assert np.all(reached < 1.02 * least + 5e-3)
     for (port, k), error in errors_of(found).items():
-        print(f"sheet {port} {k + 1}: {error:.2e}")
         assert fit.look.residual[port][k] == pytest.approx(error, abs=STATED)
         assert error < (FOLLOWED if port == "xy" else 0.1)
     assert len(points)
@@ -436,3 +439,77 @@ def test_embedded_twice_and_taken_out_again(form, tmp_path, capsys, monkeypatch)
     for file in ("two.xml", "one.xml"):
         beamchain("embed", file, "--remove", "-o", f"back_{file}")
         assert (tmp_path / f"back_{file}").read_text() == CRAFT
+
+
+# -- through MuJoCo's renderer ---------------------------------------------------------------------
+SEEN = """
+import json, sys
+import mujoco
+import numpy as np
+
+given = json.load(sys.stdin)
+model = mujoco.MjModel.from_xml_string(given["xml"])
+data = mujoco.MjData(model)
+camera = mujoco.MjvCamera()
+camera.lookat[:] = given["lookat"]
+camera.distance, camera.azimuth, camera.elevation = given["distance"], 90.0, -90.0
+renderer = mujoco.Renderer(model, 480, 640)
+out = []
+for positions in given["positions"]:
+    data.qpos[:] = positions
+    mujoco.mj_forward(model, data)
+    renderer.update_scene(data, camera)
+    picture = renderer.render().astype(int)
+    lit = picture.max(axis=-1) > 60  # against a black background
+    last = np.flatnonzero(lit.any(axis=0))[-1]
+    rows = np.flatnonzero(lit[:, last - 2 : last + 1].any(axis=1))
+    out.append([[int(rows.min()), int(rows.max())], renderer.scene.skinvert.ravel().tolist()])
+json.dump(out, sys.stdout)
+renderer.close()
+"""
+SWING = 0.2  # m, of the tip
+DISTANCE = 3.0  # m, from above
+PIXELS = 2.0  # of some 50
+
+
+@pytest.mark.parametrize("renderer", ["egl", "osmesa"])
+def test_the_tip_is_seen_to_move_as_the_mode_says(renderer):
+    """A camera looks down on the edge of the tip; MuJoCo's vertices are those of the formula."""
+    if not backend._works(renderer):
+        pytest.skip(f"MuJoCo cannot draw with {renderer} on this machine")
+    fit = fitted(WING)
+    model = mujoco.MjModel.from_xml_string(fit.to_mjcf())
+    _, shapes = modes_of(model, "xy")
+    port = finite_elements.port(WING, "xy", 4)
+    length = finite_elements.length(WING)
+    tips = port.motion(length)[:2, 0]
+    near = DISTANCE - 0.75  # the upper corner of the tip, which lies farthest out in the picture
+    for k in range(2):
+        size = SWING / tips[k]
+        if displacement(model, shapes[:, k])[-1, 1] * tips[k] < 0.0:
+            size = -size
+        positions = [(sign * size * shapes[:, k]).tolist() for sign in (0.0, 1.0, -1.0)]
+        given = {
+            "xml": fit.to_mjcf(),
+            "lookat": [length, 0.0, 0.0],
+            "distance": DISTANCE,
+            "positions": positions,
+        }
+        done = subprocess.run(
+            [sys.executable, "-c", SEEN],
+            input=json.dumps(given),
+            capture_output=True,
+            text=True,
+            check=False,
+            env={**os.environ, "MUJOCO_GL": renderer},
+        )
+        assert done.returncode == 0, done.stderr
+        ends = []
+        for place, (rows, drawn) in zip(positions, json.loads(done.stdout), strict=True):
+            ends.append(rows)
+            ours = vertices(model, at(model, np.array(place)))
+            np.testing.assert_allclose(np.reshape(drawn, (-1, 3)), ours, atol=SAME)
+        focus = 240.0 / np.tan(np.radians(model.vis.global_.fovy) / 2.0)
+        assert np.mean(ends[0]) == pytest.approx(239.5, abs=PIXELS)
+        moved = np.array([ends[0][0] - ends[1][0], ends[2][1] - ends[0][1]])
+        np.testing.assert_allclose(moved, focus * SWING / near, atol=PIXELS)
