@@ -258,7 +258,7 @@ def test_modes_of_a_craft_without_sky_and_light_are_drawn_like_others(renderer, 
     craft = shipped.pick(shipped.everything(), "craft", "kind").path
     bc.embed(craft, {"mount": ARRAY_SPEC}).write(tmp_path / "flexible.xml")
     text = (tmp_path / "flexible.xml").read_text()
-    assert "<texture" not in text
+    assert "skybox" not in text
     assert "<light" not in text
     arguments = [
         "render",

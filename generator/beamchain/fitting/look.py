@@ -53,9 +53,9 @@ def look_of(fit: Chained) -> Look:
     scene = fit.spec.scene or Scene()
     if scene.contacts:
         return Look("contacts")
-    if scene.visuals is False:
-        return Look("nothing")
-    if scene.visuals == "boxes" or fit.spec.imported is not None:
+    if scene.look != "skin":
+        return Look(scene.look)
+    if fit.spec.imported is not None:
         return Look("boxes")
     beam = fit.spec.beam
     surfaces = beam_surfaces(beam)

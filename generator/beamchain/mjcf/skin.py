@@ -36,8 +36,8 @@ class Bone(NamedTuple):
     """A link, numbered from 0, that carries vertices."""
 
     link: int
-    bound: tuple[float, float, float]  # place at which its body is bound [m]
-    shift: tuple[float, float, float]  # place of its body less that [m]
+    bound: Array  # (3,) place at which its body is bound [m]
+    shift: Array  # (3,) place of its body less that [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +121,7 @@ def _bones(chain: Chain, points: Array, *, panel: bool) -> tuple[Bone, ...]:
     shifts = [np.zeros(3), *(chain.length * np.eye(3)[axis] for axis in axes)]
     places = [np.zeros(3), *(np.array([hinge.x, 0.0, 0.0]) for hinge in chain.hinges)]
     pairs = product(shifts, enumerate(places))
-    return tuple(Bone(i, tuple(x - shift), tuple(shift)) for shift, (i, x) in pairs)
+    return tuple(Bone(i, x - shift, shift) for shift, (i, x) in pairs)
 
 
 def _displacement(motion: Array, points: Array) -> Array:
@@ -153,7 +153,7 @@ def _plain_weights(x: Array, chain: Chain, bones: Sequence[Bone]) -> Array:
     """`(v, b)` weights without the modes: from the middle of each link over to the next."""
     middles = np.array([link.start + link.length / 2.0 for link in chain.links])
     shares = [np.interp(x, middles, unit) for unit in np.eye(middles.size)]
-    return np.stack([shares[bone.link] * (not any(bone.shift)) for bone in bones], axis=1)
+    return np.stack([shares[bone.link] * (not np.any(bone.shift)) for bone in bones], axis=1)
 
 
 def _least_squares(carried: Array, wanted: Array, plain: Array, bones: Sequence[Bone]) -> Array:
