@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from beamchain.craft.linear_craft import linear_craft
+from beamchain.engine.drawn import drawn_points
 from beamchain.engine.library import mujoco
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array, locked
@@ -66,12 +67,12 @@ def _moved(model: "mujoco.MjModel", rest: Array, motion: Array) -> Array:
 
 
 def _reach(model: "mujoco.MjModel", rest: Array, shape: Array) -> float:
-    """The largest displacement of a solid's or body's centre per unit of a mode [m]."""
+    """The largest displacement of what is drawn, or of a body's centre, per unit of a mode [m]."""
     data = mujoco.MjData(model)
     places: list[Array] = []
     small = 1e-6 / float(np.abs(shape).max())
     for sign in (1.0, -1.0):
         data.qpos[:] = _moved(model, rest, sign * small * shape)
         mujoco.mj_kinematics(model, data)
-        places.append(np.vstack([data.xipos, data.geom_xpos, data.site_xpos]))
+        places.append(np.vstack([data.xipos, data.site_xpos, drawn_points(model, data)]))
     return float(np.linalg.norm(places[0] - places[1], axis=1).max()) / (2.0 * small)

@@ -1,8 +1,7 @@
 """Shapes of a link: panels, tubes, trusses and what they carry, from its sections.
 
 Shapes have no mass and touch nothing; they cost MuJoCo a frame transform each, so there are as few
-as the eye needs. Cells and lattices are added where pictures are drawn (`engine/draw.py`), which
-knows panels and trusses by their colours.
+as the eye needs. In place of them, surfaces that bend: `mjcf/surfaces.py`.
 """
 
 from typing import NamedTuple
@@ -32,6 +31,18 @@ class Shape(NamedTuple):
     middle: float  # x from the root [m]
     half: tuple[float, float, float]  # extents along x, y, z [m]
     rgba: str
+
+
+def is_panel(segment: Segment) -> bool:
+    """Whether a segment is drawn with solar cells."""
+    section = segment.section
+    drawn = isinstance(section, Equivalent) and section.draw is not None and section.draw.panel
+    return drawn or isinstance(section, Rectangle)
+
+
+def is_truss(segment: Segment) -> bool:
+    """Whether a segment is drawn as a lattice."""
+    return isinstance(segment.section, Equivalent) and not is_panel(segment)
 
 
 def link_shapes(link: Link, beam: MassLine | None, length: float) -> list[Shape]:
@@ -64,15 +75,13 @@ def _segment_shape(
     """The stretch `(low, high)` of a segment, as deep as it is in its middle."""
     low, high = stretch
     section = segment.section
-    is_truss = isinstance(section, Equivalent)
-    slim = (LATTICE if is_truss else SLIM) * length
+    slim = (LATTICE if isinstance(section, Equivalent) else SLIM) * length
     middle = (low + high) / 2.0
     y = beam.depth(middle, "xy") / 2.0 or slim
     z = beam.depth(middle, "xz") / 2.0 or slim
     kind = "box"
-    rgba = TRUSS if is_truss else TUBE
-    drawn_as_panel = is_truss and section.draw is not None and section.draw.panel
-    if isinstance(section, Rectangle) or drawn_as_panel:
+    rgba = TRUSS if is_truss(segment) else TUBE
+    if is_panel(segment):
         gap = min(GAP * length, 0.1 * (high - low))
         low += gap if low <= start else 0.0
         high -= gap if high >= start + segment.length else 0.0
