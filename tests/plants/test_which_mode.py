@@ -1,0 +1,162 @@
+"""Which mode a margin belongs to, which modes a plant leaves out, and what a margin above the kept
+modes of its own axis says."""
+
+import control
+import mujoco
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+
+import beamchain as bc
+from command import call
+
+YOKE = (
+    '<body name="{0}" pos="0 {1} 0" xyaxes="0 {2} 0 {3} 0 0"><joint name="{0}" axis="1 0 0"/>'
+    '<inertial pos="0.1 0 0" mass="7" diaginertia="0.1 0.1 0.1"/><site name="{0}_root"/></body>'
+)
+CRAFT = (
+    '<mujoco><option gravity="0 0 0"/><worldbody><body name="bus"><freejoint/>'
+    '<inertial pos="0 0 0" mass="1500" diaginertia="1200 900 1400"/>'
+    f"{YOKE.format('north', 0.9, 1, -1)}{YOKE.format('south', -0.9, -1, 1)}"
+    "</body></worldbody><actuator>"
+    '<position name="n" joint="north" kp="6000" kv="60"/>'
+    '<position name="s" joint="south" kp="6000" kv="60"/></actuator></mujoco>'
+)
+WING = bc.Spec(
+    name="wing",
+    segment=(
+        bc.Segment(
+            length=10.0,
+            section=bc.Equivalent(
+                bending_stiffness_xy=4139.0,
+                bending_stiffness_xz=1.035e5,
+                torsion_stiffness=768.0,
+                linear_mass=9.0,
+                polar_inertia=3.0,
+            ),
+        ),
+    ),
+    damping=bc.Damping(ratio=0.003),
+    modes=bc.Modes(xy=3, xz=2, torsion=1),
+)
+INERTIA = {"x": 9643.0, "y": 970.0, "z": 9836.0}
+
+
+@pytest.fixture(scope="module")
+def embedded():
+    return bc.embed(CRAFT, {"north_root": WING, "south_root": WING}, retime=False)
+
+
+@pytest.fixture(scope="module")
+def plant(embedded):
+    return bc.plant(embedded, ["torque:bus"], ["attitude"])
+
+
+def controller(**gains):
+    """Proportional and derivative, with 0.15 s of dead time."""
+    loops = tuple(
+        bc.Loop(
+            input=f"torque_{axis}",
+            output=f"attitude_{axis}",
+            numerator=(factor * 0.1 * INERTIA[axis], factor * 0.0036 * INERTIA[axis]),
+            denominator=(0.02, 1.0),
+            delay=0.15,
+        )
+        for axis, factor in gains.items()
+    )
+    return bc.Controller(loop=loops)
+
+
+def frequencies(plant, word):
+    return [w for n, w in zip(plant.modes, plant.frequency, strict=True) if word in n]
+
+
+def test_a_servo_and_the_modes_of_other_axes_do_not_vouch_for_a_margin(plant):
+    """About y the wings twist, and one torsion mode is kept; servos and bending are faster."""
+    found = bc.margins(plant, controller(x=1.0, y=1.0))
+    loop = next(loop for loop in found.loops if loop.input == "torque_y")
+    (torsion,) = frequencies(plant, "torsion")
+    assert torsion < loop.gain_frequency < max(plant.frequency)
+    assert any(
+        text.startswith("torque_y from attitude_y: ")
+        and f"gain margin (at {loop.gain_frequency:.4g} rad/s)" in text
+        and f"({torsion:.4g} rad/s)" in text
+        for text in found.beyond
+    )
+    # what is left out matters there
+    channel = plant.output_names.index("attitude_y"), plant.input_names.index("torque_y")
+    assert plant.truncation([loop.gain_frequency])[channel][0] > 0.05
+
+
+@pytest.mark.parametrize("axis", "xz")
+def test_the_mode_of_a_gain_margin_is_that_which_grows_beyond_it(plant, axis):
+    """The closed loop's growing pole, followed back to the open loop, starts at that mode."""
+    (loop,) = bc.margins(plant, controller(**{axis: 1.0})).loops
+    beyond = bc.margins(plant, controller(**{axis: 1.02 * loop.gain}))
+    assert loop.modes["gain"] in [one.origin for one in beyond.instabilities]
+    assert loop.as_dict()["modes"] == dict(loop.modes)
+
+
+def test_a_mode_faster_than_the_samples_is_named_where_they_show_it(plant):
+    """Sampled so that twice pi/T lies a little above a mode: its samples are slow."""
+    mode = max(frequencies(plant, "mode3_xy"))
+    seen = 0.06 * mode
+    period = 2.0 * np.pi / (mode + seen)
+    late = control.tf([1.0], [1.0, 0.0], period)
+    law = {("torque_x", "attitude_x"): control.tf([80.0, -78.0], [1.0, 0.0], period)}
+    (loop,) = bc.margins(plant, law).loops
+    named = {name: w for name, w in zip(plant.modes, plant.frequency, strict=True)}
+    near = [figure for figure, name in loop.modes.items() if abs(named[name] / mode - 1.0) < 1e-9]
+    assert near
+    for figure in near:
+        assert abs(getattr(loop, f"{figure}_frequency") / seen - 1.0) < 0.2
+    del late
+
+
+def test_without_a_mode_near_none_is_named(plant):
+    """A slow loop about y: its phase margin is one of rigid motion."""
+    (loop,) = bc.margins(plant, controller(y=1.0)).loops
+    assert loop.phase_frequency < 0.5 * min(frequencies(plant, "torsion"))
+    assert "phase" not in loop.modes
+
+
+def test_modes_that_oppose_each_other_are_listed_as_left_out(embedded, plant, tmp_path):
+    """Both wings twisting against each other turn nothing: MuJoCo has those modes, the plant not."""
+    model = embedded.model
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    force = np.zeros((model.nv, model.nv))
+    for i in range(model.nv):
+        for sign in (1.0, -1.0):
+            data.qpos[:] = model.qpos0
+            mujoco.mj_integratePos(model, data.qpos, sign * 1e-6 * np.eye(model.nv)[i], 1.0)
+            mujoco.mj_forward(model, data)
+            force[:, i] -= sign * (data.qfrc_passive + data.qfrc_actuator) / 2e-6
+    data.qpos[:] = model.qpos0
+    mujoco.mj_forward(model, data)
+    # inertia by inverse dynamics, free of gravity and velocity
+    mass = np.zeros((model.nv, model.nv))
+    for i in range(model.nv):
+        data.qvel[:] = 0.0
+        data.qacc[:] = np.eye(model.nv)[i]
+        mujoco.mj_inverse(model, data)
+        mass[:, i] = data.qfrc_inverse + data.qfrc_passive + data.qfrc_actuator
+    squares = eigh((force + force.T) / 2.0, (mass + mass.T) / 2.0, eigvals_only=True)
+    flexible = np.sqrt(squares[squares > 1e-3])
+    assert flexible.size == len(plant.modes) + len(plant.unreached)
+    assert not set(plant.modes) & set(plant.unreached)
+    assert sum("torsion" in name for name in plant.unreached) == 1
+    file = embedded.write(tmp_path / "flexible.xml")[-1]
+    answer = call("plant", file, "--input", "torque:bus", "--output", "attitude", "-o",
+                  tmp_path / "p.npz", "--no-report")  # fmt: skip
+    words = " ".join(answer.out.split())
+    assert f"no output sees them: {', '.join(plant.unreached)}" in words
+
+
+def test_a_single_pose_is_called_by_its_joints(embedded, tmp_path):
+    made = bc.plant(embedded, ["torque:bus"], ["attitude"], at={"north": np.radians(45.0)})
+    assert made.pose == "north 45°"
+    found = bc.margins(made, controller(x=1.0))
+    assert found.pose == "north 45°"
+    assert found.table.title.endswith("north 45°")
+    assert bc.plant(embedded, ["torque:bus"], ["attitude"]).pose == ""
