@@ -258,9 +258,9 @@ def margins(
     margin at every input that it drives with the other loops closed, the disk margin of all inputs
     at once, peaks of sensitivities, and why the closed loop is unstable.
 
-    Everything refers to the inputs of the plant: `L = K G`, `S = 1/(1 + L)`, `T = 1 - S`. With the other loops
-    closed, the open loop at input i is `1/S_ii - 1`. Figures are the least (or largest) over all
-    frequencies, on a grid that resolves the poles of open and closed loop, and polished.
+    Everything refers to the inputs of the plant: `L = K G`, `S = 1/(1 + L)`, `T = 1 - S`. With the
+    other loops closed, the open loop at input i is `1/S_ii - 1`. Figures are the least (or largest)
+    over all frequencies, on a grid that resolves the poles of open and closed loop, and polished.
 
     Dead times of a file are exact in all figures. Poles are those of a Pade approximation of order
     6, or of a higher one that has as many unstable poles as Nyquist's criterion counts.
