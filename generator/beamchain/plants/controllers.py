@@ -152,6 +152,14 @@ def read_controller(path: str | Path | Controller) -> Controller:
     Raises:
         InputError: the file cannot be read, or a value is not allowed.
     """
+    given: object = path
+    if not isinstance(given, Controller | str | Path):
+        raise InputError(
+            f"controller is a {type(given).__name__}; worst cases and bounds take continuous "
+            "loops, the path of a TOML file with [[loop]] or bc.Controller. To check a sampled "
+            "controller, or one of python-control, give bc.margins the plants "
+            "uncertain.sample(values)."
+        )
     return read_struct(path, Controller, "controller", "a TOML file with [[loop]]")
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from beamchain import report
+from beamchain.caution import Caution
 from beamchain.engine.library import one_thread
 from beamchain.plants.blame import instabilities
 from beamchain.plants.closed_loop import ClosedLoop, close
@@ -178,6 +179,7 @@ class Margins:
         timestep: [s] of the samples at which all of it holds; 0: continuous.
         pose: label of the pose; empty of a plant in none.
         beyond: sentences on figures above the highest mode kept that their loop shows.
+        warnings: what is probably a mistake in the controller.
         omega, sensitivity, complementary: `(k,)` [rad/s] and largest singular values of S and T.
 
     Example:
@@ -203,6 +205,7 @@ class Margins:
     omega: Array
     sensitivity: Array
     complementary: Array
+    warnings: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         when = f", sampled at {self.timestep:g} s" if self.timestep else ""
@@ -332,13 +335,33 @@ def _margins(plant: control.StateSpace, controller: Given, pose: str) -> Margins
         omega=locked(omega),
         sensitivity=locked(_largest(sensitivity)),
         complementary=locked(_largest(eye - sensitivity)),
+        warnings=tuple(_long_delays(closed, loop)),
     )
+
+
+def _long_delays(closed: ClosedLoop, loop: Complex) -> list[str]:
+    """What to say of dead times that are longer than the period at which a loop alone, `(k, n, n)`
+    on the closed loop's grid, first has the gain 1."""
+    out: list[str] = []
+    for i, (name, delay) in enumerate(zip(closed.inputs, closed.fed.delays, strict=True)):
+        large = np.abs(loop[:, i, i]) > 1.0
+        crossings = closed.omega[1:][large[1:] != large[:-1]]
+        if crossings.size and delay > 2.0 * np.pi / float(crossings[0]):
+            out.append(
+                Caution(
+                    "long-delay",
+                    f"{name}: delay = {delay:g} s is longer than a period of the loop's crossover "
+                    f"({2.0 * np.pi / float(crossings[0]):.3g} s, at {float(crossings[0]):.3g} "
+                    "rad/s); delays are in seconds.",
+                )
+            )
+    return out
 
 
 def margin_warnings(plants: Sequence[Plant], found: Sequence[Margins]) -> list[str]:
     """Warnings of the first plant, and what to say of the margins of each;
     there are none without a controller."""
-    far = (said for one in found for said in one.beyond)
+    far = (said for one in found for said in (*one.warnings, *one.beyond))
     return [*plants[0].warnings, *dict.fromkeys(far)]
 
 
