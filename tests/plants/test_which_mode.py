@@ -1,13 +1,19 @@
 """Which mode a margin belongs to, which modes a plant leaves out, and what a margin above the kept
-modes of its own axis says."""
+modes of its own axis says; what is probably a mistake of the user.
+
+Tests a table as well, `margin_table`, which the command prints."""
+
+import re
 
 import control
+import msgspec
 import mujoco
 import numpy as np
 import pytest
 from scipy.linalg import eigh
 
 import beamchain as bc
+from beamchain.report.tables.plant import margin_table
 from command import call
 
 YOKE = (
@@ -152,6 +158,82 @@ def test_modes_that_oppose_each_other_are_listed_as_left_out(embedded, plant, tm
                   tmp_path / "p.npz", "--no-report")  # fmt: skip
     words = " ".join(answer.out.split())
     assert f"no output sees them: {', '.join(plant.unreached)}" in words
+
+
+def test_a_pose_of_several_stands_in_a_column(embedded):
+    poses = [{"north": np.radians(a), "south": np.radians(-a)} for a in (0.0, 45.0)]
+    plants = bc.plant(embedded, ["torque:bus"], ["attitude"], at=poses)
+    rows = margin_table(bc.margins(plants, controller(x=1.0, z=1.0))).rows
+    assert [row[:2] for row in rows] == [
+        (f"north {a}°,\nsouth {b}°", f"torque_{axis}")
+        for a, b in ((0, 0), (45, -45))
+        for axis in "xz"
+    ]
+
+
+def test_worst_margins_of_poses_name_the_worst(embedded):
+    poses = [{"north": np.radians(a), "south": np.radians(-a)} for a in (0.0, 60.0)]
+    plants = bc.plant(embedded, ["torque:bus"], ["attitude"], at=poses)
+    uncertain = bc.UncertainCraft(
+        body={"bus": bc.UncertainBody(mass=bc.Uncertainty(relative=0.05))}
+    )
+    found = plants.worst_margins(uncertain, controller(x=1.0), samples=1)
+    assert found.labels == plants.labels
+    assert len(found) == len(list(found)) == 2
+    least = [each.least().worst for each in found]
+    assert found.worst.pose == plants.labels[int(np.argmin(least))]
+    assert found[0].pose == plants.labels[0]
+    assert found.stable
+    assert {row[0] for row in found.table.rows} == {
+        label.replace(", ", ",\n") for label in plants.labels
+    }
+    assert [each["pose"] for each in found.as_dict()["poses"]] == list(plants.labels)
+
+
+# -- probable mistakes -----------------------------------------------------------------------------
+def codes(warnings):
+    return [getattr(text, "code", "") for text in warnings]
+
+
+def test_a_delay_in_milliseconds_is_noted(plant):
+    """0.15 s is a small part of the period at the crossover, 150 s more than all of it."""
+    good = controller(x=1.0)
+    wrong = msgspec.structs.replace(
+        good, loop=tuple(msgspec.structs.replace(loop, delay=150.0) for loop in good.loop)
+    )
+    assert codes(bc.margins(plant, good).warnings) == []
+    found = bc.margins(plant, wrong)
+    assert codes(found.warnings) == ["long-delay"]
+    assert "torque_x: delay = 150 s" in found.warnings[0]
+    # the period it states is that at which the loop has the gain 1
+    period = float(re.search(r"crossover \(([\d.]+) s", found.warnings[0])[1])
+    s = 2j * np.pi / period
+    channel = plant.output_names.index("attitude_x"), plant.input_names.index("torque_x")
+    law = np.polyval(good.loop[0].numerator, s) / np.polyval(good.loop[0].denominator, s)
+    assert abs(abs(law * plant(s)[channel]) - 1.0) < 0.03
+
+
+def test_a_wrong_sign_is_asked_for_and_a_long_delay_is_not(plant):
+    wrong = bc.margins(plant, controller(x=-1.0))
+    assert any("is the sign of the numerators right?" in i.sentence for i in wrong.instabilities)
+    late = bc.margins(plant, controller(x=100.0))
+    assert late.instabilities
+    assert not any("sign of the numerators" in one.sentence for one in late.instabilities)
+
+
+def test_an_appendage_that_runs_through_the_craft_is_noted():
+    """The south wing turned by half a turn; a boom across the top of the bus is fine."""
+    turned = CRAFT.replace(YOKE.format("south", -0.9, -1, 1), YOKE.format("south", -0.9, 1, -1))
+    assert turned != CRAFT
+    wings = {"north_root": WING, "south_root": WING}
+    assert "points-inward" not in codes(bc.embed(CRAFT, wings, retime=False).warnings)
+    said = bc.embed(turned, wings, retime=False).warnings
+    (inward,) = [text for text in said if getattr(text, "code", "") == "points-inward"]
+    assert "the appendage at south_root" in inward
+    across = CRAFT.replace(
+        "</body></worldbody>", '<site name="top" pos="-0.5 0 1.3"/></body></worldbody>'
+    )
+    assert "points-inward" not in codes(bc.embed(across, {"top": WING}, retime=False).warnings)
 
 
 def test_a_single_pose_is_called_by_its_joints(embedded, tmp_path):

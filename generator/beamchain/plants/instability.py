@@ -80,9 +80,7 @@ class Instability:
     def sentence(self) -> str:
         """All of it in words."""
         rings = abs(self.pole.imag) > 1e-9 * abs(self.pole)
-        how = (
-            f"{self.hertz:.3g} Hz, {self.frequency:.4g} rad/s" if rings else "without oscillation"
-        )
+        how = f"{self.hertz:.3g} Hz, {self.frequency:.4g} rad/s" if rings else "without oscillation"
         pushed = not rings and 0.0 in (self.gain, *self.alone.values())
         sign = "; is the sign of the numerators right?" if pushed else "."
         what = f"{WORDS[self.kind]}{self.origin}"
