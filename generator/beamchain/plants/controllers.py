@@ -127,7 +127,7 @@ class Controller(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     loop: Annotated[tuple[Loop, ...], field("the loops, one [[loop]] each")]
     allocation: Annotated[
         dict[str, Allocation],
-        field("inputs NAME_x, NAME_y, NAME_z: torque on a body, shared out over actuators"),
+        field("inputs NAME_x, NAME_y, NAME_z: torque on a body, distributed over actuators"),
     ] = msgspec.field(default_factory=dict[str, Allocation])
     alignment: Annotated[
         dict[str, Alignment],
