@@ -223,7 +223,8 @@ def test_margins_above_the_kept_modes_of_their_axis_are_told(file, found, plant)
         of_loop = [said for said in warnings if said.startswith(f"{one.input} from {one.output}: ")]
         for what, omega in at.items():
             stated = [said for said in of_loop if f"{what} margin (at {omega:.4g} rad/s)" in said]
-            assert len(stated) == (1 if top[one.input[-1]] < omega < np.inf else 0)
+            # one that belongs to the mode lies beside it
+            assert len(stated) == (1 if 1.05 * top[one.input[-1]] < omega < np.inf else 0)
     assert any(one.gain_frequency > top[one.input[-1]] for one in found)
 
 

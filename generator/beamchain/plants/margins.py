@@ -32,6 +32,7 @@ POLISHED = 4  # maxima on the grid that are polished
 AT_ZERO = 1e-6  # of the lowest frequency, at which the response at rest is taken
 VANISHING = 1e-8  # size of a response beside that at neighbouring frequencies, which is rounding
 SHOWN = 1e-2  # of the largest modal gain: modes with less are not those of a loop
+MOVED = 0.05  # relative, by which a margin that belongs to a mode may lie above it
 NEAR = 0.2  # relative, of a margin's frequency and that of the mode it is named after
 REAL = 1e-4  # imaginary by real part of a response that is real at rest
 NO = float("nan")
@@ -418,7 +419,7 @@ def _beyond(plant: control.StateSpace, found: Sequence[LoopMargins]) -> list[str
         far = [
             f"{what} margin (at {omega:.4g} rad/s)"
             for what, omega in at.items()
-            if top < omega and (omega < np.inf or np.isfinite(getattr(one, what)))
+            if (1.0 + MOVED) * top < omega and (omega < np.inf or np.isfinite(getattr(one, what)))
         ]
         if far:
             out.append(
