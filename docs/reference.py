@@ -71,6 +71,7 @@ RESULTS = {
     "WorstCase": "plant.uncertain(craft).worst_case(controller)",
     "WorstCases": "scheduled.worst_case(craft, controller)",
     "WorstMargins": "plant.uncertain(craft).worst_margins(controller)",
+    "WorstMarginsOfPoses": "scheduled.worst_margins(craft, controller)",
 }
 #: classes that these and public classes hold: shown on the same page
 PARTS = {

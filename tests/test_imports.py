@@ -120,6 +120,7 @@ PUBLIC = {
     "WorstCase",
     "WorstCases",
     "WorstMargins",
+    "WorstMarginsOfPoses",
     "__version__",
     "align",
     "allocate",

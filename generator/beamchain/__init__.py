@@ -70,6 +70,7 @@ if TYPE_CHECKING:
     from beamchain.plants.uncertain_plant import WorstCase as WorstCase
     from beamchain.plants.uncertain_plant import WorstCases as WorstCases
     from beamchain.plants.worst_margins import WorstMargins as WorstMargins
+    from beamchain.plants.worst_margins import WorstMarginsOfPoses as WorstMarginsOfPoses
     from beamchain.ports.compare import Comparison as Comparison
     from beamchain.ports.compare import compare as compare
     from beamchain.ports.model import PortModel as PortModel
@@ -191,7 +192,10 @@ _PLACES = {
         "WorstCase",
         "WorstCases",
     ),
-    "plants.worst_margins": ("WorstMargins",),
+    "plants.worst_margins": (
+        "WorstMargins",
+        "WorstMarginsOfPoses",
+    ),
     "ports.compare": (
         "Comparison",
         "compare",

@@ -37,6 +37,8 @@ CODES = {
     "other-step": "a model runs at another step or integrator than the one its appendages were "
     "made for",
     "overdamped": "nothing oscillates in a model; its step limits are left out",
+    "long-delay": "a dead time is longer than a period of its loop",
+    "points-inward": "an appendage runs through the spacecraft's centre of mass",
     "ports-coupled": "two ports that should be independent are coupled in the compiled model",
     "preloaded-spring": "a spring of the spacecraft is preloaded at rest",
     "raised-inertia": "the polar inertia of very thin links was raised to MuJoCo's minimum",
@@ -47,6 +49,7 @@ CODES = {
     "soft-material": "a Young's modulus below that of rubber is stated",
     "stocky-beam": "Euler's beam theory is used for an appendage so short that shear matters",
     "tendon-damping": "Euler treats the damping of tendons explicitly",
+    "imbalance": "a wheel's imbalance is so large that its unit is probably wrong",
     "impact-on-flexible": "a hinge was stopped at once beside a flexible body",
     "time-error": "the poles of a model at its step are not those of exact motion",
     "turn-error": "the step's error in the rotation of the rigid spacecraft exceeds the tolerance",

@@ -216,8 +216,18 @@ def one_of(field: str, value: object, choices: Iterable[str]) -> None:
 def meant(word: object, words: Iterable[str]) -> str:
     """The question whether the nearest of `words` was meant, with a space behind it;
     empty where none is near."""
-    near = difflib.get_close_matches(str(word), list(words), n=1)
-    return f"did you mean {near[0]!r}? " if near else ""
+    words = list(words)
+    near = difflib.get_close_matches(str(word), list(words), n=len(words) or 1)
+    if not near:
+        return ""
+    best = max(near, key=lambda each: _likeness(str(word), each))
+    return f"did you mean {best!r}? "
+
+
+def _likeness(word: str, other: str) -> tuple[float, int]:
+    """How much two words have in common; of equal shares, the one in the longest piece counts."""
+    matcher = difflib.SequenceMatcher(None, other, word)
+    return round(matcher.ratio(), 9), matcher.find_longest_match().size
 
 
 def unknown(field: str, value: object, names: Iterable[str], cure: str = "") -> InputError:

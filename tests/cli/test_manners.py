@@ -12,9 +12,10 @@ import tomllib
 from pathlib import Path
 
 import pytest
+import typer
 
 import beamchain as bc
-from command import COMMANDS, run
+from command import COMMANDS, app, run
 from examples import EXAMPLES, example
 
 # of what comes with the package: one typed, one chosen for a scene
@@ -43,6 +44,11 @@ def outside(arguments, **environment):
     )
 
 
+def options_of(command):
+    """The options and arguments of a command."""
+    return typer.main.get_command(app).commands[command].params
+
+
 # -- help ------------------------------------------------------------------------------------------
 @pytest.mark.parametrize("command", COMMANDS)
 def test_every_command_shows_an_example_of_itself(command, capsys, monkeypatch):
@@ -51,6 +57,16 @@ def test_every_command_shows_an_example_of_itself(command, capsys, monkeypatch):
     assert re.search(rf"Example: beamchain {command}\b", text)
     assert "--json" in text
     assert "--quiet" in text
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_names_of_tables_in_helps_are_shown(command, capsys, monkeypatch):
+    """Brackets are markup unless they are escaped."""
+    monkeypatch.setenv("COLUMNS", "200")
+    _, text, _ = run([command, "--help"], capsys, monkeypatch)
+    helps = " ".join(getattr(option, "help", None) or "" for option in options_of(command))
+    for table in re.findall(r"\[+[\w.]+\]+", helps.replace("\\[", "[")):
+        assert table in text, table
 
 
 @pytest.mark.parametrize("word", ["fti", "inspct", "stabilty", "schem"])

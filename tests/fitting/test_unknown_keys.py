@@ -1,8 +1,12 @@
-"""A key that a table does not have is answered with the keys that it has."""
+"""A key that a table does not have is answered with the keys that it has.
 
+Tests an internal as well, `meant`, which every answer to an unknown name asks."""
+
+import control
 import pytest
 
 import beamchain as bc
+from beamchain.checks import meant
 
 SPEC = """
 name = "boom"
@@ -61,3 +65,28 @@ def test_the_answer_lists_the_keys(name, tmp_path):
         bc.read_spec(path)
     for word in words:
         assert word in str(refused.value), str(refused.value)
+
+
+def test_a_text_in_place_of_a_number_is_told_its_unit(tmp_path):
+    path = tmp_path / "boom.toml"
+    path.write_text(SPEC.partition("[fit]")[0] + '[scene]\nbandwidth = "1 Hz"\n')
+    with pytest.raises(bc.InputError, match="but a number in rad/s is needed"):
+        bc.read_spec(path)
+
+
+def test_a_sampled_loop_in_a_file_is_told_where_to_go(tmp_path):
+    path = tmp_path / "loops.toml"
+    path.write_text(
+        '[[loop]]\ninput = "u"\noutput = "y"\nnumerator = [1.0]\ndenominator = [1.0]\ndt = 0.1\n'
+    )
+    plant = control.ss(control.tf([1.0], [1.0, 1.0]))
+    with pytest.raises(
+        bc.InputError, match=r"unknown key 'dt'; a file of loops is continuous\. Give"
+    ):
+        bc.margins(plant, path)
+
+
+def test_of_names_alike_the_one_that_holds_the_word_is_meant():
+    assert meant("wing_n_", ["wing_wing_s_", "wing_wing_n_"]) == "did you mean 'wing_wing_n_'? "
+    assert meant("wing_n_", ["wing_wing_n_", "wing_wing_s_"]) == "did you mean 'wing_wing_n_'? "
+    assert meant("elephant", ["wing"]) == ""

@@ -249,3 +249,18 @@ def test_a_deviation_vanishes_with_the_window_and_is_the_error_itself_in_an_endl
         # in proportion to a window in which the error is a straight line
         assert np.isclose(one.rpe.peak[2] / other.rpe.peak[2], 10.0, rtol=1e-3)
         assert np.isclose(whole.rpe.peak[2], whole.ape.peak[2], rtol=5e-3)
+
+
+def test_an_imbalance_in_other_units_is_noted(files):
+    """2 kg that lie 0.1 mm off the axis are 2e-4 kg m."""
+    for old, new, said in (
+        ("static = 2e-6", "static = 1.9e-4", 0),
+        ("static = 2e-6", "static = 0.5", 1),
+        ("dynamic = 1e-7", "dynamic = 3e-5", 1),
+    ):
+        text = (TOML.replace("torque_z_hub", "torque_z")).replace(old, new)
+        (files / "jitter.toml").write_text(text)
+        found = bc.pointing(files / "craft.xml", files / "jitter.toml")
+        codes = [getattr(text, "code", "") for text in found.warnings]
+        assert codes.count("imbalance") == said, new
+    assert "1 g cm^2 is 1e-7 kg m^2" in " ".join(found.warnings)

@@ -422,3 +422,30 @@ def test_bad_values_are_answered(small, call, said, file_of, tmp_path, monkeypat
     monkeypatch.chdir(tmp_path)
     with pytest.raises(bc.InputError, match=said):
         call(small)
+
+
+def test_printed_values_may_be_typed_back(small):
+    """Tables print six digits: the end of a range, rounded outwards, is that end."""
+    ends = np.where(np.arange(len(small.blocks)) % 2, -1.0, 1.0)
+    exact = small.values(ends)
+    printed = {name: float(f"{value:.6g}") for name, value in exact.items()}
+    assert any(printed[name] != exact[name] for name in exact)
+    np.testing.assert_allclose(small.sample(printed).A, small.sample(exact).A, rtol=1e-4, atol=1e-9)
+    small.model(printed)
+    name = next(iter(exact))
+    low, high = (small.values(side * np.ones(len(small.blocks)))[name] for side in (-1.0, 1.0))
+    with pytest.raises(bc.InputError, match="is outside its range") as told:
+        small.sample({name: high + 1e-3 * (high - low)})
+    assert f"{low:.9g} to {high:.9g}" in str(told.value)
+
+
+def test_a_sampled_controller_is_sent_to_samples(small):
+    """The answer names the way, and does not print the controller."""
+    law = {("torque_z", "attitude_z"): control.tf([1.0], [1.0, 0.5], 0.1)}
+    for ask in (small.worst_margins, small.worst_case):
+        with pytest.raises(
+            bc.InputError, match=r"bc\.margins the plants uncertain\.sample"
+        ) as told:
+            ask(law)
+        assert str(told.value).startswith("controller is a dict; ")
+        assert "TransferFunction" not in str(told.value)

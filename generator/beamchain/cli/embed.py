@@ -34,7 +34,7 @@ Carry = Annotated[
         metavar="PLACE:PORT=BODY",
         help="A body of the spacecraft that hangs on a port of the appendage at PLACE; it stands "
         "in the file where it is at rest, inside the body that holds PLACE. Repeatable. Default: "
-        "what [[port]] of SPEC.toml carries.",
+        "what \\[\\[port]] of SPEC.toml carries.",
     ),
 ]
 Prefix = Annotated[

@@ -327,11 +327,13 @@ def _show(
         f"{first.nstates} states, {first.ninputs} inputs ({', '.join(first.input_names)}), "
         f"{first.noutputs} outputs ({', '.join(first.output_names)})",
     )
-    print_table(tables.mode_table(first, labels[0] if labels else ""))
+    print_table(tables.mode_table(first))
     if labels:
         print_table(tables.pose_table(plants, labels))
     if margins_by_plant:
         print_table(tables.margin_table(margins_by_plant))
+        if near := tables.limiting_table(margins_by_plant):
+            print_table(near)
         print_table(tables.closed_loop_table(margins_by_plant))
     for case in cases:
         where = f" ({case.pose})" if case.pose else ""

@@ -14,7 +14,7 @@ from beamchain.craft.documents import Wish
 from beamchain.craft.loads import Item, loads_of
 from beamchain.craft.promise import keep_promise
 from beamchain.engine import mount as mounting
-from beamchain.engine.library import mujoco, one_thread
+from beamchain.engine.library import mujoco, one_thread, rest
 from beamchain.fitting.fit import fit_spec
 from beamchain.fitting.hub import Hub
 from beamchain.fitting.options import Root, Target
@@ -24,6 +24,7 @@ from beamchain.fitting.warnings import doubtful, rigid_plane
 from beamchain.structure.modal_data import ModalData
 
 SAME_HUB = 1e-12  # relative: hubs that are one
+CLOSE = 1e-3  # of its length: where an appendage starts at the centre of mass
 RIGID = 1e-6  # relative: a hub that differs from a rigid body by more has loose joints
 
 
@@ -66,6 +67,12 @@ def fit_all(
                 hub, apparent=tuple(tuple(float(v) for v in row) for row in felt[name])
             )
         warnings += _notes(name, spec, place, hub)
+        if ":" not in name and _points_inward(model, place, spec):
+            text = (
+                f"the appendage at {name} runs to the other side of the spacecraft's centre of "
+                f"mass: does the x axis of {name} point outwards?"
+            )
+            warnings.append(Caution("points-inward", text))
         result = fits.ready.get(name)
         if result is None or not _same_hub(result, hub):
             result = fits(name, spec, Root(target=spec.root.target, hub=hub))
@@ -98,6 +105,18 @@ def fit_all(
         found = a.fit.cautions if hinged else doubtful(a.spec.segment, a.spec.damping, a.fit.target)
         warnings += [said_of(a.at, warning) for warning in found]
     return appendages, warnings, steps
+
+
+def _points_inward(model: "mujoco.MjModel", place: mounting.Mount, spec: Spec) -> bool:
+    """Whether an appendage starts towards the centre of mass of what it stands on, passes it
+    closely, and ends behind it."""
+    if spec.imported is not None or not model.body_rootid[place.body]:
+        return False
+    centre = rest(model).subtree_com[model.body_rootid[place.body]]
+    way = np.asarray(centre - place.origin, dtype=np.float64)
+    ahead = float(way @ place.axes[:, 0])
+    aside = float(np.linalg.norm(way - ahead * place.axes[:, 0]))
+    return CLOSE * spec.beam.length < ahead < spec.beam.length and aside < ahead / 2.0
 
 
 def _notes(name: str, spec: Spec, place: mounting.Mount, hub: Hub) -> Iterator[str]:

@@ -114,6 +114,11 @@ def poses_of(model: "mujoco.MjModel", at: At) -> Poses | None:
     return _made(model, each, [f"at[{i}]" for i in range(len(each))])
 
 
+def pose_label(model: "mujoco.MjModel", at: At) -> str:
+    """What one pose is called; empty where none is asked for."""
+    return "" if at is None else _label(model, at, state_at(model, at)[0], 1)
+
+
 def _is_list_of_poses(at: At) -> bool:
     """Whether something in a list is no number: numbers alone are one pose's positions."""
     listed = isinstance(at, list | tuple) or (isinstance(at, np.ndarray) and at.ndim > 0)

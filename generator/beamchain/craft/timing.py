@@ -86,9 +86,13 @@ def decide_timing(
         return TimingDecision(True, "as asked")
     if error == float("inf"):
         return TimingDecision(True, "it would be unstable by itself")
-    return TimingDecision(
-        error > allowed, f"its own error would be {error:.2g}, above {allowed:.2g}"
+    scenes = any(a.fit.spec.scene is not None for a in appendages)
+    felt = (
+        "without timing the step would change the response at a resonance by"
+        if scenes
+        else "without timing the step would move a pole, kept or not, by a share of"
     )
+    return TimingDecision(error > allowed, f"{felt} {error:.2g}, above {allowed:.2g}")
 
 
 def time_notes(
@@ -105,13 +109,14 @@ def time_notes(
         mean = f"stiffnesses of modes changed by up to {changed:.2g}; {mean}"
     if with_timing.exact:
         text = (
-            f"the appendages are exact in time for {step} ({reason}; {with_timing.error:.1e}); "
-            f"{mean}"
+            f"the appendages are exact in time for {step} ({reason}; with timing "
+            f"{with_timing.error:.1e}); {mean}"
         )
         return [Caution("exact-in-time", text)]
     text = (
-        f"the appendages have timing for {step} ({reason}), which does not keep every pole: "
-        f"{with_timing.words}; without timing {without_timing.words}; {mean} {time_cure(name)}"
+        f"the appendages have timing for {step} ({reason}), which does not keep every pole. Worst "
+        f"of those up to the highest mode kept, with timing: {with_timing.words}; without: "
+        f"{without_timing.words}; {mean} {time_cure(name)}"
     )
     return [Caution("time-error", text)]
 

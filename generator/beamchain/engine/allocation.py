@@ -1,4 +1,4 @@
-"""Torque on a body shared out over actuators: what is asked for, and what it is in a pose."""
+"""Torque on a body distributed over actuators: what is asked for, and what it is in a pose."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -21,7 +21,7 @@ DECIMALS = 12  # of shares in a direction without torque, whose largest is 1
 
 
 class Allocation(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Torque on a body about its own axes, shared out over actuators.
+    """Torque on a body about its own axes, distributed over actuators.
 
     Example:
         >>> import beamchain as bc
@@ -74,7 +74,7 @@ def allocate(
     *,
     about: str = "xyz",
 ) -> Allocation:
-    """Torque on a body as an input of `bc.plant`, shared out over wheels, thrusters and torquers.
+    """Torque on a body as an input of `bc.plant`, distributed over wheels, thrusters and torquers.
 
     Under the name NAME it gives the inputs `NAME_x`, `NAME_y` and `NAME_z`: the torque on the body
     about its own axes [N m]. A positive command turns the body positively, unlike that of a wheel's

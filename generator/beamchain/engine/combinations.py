@@ -1,5 +1,5 @@
 """What `inputs` and `outputs` of a linear model may be: names as in `signals.py`, and under names
-of their own torque shared out over actuators, sensors in a body's axes, and weighted sums."""
+of their own torque distributed over actuators, sensors in a body's axes, and weighted sums."""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence

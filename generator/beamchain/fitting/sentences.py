@@ -6,7 +6,7 @@ from typing import Any, cast, get_args, get_origin, get_type_hints
 
 import msgspec
 
-from beamchain.checks import literals, meant
+from beamchain.checks import descriptions, literals, meant
 from beamchain.dropped import DROPPED
 
 _KINDS = {
@@ -21,6 +21,11 @@ _KINDS = {
     "bool": "true or false",
     "null": "nothing",
 }
+#: keys that are looked for in vain, "Struct(key)", and what there is instead
+SOUGHT = {
+    "Loop(dt)": "a file of loops is continuous. Give bc.margins in Python a sampled controller of "
+    "python-control, or add half a period to delay.",
+}
 
 
 def sentence(message: str, data: Mapping[str, Any], root: type) -> str:
@@ -34,8 +39,13 @@ def sentence(message: str, data: Mapping[str, Any], root: type) -> str:
     if unknown:
         struct = _struct_at(root, path, data)
         gone = None if struct is None else DROPPED.get(f"{struct.__name__}({unknown[1]})")
-        answer = gone or (
-            f"unknown key {unknown[1]!r}; {_keys_instead(unknown[1], place, struct, root)}"
+        hint = None if struct is None else SOUGHT.get(f"{struct.__name__}({unknown[1]})")
+        if hint:
+            hint = f"unknown key {unknown[1]!r}; {hint}"
+        answer = (
+            gone
+            or hint
+            or (f"unknown key {unknown[1]!r}; {_keys_instead(unknown[1], place, struct, root)}")
         )
         return f"{place + ': ' if place else ''}{answer}"
     missing = re.fullmatch(r"Object missing required field `(.*)`", what)
@@ -63,9 +73,8 @@ def sentence(message: str, data: Mapping[str, Any], root: type) -> str:
                 "double brackets."
             )
         return (
-            f"{place or 'the file'}{shown} is {_KINDS.get(wrong[2], wrong[2])}, but {wanted} "
-            "is "
-            "needed; write it so."
+            f"{place or 'the file'}{shown} is {_KINDS.get(wrong[2], wrong[2])}, but {wanted}"
+            f"{_in_unit(place, data, root)} is needed; write it so."
         )
     short = re.fullmatch(r"Expected `array` of length (\d+), got (\d+)", what)
     if short:
@@ -75,6 +84,15 @@ def sentence(message: str, data: Mapping[str, Any], root: type) -> str:
         key = place.rpartition(".")[2].partition("[")[0]
         return f"{place} = {invalid[1]!r} is not allowed; {_choose(invalid[1], key, root)}"
     return f"{place + ': ' if place else ''}{what}"
+
+
+def _in_unit(place: str, data: Any, root: type) -> str:
+    """The unit of the number at a place; empty where it has none."""
+    table, _, name = place.rpartition(".")
+    struct = _struct_at(root, table, data)
+    text = "" if struct is None else descriptions(struct).get(name, "")
+    unit = re.search(r" \[([^\]]+)\]$", text)
+    return f" in {unit[1]}" if unit else ""
 
 
 def _named(path: str, data: Any, root: type) -> str:

@@ -67,7 +67,8 @@ class Uncertainty(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
             )
         if self.relative is not None and self.relative >= 1.0:
             raise InputError(
-                f"relative = {self.relative!r} would turn the quantity negative; give less than 1."
+                f"relative = {self.relative!r} would turn the quantity negative; give a fraction "
+                "below 1: 10 % is 0.1."
             )
         if self.group and self.each:
             raise InputError(

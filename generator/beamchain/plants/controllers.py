@@ -127,7 +127,7 @@ class Controller(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     loop: Annotated[tuple[Loop, ...], field("the loops, one [[loop]] each")]
     allocation: Annotated[
         dict[str, Allocation],
-        field("inputs NAME_x, NAME_y, NAME_z: torque on a body, shared out over actuators"),
+        field("inputs NAME_x, NAME_y, NAME_z: torque on a body, distributed over actuators"),
     ] = msgspec.field(default_factory=dict[str, Allocation])
     alignment: Annotated[
         dict[str, Alignment],
@@ -152,6 +152,14 @@ def read_controller(path: str | Path | Controller) -> Controller:
     Raises:
         InputError: the file cannot be read, or a value is not allowed.
     """
+    given: object = path
+    if not isinstance(given, Controller | str | Path):
+        raise InputError(
+            f"controller is a {type(given).__name__}; worst cases and bounds take continuous "
+            "loops, the path of a TOML file with [[loop]] or bc.Controller. To check a sampled "
+            "controller, or one of python-control, give bc.margins the plants "
+            "uncertain.sample(values)."
+        )
     return read_struct(path, Controller, "controller", "a TOML file with [[loop]]")
 
 

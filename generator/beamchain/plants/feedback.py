@@ -41,7 +41,7 @@ class Feedback:
         realise: A, B, C, D of K, dead times as Pade approximations of an order.
         response: `(k, columns, rows)` K at s, or z, `(k,)`, dead times exact.
         step: [s]; 0: continuous; None: it has no states, and takes the plant's.
-        delayed: whether it has dead times.
+        delays: `(columns,)` the longest dead time on the way to every input [s].
     """
 
     rows: list[int]
@@ -49,7 +49,12 @@ class Feedback:
     realise: Callable[[int], System]
     response: Callable[[Complex], Complex]
     step: float | None
-    delayed: bool
+    delays: tuple[float, ...]
+
+    @property
+    def delayed(self) -> bool:
+        """Whether it has dead times."""
+        return any(self.delays)
 
     def measured(self, system: System) -> list[list[int]]:
         """The outputs that every input is fed from, by number."""
@@ -120,10 +125,12 @@ def _of_file(controller: Controller, signals: Signals) -> Feedback:
         each = np.array([loop_response(loop, s) for loop in controller.loop])
         return np.einsum("il,lk,lj->kij", drive, each, measure).astype(np.complex128)
 
-    delayed = any(loop.delay for loop in controller.loop)
-    return Feedback(
-        rows, columns, realised, values, 0.0 if takes_time(controller) else None, delayed
+    delays = tuple(
+        max(loop.delay for loop, place in zip(controller.loop, driven, strict=True) if place == one)
+        for one in columns
     )
+    step = 0.0 if takes_time(controller) else None
+    return Feedback(rows, columns, realised, values, step, delays)
 
 
 def _of_mapping(several: Mapping[Any, Any], signals: Signals) -> Feedback:
@@ -209,9 +216,8 @@ def _matched(labels: list[str], plant: list[str], kind: str) -> list[int] | None
 
 
 def _rational(rows: list[int], columns: list[int], system: System, step: float | None) -> Feedback:
-    return Feedback(
-        rows, columns, lambda _: system, lambda s: response(system, s), step, delayed=False
-    )
+    delays = (0.0,) * len(columns)
+    return Feedback(rows, columns, lambda _: system, lambda s: response(system, s), step, delays)
 
 
 def _is_number(given: object) -> bool:

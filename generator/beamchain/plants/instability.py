@@ -79,15 +79,14 @@ class Instability:
     @property
     def sentence(self) -> str:
         """All of it in words."""
-        how = (
-            f"{self.hertz:.3g} Hz, {self.frequency:.4g} rad/s"
-            if abs(self.pole.imag) > 1e-9 * abs(self.pole)
-            else "without oscillation"
-        )
+        rings = abs(self.pole.imag) > 1e-9 * abs(self.pole)
+        how = f"{self.hertz:.3g} Hz, {self.frequency:.4g} rad/s" if rings else "without oscillation"
+        pushed = not rings and 0.0 in (self.gain, *self.alone.values())
+        sign = "; is the sign of the numerators right?" if pushed else "."
         what = f"{WORDS[self.kind]}{self.origin}"
         return (
             f"UNSTABLE: {what} ({how}) grows with time constant {self.time_constant:.3g} s; "
-            f"{self._blame()}{self._endless()}."
+            f"{self._blame()}{self._endless()}{sign}"
         )
 
     def _endless(self) -> str:

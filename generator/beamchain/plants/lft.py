@@ -30,6 +30,7 @@ from beamchain.ports.motions import Array, locked
 
 PROVED = 1e-8  # relative, channel by channel, of a sample against the model with those properties
 LARGEST = 2**31  # seed or number of samples
+PRINTED = 5e-6  # relative, to which tables print values: the end of a range may be typed back
 ROUNDING = 1e-10  # of a channel beside the largest of its output
 
 
@@ -161,14 +162,15 @@ class Lft:
                 raise unknown("values", wrong[0], names)
             for q in self.quantities:
                 value = number(q.name, values.get(q.name, q.nominal), q.unit)
-                if abs(value - q.nominal) > q.reach * (1.0 + ROUNDING):
+                if abs(value - q.nominal) > q.reach + PRINTED * abs(value):
                     raise InputError(
-                        f"{q.name} = {value:g} is outside its range, {q.nominal - q.reach:.6g} to "
-                        f"{q.nominal + q.reach:.6g}; give a value in it, or a wider uncertainty."
+                        f"{q.name} = {value:.9g} is outside its range, {q.nominal - q.reach:.9g} "
+                        f"to {q.nominal + q.reach:.9g}; give a value in it, or a wider uncertainty."
                     )
             given = [float(values.get(q.name, q.nominal)) for q in self.quantities]
             pairs = zip(given, self.quantities, strict=True)
-            return np.array([(value - q.nominal) / q.reach for value, q in pairs])
+            deltas = np.array([(value - q.nominal) / q.reach for value, q in pairs])
+            return np.clip(deltas, -1.0, 1.0)
         deltas = as_array("values", values)
         if deltas.shape != (len(self.blocks),) or not np.all(np.abs(deltas) <= 1.0 + ROUNDING):
             raise InputError(

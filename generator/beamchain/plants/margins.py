@@ -1,8 +1,8 @@
 """Margins of a controller on a plant: at every input with the other loops closed, of all loops at
 once, and why a closed loop is unstable."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
 import control
@@ -10,6 +10,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from beamchain import report
+from beamchain.caution import Caution
 from beamchain.engine.library import one_thread
 from beamchain.plants.blame import instabilities
 from beamchain.plants.closed_loop import ClosedLoop, close
@@ -22,7 +23,7 @@ from beamchain.plants.scheduled import ScheduledPlant
 from beamchain.plants.structured import balanced_bounds, bound
 from beamchain.plants.systems import Complex
 from beamchain.ports.motions import Array, locked
-from beamchain.steps.modal import FILLER
+from beamchain.steps.modal import FILLER, PATTERN
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -30,6 +31,9 @@ if TYPE_CHECKING:
 POLISHED = 4  # maxima on the grid that are polished
 AT_ZERO = 1e-6  # of the lowest frequency, at which the response at rest is taken
 VANISHING = 1e-8  # size of a response beside that at neighbouring frequencies, which is rounding
+SHOWN = 1e-2  # of the largest modal gain: modes with less are not those of a loop
+MOVED = 0.05  # relative, by which a margin that belongs to a mode may lie above it
+NEAR = 0.2  # relative, of a margin's frequency and that of the mode it is named after
 REAL = 1e-4  # imaginary by real part of a response that is real at rest
 NO = float("nan")
 
@@ -71,6 +75,9 @@ class LoopMargins:
             `(2 + disk)/(2 - disk)`; of 2 or more the gain may rise without limit, and vanish; of
             more than 2 its sign may change as well.
         omega, response: `(k,)` [rad/s] and the open loop's response.
+        modes: by figure (`gain`, `lowest_gain`, `phase`, `modulus`, `disk`) the flexible mode of a
+            `Plant` that answers most within 20 % of the margin's frequency (of a sampled loop: of
+            the frequency at which its samples show it); figures without one are left out.
 
     Example:
         >>> import beamchain as bc, control
@@ -97,6 +104,7 @@ class LoopMargins:
     disk_frequency: float
     omega: Array
     response: Response
+    modes: Mapping[str, str] = field(default_factory=dict[str, str])
 
     def __repr__(self) -> str:
         state = "stable" if self.stable else "unstable"
@@ -143,7 +151,15 @@ class LoopMargins:
             "stable": self.stable,
             "causes": self.causes,
             **{key: _finite(getattr(self, key)) for key in figures},
+            "modes": dict(self.modes),
         }
+
+    @property
+    def _frequencies(self) -> dict[str, float]:
+        """Frequencies of the figures that are limited [rad/s]."""
+        names = ("gain", "lowest_gain", "phase", "modulus", "disk")
+        at = {name: float(getattr(self, f"{name}_frequency")) for name in names}
+        return {name: w for name, w in at.items() if np.isfinite(w) and w > 0.0}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -162,8 +178,9 @@ class Margins:
             one `log(z)/T`, those at z = 0 left out.
         instabilities: why it is unstable; empty where it is stable.
         timestep: [s] of the samples at which all of it holds; 0: continuous.
-        pose: label of the pose; empty of a single plant.
-        beyond: sentences on figures above the highest mode kept.
+        pose: label of the pose; empty of a plant in none.
+        beyond: sentences on figures above the highest mode kept that their loop shows.
+        warnings: what is probably a mistake in the controller.
         omega, sensitivity, complementary: `(k,)` [rad/s] and largest singular values of S and T.
 
     Example:
@@ -189,6 +206,7 @@ class Margins:
     omega: Array
     sensitivity: Array
     complementary: Array
+    warnings: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         when = f", sampled at {self.timestep:g} s" if self.timestep else ""
@@ -244,9 +262,9 @@ def margins(
     margin at every input that it drives with the other loops closed, the disk margin of all inputs
     at once, peaks of sensitivities, and why the closed loop is unstable.
 
-    All is at the inputs of the plant: `L = K G`, `S = 1/(1 + L)`, `T = 1 - S`. With the other loops
-    closed, the open loop at input i is `1/S_ii - 1`. Figures are the least (or largest) over all
-    frequencies, on a grid that resolves the poles of open and closed loop, and polished.
+    Everything refers to the inputs of the plant: `L = K G`, `S = 1/(1 + L)`, `T = 1 - S`. With the
+    other loops closed, the open loop at input i is `1/S_ii - 1`. Figures are the least (or largest)
+    over all frequencies, on a grid that resolves the poles of open and closed loop, and polished.
 
     Dead times of a file are exact in all figures. Poles are those of a Pade approximation of order
     6, or of a higher one that has as many unstable poles as Nyquist's criterion counts.
@@ -283,7 +301,7 @@ def margins(
     if isinstance(plant, ScheduledPlant):
         pairs = zip(plant.plants, plant.labels, strict=True)
         return tuple(_margins(one, controller, label) for one, label in pairs)
-    return _margins(plant, controller, "")
+    return _margins(plant, controller, plant.pose if isinstance(plant, Plant) else "")
 
 
 def _margins(plant: control.StateSpace, controller: Given, pose: str) -> Margins:
@@ -298,6 +316,8 @@ def _margins(plant: control.StateSpace, controller: Given, pose: str) -> Margins
         _loop_margins(closed, i, 1.0 / sensitivity[:, i, i] - 1.0, not blamed or name in blamed)
         for i, name in enumerate(closed.inputs)
     )
+    if isinstance(plant, Plant):
+        loops = tuple(replace(loop, modes=_limiting(plant, loop, closed.step)) for loop in loops)
     at_all, peak_s, peak_t = _of_all(closed, sensitivity)
     poles = closed.to_s(closed.eigenvalues)
     limit = 1e3 * np.pi / closed.step if closed.step else np.inf
@@ -316,30 +336,80 @@ def _margins(plant: control.StateSpace, controller: Given, pose: str) -> Margins
         omega=locked(omega),
         sensitivity=locked(_largest(sensitivity)),
         complementary=locked(_largest(eye - sensitivity)),
+        warnings=tuple(_long_delays(closed, loop)),
     )
+
+
+def _long_delays(closed: ClosedLoop, loop: Complex) -> list[str]:
+    """What to say of dead times that are longer than the period at which a loop alone, `(k, n, n)`
+    on the closed loop's grid, first has the gain 1."""
+    out: list[str] = []
+    for i, (name, delay) in enumerate(zip(closed.inputs, closed.fed.delays, strict=True)):
+        large = np.abs(loop[:, i, i]) > 1.0
+        crossings = closed.omega[1:][large[1:] != large[:-1]]
+        if crossings.size and delay > 2.0 * np.pi / float(crossings[0]):
+            out.append(
+                Caution(
+                    "long-delay",
+                    f"{name}: delay = {delay:g} s is longer than a period of the loop's crossover "
+                    f"({2.0 * np.pi / float(crossings[0]):.3g} s, at {float(crossings[0]):.3g} "
+                    "rad/s); delays are in seconds.",
+                )
+            )
+    return out
 
 
 def margin_warnings(plants: Sequence[Plant], found: Sequence[Margins]) -> list[str]:
     """Warnings of the first plant, and what to say of the margins of each;
     there are none without a controller."""
-    far = (said for one in found for said in one.beyond)
+    far = (said for one in found for said in (*one.warnings, *one.beyond))
     return [*plants[0].warnings, *dict.fromkeys(far)]
+
+
+def _shares(plant: Plant, loop: LoopMargins) -> Array:
+    """`(modes,)` modal gains from the input of a loop to its outputs, in the output where they are
+    largest beside those of the appendages' other modes."""
+    rows = [plant.output_names.index(name) for name in loop.outputs]
+    gains = plant.gain[:, rows, plant.input_names.index(loop.input)]
+    own = [k for k, name in enumerate(plant.modes) if PATTERN.fullmatch(name)]
+    largest = (gains[own] if own else gains).max(axis=0, initial=0.0)
+    return np.asarray((gains / np.maximum(largest, 1e-300)).max(axis=1), dtype=np.float64)
+
+
+def _limiting(plant: Plant, loop: LoopMargins, step: float) -> dict[str, str]:
+    """By figure, the mode that answers most near the figure's frequency."""
+    frequency = plant.frequency
+    seen = frequency
+    if step:  # the samples of a mode beyond pi/T are those of a slower one
+        turn = 2.0 * np.pi / step
+        seen = np.abs((frequency + turn / 2.0) % turn - turn / 2.0)
+    shares = _shares(plant, loop)
+    out: dict[str, str] = {}
+    for figure, w in loop._frequencies.items():
+        near = np.flatnonzero((np.abs(seen - w) <= NEAR * w) & (shares >= SHOWN))
+        width = 2.0 * plant.damping_ratio[near] * frequency[near] * w
+        answers = shares[near] / np.hypot(seen[near] ** 2 - w**2, width)
+        if near.size:
+            out[figure] = plant.modes[int(near[np.argmax(answers)])]
+    return out
+
+
+def _highest_shown(plant: Plant, loop: LoopMargins) -> float:
+    """Frequency of the highest mode of an appendage that a loop's input and outputs show [rad/s];
+    of the highest of all modes where they show none."""
+    modes = [k for k, name in enumerate(plant.modes) if not FILLER.search(name)]
+    shares = _shares(plant, loop)
+    own = [k for k in modes if PATTERN.fullmatch(plant.modes[k]) and shares[k] >= SHOWN]
+    return max((float(plant.frequency[k]) for k in own or modes), default=np.inf)
 
 
 def _beyond(plant: control.StateSpace, found: Sequence[LoopMargins]) -> list[str]:
     """What to say of margins at frequencies that the plant's kept modes do not reach."""
     if not isinstance(plant, Plant):
         return []
-    top = max(
-        (
-            w
-            for name, w in zip(plant.modes, plant.frequency, strict=True)
-            if not FILLER.search(name)
-        ),
-        default=np.inf,
-    )
     out: list[str] = []
     for one in found:
+        top = _highest_shown(plant, one)
         at = {
             "gain": one.gain_frequency,
             "phase": one.phase_frequency,
@@ -349,12 +419,13 @@ def _beyond(plant: control.StateSpace, found: Sequence[LoopMargins]) -> list[str
         far = [
             f"{what} margin (at {omega:.4g} rad/s)"
             for what, omega in at.items()
-            if top < omega and (omega < np.inf or np.isfinite(getattr(one, what)))
+            if (1.0 + MOVED) * top < omega and (omega < np.inf or np.isfinite(getattr(one, what)))
         ]
         if far:
             out.append(
-                f"{one.name}: {', '.join(far)} above the highest mode kept ({top:.4g} rad/s); keep "
-                "more modes before relying on it, for example by a scene with a larger bandwidth."
+                f"{one.name}: {', '.join(far)} above the highest mode kept that this loop shows "
+                f"({top:.4g} rad/s); keep more modes before relying on it, for example by a scene "
+                "with a larger bandwidth."
             )
     return out
 

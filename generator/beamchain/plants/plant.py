@@ -12,7 +12,7 @@ from beamchain.checks import positive
 from beamchain.craft.embedded import Embedded
 from beamchain.craft.linear_craft import LinearCraft, exact_craft, linear_craft
 from beamchain.craft.modal_form import ModalForm
-from beamchain.craft.poses import Poses, poses_of
+from beamchain.craft.poses import Poses, pose_label, poses_of
 from beamchain.craft.source import compiled_model, linear_omissions
 from beamchain.craft.timing import without_timing
 from beamchain.engine.combinations import (
@@ -67,8 +67,8 @@ def plant(
     States: rigid motion as integrators (`rigid_attitude_x`, `rigid_attitude_x_rate`: of the whole
     craft, which the hub follows but for its modes), then what else there is, then oscillators named
     by the appendage's mode that holds most of their strain energy (`array_mode1_xy`,
-    `array_mode1_xy_rate`; modal mass 1). What nothing drives or nothing sees is taken out, angles
-    of wheels above all.
+    `array_mode1_xy_rate`; modal mass 1). What nothing drives or nothing sees is taken out: angles
+    of wheels, modes in which two arrays oppose each other (named in `unreached`).
 
     Args:
         model: path or text of an MJCF file, MjSpec, MjModel,
@@ -124,8 +124,9 @@ def plant(
     if poses is None:
         craft, said = given.craft(at)
         form = craft.form(step is not None)
+        said = [*linear_omissions(whole), *said]
         return given.plant(
-            craft, form.minimal(), craft.mode_names, [*linear_omissions(whole), *said]
+            craft, form, form.minimal(), craft.mode_names, said, pose_label(whole, at)
         )
     return given.scheduled(poses)
 
@@ -151,8 +152,8 @@ class _Given:
         forms = same_states(forms, poses.labels)
         keep = np.any([form.active() for form in forms], axis=0)
         plants = tuple(
-            self.plant(craft, form.reduced(keep), names, said)
-            for craft, form in zip(crafts, forms, strict=True)
+            self.plant(craft, form, form.reduced(keep), names, said, label)
+            for craft, form, label in zip(crafts, forms, poses.labels, strict=True)
         )
         return ScheduledPlant(
             plants, poses.labels, poses.joints, poses.units, poses.values, poses.joint
@@ -182,10 +183,17 @@ class _Given:
         return craft, said
 
     def plant(
-        self, craft: LinearCraft, form: ModalForm, names: Sequence[str], said: Sequence[str]
+        self,
+        craft: LinearCraft,
+        whole: ModalForm,
+        form: ModalForm,
+        names: Sequence[str],
+        said: Sequence[str],
+        pose: str,
     ) -> Plant:
-        """The plant of what is kept of a craft's modal form."""
+        """The plant of what is kept, `form`, of a craft's whole modal form in a pose."""
         modes = form.oscillators(names)
+        unreached = [name for name in whole.oscillators(names) if name not in modes]
         if not modes:
             said = [*said, "no flexible mode is both driven by the inputs and seen by the outputs."]
         if beyond := [name for name in modes if FILLER.search(name)]:
@@ -219,6 +227,8 @@ class _Given:
                 uncertain=pulled,
                 errors=errors,
                 allocations=allocations,
+                unreached=unreached,
+                pose=pose,
             )
         return Plant(
             form,
@@ -230,6 +240,8 @@ class _Given:
             pulled,
             errors,
             allocations,
+            unreached,
+            pose,
         )
 
     def _discrete(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from beamchain import report
+from beamchain.caution import Caution
 from beamchain.checks import positive, unknown
 from beamchain.craft.embedded import Embedded
 from beamchain.craft.linear_craft import LinearCraft
@@ -45,6 +46,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 GROWS = 1e-6  # damping ratio below whose negative a craft is unstable
+# beyond what wheels have: a static imbalance over the mass [m], a dynamic one over the inertia
+FAR_OFF, ASKEW = 1e-4, 1e-3
 RIGID = 1e-6  # of the fastest pole: slower ones are rigid motion
 
 
@@ -291,7 +294,7 @@ def pointing(
         sources=tuple(errors),
         ape=_total([error.ape for error in errors], [error.kind for error in errors]),
         rpe=_total([error.rpe for error in errors], [error.kind for error in errors]),
-        warnings=(*linear_omissions(model), *_beyond(whole, given)),
+        warnings=(*linear_omissions(model), *_imbalances(model, given), *_beyond(whole, given)),
         _whole=whole,
         _given=given,
     )
@@ -322,6 +325,33 @@ def _check_stable(whole: DisturbedCraft) -> None:
             f"{worst.real:.3g} per second, and so does its error; check the signs of gains and "
             "springs."
         )
+
+
+def _imbalances(model: "mujoco.MjModel", given: Disturbances) -> list[str]:
+    """What to say of wheels whose mass would lie farther off the axis, or whose principal axis
+    would be turned farther from it, than in any wheel that flies."""
+    out: list[str] = []
+    for wheel in given.wheel:
+        body = int(model.jnt_bodyid[model.joint(wheel.joint).id])
+        mass, inertia = float(model.body_mass[body]), float(model.body_inertia[body].max())
+        if wheel.static > FAR_OFF * mass:
+            out.append(
+                Caution(
+                    "imbalance",
+                    f"wheel {wheel.joint!r}: static = {wheel.static:g} kg m would be its "
+                    f"{mass:.4g} kg {wheel.static / mass:.2g} m off the axis; 1 g cm is 1e-5 kg m.",
+                )
+            )
+        if wheel.dynamic > ASKEW * inertia:
+            out.append(
+                Caution(
+                    "imbalance",
+                    f"wheel {wheel.joint!r}: dynamic = {wheel.dynamic:g} kg m^2 would turn its "
+                    f"principal axis by {wheel.dynamic / inertia:.2g} rad from the axis; 1 g cm^2 "
+                    "is 1e-7 kg m^2.",
+                )
+            )
+    return out
 
 
 def _beyond(whole: DisturbedCraft, given: Disturbances) -> list[str]:

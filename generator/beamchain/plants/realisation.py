@@ -50,6 +50,9 @@ class Plant(StateSpace):
         uncertain: makes the uncertain plant; or why there is none.
         errors: computes `time_error` and `sampled_error`; None: continuous.
         allocations: what allocations among the inputs are in this pose, by name.
+        unreached: names of the flexible modes that were taken out, since no input drives them or no
+            output sees them.
+        pose: what its pose is called, joints in degrees or metres; empty where none was asked for.
 
     Example:
         >>> import beamchain as bc
@@ -75,6 +78,8 @@ class Plant(StateSpace):
     modes: tuple[str, ...]
     warnings: tuple[str, ...]
     allocations: Mapping[str, Allocated]
+    unreached: tuple[str, ...]
+    pose: str
 
     def __init__(
         self,
@@ -87,6 +92,8 @@ class Plant(StateSpace):
         uncertain: "Callable[[UncertainCraft | None], UncertainPlant] | str" = SAMPLED,
         errors: "Callable[[], tuple[TimeError, float | None]] | None" = None,
         allocations: Mapping[str, Allocated] | None = None,
+        unreached: Sequence[str] = (),
+        pose: str = "",
     ) -> None:
         self.state_names, self.state_units = tuple(form.names), tuple(form.units)
         self.input_names, self.output_names = tuple(signals[0]), tuple(signals[1])
@@ -99,6 +106,8 @@ class Plant(StateSpace):
         )
         self._errors = errors
         self.allocations = dict(allocations or {})
+        self.unreached = tuple(unreached)
+        self.pose = pose
         super().__init__(
             form.a,
             form.b,

@@ -22,7 +22,7 @@ from beamchain.plants.controllers import Controller
 from beamchain.plants.export import write
 from beamchain.plants.realisation import Plant
 from beamchain.plants.uncertain_plant import UncertainPlant, WorstCases
-from beamchain.plants.worst_margins import WorstMargins
+from beamchain.plants.worst_margins import WorstMarginsOfPoses
 from beamchain.ports.motions import Array, locked
 
 if TYPE_CHECKING:
@@ -164,7 +164,7 @@ class ScheduledPlant:
         uncertain: "UncertainCraft | str | Path | None",
         controller: "Controller | str | Path",
         **options: Any,
-    ) -> tuple[WorstMargins, ...]:
+    ) -> WorstMarginsOfPoses:
         """The least margins at every pose.
 
         Args:
@@ -174,10 +174,11 @@ class ScheduledPlant:
         Raises:
             InputError: as of `UncertainPlant.worst_margins`.
         """
-        return tuple(
+        each = (
             replace(plant.worst_margins(controller, **options), pose=label)
             for plant, label in zip(self.uncertain(uncertain), self.labels, strict=True)
         )
+        return WorstMarginsOfPoses(tuple(each))
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """Frequencies of the modes over the poses, or the angle of a grid, as thick as their gain.

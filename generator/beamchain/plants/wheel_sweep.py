@@ -28,7 +28,7 @@ AROUND = np.sinh(np.linspace(-6.0, 6.0, 37))
 LEAST = 1e-4  # of the highest speed: a range that begins at rest is looked at from there
 HIGH = 0.95  # of the highest sample: lower ones are no tops, for samples lie within 2 % of theirs
 MOST_TOPS = 6  # of an output
-ZOOMS, ZOOM = 3, 41  # rounds in which a top is closed in on, and points of each
+ZOOMS, ZOOM = 3, 41  # rounds in which a peak is refined, and points of each
 CHUNK = 2000  # speeds that are looked at together
 UNDAMPED = 1e-6  # damping ratio below which a resonance has no end
 RIGID = 1e-6  # of the fastest pole: slower ones are rigid motion
@@ -161,7 +161,7 @@ class WheelSweep:
         return joined(pieces)
 
     def _top(self, curve: SpeedCurve, index: str, output: int, place: int) -> SpeedCurve:
-        """A local maximum of an index of an output, closed in on from its sample."""
+        """A local maximum of an index of an output, refined from its sample."""
         for _ in range(ZOOMS):
             speed = np.abs(curve.speed)
             first, last = speed[max(place - 1, 0)], speed[min(place + 1, speed.size - 1)]

@@ -5,7 +5,7 @@ is `1 / max |(S - T)/2|`, all inputs at once `1 / max mu((S - T)/2)` for diagona
 mu by its upper bound with diagonal scaling. All from exact frequency responses.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -86,6 +86,9 @@ class WorstMargins:
     def __getitem__(self, number: int) -> LeastMargin:
         return self.margins[number]
 
+    def __iter__(self) -> Iterator[LeastMargin]:
+        return iter(self.margins)
+
     def least(self, kind: str = DISK) -> LeastMargin:
         """The least of one kind, over the inputs broken one at a time."""
         several = [row for row in self.margins if row.kind == kind and row.at != ALL]
@@ -111,7 +114,7 @@ class WorstMargins:
     @property
     def table(self) -> "report.Table":
         """All margins."""
-        return report.worst_margin_table(self)
+        return report.worst_margin_table([self])
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON; None where a number is not finite."""
@@ -126,6 +129,68 @@ class WorstMargins:
 
     def _repr_html_(self) -> str:
         return report.table_html(self.table, [self.sentence])
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class WorstMarginsOfPoses:
+    """The least margins at every pose of a craft.
+
+    Args:
+        each: one per pose.
+
+    Example:
+        >>> import beamchain as bc
+        >>> from beamchain.plants.worst_margins import LeastMargin
+        >>> of_poses = [
+        ...     bc.WorstMargins(
+        ...         (LeastMargin("torque_z", "disk", "", 0.9, disk, 1.3, {}, None),), True, {}, pose
+        ...     )
+        ...     for pose, disk in (("drive 0°", 0.8), ("drive 90°", 0.7))
+        ... ]
+        >>> bc.WorstMarginsOfPoses(tuple(of_poses)).worst.pose
+        'drive 90°'
+    """
+
+    each: tuple[WorstMargins, ...]
+
+    def __repr__(self) -> str:
+        return f"<WorstMarginsOfPoses, {len(self)} poses; {self.worst.sentence}>"
+
+    def __len__(self) -> int:
+        return len(self.each)
+
+    def __getitem__(self, number: int) -> WorstMargins:
+        return self.each[number]
+
+    def __iter__(self) -> Iterator[WorstMargins]:
+        return iter(self.each)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """The poses."""
+        return tuple(margins.pose for margins in self.each)
+
+    @property
+    def worst(self) -> WorstMargins:
+        """Those of the least disk margin, with their pose."""
+        return min(self.each, key=lambda margins: margins.least().worst)
+
+    @property
+    def stable(self) -> bool:
+        """Whether no sample was found unstable at any pose."""
+        return all(margins.stable for margins in self.each)
+
+    @property
+    def table(self) -> "report.Table":
+        """All margins, pose by pose."""
+        return report.worst_margin_table(self.each)
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {"worst": self.worst.pose, "poses": [each.as_dict() for each in self.each]}
+
+    def _repr_html_(self) -> str:
+        return report.table_html(self.table, [self.worst.sentence])
 
 
 class Limits(NamedTuple):

@@ -315,8 +315,8 @@ def time_cure(integrator: str) -> str:
     """What helps where poles are off."""
     if integrator in ("implicit", "implicitfast"):
         return (
-            f"Take Euler, or a shorter step: {integrator} cannot have modes of a damping ratio "
-            "above w h/12 at their own pole, Euler can."
+            f"Take Euler, or a shorter step: {integrator} cannot give modes with a damping ratio "
+            "above omega h/12 their own pole; Euler can."
         )
     return "Take a shorter step where that matters."
 

@@ -24,8 +24,8 @@ def signal_table(title: str, names: Sequence[str], units: Sequence[str]) -> Tabl
     return Table(title, columns)
 
 
-def mode_table(plant: "Plant", pose: str = "") -> Table:
-    """The flexible modes, in a pose, with the pair of signals that each shows most in."""
+def mode_table(plant: "Plant") -> Table:
+    """The flexible modes with the pair of signals that each shows most in."""
     pairs = [f"{seen} per {driven}" for seen in plant.output_names for driven in plant.input_names]
     gains = plant.gain.reshape(len(plant.modes), len(pairs))
     frequencies = plant.frequency.tolist()
@@ -37,7 +37,15 @@ def mode_table(plant: "Plant", pose: str = "") -> Table:
         Column("largest gain", list(gains.max(axis=1)), format=digits(3)),
         Column("of", [pairs[strongest] for strongest in gains.argmax(axis=1)]),
     )
-    return Table(f"Flexible modes{f', {pose}' if pose else ''}", columns)
+    notes = (
+        (
+            f"taken out, since no input drives them or no output sees them: "
+            f"{', '.join(plant.unreached)}",
+        )
+        if plant.unreached
+        else ()
+    )
+    return Table(f"Flexible modes{f', {plant.pose}' if plant.pose else ''}", columns, notes)
 
 
 def allocation_tables(plant: "Plant") -> list[Table]:
@@ -92,11 +100,22 @@ def margin_at_text(pair: tuple[float, float]) -> str:
     return f"{margin_text(value, 3)}{at}"
 
 
+def _pose_columns(poses: Sequence[str]) -> tuple[Column, ...]:
+    """The pose of every row, a joint on each line; no column where there is one."""
+    if len(set(poses)) < 2:
+        return ()
+    return (Column("pose", [pose.replace(", ", ",\n") for pose in poses]),)
+
+
+def _titled(title: str, poses: Sequence[str]) -> str:
+    """A title with the pose where there is one for all rows."""
+    return f"{title}, {poses[0]}" if len(set(poses)) == 1 and poses[0] else title
+
+
 def margin_table(several: "Sequence[Margins]") -> Table:
     """Margins at every input that a loop drives, the loops of the others closed, pose by pose; why
     a closed loop is unstable in its notes."""
     loops = [(margins.pose, loop) for margins in several for loop in margins.loops]
-    names = [f"{pose}: {loop.name}" if pose else loop.name for pose, loop in loops]
     notes = [
         f"{margins.pose}: {one.sentence}" if margins.pose else one.sentence
         for margins in several
@@ -111,7 +130,9 @@ def margin_table(several: "Sequence[Margins]") -> Table:
         return Column(name, pairs, unit, margin_at_text, place=place)
 
     columns = (
-        Column("input broken", names),
+        *_pose_columns([pose for pose, _ in loops]),
+        Column("input broken", [loop.input for _, loop in loops]),
+        Column("measured", ["\n".join(loop.outputs) for _, loop in loops]),
         Column("closed loop", [_state(loop) for _, loop in loops]),
         figures("gain", "dB (at rad/s)", "gain_db"),
         figures("gain down to", "dB (at rad/s)", "lowest_gain_db"),
@@ -120,7 +141,28 @@ def margin_table(several: "Sequence[Margins]") -> Table:
         figures("disk (at rad/s)", "", "disk"),
         figures("modulus (at rad/s)", "", "modulus", "page"),
     )
-    return Table("Margins, the other loops closed", columns, tuple(notes))
+    title = _titled("Margins, the other loops closed", [margins.pose for margins in several])
+    return Table(title, columns, tuple(notes))
+
+
+def limiting_table(several: "Sequence[Margins]") -> Table:
+    """The flexible modes near whose frequencies the margins lie; of loops that have any."""
+    figures = ("gain", "phase", "disk")
+    loops = [
+        (margins.pose, loop)
+        for margins in several
+        for loop in margins.loops
+        if any(figure in loop.modes for figure in figures)
+    ]
+    columns = (
+        *_pose_columns([pose for pose, _ in loops]),
+        Column("input broken", [loop.input for _, loop in loops]),
+        *(
+            Column(figure, [loop.modes.get(figure) for _, loop in loops], missing="-")
+            for figure in figures
+        ),
+    )
+    return Table("Modes within 20 % of a margin's frequency", columns)
 
 
 def _state(loop: "LoopMargins") -> str:
@@ -131,7 +173,8 @@ def _state(loop: "LoopMargins") -> str:
 
 def closed_loop_table(several: "Sequence[Margins]") -> Table:
     """Disk margin of all inputs at once, and the peaks of S and T, pose by pose."""
-    columns = [Column("all inputs at once", [margins.pose or "this pose" for margins in several])]
+    poses = [margins.pose for margins in several]
+    columns = list(_pose_columns(poses) or [Column("broken", ["all inputs"] * len(poses))])
     for name, field in (
         ("disk", "all_at_once"),
         ("peak of S", "peak_sensitivity"),
@@ -193,10 +236,12 @@ def _percent(value: float) -> str:
     return f"{value:+.0f}" if abs(value) >= 0.5 else "0"
 
 
-def worst_margin_table(margins: "WorstMargins") -> Table:
-    """The least margins over all samples beside the nominal ones."""
-    rows = margins.margins
+def worst_margin_table(several: "Sequence[WorstMargins]") -> Table:
+    """The least margins over all samples beside the nominal ones, pose by pose."""
+    poses = [margins.pose for margins in several for _ in margins]
+    rows = [row for margins in several for row in margins]
     columns = (
+        *_pose_columns(poses),
         Column("broken", [row.at for row in rows], key="at"),
         Column("margin", [row.kind for row in rows], key="kind"),
         Column("nominal", [row.nominal for row in rows], format=margin_text, key="nominal"),
@@ -206,5 +251,4 @@ def worst_margin_table(margins: "WorstMargins") -> Table:
         Column("proved", [row.proved for row in rows], format=margin_text, key="proved"),
     )
     shown = columns if any(row.proved for row in rows) else columns[:-1]
-    where = f" at {margins.pose}" if margins.pose else ""
-    return Table(f"Least margins over all samples{where}", shown)
+    return Table(_titled("Least margins over all samples", poses), shown)
