@@ -790,3 +790,63 @@ def test_imported_modes_know_no_sections(tmp_path):
 def test_rows_that_do_not_fit_are_refused(given, said):
     with pytest.raises(bc.InputError, match=said):
         bc.RecoveryRows(**given)
+
+
+# -- beside a servo --------------------------------------------------------------------------------
+SERVO_ARM = """<mujoco><option gravity="0 0 0" timestep="0.002" integrator="implicitfast"/>
+<worldbody><body name="bus"><freejoint/>
+<inertial pos="0 0 0" mass="60" diaginertia="20 25 30"/><site name="mount" pos="0.5 0 0"/>
+<body name="elbow" pos="4.5 0 0"><joint name="elbow" axis="0 0 1"/>
+<inertial pos="0 0 0" mass="1" diaginertia="0.01 0.01 0.01"/>
+<body name="hand" pos="2 0 0"><inertial pos="0 0 0" mass="9" diaginertia="0.3 0.3 0.3"/></body>
+</body></body></worldbody>
+<actuator><position joint="elbow" kp="3000" kv="500"/></actuator></mujoco>"""
+SECOND_DIFFERENCE = 1e-7  # of the largest load: digits lost in second differences of 0.2 ms
+STRAIN = 0.05  # of the largest moment: what one mode and its fillers miss of a ramp with a jerk
+
+
+@pytest.mark.parametrize("integrator", ["implicitfast", "Euler"])
+@pytest.mark.parametrize("retime", [None, False])
+def test_a_slew_by_a_servo_loads_the_root_with_what_moves_the_bus(tmp_path, integrator, retime):
+    """The force on the bus is its mass times the second difference of its places, whatever the
+    file was retimed for. The damping of the drive is 100 times the inertia of the drum per step:
+    the equations of motion in a state have that much more acceleration than its step."""
+    text = SERVO_ARM.replace("implicitfast", integrator)
+    if integrator == "Euler":  # which takes kv at the start of the step
+        text = text.replace(' axis="0 0 1"/>', ' axis="0 0 1" damping="500"/>').replace(
+            'kv="500"', ""
+        )
+    if retime is False:
+        text = text.replace("0.002", "0.0002")
+    spec = ARM + "[scene]\nbandwidth = 15.0\ntolerance = 0.05\n"
+    spec = spec.replace("[modes]\nxy = 1\nxz = 1\n", "").replace(
+        "x = 4.0\n", 'x = 4.0\ncarries = ["elbow"]\n'
+    )
+    (tmp_path / "arm.toml").write_text(spec)
+    flexible = bc.embed(text, {"mount": tmp_path / "arm.toml"}, retime=retime)
+    assert (retime is None) == any(a.timed is not None for a in flexible.appendages)
+    model, data = flexible.model, mujoco.MjData(flexible.model)
+    h = model.opt.timestep
+    record, places, turned = flexible.recorder(), [], []
+    for _ in range(round(2.2 / h)):
+        part = min(data.time / 2.0, 1.0)
+        data.ctrl[0] = part**3 * (10.0 - 15.0 * part + 6.0 * part**2)
+        record(data)
+        places.append(data.qpos[:3].copy())
+        turned.append(2.0 * np.arctan2(data.qpos[6], data.qpos[3]))
+        mujoco.mj_step(model, data)
+    loads = flexible.recover(record, x=[0.0, 4.0])
+    force = 60.0 * np.diff(places, 2, axis=0) / h**2
+    angle = np.array(turned)[1:-1]
+    along = np.cos(angle) * force[:, 0] + np.sin(angle) * force[:, 1]
+    across = np.cos(angle) * force[:, 1] - np.sin(angle) * force[:, 0]
+    spun = np.diff(turned, 2) / h**2
+    missed = [
+        off(loads.root_force[1:-1, 0], along),
+        off(loads.root_force[1:-1, 1], across),
+        off(loads.angular_acceleration[1:-1, 0, 2], spun),
+    ]
+    strain = off(loads.moment[:, 0, 2], loads.root_moment[:, 2])
+    print(integrator, retime, [f"{value:.1e}" for value in missed], f"{strain:.1e}")
+    assert max(missed) < SECOND_DIFFERENCE
+    assert strain < STRAIN

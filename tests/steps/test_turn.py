@@ -160,3 +160,57 @@ def test_the_spring_of_the_craft_that_sets_the_limit_is_named(integrator):
     spec = bc.Spec(segment=tube().segments, modes=bc.Modes(xy=2, xz=2, torsion=1))
     [said] = [w for w in bc.embed(craft, {"mount": spec}).warnings if "becomes unstable" in w]
     assert "held mostly by the spring of joint 'drive'" in said
+
+
+SERVO = (
+    '<mujoco><option timestep="0.002" gravity="0 0 0" integrator="{integrator}"/><worldbody>'
+    '<body name="bus"><freejoint/><inertial pos="0 0 0" mass="300" diaginertia="60 90 120"/>'
+    '<body name="drum" pos="0.5 0 0"><joint name="elbow" type="hinge" axis="0 1 0"{joint}/>'
+    '<inertial pos="0 0 0" mass="2" diaginertia="0.05 0.05 0.05"/><site name="mount"/></body>'
+    '</body></worldbody><actuator><position name="s_elbow" joint="elbow" kp="4000"{servo}/>'
+    "</actuator></mujoco>"
+)
+
+
+@pytest.mark.parametrize(("integrator", "most"), [("Euler", 2.0), ("RK4", 2.785)])
+def test_the_kv_of_a_servo_that_sets_the_limit_is_named_with_the_inertia(integrator, most):
+    """Euler and RK4 take kv at the start of the step, which is stable to 2 I/kv and 2.785 I/kv; I
+    is that of the drum and of what the appendage cannot withhold."""
+    spec = bc.Spec(segment=tube().segments, modes=bc.Modes(xy=2, xz=2, torsion=1))
+    text = SERVO.format(integrator=integrator, joint="", servo=' kv="2000"')
+    craft = bc.embed(text, {"mount": spec})
+    [said] = [w for w in craft.warnings if "becomes unstable" in w]
+    assert said.code == "unstable-step"
+    assert "the kv of the servo 's_elbow' of joint 'elbow'" in said
+    assert "armature" in said
+    assert "implicitfast" in said
+    data = mujoco.MjData(craft.model)
+    mujoco.mj_forward(craft.model, data)
+    dof = craft.model.joint("elbow").dofadr[0]
+    moved = np.zeros((1, craft.model.nv))
+    mujoco.mj_solveM(craft.model, data, moved, np.eye(craft.model.nv)[[dof]])
+    inertia = 1.0 / moved[0, dof]
+    assert f"on {inertia:.3g} kg m^2" in said
+    limit = float(said.split("above the ")[1].split(" s")[0])
+    assert limit == pytest.approx(most * inertia / 2000.0, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("integrator", "joint", "servo"),
+    [
+        ("implicitfast", "", ' kv="2000"'),
+        ("Euler", ' damping="2000"', ""),
+        ("Euler", ' armature="50"', ' kv="2000"'),
+        ("RK4", ' armature="50"', ' kv="2000"'),
+    ],
+)
+def test_the_cures_that_are_named_are_stable(integrator, joint, servo):
+    spec = bc.Spec(segment=tube().segments, modes=bc.Modes(xy=2, xz=2, torsion=1))
+    text = SERVO.format(integrator=integrator, joint=joint, servo=servo)
+    model = bc.embed(text, {"mount": spec}).model
+    data = mujoco.MjData(model)
+    data.ctrl[0] = 0.1
+    for _ in range(3000):
+        mujoco.mj_step(model, data)
+    assert not np.any(data.warning.number)
+    assert float(np.max(np.abs(data.qvel))) < 1.0

@@ -13,12 +13,11 @@ from beamchain.engine.constraints import (
     touching,
     with_dry_friction,
 )
-from beamchain.engine.forces import along
 from beamchain.engine.library import mujoco
-from beamchain.engine.linear import linear_at
 from beamchain.engine.linearise import NUMBERS
-from beamchain.engine.operating_point import base_body, quiet_copy, rest_point
+from beamchain.engine.operating_point import base_body, quiet_copy
 from beamchain.errors import InputError
+from beamchain.steps.culprit import Culprit, culprit
 from beamchain.steps.limits import StepLimits
 
 DAMPS = 0.5  # numerical damping is worth a word from this share of the structure's own
@@ -165,11 +164,15 @@ def _integration(
     step = float(model.opt.timestep)
     largest = limits.largest_step[integrator]
     if step > largest:
+        found = culprit(quiet_copy(model), np.array(model.qpos0))
+        fastest_motion = "coupled mode" if limits.ratio < 1.0 else "motion, overdamped,"
+        unit = "rad/s" if limits.ratio < 1.0 else "1/s"
+        shorter = f'<option timestep="{_round_down(0.5 * largest):g}">'
         yield Caution(
             "unstable-step",
             f"timestep {step:g} s is above the {largest:.4g} s at which {integrator} becomes "
-            f"unstable (fastest coupled mode {limits.omega_max:.5g} rad/s{_held_by(model)}); write "
-            f'<option timestep="{_round_down(0.5 * largest):g}">.',
+            f"unstable (fastest {fastest_motion} {limits.omega_max:.5g} {unit}{_held_by(found)}); "
+            f"{_cure(found, integrator, shorter)}.",
         )
     if integrator == "discrete":
         allowed = DAMPS * max(zeta, 1e-3)
@@ -194,21 +197,23 @@ def _round_down(value: float) -> float:
     return float(np.floor(value / digit) * digit)
 
 
-def _held_by(model: "mujoco.MjModel") -> str:
-    """Words for the spring that holds most of the fastest mode's energy,
-    where a name tells which it is."""
-    modes = linear_at(rest_point(quiet_copy(model))).modes()
-    if not modes.frequency.size:
+def _held_by(found: Culprit) -> str:
+    """Words for what makes a step unstable, where a name tells which it is."""
+    if not found.share:
         return ""
-    shape = modes.shapes[:, -1]
-    energies: list[tuple[float, str]] = []  # twice the strain energy of each spring
-    for j in range(model.njnt):
-        angle = float(shape[int(model.jnt_dofadr[j])])
-        energy = float(model.jnt_stiffness[j]) * angle**2
-        energies.append((energy, f"joint {model.joint(j).name!r}"))
-    for i in range(model.ntendon):
-        length = float(along(model, i) @ shape)
-        energy = float(model.tendon_stiffness[i]) * length**2
-        energies.append((energy, f"tendon {model.tendon(i).name!r}"))
-    energy, name = max(energies, default=(0.0, ""))
-    return f", held mostly by the spring of {name}" if energy > 0.0 else ""
+    if not found.damps:
+        return f", held mostly by {found.words}"
+    damper = f"the kv of {found.words}" if found.kind == "servo" else found.words
+    size = f" on {found.moves}" if found.moves else ""
+    return f", held by {damper}{size}"
+
+
+def _cure(found: Culprit, integrator: str, step: str) -> str:
+    """What helps against an unstable step."""
+    if not found.damps or found.kind == "appendage":
+        return f"write {step}"
+    at_joint = "write the damping at its joint, " if integrator == "Euler" else ""
+    return (
+        f"{integrator} takes that damping at the start of the step: take implicitfast, {at_joint}"
+        f"state the inertia of motor and gear as armature of the joint, or write {step}"
+    )

@@ -356,8 +356,9 @@ class Embedded:
     ) -> Recovery:
         """Loads, stresses, displacements and accelerations inside an appendage.
 
-        Accelerations are those of MuJoCo's equations of motion in the states given, with timing
-        taken out of the file: what an accelerometer would feel at that instant.
+        Accelerations are those of a step of the model's own integrator from the states given, so
+        that they hold beside dampers and servos that it takes implicitly; where the file is exact
+        in time, of a step with timing taken out. States of another host's integrator want `qacc`.
 
         Args:
             data: a state of the `model` (MjData), a `recorder` of many, or arrays by name: qpos
@@ -388,7 +389,7 @@ class Embedded:
             <Recovery at 'mount', 1 instants, 5 stations, 4 modes>
         """
         return recover(
-            self.untimed,
+            self.model,
             self.appendages,
             data,
             place=place,

@@ -39,7 +39,8 @@ class Coordinates:
     Args:
         labels: of the modes.
         rows: `(n, f)` lengths of the modes' tendons per hinge coordinate.
-        squares: `(n,)` their stiffness, frequency squared [1/s^2].
+        squares: `(n,)` their stiffness as fitted, frequency squared [1/s^2].
+        tendons: names of the modes' tendons; where springs stand on hinges the file has none.
         qpos, dofs: `(f,)` places of the hinge coordinates in the model's.
         turn: `(n, n)` of the tendons' coordinates into those of the modes that were kept.
         frequencies: `(n,)` of the modes that were kept [rad/s].
@@ -48,14 +49,24 @@ class Coordinates:
     labels: tuple[str, ...]
     rows: Array
     squares: Array
+    tendons: tuple[str, ...]
     qpos: NDArray[np.intp]
     dofs: NDArray[np.intp]
     turn: Array
     frequencies: Array
 
-    def amplitudes(self, qpos: Array) -> Array:
-        """`(t, n)` modal coordinates, by the force that strain makes, for positions `(t, nq)`."""
-        force = qpos[:, self.qpos] @ self.rows.T * self.squares
+    def amplitudes(self, model: "mujoco.MjModel", qpos: Array) -> Array:
+        """`(t, n)` modal coordinates, by the force that strain makes, for positions `(t, nq)`.
+
+        The force is that of the stiffness with which `model` was stepped: timing of a tree
+        changes it.
+        """
+        stiffness = self.squares.copy()
+        for k, name in enumerate(self.tendons):
+            tendon = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TENDON, name)
+            if tendon >= 0:
+                stiffness[k] = model.tendon_stiffness[tendon]
+        force = qpos[:, self.qpos] @ self.rows.T * stiffness
         return force @ self.turn.T / self.frequencies**2
 
     def rates(self, values: Array) -> Array:
@@ -142,6 +153,7 @@ def _coordinates(
         tuple(tendon.label for tendon in tendons),
         rows,
         np.array([tendon.stiffness for tendon in tendons]),
+        tuple(f"{appendage.prefix}{tendon.label}" for tendon in tendons),
         np.array(model.jnt_qposadr[joints], dtype=np.intp).reshape(-1),
         np.array(model.jnt_dofadr[joints], dtype=np.intp).reshape(-1),
         turn,

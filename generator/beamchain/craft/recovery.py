@@ -22,10 +22,13 @@ from beamchain.craft.recovered_body import (
     imported_body,
     place_of,
 )
+from beamchain.craft.timing import without_timing
 from beamchain.engine.library import mujoco
 from beamchain.engine.root_motion import STATE, Motion, RootMotion, Run, motion_of
 from beamchain.errors import InputError
 from beamchain.ports.motions import PORT_MOTION, Array
+from beamchain.steps.modal import TREE, modal_tendons
+from beamchain.steps.step_map import at_step_of
 from beamchain.structure.beam import Beam
 from beamchain.structure.inside import BEYOND, Inside, snapped
 from beamchain.structure.readers.recovery_file import read_recovery
@@ -454,16 +457,17 @@ def recover(
     rows: object,
     known: dict[tuple[str, bytes], BeamBody],
 ) -> Recovery:
-    """What a run of a model, without timing, did inside the appendage at a place; arguments as of
+    """What a run of a model did inside the appendage at a place; arguments as of
     `Embedded.recover`. `known`: beams by place and stations, which are dear, kept for the next."""
     appendage = appendage_at(appendages, place)
     where = place_of(model, appendage, appendages)
     recovery_rows = _rows_of(appendage, rows)
     stations = _stations(appendage, x)
     run = run_of(model, data)
-    motion = motion_of(model, run, [where.root])
+    moved, exact = _moved_by(model)
+    motion = motion_of(moved, run, [where.root], exact)
     if appendage.fit.space is not None:
-        return _of_imported(model, appendage, run, motion, rows=recovery_rows, static=static)
+        return _of_imported(moved, appendage, run, motion, rows=recovery_rows, static=static)
     key = (appendage.at, stations.tobytes())
     body = known.get(key)
     if body is None:
@@ -471,7 +475,22 @@ def recover(
         if len(known) >= MOST_KNOWN:
             known.clear()
         known[key] = body
-    return _of_beam(appendage, where, body, run, motion, stations=stations, static=static)
+    modes = _modes_in(body.coordinates, moved, motion)
+    return _of_beam(appendage, where, body, run, motion, modes, stations=stations, static=static)
+
+
+def _moved_by(model: "mujoco.MjModel") -> "tuple[mujoco.MjModel, list[int]]":
+    """The model whose equations the positions of a run follow, and the modal tendons that its
+    steps take exactly.
+
+    Exact in time, positions are those of the same file with timing taken out. The timing of a tree
+    changes stiffness as well, so that its positions are in balance in the file as it is alone.
+    """
+    modal = modal_tendons(model)
+    forms = {mark.form for mark in modal.made_for if mark is not None}
+    if not forms or TREE in forms:
+        return model, []
+    return at_step_of(without_timing(model), model), modal.index.tolist()
 
 
 def _stations(appendage: Appendage, x: ArrayLike | None) -> Array:
@@ -553,14 +572,17 @@ class _Modes(NamedTuple):
     accelerations: Array
 
 
-def _modes_in(coordinates: "Mapping[str, Coordinates]", motion: Motion) -> _Modes:
+def _modes_in(
+    coordinates: "Mapping[str, Coordinates]", model: "mujoco.MjModel", motion: Motion
+) -> _Modes:
     names: list[str] = []
     columns: dict[str, slice] = {}
     values: list[tuple[Array, Array, Array]] = []
     for port, own in coordinates.items():
         columns[port] = slice(len(names), len(names) + len(own.labels))
         names += own.labels
-        values.append((own.amplitudes(motion.qpos), own.rates(motion.qvel), own.rates(motion.qacc)))
+        amplitudes = own.amplitudes(model, motion.qpos)
+        values.append((amplitudes, own.rates(motion.qvel), own.rates(motion.qacc)))
     empty = np.zeros((len(motion.qpos), 0))
     amplitudes, rates, accelerations = (
         np.hstack([empty, *(group[i] for group in values)]) for i in range(3)
@@ -574,13 +596,13 @@ def _of_beam(
     body: BeamBody,
     run: Run,
     motion: Motion,
+    modes: _Modes,
     *,
     stations: Array,
     static: bool,
 ) -> Recovery:
     beam = appendage.fit.spec.beam
     (root,) = motion.roots
-    modes = _modes_in(body.coordinates, motion)
     carried = _on_ports(root, where, len(appendage.fit.spec.further))
     s, n = stations.size, len(modes.names)
     load_factors = np.zeros((s, 6, n))
@@ -767,7 +789,8 @@ def _of_imported(
     body = imported_body(model, appendage)
     imported = appendage.fit.spec.imported
     (root,) = motion.roots
-    modes = _modes_in({} if body.coordinates is None else {"": body.coordinates}, motion)
+    coordinates = {} if body.coordinates is None else {"": body.coordinates}
+    modes = _modes_in(coordinates, model, motion)
     names = modes.names
     space = appendage.fit.space
     assert space is not None

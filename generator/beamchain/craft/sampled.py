@@ -9,18 +9,16 @@ from beamchain.engine.linear import Linear
 from beamchain.engine.mount import motion
 from beamchain.engine.operating_point import Positions, poses, quiet_copy, rest_point
 from beamchain.ports.motions import Array
-from beamchain.steps.sampled import FAR, SampledError, sampled_error
+from beamchain.steps.sampled import SampledError, sampled_error
 from beamchain.steps.step_map import motion_at
 
 
 def exact_response_model(pose: Pose) -> Linear:
-    """The spacecraft at a pose with every mode of its appendages;
-    those far beyond the band gathered.
+    """The spacecraft at a pose with every mode of its appendages.
 
     Its damping is what is stated: none is put where there is none.
     """
-    models = [item.whole.condensed(FAR * pose.band) for item in pose.carried]
-    whole = pose.with_appendages(models, pose.bare)
+    whole = pose.with_appendages([item.whole for item in pose.carried], pose.bare)
     return whole.picked(inputs=pose.motions, outputs=pose.motions)
 
 

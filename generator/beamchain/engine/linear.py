@@ -27,6 +27,7 @@ from beamchain.ports.motions import Array, locked
 
 POSITION = 1e-3  # perturbation of positions [m, rad]
 RATE = 1.0  # of rates, accelerations, activations and inputs, in which forces are linear
+DEPENDENT = 1e-7  # relative singular value below which a static shape is made of others
 # places of the five points in units of the perturbation, and their weights; the middle one has none
 STENCIL = ((1.0, 8.0 / 12.0), (-1.0, -8.0 / 12.0), (2.0, -1.0 / 12.0), (-2.0, 1.0 / 12.0))
 
@@ -356,6 +357,30 @@ class Linear:
             ),
             activations=self.activations._replace(force=motion.T @ self.activations.force),
         )
+
+    def condensed(self, above: float) -> "Linear":
+        """The same in fewer coordinates: its rigid motions, its normal modes up to a frequency
+        [rad/s], and the static shapes, under its inputs, of all modes beyond.
+
+        The modes are those of the whole, so that none in question moves. The static response to the
+        inputs, and what they and the outputs have to do with the modes up to there, stays exact
+        (attachment modes; R. R. Craig, Structural Dynamics, 1981).
+        """
+        modes = self.modes()
+        low = modes.frequency <= above
+        # in coordinates w q, in which the stiffness is one
+        beyond = modes.shapes[:, ~low] / modes.frequency[~low]
+        loads = np.hstack([self.inputs.force, self.outputs.acceleration.T])
+        responses = beyond.T @ loads
+        sizes = np.linalg.norm(responses, axis=0)
+        responses = responses[:, sizes > 0.0] / sizes[sizes > 0.0]
+        attachment, strength, _ = np.linalg.svd(responses, full_matrices=False)
+        static = beyond @ attachment[:, strength > DEPENDENT]
+        motion = np.hstack([modes.rigid, modes.shapes[:, low], static])
+        if motion.shape[1] >= self.mass.shape[0]:
+            return self
+        names = (Signal(f"shape {k + 1}", "") for k in range(motion.shape[1]))
+        return self.in_coordinates(motion, tuple(names))
 
     def with_appendages(
         self,

@@ -1,5 +1,6 @@
 """Motion and loads of roots of appendages along a run, as MuJoCo has them."""
 
+import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -7,7 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from beamchain.engine.library import mujoco
+from beamchain.engine.forces import along_all
+from beamchain.engine.library import mujoco, quiet
+from beamchain.engine.linearise import NUMBERS
 from beamchain.ports.motions import Array
 
 #: what makes up a state of a run: all that the next step and the accelerations follow from
@@ -70,12 +73,60 @@ class Motion:
     roots: tuple[RootMotion, ...]
 
 
-def motion_of(model: "mujoco.MjModel", run: Run, roots: Sequence[Root]) -> Motion:
+class _Step:
+    """Accelerations `(v+ - v)/h` of a step of a model's own integrator.
+
+    What it takes at the end of the step, dampers of joints and the kv of servos, is in the rates
+    of a run as `(M + h D) a = f`; the equations of motion, `M a = f`, then miss the acceleration
+    of a light joint with a strong servo by the factor `1 + h D/M`.
+
+    Args:
+        model: its step and integrator are those of the run.
+        explicit: tendons whose damping is not taken so: that of modes which are exact in time.
+    """
+
+    def __init__(self, model: "mujoco.MjModel", explicit: Sequence[int]) -> None:
+        self._model = copy.copy(model)
+        self._data = mujoco.MjData(model)
+        self._state = np.empty(mujoco.mj_stateSize(model, STATE))
+        self._rows = along_all(model)[list(explicit)]
+        self._damping = np.array(model.tendon_damping)[list(explicit)]
+        self._model.tendon_damping[list(explicit)] = 0.0
+
+    def acceleration(self, data: "mujoco.MjData") -> Array:
+        """`(nv,)` in a state; that of the equations of motion where the step blows up."""
+        ours = self._data
+        mujoco.mj_getState(self._model, data, self._state, STATE)
+        mujoco.mj_setState(self._model, ours, self._state, STATE)
+        rates = np.array(data.qvel)
+        ours.qfrc_applied -= self._rows.T @ (self._damping * (self._rows @ rates))
+        before = int(np.sum(ours.warning.number))
+        with quiet():
+            mujoco.mj_step(self._model, ours)
+        if int(np.sum(ours.warning.number)) > before:
+            return np.array(data.qacc)
+        return (ours.qvel - rates) / float(self._model.opt.timestep)
+
+
+def _takes_dampers_implicitly(model: "mujoco.MjModel") -> bool:
+    """Whether a step differs from the equations of motion."""
+    integrator = NUMBERS[int(model.opt.integrator)]
+    if integrator == "Euler":
+        off = int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
+        return not off and bool(np.any(model.dof_damping))
+    return integrator != "RK4"
+
+
+def motion_of(
+    model: "mujoco.MjModel", run: Run, roots: Sequence[Root], explicit: Sequence[int] = ()
+) -> Motion:
     """Motion and loads of roots along a run.
 
-    Accelerations are those of MuJoCo's equations of motion in each state, where they are not given.
+    Accelerations are those of a step of the model from each state, where they are not given;
+    `explicit`: tendons whose damping acts as in the equations of motion, whatever the integrator.
     """
     data = mujoco.MjData(model)
+    step = _Step(model, explicit) if _takes_dampers_implicitly(model) else None
     out = _Raw.of(model, run.time.size, roots)
     for t in range(run.time.size):
         if run.states is not None:
@@ -90,6 +141,8 @@ def motion_of(model: "mujoco.MjModel", run: Run, roots: Sequence[Root]) -> Motio
             data.qacc[:] = given
         else:
             mujoco.mj_forward(model, data)
+            if step is not None:
+                data.qacc[:] = step.acceleration(data)
         mujoco.mj_rnePostConstraint(model, data)
         out.read(model, data, t)
     gravity_on = not int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)

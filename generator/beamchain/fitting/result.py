@@ -40,7 +40,7 @@ from beamchain.steps.limits import StepChoice, StepLimits, choose_step, coupled_
 from beamchain.steps.modal import timing_marks
 from beamchain.steps.poles import PoleRow, pole_rows
 from beamchain.steps.retime import time_sentence
-from beamchain.steps.sampled import FAR, sampled_error
+from beamchain.steps.sampled import sampled_error
 from beamchain.steps.step_map import WRONG, TimeError, motion_at, time_error, wrong_from
 from beamchain.steps.turn import central_inertia, turn_error
 from beamchain.structure.mass_line import MassLine
@@ -413,7 +413,7 @@ class Fit:
         band = (scene.bandwidth if scene else None) or min(self.bandwidth.values())
         model = self._scenes[0]
         hub = self.hub.mass_matrix()
-        whole = exact_appendage(self).model.condensed(FAR * band)
+        whole = exact_appendage(self).model
         axes = tuple(AXES) if scene is None or scene.bandwidth is None else scene.axes
         keep = sorted({AXES[axis] for axis in axes})
         exact = rigid_body(hub).with_appendages([whole], [np.eye(6)]).picked(keep, keep)

@@ -7,7 +7,9 @@ import numpy as np
 
 from beamchain.engine.forces import along
 from beamchain.engine.library import mujoco
+from beamchain.engine.linearise import NUMBERS
 from beamchain.ports.motions import Array
+from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.modal import modal_tendons
 from beamchain.steps.step_map import motion_at
 
@@ -26,6 +28,8 @@ class Culprit(NamedTuple):
         share: of the energy of the motion that grows.
         growth: factor per step.
         frequency: of that motion, in continuous time [rad/s].
+        damps: whether its damper does it, taken at the start of the step, and not its spring.
+        moves: the inertia that it moves, all else loose, in words; empty where it is no joint's.
     """
 
     name: str
@@ -34,6 +38,8 @@ class Culprit(NamedTuple):
     share: float
     growth: float
     frequency: float
+    damps: bool = False
+    moves: str = ""
 
 
 def culprit(model: "mujoco.MjModel", qpos: Array) -> Culprit:
@@ -46,23 +52,35 @@ def culprit(model: "mujoco.MjModel", qpos: Array) -> Culprit:
     rate = motion.shapes @ vectors[n:, k] / h
     found = [
         (
-            stiffness * np.abs(row @ shape) ** 2 + h * damping * np.abs(row @ rate) ** 2,
-            name,
-            kind,
-            words,
+            element.stiffness * np.abs(element.row @ shape) ** 2,
+            h * element.damping * np.abs(element.row @ rate) ** 2,
+            element,
         )
-        for row, stiffness, damping, name, kind, words in _elements(model, qpos)
+        for element in _elements(model, qpos)
     ]
-    total = max(sum(energy for energy, *_ in found), 1e-300)
-    energy, name, kind, words = max(
-        found, default=(0.0, "of the spacecraft", "spring", "the spacecraft")
+    total = max(sum(spring + damper for spring, damper, _ in found), 1e-300)
+    nothing = _Element(
+        np.zeros(model.nv), 0.0, 0.0, "of the spacecraft", "spring", "the spacecraft"
     )
+    spring, damper, element = max(
+        found, key=lambda part: part[0] + part[1], default=(0.0, 0.0, nothing)
+    )
+    row = element.row / max(float(np.linalg.norm(element.row)), 1e-300)
+    yields = float(np.sum((row @ motion.shapes) ** 2))  # M^-1 = shapes shapes^T
+    of_joint = element.kind != "appendage" and np.count_nonzero(row) == 1 and yields > 0.0
     moved = vectors[:n, k]
     frequency = np.sqrt(
         np.abs(motion.squares) @ np.abs(moved) ** 2 / max(float(np.sum(np.abs(moved) ** 2)), 1e-300)
     )
     return Culprit(
-        name, kind, words, float(energy / total), float(np.abs(1.0 + values[k])), float(frequency)
+        element.name,
+        element.kind,
+        element.words,
+        float((spring + damper) / total),
+        float(np.abs(1.0 + values[k])),
+        float(frequency),
+        bool(damper > spring),
+        _inertia(model, int(np.argmax(np.abs(row))), 1.0 / yields) if of_joint else "",
     )
 
 
@@ -82,46 +100,51 @@ def stable_step(grows: Callable[[float], bool], step: float) -> float:
     return float(np.floor(SAFE * low / digit) * digit)
 
 
-def _elements(
-    model: "mujoco.MjModel", qpos: Array
-) -> list[tuple[Array, float, float, str, str, str]]:
-    """Row `(nv,)`, stiffness, damping, name, kind and words of everything that holds or damps."""
-    out: list[tuple[Array, float, float, str, str, str]] = []
+def _inertia(model: "mujoco.MjModel", dof: int, value: float) -> str:
+    """An inertia that a degree of freedom moves, in words."""
+    kind = int(model.jnt_type[int(model.dof_jntid[dof])])
+    return f"{value:.3g} {'kg' if kind == int(mujoco.mjtJoint.mjJNT_SLIDE) else 'kg m^2'}"
+
+
+class _Element(NamedTuple):
+    """What holds or damps: row `(nv,)`, stiffness, the damping that acts at the start of a step,
+    name, kind and words."""
+
+    row: Array
+    stiffness: float
+    damping: float
+    name: str
+    kind: str
+    words: str
+
+
+def _elements(model: "mujoco.MjModel", qpos: Array) -> list[_Element]:
+    """Everything that holds or damps."""
+    out: list[_Element] = []
     data = mujoco.MjData(model)
     data.qpos[:] = qpos
     mujoco.mj_forward(model, data)
+    integrator = NUMBERS[int(model.opt.integrator)]
+    at_start = 0.0 if SCHEMES[integrator].implicit_damping else 1.0
+    off = int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
+    of_joints = at_start if integrator != "Euler" or off else 0.0
     for j in range(model.njnt):
         dof = int(model.jnt_dofadr[j])
         joint = str(model.joint(j).name) or f"joint {j}"
         stiffness = float(model.jnt_stiffness[j])
         damping = float(model.dof_damping[dof])
         if int(model.jnt_type[j]) > 1 and (stiffness > 0.0 or damping > 0.0):
-            out.append(
-                (
-                    np.eye(model.nv)[dof],
-                    stiffness,
-                    0.0,
-                    joint,
-                    "spring",
-                    f"the spring of joint {joint!r}",
-                )
-            )
+            row = np.eye(model.nv)[dof]
+            words = f"the {'spring' if stiffness > 0.0 else 'damping'} of joint {joint!r}"
+            out.append(_Element(row, stiffness, of_joints * damping, joint, "spring", words))
     modal = set(modal_tendons(model).index.tolist())
     for i in range(model.ntendon):
         name = str(model.tendon(i).name)
         kind = "appendage" if i in modal else "spring"
         words = f"the modal tendon {name!r}" if i in modal else f"the spring of tendon {name!r}"
-        row = along(model, i)
-        out.append(
-            (
-                row,
-                float(model.tendon_stiffness[i]),
-                float(model.tendon_damping[i]),
-                name,
-                kind,
-                words,
-            )
-        )
+        stiffness = float(model.tendon_stiffness[i])
+        damping = at_start * float(model.tendon_damping[i])
+        out.append(_Element(along(model, i), stiffness, damping, name, kind, words))
     moment = _moments(model, data)
     for i in range(model.nu):
         kp, kv = -float(model.actuator_biasprm[i, 1]), -float(model.actuator_biasprm[i, 2])
@@ -131,7 +154,8 @@ def _elements(
             on_joint = int(model.actuator_trntype[i]) == int(mujoco.mjtTrn.mjTRN_JOINT)
             joint = (str(model.joint(held).name) or servo) if on_joint else servo
             words = f"the servo {servo!r}" + (f" of joint {joint!r}" if on_joint else "")
-            out.append((moment[i], max(kp, 0.0), max(kv, 0.0), joint, "servo", words))
+            damping = at_start * max(kv, 0.0)
+            out.append(_Element(moment[i], max(kp, 0.0), damping, joint, "servo", words))
     return out
 
 

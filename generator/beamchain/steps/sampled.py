@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import eigh, schur
+from scipy.linalg import schur
 
 from beamchain.engine.linear import Linear
 from beamchain.ports.compare import DEFAULT_RATIO, NARROWEST, grid_of, relative_error
@@ -20,9 +20,9 @@ from beamchain.ports.motions import Array
 from beamchain.steps.integrators import Complex
 from beamchain.steps.step_map import GROWN, Motion
 
-FAR = 60.0  # times the band: exact modes beyond are gathered with their static response
+FAR = 1000.0  # times the band: modes of the whole craft beyond act by their static shapes only
 FASTEST = 2.6  # rad per step up to which the response is looked at
-LOOSE = 1e-12  # of the largest eigenvalue of the stiffness, or of the largest damping: rounding
+LOOSE = 1e-12  # of the largest damping, or of the fastest pole: rounding
 SEEN = 1e-4  # of the rigid response: peaks of modes beyond the band that are lower are not resolved
 BLOCK = 2000  # frequencies worked on at a time
 SHARPER = 3  # times that the neighbourhood of the largest error is looked at more closely
@@ -48,19 +48,18 @@ def exact_response(exact: Linear, timestep: float) -> Response:
     """
     h = timestep
     rows = exact.outputs.acceleration
-    squares, shapes = eigh(exact.stiffness, exact.mass)
-    rigid = squares <= LOOSE * np.max(squares, initial=1e-300)
-    damping = shapes.T @ exact.damping @ shapes
-    nothing = LOOSE * np.max(np.abs(damping), initial=1e-300)
-    values, turn = np.linalg.eigh(damping[np.ix_(rigid, rigid)])
-    drifting = turn[:, values <= nothing]
-    dragged = turn[:, values > nothing]
-    free = rows @ shapes[:, rigid] @ drifting
-    w = np.sqrt(squares[~rigid])
-    p = rows @ shapes[:, ~rigid]
-    loose = rows @ shapes[:, rigid] @ dragged  # motions that dampers hold, but no spring
+    modes = exact.modes()
+    w, shapes = modes.frequency, modes.shapes
+    inertia = np.linalg.cholesky(modes.rigid.T @ exact.mass @ modes.rigid)
+    rigid = modes.rigid @ np.linalg.inv(inertia).T  # of unit mass
+    nothing = LOOSE * np.max(np.abs(shapes.T @ exact.damping @ shapes), initial=1e-300)
+    values, turn = np.linalg.eigh(rigid.T @ exact.damping @ rigid)
+    free = rows @ rigid @ turn[:, values <= nothing]
+    dragged = rigid @ turn[:, values > nothing]  # motions that dampers hold, but no spring
+    p = rows @ shapes
+    loose = rows @ dragged
     n, m = w.size, loose.shape[1]
-    held = np.hstack([shapes[:, ~rigid], shapes[:, rigid] @ dragged])
+    held = np.hstack([shapes, dragged])
     # states (w y, y', rates of what is loose):
     # they do not feel where the loose motions have come to
     flow = np.zeros((2 * n + m, 2 * n + m))
@@ -148,6 +147,7 @@ def sampled_error(
 
     Infinite where the step is unstable.
 
+    `exact`: pushed and looked at in the motions that count, every mode of its appendages in it;
     `scale` `(m, m)`, `frozen`: what makes the accelerance dimensionless, and the norm of the
     rigid one, as in the error in continuous time. Where a mode has no damping of its own, both
     responses are taken at `z = exp((j + 0.005) w h)`, which is what 0.5 % of damping in every
@@ -156,7 +156,9 @@ def sampled_error(
     if motion.growth > 1.0 + GROWN:  # what grows has no response
         return SampledError(float("inf"), 0.0)
     h = motion.timestep
-    truth = exact_response(exact, h)
+    # gathered as a whole, not appendage by appendage: what a heavy body on a port moves on is the
+    # flexibility of modes that are far beyond the band while the body is not there
+    truth = exact_response(exact.condensed(FAR * band), h)
     ours = step_response(motion, rows)
     top = min(band, FASTEST / h)
     moving = np.abs(truth.poles) > LOOSE * np.max(np.abs(truth.poles), initial=1e-300)
