@@ -25,11 +25,11 @@ class _Origin(NamedTuple):
     kind: Kind
 
 
-def _unheard(done: int, count: int) -> None:
+def unheard(done: int, count: int) -> None:
     """What is told of the progress, to nobody."""
 
 
-def instabilities(closed: ClosedLoop, tell: Told = _unheard) -> tuple[Instability, ...]:
+def instabilities(closed: ClosedLoop, tell: Told = unheard) -> tuple[Instability, ...]:
     """The growing poles of a closed loop, one of each pair, the fastest growing first.
 
     `tell`: is told how many of them have been followed, and of how many.

@@ -1,9 +1,10 @@
 """Single poles of a closed loop followed as its gain changes.
 
-A pole moves by `w* (A1 - A0) v / w* v` to first order, with v and w its right and left eigenvectors.
-From there inverse iteration finds it; a step is taken where the same rule, from its new place, says
-that it came from the old one. Where it does not, however small the step, poles meet or pass each
-other: then all poles on both sides are assigned to each other by distance and eigenvectors.
+A pole moves by `w* (A1 - A0) v / w* v` to first order, with v and w its right and left
+eigenvectors. From there inverse iteration finds it; a step is taken where the same rule, from its
+new place, says that it came from the old one. Where it does not, however small the step, poles meet
+or pass each other: then all poles on both sides are assigned to each other by distance and
+eigenvectors.
 """
 
 from collections.abc import Callable, Sequence
@@ -185,10 +186,11 @@ def _left(matrix: Array, value: complex, right: Complex) -> Complex:
     return left
 
 
-def _factors(matrix: Array, value: complex) -> tuple[Complex, NDArray[np.intp]]:
+def _factors(matrix: Array, value: complex) -> tuple[Complex, NDArray[np.int32]]:
     """Of a matrix less a pole, which is kept just beside it."""
     beside = value + ROUNDED * max(float(np.linalg.norm(matrix)), 1e-300)
-    return lu_factor(matrix - beside * np.eye(matrix.shape[0]), check_finite=False)
+    lu, pivots = lu_factor(matrix - beside * np.eye(matrix.shape[0]), check_finite=False)
+    return np.asarray(lu, dtype=np.complex128), np.asarray(pivots, dtype=np.int32)
 
 
 def _unit(vector: Complex) -> Complex:
