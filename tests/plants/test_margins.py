@@ -235,23 +235,23 @@ def test_a_loop_that_has_no_solution_on_its_way_is_told():
 
 def test_poles_are_followed_past_gains_without_a_closed_loop():
     """-1 - k/(1 - 2 k), with no closed loop at the gain of a step."""
-    from beamchain.plants.pole_paths import follow
+    from beamchain.plants.pole_paths import crossing, follow, pole_of
 
-    start = np.array([-1.0 + 0j]), np.eye(1, dtype=complex)
-
-    def pole(gain):
+    def matrix(gain):
         return np.array([[-1.0 - 0.7 * gain / (1.0 - 2.0 * gain)]])
 
-    met = float(next(gain for gain in follow(pole, start).gains if gain > 0.3))
+    one = np.ones(1, dtype=complex)
+    end = pole_of(matrix, 1.0, -0.3 + 0j, one)
+    met = next(pole.gain for pole in follow(matrix, end, 0.0).poles if pole.gain < 0.3)
 
     def closed(gain):
         if gain in (met, 0.5):
             raise np.linalg.LinAlgError
-        return pole(gain)
+        return matrix(gain)
 
-    paths = follow(closed, start)
-    np.testing.assert_allclose(paths.poles[-1], -0.3, rtol=CLOSED)
-    gain, ending = paths.crossing(0, lambda poles: poles.real + 0.5, 1e-9)
+    poles = follow(closed, end, 0.0).poles
+    np.testing.assert_allclose(poles[-1].value, -1.0, rtol=1e-6)  # at the smallest gain
+    gain, ending = crossing(closed, poles[::-1], lambda poles: poles.real + 0.5, 1e-9)
     np.testing.assert_allclose(gain, 0.5, atol=1e-6)
     assert not np.isfinite(ending)
 
@@ -709,6 +709,47 @@ def test_what_no_loop_does_alone():
     assert dict(one.alone) == {}
     assert one.stable_without == ("u[0]", "u[1]")
     assert "no loop alone makes it so, all together do, from 0.5 of their gains on" in one.sentence
+
+
+def many_modes(number, count=40):
+    """A body with `count` lightly damped modes, pushed and looked at about three axes in one place,
+    but with one mode seen about z with the wrong sign."""
+    rng = np.random.default_rng(3)
+    w = np.sort(np.exp(rng.uniform(np.log(0.5), np.log(60.0), count)))
+    shapes = rng.standard_normal((count, 3)) * 0.25
+    shapes[number] = 0.05, 0.05, 0.5
+    seen = shapes.copy()
+    seen[number, 2] *= -1.0
+    n = 3 + count
+    stiffness = np.diag([0.0] * 3 + [*w**2])
+    damping = np.diag([0.0] * 3 + [*(2.0 * 0.003 * w)])
+    a = np.block([[np.zeros((n, n)), np.eye(n)], [-stiffness, -damping]])
+    b = np.vstack([np.zeros((n, 3)), np.eye(3), shapes])
+    c = np.hstack([np.eye(3), seen.T, np.zeros((3, n))])
+    return control.ss(a, b, c, 0.0)
+
+
+def test_of_many_modes_the_one_to_blame_is_named():
+    number = 17
+    plant = many_modes(number)
+    n = plant.nstates // 2
+    system = control.tf([9.0, 2.0], [0.004, 1.0])
+    loops = {(f"u[{i}]", f"y[{i}]"): factor * system for i, factor in enumerate((0.1, 0.1, 1.0))}
+    (one,) = bc.margins(plant, loops).instabilities
+    assert one.origin in {f"x[{3 + number}]", f"x[{n + 3 + number}]"}
+    assert list(one.alone) == ["u[2]"]
+    assert one.stable_without == ("u[2]",)
+
+    def growing(*factors):
+        space = control.ss(system)
+        poles = control.feedback(plant, control.append(*(f * space for f in factors))).poles()
+        return poles[(poles.real > 1e-7) & (poles.imag > 0.0)]
+
+    np.testing.assert_allclose([one.pole], growing(0.1, 0.1, 1.0), rtol=1e-8)
+    for factor, count in ((0.999, 0), (1.001, 1)):
+        k = factor * one.gain
+        assert growing(0.1 * k, 0.1 * k, k).size == count
+        assert growing(0.0, 0.0, factor * one.alone["u[2]"]).size == count
 
 
 def test_what_nothing_controls_is_no_instability(plant):

@@ -11,11 +11,11 @@ from beamchain.cli.output import print_table, print_warnings, spinner, tell
 from beamchain.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from beamchain.engine.library import mujoco
     from beamchain.engine.operating_point import At
-    from beamchain.plants.margins import Margins
+    from beamchain.plants.margins import LoopVerdict, Margins
     from beamchain.plants.pointing import Pointing
     from beamchain.plants.realisation import Plant
     from beamchain.plants.scheduled import ScheduledPlant
@@ -146,7 +146,7 @@ def plant(
     from beamchain.files import beside, check_outputs
     from beamchain.plants.controllers import read_controller, signals_with, takes_time
     from beamchain.plants.jitter_sources import read_disturbances
-    from beamchain.plants.margins import Margins, margin_warnings, margins
+    from beamchain.plants.margins import loop_verdicts, margin_warnings
     from beamchain.plants.plant import plant as linearise
     from beamchain.plants.pointing import pointing
     from beamchain.plants.realisation import Plant
@@ -170,13 +170,24 @@ def plant(
                 "control.c2d."
             )
     sources = None if disturbances is None else read_disturbances(disturbances)
-    with spinner("linearising", quiet or as_json):
+    silent = quiet or as_json
+    with spinner("linearising", silent) as say:
         compiled = compiled_model(model)
         place = _place(compiled, poses or [], at, angle)
         result = linearise(compiled, driven, seen, place, discrete=discrete)
         plants = [result] if isinstance(result, Plant) else list(result.plants)
-        found = () if loops is None else margins(result, loops)
-        margins_by_plant = [found] if isinstance(found, Margins) else list(found)
+        labels = () if isinstance(result, Plant) else result.labels
+        say("margins")
+        closed_loops = [] if loops is None else loop_verdicts(result, loops)
+        margins_by_plant = [one.margins for one in closed_loops]
+    # why a loop is unstable is asked once its margins are shown
+    is_shown = not silent and not all(margins.stable for margins in margins_by_plant)
+    if is_shown:
+        _show_plants(plants, labels)
+        _show_margins(margins_by_plant)
+    with spinner("why the loop is unstable", silent) as say:
+        margins_by_plant = [_explained(one, say) for one in closed_loops]
+    with spinner("worst case and report", silent):
         cases: list[WorstCase] = []
         if loops is not None and uncertain is not None:
             if isinstance(result, Plant):
@@ -190,12 +201,11 @@ def plant(
         pages: dict[Path, str] = {}
         if report:
             pages[page] = plant_report(result, margins_by_plant, model.name, cases, budget)
-    labels = () if isinstance(result, Plant) else result.labels
     files = [result.write(output, force=force, also=pages or None), *pages]
     warnings = margin_warnings(plants, margins_by_plant)
     tell(
         lambda: _record(result, plants[0], margins_by_plant, cases, warnings, budget),
-        lambda: _show(plants, labels, margins_by_plant, cases, warnings, budget),
+        lambda: _show(plants, labels, margins_by_plant, cases, warnings, budget, is_shown=is_shown),
         files,
         as_json,
         quiet,
@@ -311,15 +321,15 @@ def _loop_records(margins: "Margins") -> list[dict[str, Any]]:
     ]
 
 
-def _show(
-    plants: "list[Plant]",
-    labels: "Sequence[str]",
-    margins_by_plant: "list[Margins]",
-    cases: "list[WorstCase]",
-    warnings: list[str],
-    budget: "Pointing | None",
-) -> None:
-    """What the terminal shows before the names of the files."""
+def _explained(one: "LoopVerdict", say: "Callable[[str], None]") -> "Margins":
+    """Margins that say why their loop is unstable, the progress on the terminal."""
+    pose = f" at {one.margins.pose}" if one.margins.pose else ""
+    return one.explained(
+        lambda done, count: say(f"why the loop is unstable{pose}: pole {done + 1} of {count}")
+    )
+
+
+def _show_plants(plants: "list[Plant]", labels: "Sequence[str]") -> None:
     from beamchain.report.tables import plant as tables
 
     first = plants[0]
@@ -330,11 +340,48 @@ def _show(
     print_table(tables.mode_table(first))
     if labels:
         print_table(tables.pose_table(plants, labels))
+
+
+def _show_margins(margins_by_plant: "list[Margins]") -> None:
+    from beamchain.report.tables import plant as tables
+
     if margins_by_plant:
         print_table(tables.margin_table(margins_by_plant))
         if near := tables.limiting_table(margins_by_plant):
             print_table(near)
         print_table(tables.closed_loop_table(margins_by_plant))
+
+
+def _show_reasons(margins_by_plant: "list[Margins]") -> None:
+    """Why loops are unstable, and which of them are so by others."""
+    for margins in margins_by_plant:
+        pose = f"{margins.pose}: " if margins.pose else ""
+        for one in margins.instabilities:
+            console().print(f"{pose}{one.sentence}")
+        others = [loop.name for loop in margins.loops if not (loop.stable or loop.causes)]
+        if others:
+            console().print(f"{pose}unstable by others: {', '.join(others)}")
+
+
+def _show(
+    plants: "list[Plant]",
+    labels: "Sequence[str]",
+    margins_by_plant: "list[Margins]",
+    cases: "list[WorstCase]",
+    warnings: list[str],
+    budget: "Pointing | None",
+    *,
+    is_shown: bool,
+) -> None:
+    """What the terminal shows before the names of the files; `is_shown`: the plants and the margins
+    have been, so that only the reasons of unstable loops are left."""
+    from beamchain.report.tables import plant as tables
+
+    if is_shown:
+        _show_reasons(margins_by_plant)
+    else:
+        _show_plants(plants, labels)
+        _show_margins(margins_by_plant)
     for case in cases:
         where = f" ({case.pose})" if case.pose else ""
         console().print(f"worst case{where}, {case.sentence}")

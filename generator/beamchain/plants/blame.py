@@ -1,19 +1,21 @@
 """Why a closed loop is unstable: its growing poles followed back to the open loop, with all loops
 and with some of them."""
 
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import block_diag
-from scipy.optimize import linear_sum_assignment
 
 from beamchain.plants.closed_loop import ClosedLoop
 from beamchain.plants.instability import WORDS, Instability, Kind
-from beamchain.plants.pole_paths import TOGETHER, follow
+from beamchain.plants.pole_paths import Pole, crossing, follow, open_pole, pole_of
 from beamchain.plants.systems import Complex
+from beamchain.ports.motions import Array
 
 ALIKE = 1e-6  # relative, of shares of states in a pole that are one
 ORDER = ("mode", "rigid", "state", "controller")  # in which two origins are named
+Progress = Callable[[int, int], None]
 
 
 class _Origin(NamedTuple):
@@ -23,30 +25,41 @@ class _Origin(NamedTuple):
     kind: Kind
 
 
-def instabilities(closed: ClosedLoop) -> tuple[Instability, ...]:
-    """The growing poles of a closed loop, one of each pair, the fastest growing first."""
+def no_progress(done: int, count: int) -> None:
+    """What is told of the progress, to nobody."""
+
+
+def instabilities(closed: ClosedLoop, tell: Progress = no_progress) -> tuple[Instability, ...]:
+    """The growing poles of a closed loop, one of each pair, the fastest growing first.
+
+    `tell`: is told how many of them have been followed, and of how many.
+    """
     every = np.ones(len(closed.inputs))
-    start, origins = _start(closed)
-    paths = follow(lambda gain: closed.closed(gain, every), start)
-    ends = paths.poles[-1]
-    s = closed.to_s(ends)
+    values, vectors = np.linalg.eig(closed.closed(1.0, every))
+    s = closed.to_s(values.astype(np.complex128))
     upper = s.imag >= -1e-9 * np.abs(s)
-    numbers = np.flatnonzero((closed.growth(ends) > 0.0) & upper).tolist()
-    blames = [_Blame(closed, i, start, ends) for i in range(len(closed.inputs))] if numbers else []
+    numbers = np.flatnonzero((closed.growth(values.astype(np.complex128)) > 0.0) & upper).tolist()
+    numbers.sort(key=lambda number: -float(s[number].real))
+    start = _start(closed)
     out: list[Instability] = []
-    for number in sorted(numbers, key=lambda number: -float(s[number].real)):
-        gain, crossing = paths.crossing(number, closed.growth, closed.rounding)
-        origin = _together(origins, ends, number)
-        alone = {blame.input: blame.alone(number) for blame in blames}
+    for number in numbers:
+        tell(len(out), len(numbers))
+        value, right = complex(values[number]), vectors[:, number].astype(np.complex128)
+        pole = pole_of(lambda gain: closed.closed(gain, every), 1.0, value, right)
+        whole = _from_open(closed, every, pole, start)
+        gain, at = crossing(whole.closed, whole.poles, closed.growth, closed.rounding)
+        blames = [_Blame(closed, i, pole, start) for i in range(len(closed.inputs))]
+        origin = whole.origin(start)
+        alone = {blame.input: blame.alone() for blame in blames}
         out.append(
             Instability(
                 pole=complex(s[number]),
                 origin=origin.name,
                 kind=origin.kind,
                 gain=gain,
-                crossing=_frequency(closed, crossing),
+                crossing=_frequency(closed, at),
                 alone={name: factor for name, factor in alone.items() if factor is not None},
-                stable_without=tuple(blame.input for blame in blames if blame.ends_without(number)),
+                stable_without=tuple(blame.input for blame in blames if blame.ends_without()),
                 timestep=closed.step,
             )
         )
@@ -60,49 +73,99 @@ def _frequency(closed: ClosedLoop, pole: complex) -> float:
     return abs(complex(closed.to_s(np.array([pole]))[0]).imag)
 
 
+class _Start(NamedTuple):
+    """Open poles `(n,)`, their eigenvectors and what each belongs to."""
+
+    poles: Complex
+    vectors: Complex
+    origins: Sequence[_Origin]
+
+
+class _Way(NamedTuple):
+    """A pole from gain 0 upwards.
+
+    Args:
+        closed: the matrix at a gain.
+        poles: the first is one of the open loop.
+        numbers: of the open poles from which it, and the other one of its pair, come.
+    """
+
+    closed: Callable[[float], Array]
+    poles: Sequence[Pole]
+    numbers: Sequence[int]
+
+    def origin(self, start: _Start) -> _Origin:
+        """Of the pair: where it met others on the real axis, each may have its own."""
+        one, *others = (start.origins[number] for number in self.numbers)
+        if not others or one in others:
+            return one
+        first, second = sorted((one, others[0]), key=lambda origin: ORDER.index(origin.kind))
+        return _Origin(f"{_words(first)} with {_words(second)}", "several")
+
+
+def _from_open(closed: ClosedLoop, loops: Array, pole: Pole, start: _Start) -> _Way:
+    """The way of a pole of some loops from the open loop."""
+
+    def matrix(gain: float) -> Array:
+        return closed.closed(gain, loops)
+
+    path = follow(matrix, pole, 0.0)
+    smallest = [path.poles[-1]]
+    if path.partner is not None:
+        smallest.append(follow(matrix, path.partner, 0.0).poles[-1])
+    opened = start.poles, start.vectors
+    numbers = [open_pole(matrix, one, opened) for one in smallest]
+    first = pole_of(matrix, 0.0, complex(start.poles[numbers[0]]), start.vectors[:, numbers[0]])
+    return _Way(matrix, [first, *reversed(path.poles)], numbers)
+
+
 class _Blame:
-    """What one loop does to the growing poles: they are followed as all other loops open, and as it
+    """What one loop does to a growing pole: it is followed as all other loops open, and as it
     opens.
 
     Args:
         closed: the closed loop.
         number: of the input.
-        start: open poles and their eigenvectors.
-        ends: `(n,)` closed poles, in the order that counts.
+        pole: the growing one, all loops closed.
+        start: open poles.
     """
 
-    def __init__(
-        self, closed: ClosedLoop, number: int, start: tuple[Complex, Complex], ends: Complex
-    ) -> None:
+    def __init__(self, closed: ClosedLoop, number: int, pole: Pole, start: _Start) -> None:
         self.input = closed.inputs[number]
         self._closed = closed
-        only = np.eye(len(closed.inputs))[number]
-        every = np.ones(len(closed.inputs))
-        values, vectors = np.linalg.eig(closed.closed(1.0, every))
-        _, order = linear_sum_assignment(np.abs(ends[:, None] - values))
-        here = values[order].astype(np.complex128), vectors[:, order].astype(np.complex128)
-        # without the others, and without it
-        self._others_open = follow(
-            lambda part: closed.closed(1.0, every - part * (every - only)), here
-        ).poles[-1]
-        self._open = follow(lambda part: closed.closed(1.0, every - part * only), here).poles[-1]
-        self._paths = follow(lambda gain: closed.closed(gain, only), start)
+        self._only: Array = np.eye(len(closed.inputs))[number]
+        self._pole = pole
+        self._start = start
 
-    def alone(self, number: int) -> float | None:
-        """Factor of the loop's gain from which on a pole grows with all others open; None: it does
-        not."""
-        pole = self._others_open[number]
-        if self._closed.growth(np.array([pole]))[0] <= 0.0:
+    def alone(self) -> float | None:
+        """Factor of the loop's gain from which on the pole grows with all others open; None: it
+        does not."""
+        closed = self._closed
+        pole = self._opened(1.0 - self._only)
+        if not self._grows(pole):
             return None
-        same = int(np.argmin(np.abs(self._paths.poles[-1] - pole)))
-        return self._paths.crossing(same, self._closed.growth, self._closed.rounding)[0]
+        way = _from_open(closed, self._only, pole._replace(gain=1.0), self._start)
+        return crossing(way.closed, way.poles, closed.growth, closed.rounding)[0]
 
-    def ends_without(self, number: int) -> bool:
-        """Whether a pole no longer grows with this loop open."""
-        return bool(self._closed.growth(self._open[[number]])[0] <= 0.0)
+    def ends_without(self) -> bool:
+        """Whether the pole no longer grows with this loop open."""
+        return not self._grows(self._opened(self._only))
+
+    def _opened(self, loops: Array) -> Pole:
+        """The pole once some loops are open."""
+        every = np.ones(loops.size)
+        path = follow(
+            lambda part: self._closed.closed(1.0, every - part * loops),
+            self._pole._replace(gain=0.0),
+            1.0,
+        )
+        return path.poles[-1]
+
+    def _grows(self, pole: Pole) -> bool:
+        return bool(self._closed.growth(np.array([pole.value]))[0] > 0.0)
 
 
-def _start(closed: ClosedLoop) -> tuple[tuple[Complex, Complex], list[_Origin]]:
+def _start(closed: ClosedLoop) -> _Start:
     """Open poles, their eigenvectors and what each belongs to."""
     (poles, vectors), (own, others) = (
         np.linalg.eig(part[0]) for part in (closed.plant, closed.controller)
@@ -116,19 +179,7 @@ def _start(closed: ClosedLoop) -> tuple[tuple[Complex, Complex], list[_Origin]]:
     origins = [names[int(np.argmax(largest[:, k]))] for k in range(poles.size)]
     origins += [_Origin("the controller", "controller")] * own.size
     start = np.concatenate([poles, own]).astype(np.complex128)
-    return (start, block_diag(vectors, others).astype(np.complex128)), origins
-
-
-def _together(origins: list[_Origin], ends: Complex, number: int) -> _Origin:
-    """Origin of a pair of poles: where it met others on the real axis, each may have its own."""
-    one = origins[number]
-    far = np.abs(ends - np.conj(ends[number]))
-    partners = np.flatnonzero(far <= far.min() + TOGETHER * abs(ends[number]))
-    others = [origins[int(partner)] for partner in partners]
-    if one in others:
-        return one
-    first, second = sorted((one, others[0]), key=lambda origin: ORDER.index(origin.kind))
-    return _Origin(f"{_words(first)} with {_words(second)}", "several")
+    return _Start(start, block_diag(vectors, others).astype(np.complex128), origins)
 
 
 def _words(origin: _Origin) -> str:

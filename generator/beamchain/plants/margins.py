@@ -12,7 +12,7 @@ from scipy.optimize import minimize_scalar
 from beamchain import report
 from beamchain.caution import Caution
 from beamchain.engine.library import one_thread
-from beamchain.plants.blame import instabilities
+from beamchain.plants.blame import Progress, instabilities, no_progress
 from beamchain.plants.closed_loop import ClosedLoop, close
 from beamchain.plants.controllers import Response
 from beamchain.plants.crossings import crossing
@@ -298,23 +298,49 @@ def margins(
         >>> bc.margins(plant, controller).stable
         True
     """
+    found = tuple(one.explained() for one in loop_verdicts(plant, controller))
+    return found if isinstance(plant, ScheduledPlant) else found[0]
+
+
+class LoopVerdict(NamedTuple):
+    """A closed loop and its margins, which do not yet say why it is unstable."""
+
+    closed: ClosedLoop
+    margins: Margins
+
+    def explained(self, tell: Progress = no_progress) -> Margins:
+        """The margins that say so; `tell` is told how many growing poles have been followed, and
+        of how many."""
+        if self.margins.stable:
+            return self.margins
+        causes = instabilities(self.closed, tell)
+        names = {name for one in causes for name in one.causes}
+        loops = (
+            replace(loop, causes=not names or loop.input in names) for loop in self.margins.loops
+        )
+        return replace(self.margins, loops=tuple(loops), instabilities=causes)
+
+
+@one_thread()
+def loop_verdicts(
+    plant: control.StateSpace | ScheduledPlant, controller: Given
+) -> list[LoopVerdict]:
+    """The closed loop of every pose with its margins."""
     if isinstance(plant, ScheduledPlant):
         pairs = zip(plant.plants, plant.labels, strict=True)
-        return tuple(_margins(one, controller, label) for one, label in pairs)
-    return _margins(plant, controller, plant.pose if isinstance(plant, Plant) else "")
+        return [_loop_verdict(one, controller, label) for one, label in pairs]
+    return [_loop_verdict(plant, controller, plant.pose if isinstance(plant, Plant) else "")]
 
 
-def _margins(plant: control.StateSpace, controller: Given, pose: str) -> Margins:
+def _loop_verdict(plant: control.StateSpace, controller: Given, pose: str) -> LoopVerdict:
     closed = close(plant, controller)
     omega = closed.omega
     loop = closed.open_loop(omega)
     eye = np.eye(len(closed.inputs))
     sensitivity = np.asarray(np.linalg.inv(eye + loop), dtype=np.complex128)
-    causes = instabilities(closed) if not closed.stable else ()
-    blamed = {name for one in causes for name in one.causes}
     loops = tuple(
-        _loop_margins(closed, i, 1.0 / sensitivity[:, i, i] - 1.0, not blamed or name in blamed)
-        for i, name in enumerate(closed.inputs)
+        _loop_margins(closed, i, 1.0 / sensitivity[:, i, i] - 1.0)
+        for i in range(len(closed.inputs))
     )
     if isinstance(plant, Plant):
         loops = tuple(replace(loop, modes=_limiting(plant, loop, closed.step)) for loop in loops)
@@ -322,14 +348,14 @@ def _margins(plant: control.StateSpace, controller: Given, pose: str) -> Margins
     poles = closed.to_s(closed.eigenvalues)
     limit = 1e3 * np.pi / closed.step if closed.step else np.inf
     poles = poles[np.abs(poles) < limit]
-    return Margins(
+    found = Margins(
         loops=loops,
         stable=closed.stable,
         all_at_once=at_all,
         peak_sensitivity=peak_s,
         peak_complementary=peak_t,
         poles=poles,
-        instabilities=causes,
+        instabilities=(),
         timestep=closed.step,
         pose=pose,
         beyond=tuple(_beyond(plant, loops)),
@@ -338,6 +364,7 @@ def _margins(plant: control.StateSpace, controller: Given, pose: str) -> Margins
         complementary=locked(_largest(eye - sensitivity)),
         warnings=tuple(_long_delays(closed, loop)),
     )
+    return LoopVerdict(closed, found)
 
 
 def _long_delays(closed: ClosedLoop, loop: Complex) -> list[str]:
@@ -513,14 +540,14 @@ class _Figures(NamedTuple):
     disk: Extremum = NONE
 
 
-def _loop_margins(closed: ClosedLoop, i: int, response: Complex, causes: bool) -> LoopMargins:
+def _loop_margins(closed: ClosedLoop, i: int, response: Complex) -> LoopMargins:
     """Margins of one open loop, on the grid of all."""
     figures = _figures(closed, i, response) if closed.stable else _Figures()
     return LoopMargins(
         input=closed.inputs[i],
         outputs=closed.measured[i],
         stable=closed.stable,
-        causes=causes and not closed.stable,
+        causes=not closed.stable,  # until it is known which are to blame
         gain=figures.gain.value,
         gain_frequency=figures.gain.frequency,
         lowest_gain=figures.lowest.value,
