@@ -182,6 +182,60 @@ def test_a_structure_that_is_held_elsewhere_is_refused(delivery):
     refused(path, "or the structure is held elsewhere too")
 
 
+WING_MASS, WING_STIFFNESS = se.wing_on_two_feet()
+SOFTEST = np.sort(np.diag(WING_STIFFNESS)[:3])[0]  # N/mm, of a foot across the wing
+
+
+@pytest.fixture
+def wing(tmp_path):
+    """Writes the delivery of the wing on two feet; returns its path."""
+
+    def write(change=0.0, **text):
+        (tmp_path / "wing.asm").write_text(se.feet_text(**text))
+        both = {"KAA": WING_STIFFNESS + change, "MAA": WING_MASS}
+        (tmp_path / "wing.op4").write_bytes(se.op4_binary(both))
+        return tmp_path / "wing.op4"
+
+    return write
+
+
+def noise(size):
+    """Symmetric noise in the stiffness of the feet [N/mm, N, N mm]."""
+    out = np.zeros_like(WING_STIFFNESS)
+    drawn = np.random.default_rng(0).normal(size=(12, 12))
+    out[:12, :12] = size * (drawn + drawn.T) / 2.0
+    return out
+
+
+@pytest.mark.parametrize("size", [0.0, 1e-10, 1e-8, 1e-6])
+def test_rounding_in_cells_that_are_zero_by_symmetry_is_no_strain(size, wing):
+    """Condensing a mesh of stiff bars leaves such noise where a foot is soft."""
+    assert 1e-4 * np.max(np.abs(WING_STIFFNESS)) > SOFTEST
+    clean = bc.read_modes(wing())
+    data = bc.read_modes(wing(noise(size)))
+    assert data.frequencies == pytest.approx(clean.frequencies, rel=1e-9)
+
+
+@pytest.mark.parametrize("row", range(3))
+def test_a_soft_spring_to_ground_is_found_in_every_direction(row, wing):
+    """A thousandth of the softest stiffness of a foot."""
+    spring = np.zeros_like(WING_STIFFNESS)
+    spring[row, row] = 1e-3 * SOFTEST
+    refused(wing(spring), "the structure is held elsewhere too")
+
+
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("shift", [1.0, 10.0])
+def test_a_foot_that_is_off_is_found_in_every_direction(axis, shift, wing):
+    place = list(se.FEET[1])
+    place[axis] += shift
+    refused(wing(places={**se.FEET, 1: tuple(place)}), "check the places and axes of the grids")
+
+
+def test_a_foot_in_wrong_axes_is_found(wing):
+    refused(wing(systems=(0, 0)), r"forces of (1\.0e\+00|9).* of their terms.*places and axes")
+
+
 def test_what_does_not_fit_together_is_refused(delivery):
     path = delivery / "boom.op4"
     path.write_bytes(se.op4_binary({"MXX": FOUND.mass}))

@@ -75,27 +75,11 @@ def superelement(modes=22, port=False):
     legs = [frames.tube(PLACES[grid], apex, 3, 24.0, 1.5, **tube) for grid in GRIDS]
     legs.append(frames.tube(apex, mast, 8, 40.0, 1.5, **tube))
     legs.append(frames.strip(mast, (2000.0, 500.0, 200.0), 5, 30.0, 8.0, **tube))
-    nodes = [np.array(PLACES[grid]) for grid in grids]
+    nodes, mass, stiffness = _mesh(legs, [PLACES[grid] for grid in grids])
 
     def node(place):
-        for i, known in enumerate(nodes):
-            if np.linalg.norm(known - place) < 1e-6:
-                return i
-        nodes.append(place)
-        return len(nodes) - 1
+        return next(i for i, known in enumerate(nodes) if np.linalg.norm(known - place) < 1e-6)
 
-    members = []
-    for leg in legs:
-        a, b = np.array(leg.start), np.array(leg.end)
-        ends = [node(a + (b - a) * k / leg.elements) for k in range(leg.elements + 1)]
-        members += [(i, j, leg) for i, j in zip(ends[:-1], ends[1:], strict=True)]
-    size = 6 * len(nodes)
-    mass, stiffness = np.zeros((size, size)), np.zeros((size, size))
-    for i, j, leg in members:
-        m, _, s = frames._element(nodes[i], nodes[j], leg)
-        at = np.r_[6 * i : 6 * i + 6, 6 * j : 6 * j + 6]
-        mass[np.ix_(at, at)] += m.T @ m
-        stiffness[np.ix_(at, at)] += s.T @ s
     end = node(np.array(legs[-1].end))
     mass[6 * end : 6 * end + 3, 6 * end : 6 * end + 3] += 4e-4 * np.eye(3)
     reference = np.mean([PLACES[grid] for grid in GRIDS], axis=0)
@@ -119,6 +103,71 @@ def superelement(modes=22, port=False):
         rigid.T @ mass @ rigid,
         grids,
     )
+
+
+def _mesh(legs, held):
+    """Nodes, the held ones first, mass and stiffness of the bars of a frame."""
+    nodes = [np.array(place) for place in held]
+
+    def node(place):
+        for i, known in enumerate(nodes):
+            if np.linalg.norm(known - place) < 1e-6:
+                return i
+        nodes.append(place)
+        return len(nodes) - 1
+
+    members = []
+    for leg in legs:
+        a, b = np.array(leg.start), np.array(leg.end)
+        ends = [node(a + (b - a) * k / leg.elements) for k in range(leg.elements + 1)]
+        members += [(i, j, leg) for i, j in zip(ends[:-1], ends[1:], strict=True)]
+    size = 6 * len(nodes)
+    mass, stiffness = np.zeros((size, size)), np.zeros((size, size))
+    for i, j, leg in members:
+        m, _, s = frames._element(nodes[i], nodes[j], leg)
+        at = np.r_[6 * i : 6 * i + 6, 6 * j : 6 * j + 6]
+        mass[np.ix_(at, at)] += m.T @ m
+        stiffness[np.ix_(at, at)] += s.T @ s
+    return nodes, mass, stiffness
+
+
+FEET = {1: (600.0, -900.0, 350.0), 2: (1000.0, -900.0, 350.0)}  # mm, on a line along x
+FEET_SYSTEM = "CORD2R,7,,1000.,-900.,350.,1001.,-900.,350.\n,1000.,-899.,350.\n"  # of grid 2
+FEET_TURN = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
+
+
+@cache
+def wing_on_two_feet(modes=14):
+    """A wing of tubes in a plane that leaves its feet along -y: Craig-Bampton mass and stiffness in
+    mm, t, N, over both feet, the second in turned axes, and the modes. Soft across the plane, with
+    cells of the stiffness that are zero by symmetry, but for what rounding left there."""
+    tube = {"young": 7e4, "density": 2.7e-9}
+    z, root, tip = 350.0, -1900.0, -4900.0
+    legs = [
+        frames.tube(FEET[1], (500.0, root, z), 4, 40.0, 1.5, **tube),
+        frames.tube(FEET[2], (1100.0, root, z), 4, 40.0, 1.5, **tube),
+        frames.tube((500.0, root, z), (1100.0, root, z), 2, 40.0, 1.5, **tube),
+        frames.tube((500.0, root, z), (500.0, tip, z), 6, 24.0, 1.0, **tube),
+        frames.tube((1100.0, root, z), (1100.0, tip, z), 6, 24.0, 1.0, **tube),
+        frames.tube((500.0, tip, z), (1100.0, tip, z), 2, 24.0, 1.0, **tube),
+    ]
+    _, mass, stiffness = _mesh(legs, list(FEET.values()))
+    shapes = eigh(stiffness[12:, 12:], mass[12:, 12:])[1][:, :modes]
+    follow = -np.linalg.solve(stiffness[12:, 12:], stiffness[12:, :12])
+    turn = np.eye(12)
+    turn[6:, 6:] = np.kron(np.eye(2), FEET_TURN.T)
+    reduced = np.vstack(
+        [np.hstack([turn, np.zeros((12, modes))]), np.hstack([follow @ turn, shapes])]
+    )
+    return _symmetric(reduced.T @ mass @ reduced), _symmetric(reduced.T @ stiffness @ reduced)
+
+
+def feet_text(places=FEET, systems=(0, 7), modes=14):
+    """The assembly file of `wing_on_two_feet`."""
+    out = FEET_SYSTEM
+    for (grid, place), system in zip(places.items(), systems, strict=True):
+        out += f"GRID,{grid},,{','.join(map(str, place))},{system}\n"
+    return out + f"SPOINT,{FIRST_SCALAR},THRU,{FIRST_SCALAR + modes - 1}\n"
 
 
 def _craig_bampton(mass, stiffness, grids, modes):
