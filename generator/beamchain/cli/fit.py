@@ -74,9 +74,9 @@ def _show(result: "Fit") -> None:
     if result.spec.root.hub is None:
         out.print(assumed_hub(result.mass_line))
     if result.space is not None:
-        print_table(tables.effective_mass_table(result.space.data))
+        print_table(tables.effective_mass_table(result.space))
     title = "Modes, read back from MuJoCo (mjd_transitionFD)"
-    print_table(tables.mode_table(result, list(result.readback_error), title))
+    print_table(tables.mode_table(result, None, title))
     print_table(tables.link_table(result))
     print_table(tables.hinge_table(result))
     if result.chain.tendons:

@@ -40,6 +40,8 @@ STATIONS = 5  # evenly spaced from root to tip, where none are given
 MOST_STATIONS = 1000
 MOST_KNOWN = 16  # beams at their stations that are kept for further calls
 STATIC = "modes left out"  # what a value comes from that no kept mode makes
+CARRIED = "rigid motion and modes left out"
+NOTHING = "nothing"  # where a value is zero
 RIGID = "motion of the root"
 
 
@@ -373,7 +375,7 @@ class Recovery:
         parts = factors * getattr(self, follows)[t]
         every = np.abs([*parts, value - np.sum(parts)])
         names = (*self.modes, rest)
-        return names[int(np.argmax(every))] if np.max(every) > 0.0 else ""
+        return names[int(np.argmax(every))] if np.max(every) > 0.0 else NOTHING
 
     def _stress_extremes(self) -> list[Extreme]:
         if self.sections is None:
@@ -526,7 +528,7 @@ def _root_histories(root: RootMotion, force: Array, moment: Array) -> dict[str, 
             root.load[:, None, :3],
             force[None],
             "amplitudes",
-            STATIC,
+            CARRIED,
             none,
         ),
         "root moment": History(
@@ -536,7 +538,7 @@ def _root_histories(root: RootMotion, force: Array, moment: Array) -> dict[str, 
             root.load[:, None, 3:],
             moment[None],
             "amplitudes",
-            STATIC,
+            CARRIED,
             none,
         ),
     }
@@ -787,12 +789,16 @@ def _of_imported(
         by_acceleration = size * rows.accelerations @ body.kept.T
         values = modes.amplitudes @ by_amplitude.T + modes.accelerations @ by_acceleration.T
         values += root.acceleration @ rows.root.T
+        # w x (w x r) of the points, along the motion of each row
+        spin = root.spin[:, None]
+        centripetal = np.cross(spin, np.cross(spin, rows.points[None]))
+        values += np.einsum("tri,ri->tr", centripetal, rows.root[:, :3])
         if static:
             felt = root.acceleration.copy()
             felt[:, :3] -= root.gravity
             values += felt @ (size * rows.modes @ body.static).T
         for r, name in enumerate(rows.names):
-            moves = bool(np.any(rows.accelerations[r])) and not np.any(rows.modes[r])
+            moves = not np.any(rows.modes[r])
             factors = by_acceleration[r] if moves else by_amplitude[r]
             histories[name] = History(
                 name,

@@ -109,9 +109,11 @@ def time_notes(
             f"{mean}"
         )
         return [Caution("exact-in-time", text)]
+    cure = time_cure(name)
     text = (
-        f"the appendages have timing for {step} ({reason}), which does not keep every pole: "
-        f"{with_timing.words}; without timing {without_timing.words}; {mean} {time_cure(name)}"
+        f"{cure[0].lower()}{cure[1:]} The appendages have timing for {step} ({reason}), which does "
+        f"not keep every pole: with it {with_timing.words}, without it {without_timing.words}. "
+        f"Inputs: {mean}"
     )
     return [Caution("time-error", text)]
 

@@ -12,7 +12,7 @@ from beamchain.chain.build import Built
 from beamchain.chain.links import raise_polar_inertia
 from beamchain.engine.bench import measure, root_body
 from beamchain.engine.library import one_thread
-from beamchain.errors import InputError, RealisationError
+from beamchain.errors import EngineError, InputError, RealisationError
 from beamchain.fitting.beam_case import beam_case, on_modes
 from beamchain.fitting.document import appendage_tree
 from beamchain.fitting.hub import Hub
@@ -23,7 +23,7 @@ from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec, read_spec
 from beamchain.fitting.uncertain import uncertain_from
 from beamchain.fitting.warnings import doubtful
-from beamchain.mjcf.write import SMALLEST
+from beamchain.mjcf.write import SMALLEST, UNITS
 from beamchain.ports.compare import tolerance_statement
 from beamchain.ports.motions import Array
 from beamchain.steps.sampled import off_by
@@ -128,7 +128,12 @@ def fit_spec(spec: Spec, data: ModalData | None = None) -> Fit:
         if spec.uncertain is None and data.uncertain:
             uncertain = uncertain_from(data.uncertain, data.source)
             spec = msgspec.structs.replace(spec, uncertain=uncertain)
-        return _fit(_with_integrator(on_modes(spec), data.rigid_mass), data)
+        try:
+            return _fit(_with_integrator(on_modes(spec), data.rigid_mass), data)
+        except EngineError as error:
+            units = spec.imported.units
+            cure = f"Check imported.units (length = {units.length:g}, mass = {units.mass:g})."
+            raise EngineError(str(error).replace(UNITS, cure)) from None
 
 
 def _fit(spec: Spec, data: ModalData | None = None) -> Fit:

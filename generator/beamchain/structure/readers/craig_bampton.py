@@ -244,8 +244,8 @@ def _rigid_motion(
         raise InputError(
             f"{name}: with the {'six ' if len(outer) == 6 else ''}boundary freedoms held the "
             "structure can still move (its stiffness is not positive definite); check "
-            f"{'grids' if boundary.names else 'boundary'}, and that massless freedoms have "
-            "stiffness."
+            f"{'grids and the order of the freedoms' if boundary.names else 'boundary'}, and that "
+            "massless freedoms have stiffness."
         ) from None
     follow = -linalg.cho_solve(factor, k_ib)
     # forces at the port's freedoms: zero where the port is the only support
@@ -263,7 +263,7 @@ def _rigid_motion(
                 f"{name}: moving the interface grids as one rigid body strains the structure "
                 f"(forces of {strained:.1e} of their terms, most at {worst}, where {limit:.0e} is "
                 "taken); check the places and axes of the grids and the order of the freedoms, or "
-                "the structure is held elsewhere too."
+                "the structure is held elsewhere too, or mass and stiffness are exchanged."
             )
         return follow, strained
     condensed = motion.T @ forces
