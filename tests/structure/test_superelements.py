@@ -2,6 +2,7 @@
 (`support/superelements.py`, which writes them and shares nothing with the readers)."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -182,7 +183,7 @@ def test_a_structure_that_is_held_elsewhere_is_refused(delivery):
     refused(path, "or the structure is held elsewhere too")
 
 
-WING_MASS, WING_STIFFNESS = se.wing_on_two_feet()
+WING_MASS, WING_STIFFNESS = se.wing_on_two_feet().mass, se.wing_on_two_feet().stiffness
 SOFTEST = np.sort(np.diag(WING_STIFFNESS)[:3])[0]  # N/mm, of a foot across the wing
 
 
@@ -230,6 +231,34 @@ def test_a_foot_that_is_off_is_found_in_every_direction(axis, shift, wing):
     place = list(se.FEET[1])
     place[axis] += shift
     refused(wing(places={**se.FEET, 1: tuple(place)}), "check the places and axes of the grids")
+
+
+def test_the_shipped_delivery_is_that_of_the_mesh():
+    folder = Path(bc.__file__).parent / "examples" / "wing"
+    for ending, text in se.shipped_wing().items():
+        shipped = (folder / f"wing.{ending}").read_text()
+        if ending != "op4":
+            assert shipped == text
+    found = se.wing_on_two_feet(se.SHIPPED)
+    names = {"KAA": found.stiffness, "MAA": found.mass, "MUG1": found.corner, "MEF1": found.bar}
+    for name, values in bc.read_op4(folder / "wing.op4", list(names)).items():
+        size = np.max(np.abs(names[name]), axis=0)
+        sign = np.sign(np.sum(values * names[name], axis=0)) if name in ("MUG1", "MEF1") else 1.0
+        if name in ("KAA", "MAA"):  # the signs of modes are free
+            values, wanted = np.abs(values), np.abs(names[name])
+        else:
+            values, wanted = values * sign, names[name]
+        assert np.max(np.abs(values - wanted) / np.max(size)) < EXACT
+
+
+def test_matrices_are_read_by_name(wing):
+    path = wing()
+    np.testing.assert_array_equal(bc.read_op4(path, ["maa"])["MAA"], WING_MASS)
+    for names, match in ((["MUG1"], "holds no MUG1; check its name"), ("MAA", "names")):
+        with pytest.raises(bc.InputError, match=match):
+            bc.read_op4(path, names)
+    with pytest.raises(bc.InputError, match="no.op4' does not exist"):
+        bc.read_op4(path.with_name("no.op4"), ["MAA"])
 
 
 def test_a_foot_in_wrong_axes_is_found(wing):

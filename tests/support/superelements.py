@@ -136,6 +136,23 @@ FEET_SYSTEM = "CORD2R,7,,1000.,-900.,350.,1001.,-900.,350.\n,1000.,-899.,350.\n"
 FEET_TURN = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 
 
+@dataclass(frozen=True)
+class Wing:
+    """A wing on two feet, in mm, t, N: over the freedoms of both feet and of the modes its mass,
+    stiffness, the displacements of a corner of its tip `(3, n)` and the forces of the first bar at
+    the first foot `(6, n)`, in basic axes; and of the whole mesh its nodes, mass and stiffness, the
+    feet first, and the motion of all nodes per freedom."""
+
+    mass: np.ndarray
+    stiffness: np.ndarray
+    corner: np.ndarray
+    bar: np.ndarray
+    nodes: tuple
+    mesh_mass: np.ndarray
+    mesh_stiffness: np.ndarray
+    motion: np.ndarray
+
+
 @cache
 def wing_on_two_feet(modes=14):
     """A wing of tubes in a plane that leaves its feet along -y: Craig-Bampton mass and stiffness in
@@ -151,20 +168,60 @@ def wing_on_two_feet(modes=14):
         frames.tube((1100.0, root, z), (1100.0, tip, z), 6, 24.0, 1.0, **tube),
         frames.tube((500.0, tip, z), (1100.0, tip, z), 2, 24.0, 1.0, **tube),
     ]
-    _, mass, stiffness = _mesh(legs, list(FEET.values()))
+    nodes, mass, stiffness = _mesh(legs, list(FEET.values()))
+    corner = next(i for i, p in enumerate(nodes) if np.allclose(p, (500.0, tip, z), atol=1e-6))
+    mass[6 * corner : 6 * corner + 3, 6 * corner : 6 * corner + 3] += 5e-4 * np.eye(3)  # 0.5 kg
     shapes = eigh(stiffness[12:, 12:], mass[12:, 12:])[1][:, :modes]
     follow = -np.linalg.solve(stiffness[12:, 12:], stiffness[12:, :12])
     turn = np.eye(12)
     turn[6:, 6:] = np.kron(np.eye(2), FEET_TURN.T)
-    reduced = np.vstack(
+    motion = np.vstack(
         [np.hstack([turn, np.zeros((12, modes))]), np.hstack([follow @ turn, shapes])]
     )
-    return _symmetric(reduced.T @ mass @ reduced), _symmetric(reduced.T @ stiffness @ reduced)
+    first = legs[0]
+    step = (np.array(first.end) - np.array(first.start)) / first.elements
+    _, _, strain = frames._element(np.array(first.start), np.array(first.start) + step, first)
+    second = next(i for i, p in enumerate(nodes) if np.allclose(p, first.start + step, atol=1e-6))
+    at = np.r_[:6, 6 * second : 6 * second + 6]
+    return Wing(
+        _symmetric(motion.T @ mass @ motion),
+        _symmetric(motion.T @ stiffness @ motion),
+        motion[6 * corner : 6 * corner + 3],
+        (strain.T @ strain @ motion[at])[:6],
+        tuple(nodes),
+        mass,
+        stiffness,
+        motion,
+    )
+
+
+SHIPPED = 8  # modes of the delivery that the package ships
+
+
+def shipped_wing():
+    """Texts of the delivery that `beamchain init wing` writes, by ending."""
+    wing = wing_on_two_feet(SHIPPED)
+    matrices = {
+        "KAA": wing.stiffness,
+        "MAA": wing.mass,
+        "MUG1": wing.corner,
+        "MEF1": wing.bar,
+    }
+    pairs = [(grid, "123456") for grid in FEET]
+    pairs += [(FIRST_SCALAR + k, "0") for k in range(SHIPPED)]
+    cells = [f"{number:8d}{components:>8}" for number, components in pairs]
+    rows = ["".join(cells[k : k + 4]) for k in range(0, len(cells), 4)]
+    punch = "\n".join(["EXTRN   " + rows[0], *("        " + row for row in rows[1:])])
+    return {
+        "op4": op4_text(matrices).decode(),
+        "asm": feet_text(modes=SHIPPED),
+        "pch": punch + "\n",
+    }
 
 
 def feet_text(places=FEET, systems=(0, 7), modes=14):
     """The assembly file of `wing_on_two_feet`."""
-    out = FEET_SYSTEM
+    out = "$ superelement 101\n" + FEET_SYSTEM
     for (grid, place), system in zip(places.items(), systems, strict=True):
         out += f"GRID,{grid},,{','.join(map(str, place))},{system}\n"
     return out + f"SPOINT,{FIRST_SCALAR},THRU,{FIRST_SCALAR + modes - 1}\n"

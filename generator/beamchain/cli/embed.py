@@ -111,7 +111,7 @@ def embed(
 
     The hub is read from the spacecraft; the spacecraft's own elements and comments are not changed.
     Running the command again replaces an appendage; --remove restores the original.
-    OUT_report.html compares the assembled model with exact beams.
+    OUT_report.html compares the assembled model with exact appendages.
 
     Example: beamchain embed craft.xml --at panel_mount=array.toml -o flexible.xml
     """

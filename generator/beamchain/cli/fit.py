@@ -74,6 +74,9 @@ def _show(result: "Fit") -> None:
     if result.spec.root.hub is None:
         out.print(assumed_hub(result.mass_line))
     if result.space is not None:
+        for step in result.space.data.steps:
+            if "held as one rigid body" in step:
+                out.print(f"{step}: place the site of the spacecraft there", markup=False)
         print_table(tables.effective_mass_table(result.space))
     title = "Modes, read back from MuJoCo (mjd_transitionFD)"
     print_table(tables.mode_table(result, None, title))

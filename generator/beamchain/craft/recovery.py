@@ -221,6 +221,8 @@ class Recovery:
         static: whether the static part of the modes left out was added.
         sections: of the beam at the stations, with NaN where they are not drawn.
         names: of the rows of imported modes.
+        in_file: numbers of the kept modes in their file, from 1; empty for a beam, or where other
+            modes than the file's are kept.
 
     Example:
         >>> import beamchain as bc, mujoco
@@ -249,6 +251,7 @@ class Recovery:
     static: bool
     sections: Sections | None = None
     names: tuple[str, ...] = ()
+    in_file: tuple[int, ...] = ()
 
     def __repr__(self) -> str:
         return (
@@ -747,16 +750,6 @@ def _acceleration(root: RootMotion, stations: Array, factors: Array, modes: _Mod
 
 
 # -- imported modes --------------------------------------------------------------------------------
-def _check_modes(rows: RecoveryRows, modes: int) -> None:
-    """The rows have a column for each mode of the file."""
-    if rows.modes.shape[1] != modes:
-        raise InputError(
-            f"{rows.source}: the rows have {rows.modes.shape[1]} columns, but the file holds "
-            f"{modes} modes (or inner freedoms); give a column for every one, by ascending "
-            "frequency, whether it is kept or not."
-        )
-
-
 def _of_imported(
     model: "mujoco.MjModel",
     appendage: Appendage,
@@ -773,6 +766,7 @@ def _of_imported(
     names = modes.names
     space = appendage.fit.space
     assert space is not None
+    clamped = appendage.fit.kept_for == "clamped"
     # L_k W_k^2, L of the kept modes from those of the file
     frequencies = np.zeros(0) if body.coordinates is None else body.coordinates.frequencies
     participation = body.kept @ space.data.in_file.T @ space.data.participation
@@ -780,7 +774,7 @@ def _of_imported(
     histories = _root_histories(root, at_root[:3], at_root[3:])
     row_names: tuple[str, ...] = ()
     if rows is not None:
-        _check_modes(rows, body.kept.shape[1])
+        rows.check_columns(body.kept.shape[1])
         row_names = rows.names
         # coordinates of the file's own units: energy is M L^2 / T^2 there
         units = imported.units if imported is not None else None
@@ -820,4 +814,5 @@ def _of_imported(
         histories,
         static,
         names=row_names,
+        in_file=tuple(space.in_file(name) for name in names) if clamped else (),
     )

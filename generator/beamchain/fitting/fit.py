@@ -32,6 +32,7 @@ from beamchain.structure.beam import Beam
 from beamchain.structure.mass_line import MassLine
 from beamchain.structure.modal_data import ModalData
 from beamchain.structure.readers.imported import Imported
+from beamchain.structure.readers.recovery_file import read_recovery
 
 # cached by a fit, the same whatever its status
 READ_BACK = ("_scenes", "time", "time_error", "sampled_error")
@@ -128,6 +129,8 @@ def fit_spec(spec: Spec, data: ModalData | None = None) -> Fit:
         if spec.uncertain is None and data.uncertain:
             uncertain = uncertain_from(data.uncertain, data.source)
             spec = msgspec.structs.replace(spec, uncertain=uncertain)
+        if spec.imported.recovery is not None:
+            read_recovery(spec.imported.recovery).check_columns(data.in_file.shape[1])
         try:
             return _fit(_with_integrator(on_modes(spec), data.rigid_mass), data)
         except EngineError as error:

@@ -22,8 +22,8 @@ class RecoveryRows:
 
     `y = modes eta + accelerations eta'' + root a`: with u the columns of a recovery matrix for the
     modes, loads, stresses and displacements have `modes = u`, accelerations of points have
-    `accelerations = u` and `root` their motion per motion of the root. A row with a point r also has
-    the centripetal part of a spin w, `root[:3] . (w x (w x r))`.
+    `accelerations = u` and `root` their motion per motion of the root. A row with a point r also
+    has the centripetal part of a spin w, `root[:3] . (w x (w x r))`.
 
     Args:
         names: of the r quantities.
@@ -103,6 +103,19 @@ class RecoveryRows:
                 )
         object.__setattr__(self, "names", names)
         object.__setattr__(self, "units", units)
+
+    def check_columns(self, modes: int) -> None:
+        """There is a column for each of the `modes` of the file.
+
+        Raises:
+            InputError: there are more, or fewer.
+        """
+        if self.modes.shape[1] != modes:
+            raise InputError(
+                f"{self.source}: the rows have {self.modes.shape[1]} columns, but the file holds "
+                f"{modes} modes (or inner freedoms); give a column for every one, in the order of "
+                "the file, whether it is kept or not, and none for the boundary."
+            )
 
     def _array(self, name: str, value: object, count: int) -> Array:
         try:

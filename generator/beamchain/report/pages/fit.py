@@ -122,7 +122,7 @@ def _verdict(fit: "Fit", rivals: RivalErrors) -> Verdict:
         kept = _kept_modes(fit)
         if fit.kept_for == "clamped":
             kept = fit.space.kept_words
-        what = f"{what.partition(" the beam's")[0]} {kept}"
+        what = f"{what.partition(' the beam')[0]} {kept}"
     hub = (
         "the hub of the spec"
         if fit.hub_mass is not None

@@ -95,7 +95,7 @@ def matched_modes(fit: "Fit", port: str) -> list[MatchedMode]:
 
 
 def _in_file(fit: "Fit", port: str, frequency: float) -> int | None:
-    """Number in the file of the kept mode of a frequency [rad/s]; of equal ones that of the port."""
+    """Number in the file of the kept mode of a frequency [rad/s]; of equal ones the port's."""
     space = fit.space
     if space is None or fit.kept_for != "clamped":
         return None

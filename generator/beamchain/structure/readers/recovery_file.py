@@ -40,6 +40,11 @@ def read_recovery(path: str | Path) -> RecoveryRows:
     """
     path = path_of("recovery", path, "the path of a file of recovery rows")
     kind = path.suffix.lower()
+    if kind == ".op4":
+        raise InputError(
+            f"file {str(path)!r} holds matrices, not rows; take MUG1 or MEF1 out of it with "
+            "bc.read_op4, and give rows made of them (RecoveryRows, or a .npz)."
+        )
     if kind not in ENDINGS:
         raise InputError(
             f"file {str(path)!r} has an unknown ending; recovery rows are read from "
