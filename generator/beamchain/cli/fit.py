@@ -76,7 +76,10 @@ def _show(result: "Fit") -> None:
     if result.space is not None:
         for step in result.space.data.steps:
             if "held as one rigid body" in step:
-                out.print(f"{step}: place the site of the spacecraft there", markup=False)
+                imported = result.spec.imported
+                moved = imported is not None and any(imported.reference)
+                place = "`reference` away from it" if moved else "there"
+                out.print(f"{step}: place the spacecraft's site {place}", markup=False)
         print_table(tables.effective_mass_table(result.space))
     title = "Modes, read back from MuJoCo (mjd_transitionFD)"
     print_table(tables.mode_table(result, None, title))

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from numbers import Integral
 from typing import Annotated, Literal
 
+import msgspec
 import numpy as np
 
 from beamchain.checks import Struct, field, not_negative, one_of
