@@ -122,19 +122,20 @@ def at_its_step(made: Fit) -> Fit:
 def fit_spec(spec: Spec, data: ModalData | None = None) -> Fit:
     """What `fit` does with a whole specification; `data`: its imported modes,
     else read from its file."""
+    imported = spec.imported
     with one_thread():
-        if spec.imported is None:
+        if imported is None:
             return _fit(_with_integrator(on_modes(spec), spec.beam.rigid_mass()))
-        data = spec.imported.read() if data is None else data
+        data = imported.read() if data is None else data
         if spec.uncertain is None and data.uncertain:
             uncertain = uncertain_from(data.uncertain, data.source)
             spec = msgspec.structs.replace(spec, uncertain=uncertain)
-        if spec.imported.recovery is not None:
-            read_recovery(spec.imported.recovery).check_columns(data.in_file.shape[1])
+        if imported.recovery is not None:
+            read_recovery(imported.recovery).check_columns(data.in_file.shape[1])
         try:
             return _fit(_with_integrator(on_modes(spec), data.rigid_mass), data)
         except EngineError as error:
-            units = spec.imported.units
+            units = imported.units
             cure = f"Check imported.units (length = {units.length:g}, mass = {units.mass:g})."
             raise EngineError(str(error).replace(UNITS, cure)) from None
 
