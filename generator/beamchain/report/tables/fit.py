@@ -30,6 +30,7 @@ RivalErrors = Mapping[str, Mapping[str, float]]
 
 #: unit of a mode's participation in a port
 PARTICIPATION = {"torsion": "√(kg m²)", "axial": "√kg"}
+ROUNDING = 1e-9  # of the largest coordinate of a mass centre: one below it is zero
 PLANE_PARTICIPATION = "force √kg, moment √kg m"
 
 
@@ -352,7 +353,9 @@ def effective_mass_table(space: "InSpace") -> Table:
 def mass_words(rigid: "Array") -> str:
     """Total mass and mass centre of a `(6, 6)` mass matrix about the root."""
     found = mass_record(rigid)
-    where = ", ".join(number(x) for x in found["com"])
+    centre = np.array(found["com"])
+    centre[np.abs(centre) < ROUNDING * np.max(np.abs(centre))] = 0.0
+    where = ", ".join(number(float(x)) for x in centre)
     return f"Total mass {number(found['mass'])} kg, mass centre at ({where}) m from the root."
 
 
