@@ -261,6 +261,10 @@ def test_damping_by_mode_of_the_file(folder):
     for mode in tables.every_mode(fit):  # read back from MuJoCo
         assert mode.damping == pytest.approx(wanted[mode.in_file - 1], rel=1e-6)
     assert "undamped-modes" not in codes(fit.warnings)
+    flexible = bc.embed(CRAFT, {"mount": wing(listed)})
+    flexible.write("flexible.xml")  # whose mark holds the list
+    again = bc.prove("flexible.xml").appendages[0].fit.space.data.damping
+    assert again == pytest.approx(wanted)
     with pytest.raises(bc.InputError, match="ratio holds 9 values, but wing.op4 has 8 modes"):
         bc.fit(wing([0.01] * 9))
     with pytest.raises(bc.InputError, match=r"ratio\[1\] = 1.5 is not an oscillation"):
@@ -308,6 +312,11 @@ def test_a_step_that_misses_poles_says_first_what_helps(folder):
     (note,) = [w for w in flexible.warnings if w.code == "time-error"]
     assert note.startswith("take Euler, or a shorter step")
     assert "in the rest pose" in note
+    flexible.write("flexible.xml")
+    status, out, _ = call("inspect", "flexible.xml")
+    assert status == 0
+    assert "the appendages have timing for implicitfast at 0.02 s" in " ".join(out.split())
+    assert "exact in time" not in out
 
 
 def test_init_writes_a_delivery_that_fits(tmp_path, monkeypatch):
@@ -329,5 +338,6 @@ def test_init_writes_a_delivery_that_fits(tmp_path, monkeypatch):
     status, out, _ = call("fit", "wing.toml", "-o", "out")
     assert status == 0
     said = " ".join(out.split())
+    assert "rigid body by" not in said  # 1e-12 of rounding is not worth a sentence
     assert "grids 1, 2 of wing.asm held as one rigid body" in said
     assert "(800, -900, 350): place the spacecraft's site there" in said

@@ -233,6 +233,28 @@ def test_a_foot_that_is_off_is_found_in_every_direction(axis, shift, wing):
     refused(wing(places={**se.FEET, 1: tuple(place)}), "check the places and axes of the grids")
 
 
+def test_mistakes_of_a_delivery_get_their_cure(wing):
+    path = wing()
+    matrices = {"KAA": WING_STIFFNESS, "MAA": WING_MASS}
+
+    path.write_bytes(se.op4_binary({"KAA": WING_MASS, "MAA": WING_STIFFNESS}))
+    refused(path, "or mass and stiffness are exchanged")
+
+    path.write_bytes(se.op4_binary({"KRED": WING_STIFFNESS, "MRED": WING_MASS}))
+    refused(path, "holds no mass .*write it with EXTSEOUT, or rename the matrices")
+
+    modes_first = np.r_[12:26, :12]
+    turned = {name: one[np.ix_(modes_first, modes_first)] for name, one in matrices.items()}
+    path.write_bytes(se.op4_binary(turned))
+    refused(path, "check grids and the order of the freedoms")
+
+    free = np.diag(np.r_[np.zeros(6), 10.0 * np.arange(1, 9)])
+    path.write_bytes(se.op4_binary({"KAA": free, "MAA": np.eye(14)}))
+    refused(path, "Free-free modes without interface grids cannot be read: ask for a fixed-interf")
+    path.with_suffix(".asm").write_text("SPOINT,5001,THRU,5014\n")
+    refused(path, "holds no GRID.*Free-free modes without interface grids cannot be read")
+
+
 def test_the_shipped_delivery_is_that_of_the_mesh():
     folder = Path(bc.__file__).parent / "examples" / "wing"
     for ending, text in se.shipped_wing().items():
