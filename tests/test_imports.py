@@ -135,6 +135,7 @@ PUBLIC = {
     "pointing",
     "prove",
     "read_modes",
+    "read_op4",
     "read_spec",
     "retime",
     "section_from",

@@ -88,6 +88,7 @@ if TYPE_CHECKING:
     from beamchain.structure.profile import ProfilePart as ProfilePart
     from beamchain.structure.profile import section_from as section_from
     from beamchain.structure.readers import read_modes as read_modes
+    from beamchain.structure.readers import read_op4 as read_op4
     from beamchain.structure.readers.superelement import InterfaceGrid as InterfaceGrid
     from beamchain.structure.recovery_rows import RecoveryRows as RecoveryRows
     from beamchain.structure.section import Box as Box
@@ -216,7 +217,7 @@ _PLACES = {
     ),
     "structure.beam": ("Beam",),
     "structure.modal_data": ("FurtherPoint", "ModalData"),
-    "structure.readers": ("read_modes",),
+    "structure.readers": ("read_modes", "read_op4"),
     "structure.recovery_rows": ("RecoveryRows",),
     "structure.readers.superelement": ("InterfaceGrid",),
     "structure.profile": (

@@ -2,6 +2,7 @@
 (`support/superelements.py`, which writes them and shares nothing with the readers)."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -180,6 +181,110 @@ def test_a_structure_that_is_held_elsewhere_is_refused(delivery):
     path = delivery / "boom.op4"
     path.write_bytes(se.op4_binary({**MATRICES, "KXX": ground}))
     refused(path, "or the structure is held elsewhere too")
+
+
+WING_MASS, WING_STIFFNESS = se.wing_on_two_feet().mass, se.wing_on_two_feet().stiffness
+SOFTEST = np.sort(np.diag(WING_STIFFNESS)[:3])[0]  # N/mm, of a foot across the wing
+
+
+@pytest.fixture
+def wing(tmp_path):
+    """Writes the delivery of the wing on two feet; returns its path."""
+
+    def write(change=0.0, **text):
+        (tmp_path / "wing.asm").write_text(se.feet_text(**text))
+        both = {"KAA": WING_STIFFNESS + change, "MAA": WING_MASS}
+        (tmp_path / "wing.op4").write_bytes(se.op4_binary(both))
+        return tmp_path / "wing.op4"
+
+    return write
+
+
+def noise(size):
+    """Symmetric noise in the stiffness of the feet [N/mm, N, N mm]."""
+    out = np.zeros_like(WING_STIFFNESS)
+    drawn = np.random.default_rng(0).normal(size=(12, 12))
+    out[:12, :12] = size * (drawn + drawn.T) / 2.0
+    return out
+
+
+@pytest.mark.parametrize("size", [0.0, 1e-10, 1e-8, 1e-6])
+def test_rounding_in_cells_that_are_zero_by_symmetry_is_no_strain(size, wing):
+    """Condensing a mesh of stiff bars leaves such noise where a foot is soft."""
+    assert 1e-4 * np.max(np.abs(WING_STIFFNESS)) > SOFTEST
+    clean = bc.read_modes(wing())
+    data = bc.read_modes(wing(noise(size)))
+    assert data.frequencies == pytest.approx(clean.frequencies, rel=1e-9)
+
+
+@pytest.mark.parametrize("row", range(3))
+def test_a_soft_spring_to_ground_is_found_in_every_direction(row, wing):
+    """A thousandth of the softest stiffness of a foot."""
+    spring = np.zeros_like(WING_STIFFNESS)
+    spring[row, row] = 1e-3 * SOFTEST
+    refused(wing(spring), "the structure is held elsewhere too")
+
+
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("shift", [1.0, 10.0])
+def test_a_foot_that_is_off_is_found_in_every_direction(axis, shift, wing):
+    place = list(se.FEET[1])
+    place[axis] += shift
+    refused(wing(places={**se.FEET, 1: tuple(place)}), "check the places and axes of the grids")
+
+
+def test_mistakes_of_a_delivery_get_their_cure(wing):
+    path = wing()
+    matrices = {"KAA": WING_STIFFNESS, "MAA": WING_MASS}
+
+    path.write_bytes(se.op4_binary({"KAA": WING_MASS, "MAA": WING_STIFFNESS}))
+    refused(path, "or mass and stiffness are exchanged")
+
+    path.write_bytes(se.op4_binary({"KRED": WING_STIFFNESS, "MRED": WING_MASS}))
+    refused(path, "holds no mass .*write it with EXTSEOUT, or rename the matrices")
+
+    modes_first = np.r_[12:26, :12]
+    turned = {name: one[np.ix_(modes_first, modes_first)] for name, one in matrices.items()}
+    path.write_bytes(se.op4_binary(turned))
+    refused(path, "check grids and the order of the freedoms")
+
+    free = np.diag(np.r_[np.zeros(6), 10.0 * np.arange(1, 9)])
+    path.write_bytes(se.op4_binary({"KAA": free, "MAA": np.eye(14)}))
+    refused(path, "Free-free modes without interface grids cannot be read: ask for a fixed-interf")
+    path.with_suffix(".asm").write_text("SPOINT,5001,THRU,5014\n")
+    refused(path, "holds no GRID.*Free-free modes without interface grids cannot be read")
+
+
+def test_the_shipped_delivery_is_that_of_the_mesh():
+    folder = Path(bc.__file__).parent / "examples" / "wing"
+    for ending, text in se.shipped_wing().items():
+        shipped = (folder / f"wing.{ending}").read_text()
+        if ending != "op4":
+            assert shipped == text
+    found = se.wing_on_two_feet(se.SHIPPED)
+    names = {"KAA": found.stiffness, "MAA": found.mass, "MUG1": found.corner, "MEF1": found.bar}
+    for name, values in bc.read_op4(folder / "wing.op4", list(names)).items():
+        size = np.max(np.abs(names[name]), axis=0)
+        sign = np.sign(np.sum(values * names[name], axis=0)) if name in ("MUG1", "MEF1") else 1.0
+        if name in ("KAA", "MAA"):  # the signs of modes are free
+            values, wanted = np.abs(values), np.abs(names[name])
+        else:
+            values, wanted = values * sign, names[name]
+        assert np.max(np.abs(values - wanted) / np.max(size)) < EXACT
+
+
+def test_matrices_are_read_by_name(wing):
+    path = wing()
+    np.testing.assert_array_equal(bc.read_op4(path, ["maa"])["MAA"], WING_MASS)
+    for names, match in ((["MUG1"], "holds no MUG1; check its name"), ("MAA", "names")):
+        with pytest.raises(bc.InputError, match=match):
+            bc.read_op4(path, names)
+    with pytest.raises(bc.InputError, match="no.op4' does not exist"):
+        bc.read_op4(path.with_name("no.op4"), ["MAA"])
+
+
+def test_a_foot_in_wrong_axes_is_found(wing):
+    refused(wing(systems=(0, 0)), r"forces of (1\.0e\+00|9).* of their terms.*places and axes")
 
 
 def test_what_does_not_fit_together_is_refused(delivery):

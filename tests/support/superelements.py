@@ -75,27 +75,11 @@ def superelement(modes=22, port=False):
     legs = [frames.tube(PLACES[grid], apex, 3, 24.0, 1.5, **tube) for grid in GRIDS]
     legs.append(frames.tube(apex, mast, 8, 40.0, 1.5, **tube))
     legs.append(frames.strip(mast, (2000.0, 500.0, 200.0), 5, 30.0, 8.0, **tube))
-    nodes = [np.array(PLACES[grid]) for grid in grids]
+    nodes, mass, stiffness = _mesh(legs, [PLACES[grid] for grid in grids])
 
     def node(place):
-        for i, known in enumerate(nodes):
-            if np.linalg.norm(known - place) < 1e-6:
-                return i
-        nodes.append(place)
-        return len(nodes) - 1
+        return next(i for i, known in enumerate(nodes) if np.linalg.norm(known - place) < 1e-6)
 
-    members = []
-    for leg in legs:
-        a, b = np.array(leg.start), np.array(leg.end)
-        ends = [node(a + (b - a) * k / leg.elements) for k in range(leg.elements + 1)]
-        members += [(i, j, leg) for i, j in zip(ends[:-1], ends[1:], strict=True)]
-    size = 6 * len(nodes)
-    mass, stiffness = np.zeros((size, size)), np.zeros((size, size))
-    for i, j, leg in members:
-        m, _, s = frames._element(nodes[i], nodes[j], leg)
-        at = np.r_[6 * i : 6 * i + 6, 6 * j : 6 * j + 6]
-        mass[np.ix_(at, at)] += m.T @ m
-        stiffness[np.ix_(at, at)] += s.T @ s
     end = node(np.array(legs[-1].end))
     mass[6 * end : 6 * end + 3, 6 * end : 6 * end + 3] += 4e-4 * np.eye(3)
     reference = np.mean([PLACES[grid] for grid in GRIDS], axis=0)
@@ -119,6 +103,128 @@ def superelement(modes=22, port=False):
         rigid.T @ mass @ rigid,
         grids,
     )
+
+
+def _mesh(legs, held):
+    """Nodes, the held ones first, mass and stiffness of the bars of a frame."""
+    nodes = [np.array(place) for place in held]
+
+    def node(place):
+        for i, known in enumerate(nodes):
+            if np.linalg.norm(known - place) < 1e-6:
+                return i
+        nodes.append(place)
+        return len(nodes) - 1
+
+    members = []
+    for leg in legs:
+        a, b = np.array(leg.start), np.array(leg.end)
+        ends = [node(a + (b - a) * k / leg.elements) for k in range(leg.elements + 1)]
+        members += [(i, j, leg) for i, j in zip(ends[:-1], ends[1:], strict=True)]
+    size = 6 * len(nodes)
+    mass, stiffness = np.zeros((size, size)), np.zeros((size, size))
+    for i, j, leg in members:
+        m, _, s = frames._element(nodes[i], nodes[j], leg)
+        at = np.r_[6 * i : 6 * i + 6, 6 * j : 6 * j + 6]
+        mass[np.ix_(at, at)] += m.T @ m
+        stiffness[np.ix_(at, at)] += s.T @ s
+    return nodes, mass, stiffness
+
+
+FEET = {1: (600.0, -900.0, 350.0), 2: (1000.0, -900.0, 350.0)}  # mm, on a line along x
+FEET_SYSTEM = "CORD2R,7,,1000.,-900.,350.,1001.,-900.,350.\n,1000.,-899.,350.\n"  # of grid 2
+FEET_TURN = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
+
+
+@dataclass(frozen=True)
+class Wing:
+    """A wing on two feet, in mm, t, N: over the freedoms of both feet and of the modes its mass,
+    stiffness, the displacements of a corner of its tip `(3, n)` and the forces of the first bar at
+    the first foot `(6, n)`, in basic axes; and of the whole mesh its nodes, mass and stiffness, the
+    feet first, and the motion of all nodes per freedom."""
+
+    mass: np.ndarray
+    stiffness: np.ndarray
+    corner: np.ndarray
+    bar: np.ndarray
+    nodes: tuple
+    mesh_mass: np.ndarray
+    mesh_stiffness: np.ndarray
+    motion: np.ndarray
+
+
+@cache
+def wing_on_two_feet(modes=14):
+    """A wing of tubes in a plane that leaves its feet along -y: Craig-Bampton mass and stiffness in
+    mm, t, N, over both feet, the second in turned axes, and the modes. Soft across the plane, with
+    cells of the stiffness that are zero by symmetry, but for what rounding left there."""
+    tube = {"young": 7e4, "density": 2.7e-9}
+    z, root, tip = 350.0, -1900.0, -4900.0
+    legs = [
+        frames.tube(FEET[1], (500.0, root, z), 4, 40.0, 1.5, **tube),
+        frames.tube(FEET[2], (1100.0, root, z), 4, 40.0, 1.5, **tube),
+        frames.tube((500.0, root, z), (1100.0, root, z), 2, 40.0, 1.5, **tube),
+        frames.tube((500.0, root, z), (500.0, tip, z), 6, 24.0, 1.0, **tube),
+        frames.tube((1100.0, root, z), (1100.0, tip, z), 6, 24.0, 1.0, **tube),
+        frames.tube((500.0, tip, z), (1100.0, tip, z), 2, 24.0, 1.0, **tube),
+    ]
+    nodes, mass, stiffness = _mesh(legs, list(FEET.values()))
+    corner = next(i for i, p in enumerate(nodes) if np.allclose(p, (500.0, tip, z), atol=1e-6))
+    mass[6 * corner : 6 * corner + 3, 6 * corner : 6 * corner + 3] += 5e-4 * np.eye(3)  # 0.5 kg
+    shapes = eigh(stiffness[12:, 12:], mass[12:, 12:])[1][:, :modes]
+    follow = -np.linalg.solve(stiffness[12:, 12:], stiffness[12:, :12])
+    turn = np.eye(12)
+    turn[6:, 6:] = np.kron(np.eye(2), FEET_TURN.T)
+    motion = np.vstack(
+        [np.hstack([turn, np.zeros((12, modes))]), np.hstack([follow @ turn, shapes])]
+    )
+    first = legs[0]
+    step = (np.array(first.end) - np.array(first.start)) / first.elements
+    _, _, strain = frames._element(np.array(first.start), np.array(first.start) + step, first)
+    second = next(i for i, p in enumerate(nodes) if np.allclose(p, first.start + step, atol=1e-6))
+    at = np.r_[:6, 6 * second : 6 * second + 6]
+    return Wing(
+        _symmetric(motion.T @ mass @ motion),
+        _symmetric(motion.T @ stiffness @ motion),
+        motion[6 * corner : 6 * corner + 3],
+        (strain.T @ strain @ motion[at])[:6],
+        tuple(nodes),
+        mass,
+        stiffness,
+        motion,
+    )
+
+
+SHIPPED = 8  # modes of the delivery that the package ships
+
+
+def shipped_wing():
+    """Texts of the delivery that `beamchain init wing` writes, by ending."""
+    wing = wing_on_two_feet(SHIPPED)
+    matrices = {
+        "KAA": wing.stiffness,
+        "MAA": wing.mass,
+        "MUG1": wing.corner,
+        "MEF1": wing.bar,
+    }
+    pairs = [(grid, "123456") for grid in FEET]
+    pairs += [(FIRST_SCALAR + k, "0") for k in range(SHIPPED)]
+    cells = [f"{number:8d}{components:>8}" for number, components in pairs]
+    rows = ["".join(cells[k : k + 4]) for k in range(0, len(cells), 4)]
+    punch = "\n".join(["EXTRN   " + rows[0], *("        " + row for row in rows[1:])])
+    return {
+        "op4": op4_text(matrices).decode(),
+        "asm": feet_text(modes=SHIPPED),
+        "pch": punch + "\n",
+    }
+
+
+def feet_text(places=FEET, systems=(0, 7), modes=14):
+    """The assembly file of `wing_on_two_feet`."""
+    out = "$ superelement 101\n" + FEET_SYSTEM
+    for (grid, place), system in zip(places.items(), systems, strict=True):
+        out += f"GRID,{grid},,{','.join(map(str, place))},{system}\n"
+    return out + f"SPOINT,{FIRST_SCALAR},THRU,{FIRST_SCALAR + modes - 1}\n"
 
 
 def _craig_bampton(mass, stiffness, grids, modes):

@@ -111,7 +111,7 @@ def embed(
 
     The hub is read from the spacecraft; the spacecraft's own elements and comments are not changed.
     Running the command again replaces an appendage; --remove restores the original.
-    OUT_report.html compares the assembled model with exact beams.
+    OUT_report.html compares the assembled model with exact appendages.
 
     Example: beamchain embed craft.xml --at panel_mount=array.toml -o flexible.xml
     """
@@ -241,7 +241,12 @@ def _record(result: "Embedded", key: str | None, at_key: "Sequence[Mode]") -> di
 
 def _show(result: "Embedded") -> None:
     """What the terminal shows before the names of the files."""
-    from beamchain.report.tables.embed import appendage_table, coupled_table, pose_table
+    from beamchain.report.tables.embed import (
+        appendage_sentences,
+        appendage_table,
+        coupled_table,
+        pose_table,
+    )
 
     out = console()
     assembly = result.assembly
@@ -249,6 +254,8 @@ def _show(result: "Embedded") -> None:
     if result.largest_step is not None:
         out.print(f"With timing the tolerance is kept up to a step of {result.largest_step:.3g} s.")
     out.print(result.composite.sentence, markup=False)
+    for line in appendage_sentences(result):
+        out.print(line, markup=False)
     print_table(appendage_table(result))
     print_table(coupled_table(assembly))
     if result.loaded:

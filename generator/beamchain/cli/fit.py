@@ -74,9 +74,15 @@ def _show(result: "Fit") -> None:
     if result.spec.root.hub is None:
         out.print(assumed_hub(result.mass_line))
     if result.space is not None:
-        print_table(tables.effective_mass_table(result.space.data))
+        for step in result.space.data.steps:
+            if "held as one rigid body" in step:
+                imported = result.spec.imported
+                moved = imported is not None and any(imported.reference)
+                place = "`reference` away from it" if moved else "there"
+                out.print(f"{step}: place the spacecraft's site {place}", markup=False)
+        print_table(tables.effective_mass_table(result.space))
     title = "Modes, read back from MuJoCo (mjd_transitionFD)"
-    print_table(tables.mode_table(result, list(result.readback_error), title))
+    print_table(tables.mode_table(result, None, title))
     print_table(tables.link_table(result))
     print_table(tables.hinge_table(result))
     if result.chain.tendons:

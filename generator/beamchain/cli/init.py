@@ -76,12 +76,15 @@ def init(
     start = shipped.pick(shipped.everything(), kind, "init: the kind")
     place = output or Path(f"{kind}{start.path.suffix}")
     text = start.path.read_text(encoding="utf-8")
-    write_files({place: add_comments(text) if place.suffix == ".toml" else text}, force=force)
+    files = {place.parent / one.name: one.read_text(encoding="utf-8") for one in start.beside}
+    files[place] = add_comments(text) if place.suffix == ".toml" else text
+    write_files(files, force=force)
     if as_json:
         print_json({"kind": kind, "file": str(place)})
     elif not quiet:
         out = console()
-        out.print(f"wrote {place}", soft_wrap=True)
+        for written in files:
+            out.print(f"wrote {written}", soft_wrap=True)
         following = f"beamchain fit {place} -o {place.stem}"
         if start in shipped.spacecraft():
             following = f"beamchain embed {place} {_PLACES[kind]} -o flexible.xml"

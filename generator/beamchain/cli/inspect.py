@@ -77,8 +77,8 @@ def _show(found: "Inspection") -> None:
         print_table(tables.tendon_table(found))
     for made in found.made_for:
         out.print(
-            f"appendages exact in time for {made.integrator} at {made.timestep:g} s; "
-            "modes and steps in these tables are without that"
+            f"the appendages have timing for {made.integrator} at {made.timestep:g} s; modes and "
+            "steps in these tables are without it, and --prove says what it keeps"
         )
     print_warnings(found.warnings, "note")
     title = f"Largest time steps (the model asks for {found.integrator}, {found.timestep:g} s)"

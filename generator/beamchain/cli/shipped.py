@@ -12,6 +12,7 @@ class Shipped(NamedTuple):
     name: str
     path: Path
     about: str  # its first line, without the comment sign
+    beside: tuple[Path, ...] = ()  # files that it names
 
 
 def examples() -> list[Shipped]:
@@ -35,9 +36,19 @@ def spacecraft() -> list[Shipped]:
     return [Shipped(name, _EXAMPLES / f"{name}.xml", about) for name, about in _SPACECRAFT.items()]
 
 
+def deliveries() -> list[Shipped]:
+    """Specifications of imported modes, each with the files of a finite-element program."""
+    out: list[Shipped] = []
+    for path in sorted(_EXAMPLES.glob("*/*.toml")):
+        about = path.read_text(encoding="utf-8").split("\n", 1)[0].lstrip("# ")
+        beside = sorted(p for p in path.parent.iterdir() if p.stem == path.stem and p != path)
+        out.append(Shipped(path.stem, path, about, tuple(beside)))
+    return out
+
+
 def everything() -> list[Shipped]:
     """All that `beamchain init` writes."""
-    return [*examples(), *spacecraft()]
+    return [*examples(), *deliveries(), *spacecraft()]
 
 
 def pick(choices: list[Shipped], name: str, field: str) -> Shipped:

@@ -23,7 +23,7 @@ from beamchain.craft.sampled import craft_sampled_error
 from beamchain.craft.step_search import largest_step
 from beamchain.craft.timing import craft_time_error, without_timing
 from beamchain.engine.bench import Composite, composite
-from beamchain.engine.library import mujoco, one_thread
+from beamchain.engine.library import mujoco, one_thread, rest
 from beamchain.engine.linearise import NUMBERS
 from beamchain.engine.operating_point import Positions, base_body, poses, poses_between
 from beamchain.errors import InputError
@@ -204,6 +204,21 @@ class Embedded:
         in the rest pose."""
         body = base_body(self.craft, self.appendages[0].mount.body)
         return composite(self.model, counterpart(self.craft, self.model, body))
+
+    @cached_property
+    def mass_centres(self) -> dict[str, Array]:
+        """Mass centre of every appendage by its place, from the origin of the base body, in its
+        axes, at rest [m]: where the appendage stands."""
+        data = rest(self.craft)
+        out: dict[str, Array] = {}
+        for a in self.appendages:
+            base = base_body(self.craft, a.mount.body)
+            mass = a.fit.measured.rigid_mass
+            # m [c x] is the block below the mass
+            centre = np.array([mass[1, 5], mass[2, 3], mass[0, 4]]) / mass[0, 0]
+            place = a.mount.origin + a.mount.axes @ centre
+            out[a.at] = (place - data.xpos[base]) @ data.xmat[base].reshape(3, 3)
+        return out
 
     @property
     def craft_error(self) -> float:

@@ -102,7 +102,11 @@ def fit_all(
             warnings.append(Caution("fit-missed", f"{a.at}: {a.fit.status.message}"))
         # the craft's integrator judges tendons
         hinged = a.spec.damping is not None and a.spec.damping.form == "hinge"
-        found = a.fit.cautions if hinged else doubtful(a.spec.segment, a.spec.damping, a.fit.target)
+        found = (
+            a.fit.cautions
+            if hinged or a.fit.space is not None
+            else doubtful(a.spec.segment, a.spec.damping, a.fit.target)
+        )
         warnings += [said_of(a.at, warning) for warning in found]
     return appendages, warnings, steps
 

@@ -43,6 +43,8 @@ STATIONS = 5  # evenly spaced from root to tip, where none are given
 MOST_STATIONS = 1000
 MOST_KNOWN = 16  # beams at their stations that are kept for further calls
 STATIC = "modes left out"  # what a value comes from that no kept mode makes
+CARRIED = "rigid motion and modes left out"
+NOTHING = "nothing"  # where a value is zero
 RIGID = "motion of the root"
 
 
@@ -222,6 +224,8 @@ class Recovery:
         static: whether the static part of the modes left out was added.
         sections: of the beam at the stations, with NaN where they are not drawn.
         names: of the rows of imported modes.
+        in_file: numbers of the kept modes in their file, from 1; empty for a beam, or where other
+            modes than the file's are kept.
 
     Example:
         >>> import beamchain as bc, mujoco
@@ -250,6 +254,7 @@ class Recovery:
     static: bool
     sections: Sections | None = None
     names: tuple[str, ...] = ()
+    in_file: tuple[int, ...] = ()
 
     def __repr__(self) -> str:
         return (
@@ -376,7 +381,7 @@ class Recovery:
         parts = factors * getattr(self, follows)[t]
         every = np.abs([*parts, value - np.sum(parts)])
         names = (*self.modes, rest)
-        return names[int(np.argmax(every))] if np.max(every) > 0.0 else ""
+        return names[int(np.argmax(every))] if np.max(every) > 0.0 else NOTHING
 
     def _stress_extremes(self) -> list[Extreme]:
         if self.sections is None:
@@ -545,7 +550,7 @@ def _root_histories(root: RootMotion, force: Array, moment: Array) -> dict[str, 
             root.load[:, None, :3],
             force[None],
             "amplitudes",
-            STATIC,
+            CARRIED,
             none,
         ),
         "root moment": History(
@@ -555,7 +560,7 @@ def _root_histories(root: RootMotion, force: Array, moment: Array) -> dict[str, 
             root.load[:, None, 3:],
             moment[None],
             "amplitudes",
-            STATIC,
+            CARRIED,
             none,
         ),
     }
@@ -767,16 +772,6 @@ def _acceleration(root: RootMotion, stations: Array, factors: Array, modes: _Mod
 
 
 # -- imported modes --------------------------------------------------------------------------------
-def _check_modes(rows: RecoveryRows, modes: int) -> None:
-    """The rows have a column for each mode of the file."""
-    if rows.modes.shape[1] != modes:
-        raise InputError(
-            f"{rows.source}: the rows have {rows.modes.shape[1]} columns, but the file holds "
-            f"{modes} modes (or inner freedoms); give a column for every one, by ascending "
-            "frequency, whether it is kept or not."
-        )
-
-
 def _of_imported(
     model: "mujoco.MjModel",
     appendage: Appendage,
@@ -794,6 +789,7 @@ def _of_imported(
     names = modes.names
     space = appendage.fit.space
     assert space is not None
+    clamped = appendage.fit.kept_for == "clamped"
     # L_k W_k^2, L of the kept modes from those of the file
     frequencies = np.zeros(0) if body.coordinates is None else body.coordinates.frequencies
     participation = body.kept @ space.data.in_file.T @ space.data.participation
@@ -801,7 +797,7 @@ def _of_imported(
     histories = _root_histories(root, at_root[:3], at_root[3:])
     row_names: tuple[str, ...] = ()
     if rows is not None:
-        _check_modes(rows, body.kept.shape[1])
+        rows.check_columns(body.kept.shape[1])
         row_names = rows.names
         # coordinates of the file's own units: energy is M L^2 / T^2 there
         units = imported.units if imported is not None else None
@@ -810,12 +806,16 @@ def _of_imported(
         by_acceleration = size * rows.accelerations @ body.kept.T
         values = modes.amplitudes @ by_amplitude.T + modes.accelerations @ by_acceleration.T
         values += root.acceleration @ rows.root.T
+        # w x (w x r) of the points, along the motion of each row
+        spin = root.spin[:, None]
+        centripetal = np.cross(spin, np.cross(spin, rows.points[None]))
+        values += np.einsum("tri,ri->tr", centripetal, rows.root[:, :3])
         if static:
             felt = root.acceleration.copy()
             felt[:, :3] -= root.gravity
             values += felt @ (size * rows.modes @ body.static).T
         for r, name in enumerate(rows.names):
-            moves = bool(np.any(rows.accelerations[r])) and not np.any(rows.modes[r])
+            moves = not np.any(rows.modes[r])
             factors = by_acceleration[r] if moves else by_amplitude[r]
             histories[name] = History(
                 name,
@@ -837,4 +837,5 @@ def _of_imported(
         histories,
         static,
         names=row_names,
+        in_file=tuple(space.in_file(name) for name in names) if clamped else (),
     )

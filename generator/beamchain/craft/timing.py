@@ -113,10 +113,11 @@ def time_notes(
             f"{with_timing.error:.1e}); {mean}"
         )
         return [Caution("exact-in-time", text)]
+    cure = time_cure(name)
     text = (
-        f"the appendages have timing for {step} ({reason}), which does not keep every pole. Worst "
-        f"of those up to the highest mode kept, with timing: {with_timing.words}; without: "
-        f"{without_timing.words}; {mean} {time_cure(name)}"
+        f"{cure[0].lower()}{cure[1:]} The appendages have timing for {step} ({reason}), which does "
+        "not keep every pole. Worst of those up to the highest mode kept, with timing: "
+        f"{with_timing.words}; without: {without_timing.words}. Inputs: {mean}"
     )
     return [Caution("time-error", text)]
 

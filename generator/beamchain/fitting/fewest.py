@@ -72,7 +72,10 @@ def fewest(
     total = error(kept)
     met = keeps_tolerance(total, tolerance)
     above = "" if met else f" ({tolerance_statement(total, tolerance)})"
-    names = [f"mode {k + 1} ({belongs[k]}, {w:.3g} rad/s)" for k, w in enumerate(full.frequencies)]
+    names = [
+        f"mode {k + 1} of the file ({belongs[k]}, {w:.3g} rad/s)"
+        for k, w in enumerate(full.frequencies)
+    ]
     left = [k for k in range(full.modes) if k not in kept]
     cannot = [f"motion above {full.frequencies[k]:.3g} rad/s" for k in left[:1]]
     if not tip:

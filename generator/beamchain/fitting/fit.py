@@ -12,7 +12,7 @@ from beamchain.chain.build import Built
 from beamchain.chain.links import raise_polar_inertia
 from beamchain.engine.bench import measure, root_body
 from beamchain.engine.library import one_thread
-from beamchain.errors import InputError, RealisationError
+from beamchain.errors import EngineError, InputError, RealisationError
 from beamchain.fitting.beam_case import beam_case, on_modes
 from beamchain.fitting.document import appendage_tree
 from beamchain.fitting.hub import Hub
@@ -23,7 +23,7 @@ from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec, read_spec
 from beamchain.fitting.uncertain import uncertain_from
 from beamchain.fitting.warnings import doubtful
-from beamchain.mjcf.write import SMALLEST
+from beamchain.mjcf.write import SMALLEST, UNITS
 from beamchain.ports.compare import tolerance_statement
 from beamchain.ports.motions import Array
 from beamchain.steps.sampled import off_by
@@ -32,6 +32,7 @@ from beamchain.structure.beam import Beam
 from beamchain.structure.mass_line import MassLine
 from beamchain.structure.modal_data import ModalData
 from beamchain.structure.readers.imported import Imported
+from beamchain.structure.readers.recovery_file import read_recovery
 
 # cached by a fit, the same whatever its status
 READ_BACK = ("_scenes", "time", "time_error", "sampled_error")
@@ -121,14 +122,22 @@ def at_its_step(made: Fit) -> Fit:
 def fit_spec(spec: Spec, data: ModalData | None = None) -> Fit:
     """What `fit` does with a whole specification; `data`: its imported modes,
     else read from its file."""
+    imported = spec.imported
     with one_thread():
-        if spec.imported is None:
+        if imported is None:
             return _fit(_with_integrator(on_modes(spec), spec.beam.rigid_mass()))
-        data = spec.imported.read() if data is None else data
+        data = imported.read() if data is None else data
         if spec.uncertain is None and data.uncertain:
             uncertain = uncertain_from(data.uncertain, data.source)
             spec = msgspec.structs.replace(spec, uncertain=uncertain)
-        return _fit(_with_integrator(on_modes(spec), data.rigid_mass), data)
+        if imported.recovery is not None:
+            read_recovery(imported.recovery).check_columns(data.in_file.shape[1])
+        try:
+            return _fit(_with_integrator(on_modes(spec), data.rigid_mass), data)
+        except EngineError as error:
+            units = imported.units
+            cure = f"Check imported.units (length = {units.length:g}, mass = {units.mass:g})."
+            raise EngineError(str(error).replace(UNITS, cure)) from None
 
 
 def _fit(spec: Spec, data: ModalData | None = None) -> Fit:

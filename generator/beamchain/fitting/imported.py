@@ -18,10 +18,10 @@ from beamchain.fitting.choose import make_plan
 from beamchain.fitting.fewest import fewest
 from beamchain.fitting.hub import port_hub_mass
 from beamchain.fitting.needs import AXES, FAR, Choice, Promise
-from beamchain.fitting.options import Scene, Target
+from beamchain.fitting.options import Damping, Scene, Target
 from beamchain.fitting.result import InSpace
 from beamchain.fitting.spec import Spec
-from beamchain.fitting.warnings import doubtful
+from beamchain.fitting.warnings import doubtful, imported_warnings
 from beamchain.ports.compare import compare, in_band_error, with_damping
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, PORTS, Array
@@ -223,9 +223,12 @@ class ImportedCase:
         chain: Chain,
         limits: StepLimits,
     ) -> tuple[str, ...]:
-        """Damping that is probably a slip."""
+        """Damping and units that are probably a slip."""
         del measured, targets, chain, limits
-        return tuple(doubtful((), self.spec.damping))
+        return (
+            *doubtful((), self.spec.damping),
+            *imported_warnings(self.data, self.numbers, self.spec.damping),
+        )
 
 
 def imported_case(spec: Spec, data: ModalData) -> ImportedCase:
@@ -238,11 +241,7 @@ def _stated(spec: Spec, data: ModalData) -> ImportedCase:
     """The case before its scene chooses."""
     data = with_length(data.untangled(), None)
     if spec.damping is not None:
-        ratios = np.zeros(data.modes)
-        for port in PORTS:
-            own = [k for k, b in enumerate(data.belongs) if b == port]
-            ratios[own] = spec.damping.ratios(port, len(own))
-        data = replace(data, damping=ratios)
+        data = replace(data, damping=_ratios(spec.damping, data))
     promise = _promise(spec, data)
     wanted = None if spec.imported is None else spec.imported.modes
     target = "clamped" if spec.root.target in (None, "auto") else str(spec.root.target)
@@ -259,6 +258,22 @@ def _stated(spec: Spec, data: ModalData) -> ImportedCase:
         return ImportedCase(spec, data, data, numbers, target, promise=promise)
     selected = data.selected(wanted)
     return ImportedCase(spec, data, selected, tuple(sorted(wanted)), target, promise=promise)
+
+
+def _ratios(damping: Damping, data: ModalData) -> Array:
+    """`(n,)` damping ratio of every mode of the file."""
+    if isinstance(damping.ratio, tuple):
+        if len(damping.ratio) > data.modes:
+            raise InputError(
+                f"damping.ratio holds {len(damping.ratio)} values, but {data.source} has "
+                f"{data.modes} modes; give one per mode of the file, in its order."
+            )
+        return damping.ratios("", data.modes)
+    ratios = np.zeros(data.modes)
+    for port in PORTS:
+        own = [k for k, b in enumerate(data.belongs) if b == port]
+        ratios[own] = damping.ratios(port, len(own))
+    return ratios
 
 
 def _promise(spec: Spec, data: ModalData) -> Promise | None:

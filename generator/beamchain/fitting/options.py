@@ -53,10 +53,10 @@ class Damping(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """
 
     ratio: Annotated[
-        float | dict[str, tuple[float, ...]],
+        float | tuple[float, ...] | dict[str, tuple[float, ...]],
         field(
-            "damping ratio: a number for all modes, or { xy = [0.005, 0.004] }, whose last value "
-            "applies to all further modes"
+            "damping ratio: a number for all modes, { xy = [0.005, 0.004] } by port, or of an "
+            "imported file [0.005, 0.004] by mode; the last value applies to all further modes"
         ),
     ] = 0.0
     form: Annotated[
@@ -66,7 +66,14 @@ class Damping(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if isinstance(self.ratio, dict):
+        if isinstance(self.ratio, list):
+            msgspec.structs.force_setattr(self, "ratio", tuple(self.ratio))
+        if isinstance(self.ratio, tuple):
+            if not self.ratio:
+                raise InputError("ratio = [] holds no value; give one per mode of the file.")
+            for i, value in enumerate(self.ratio):
+                _ratio(f"ratio[{i}]", value)
+        elif isinstance(self.ratio, dict):
             for port, values in self.ratio.items():
                 one_of("ratio", port, PORTS)
                 if not isinstance(values, tuple):
@@ -80,11 +87,11 @@ class Damping(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             _ratio("ratio", self.ratio)
 
     def ratios(self, port: str, modes: int) -> Array:
-        """`(modes,)` ratios of a port; the last value of a short list applies to
-        all further modes."""
-        if not isinstance(self.ratio, dict):
+        """`(modes,)` ratios of a port, or of all modes of a file where they are listed by mode; the
+        last value of a short list applies to all further modes."""
+        if isinstance(self.ratio, float | int):
             return np.full(modes, float(self.ratio))
-        given = self.ratio.get(port, ())
+        given = self.ratio.get(port, ()) if isinstance(self.ratio, dict) else self.ratio
         return np.array([given[min(k, len(given) - 1)] if given else 0.0 for k in range(modes)])
 
 

@@ -24,7 +24,7 @@ from beamchain.steps.limits import StepLimits, coupled_limits
 from beamchain.structure.mass_line import MassLine
 
 EMPTY = 1e-5  # residual mass at the root below which the free appendage has no fastest mode
-SAME_MASS = 1e-12  # relative, beyond which the chain's rigid mass is said to differ
+SAME_MASS = 1e-9  # relative, beyond which the chain's rigid mass is said to differ
 
 
 class Case(Protocol):
@@ -125,10 +125,12 @@ def assess_fit(
     hub = None if spec.root.hub is None else spec.root.hub.mass_matrix()
     status = built.status
     space = case.compared(measured)
+    if space is not None and case.target == "clamped":  # another target has modes of its own
+        status = status.adding(f"Kept: {space.kept_words}.")
     if space is not None and space.error.mass_error > SAME_MASS:
         status = status.adding(
-            f"Rigid mass off by {space.error.mass_error:.1e}: the print is no rigid body's to its "
-            "last digits."
+            "The rigid mass matrix of the file departs from that of a rigid body by "
+            f"{space.error.mass_error:.1e}."
         )
     motion = measured.motion
     carrier = hub

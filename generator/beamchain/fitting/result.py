@@ -89,6 +89,31 @@ class InSpace:
     live: tuple[int, ...]
     numbers: tuple[int, ...] = ()
 
+    @property
+    def couples(self) -> bool:
+        """Whether kept modes couple ports, so that they are numbered together."""
+        if not self.numbers:
+            return False
+        return any(len(ports) > 1 for ports in self.data.selected(self.numbers).groups)
+
+    def in_file(self, label: str) -> int:
+        """Number in the file, from 1, of the mode of a tendon: "mode7" of all that are kept,
+        "mode2_xy" of those of the port."""
+        number, _, port = label.removeprefix("mode").partition("_")
+        own = [k for k in self.numbers if not port or self.data.belongs[k - 1] == port]
+        return own[int(number) - 1]
+
+    @property
+    def kept_words(self) -> str:
+        """The kept modes by their numbers in the file."""
+        if not self.numbers:
+            return f"none of the {self.data.modes} modes of the file"
+        if len(self.numbers) == self.data.modes:
+            return f"all {self.data.modes} modes of the file"
+        listed = ", ".join(map(str, self.numbers))
+        many = "modes" if len(self.numbers) > 1 else "mode"
+        return f"{many} {listed} of the {self.data.modes} of the file"
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Fit:

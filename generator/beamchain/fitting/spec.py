@@ -32,6 +32,16 @@ from beamchain.structure.segment import Joint, Lump, Segment, check_carried_body
 
 #: Shorthands that `replace` and `fit` accept beside the fields.
 SHORT = ("hub", "target", "timestep")
+#: Tables that are one object each: its class, and how it is made.
+TABLES: dict[str, tuple[type, str]] = {
+    "imported": (Imported, 'Imported(file="wing.op4")'),
+    "payload": (Payload, "Payload(mass=3.0)"),
+    "sensors": (Sensors, "Sensors(modes=True)"),
+    "root": (Root, 'Root(target="hub", hub=Hub(...))'),
+    "fit": (FitOptions, 'FitOptions(springs="modes")'),
+    "scene": (Scene, "Scene(bandwidth=5.0)"),
+    "uncertain": (Uncertain, "Uncertain(frequency=...)"),
+}
 
 
 class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -74,6 +84,12 @@ class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.modes is not None:
+            msgspec.structs.force_setattr(self, "modes", as_modes(self.modes))
+        if self.damping is not None and not isinstance(self.damping, Damping):
+            msgspec.structs.force_setattr(self, "damping", Damping(ratio=self.damping))
+        for key, (kind, example) in TABLES.items():
+            _check_kind(key, getattr(self, key), kind, example)
         msgspec.structs.force_setattr(self, "segment", expand_repeats(self.segment))
         if not isinstance(self.name, str) or not re.fullmatch(r"[a-z][a-z0-9_]{0,62}", self.name):
             raise InputError(
@@ -81,8 +97,14 @@ class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
                 "(at most 63), "
                 'because every body is named after it; for example name = "boom".'
             )
+        listed = self.damping is not None and isinstance(self.damping.ratio, tuple)
         if self.imported is not None:
             self._check_imported()
+        elif listed:
+            raise InputError(
+                "damping.ratio is a list, which is per mode of an imported file; the modes of a "
+                "beam are counted by port: ratio = { xy = [0.005, 0.004] }."
+            )
         elif not self.segment:
             raise InputError(
                 "the spec has no [[segment]]; add at least one with length, section and material, "
@@ -132,17 +154,9 @@ class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
                 raise InputError(
                     f"a specification has no field {key!r}; it has {', '.join(known)}."
                 )
-        for key, kind, example in (
-            ("root", Root, 'Root(target="hub", hub=Hub(...))'),
-            ("fit", FitOptions, 'FitOptions(springs="modes")'),
-            ("scene", Scene, "Scene(bandwidth=5.0)"),
-            ("hub", Hub, "Hub(mass=500.0, inertia=(400.0, 400.0, 500.0))"),
-        ):
-            if key in given and not isinstance(given[key], kind):
-                raise InputError(
-                    f"{key} = {given[key]!r:.60} is a {type(given[key]).__name__}; give a "
-                    f"{kind.__name__}: {example}."
-                )
+        hub = (Hub, "Hub(mass=500.0, inertia=(400.0, 400.0, 500.0))")
+        for key, (kind, example) in {**TABLES, "hub": hub}.items():
+            _check_kind(key, given.get(key), kind, example)
         if "modes" in given:
             given["modes"] = as_modes(given["modes"])
         if "damping" in given and not isinstance(given["damping"], Damping):
@@ -285,7 +299,7 @@ class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         unchanged if there are none."""
         return (
             model
-            if self.damping is None
+            if self.damping is None or isinstance(self.damping.ratio, tuple)
             else model.replaced(damping=self.damping.ratios(port, model.modes))
         )
 
@@ -312,6 +326,14 @@ class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         given = self.modes.given()
         planes = [port for port in ("xy", "xz") if given.get(port)]
         return tuple(port for port in ("xy", "xz") if port not in given) if planes else ()
+
+
+def _check_kind(key: str, value: object, kind: type, example: str) -> None:
+    """What is given for a table is an object of its class."""
+    if value is not None and not isinstance(value, kind):
+        raise InputError(
+            f"{key} = {value!r:.60} is a {type(value).__name__}; give a {kind.__name__}: {example}."
+        )
 
 
 def read_spec(path: str | Path) -> Spec:

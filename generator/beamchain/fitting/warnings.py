@@ -13,6 +13,7 @@ from beamchain.fitting.spec import Spec
 from beamchain.ports.model import PortModel
 from beamchain.steps.integrators import apparent_pole, step_pole
 from beamchain.steps.limits import StepChoice, StepLimits
+from beamchain.structure.modal_data import ModalData
 from beamchain.structure.section import Custom, Equivalent
 from beamchain.structure.segment import Segment
 
@@ -23,6 +24,8 @@ HUGE = 0.25
 # m: a section with a dimension below was given in metres,
 # unless another one is longer than the appendage
 THIN = 0.05
+LONG = 200.0  # m: no appendage yet, where a file in mm is read as metres
+THREAD = 1e-3  # kg/m: thinner than any, where a file in tonnes is read as kilograms
 DAMPED = 0.1  # ratio from which an aerospace structure is asked about: rubber has as much
 STOCKY = 10.0  # length over depth, below which Euler's theory misses shear
 DECOUPLED = 1e-9  # relative: what two independent ports may share
@@ -203,10 +206,45 @@ def doubtful(
     return [Caution(code, text) for code, text in out.items()]
 
 
+def imported_warnings(
+    data: ModalData, numbers: Sequence[int], damping: Damping | None = None
+) -> list[str]:
+    """Warnings about a file of modes: forgotten units, and a table of damping that leaves out kept
+    modes (`numbers`, from 1)."""
+    out: list[str] = []
+    mass = float(data.rigid_mass[0, 0])
+    length = data.length or 0.0
+    if length > LONG or mass < THREAD * length:
+        out.append(
+            Caution(
+                "file-units",
+                f"{data.source}: {mass:.4g} kg over {length:.4g} m; units of the file? Nastran "
+                "models in mm and tonne need units = { length = 1e-3, mass = 1e3 } in [imported].",
+            )
+        )
+    ratio = None if damping is None else damping.ratio
+    if isinstance(ratio, dict) and any(any(values) for values in ratio.values()):
+        bare = [k for k in numbers if data.belongs[k - 1] not in ratio]
+        if bare:
+            others = ", ".join(dict.fromkeys(data.belongs[k - 1] for k in bare))
+            many = f"modes {', '.join(map(str, bare))}" if len(bare) > 1 else f"mode {bare[0]}"
+            out.append(
+                Caution(
+                    "undamped-modes",
+                    f"damping.ratio names {', '.join(ratio)} only and leaves {many} of the file "
+                    f"({others}) undamped; name these ports as well, or list a value per mode of "
+                    "the file: ratio = [0.005, 0.01].",
+                )
+            )
+    return out
+
+
 def _ratios(damping: Damping | None) -> list[tuple[str, float]]:
     """Every ratio stated, with its place."""
     if damping is None:
         return []
+    if isinstance(damping.ratio, tuple):
+        return [(f"ratio[{i}]", v) for i, v in enumerate(damping.ratio)]
     if not isinstance(damping.ratio, dict):
         return [("ratio", damping.ratio)]
     return [

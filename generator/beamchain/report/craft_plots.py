@@ -68,7 +68,9 @@ def _panel(ax: "Axes", assembly: "Assembly", place: int) -> None:
         linewidth=3.0,
         label="MuJoCo, from A and B of mjd_transitionFD",
     )
-    ax.plot(assembly.omega, exact, color=BEAM, linewidth=1.0, label="exact beams on the same hub")
+    ax.plot(
+        assembly.omega, exact, color=BEAM, linewidth=1.0, label="exact appendages on the same hub"
+    )
     ax.set(title=title, ylabel=f"|H|, {unit}")
 
 

@@ -302,9 +302,10 @@ class TimeError:
         """The pole that is off most, and by how much."""
         if self.frequency is None:
             return "no pole lies in the band"
+        pose = "the rest pose" if self.pose == "rest" else f"the pose {self.pose!r}"
         return (
-            f"the pole at {self.frequency:.4g} rad/s is off by {self.error:.2g} of |z - 1| "
-            f"({self.pose})"
+            f"the pole at {self.frequency:.4g} rad/s is off by {self.error:.2g} of |z - 1| in "
+            f"{pose}"
         )
 
     def as_dict(self) -> dict[str, Any]:

@@ -22,7 +22,8 @@ class RecoveryRows:
 
     `y = modes eta + accelerations eta'' + root a`: with u the columns of a recovery matrix for the
     modes, loads, stresses and displacements have `modes = u`, accelerations of points have
-    `accelerations = u` and `root` their motion per motion of the root.
+    `accelerations = u` and `root` their motion per motion of the root. A row with a point r also
+    has the centripetal part of a spin w, `root[:3] . (w x (w x r))`.
 
     Args:
         names: of the r quantities.
@@ -31,6 +32,8 @@ class RecoveryRows:
         accelerations: `(r, n)` per acceleration of each; zeros where left out.
         root: `(r, 6)` per acceleration of the root in the appendage's axes [m/s^2, rad/s^2];
             zeros where left out.
+        points: `(r, 3)` of rows that are accelerations, the place of the point from the root in the
+            appendage's axes [m]; zeros, which add nothing, where left out.
         units: of the quantities; empty where left out.
         source: origin of the rows.
 
@@ -48,6 +51,7 @@ class RecoveryRows:
     modes: Array = field(default_factory=_nothing)
     accelerations: Array = field(default_factory=_nothing)
     root: Array = field(default_factory=_nothing)
+    points: Array = field(default_factory=_nothing)
     units: tuple[str, ...] = ()
     source: str = "recovery rows"
 
@@ -71,7 +75,7 @@ class RecoveryRows:
             )
         given = {
             name: self._array(name, getattr(self, name), count)
-            for name in ("modes", "accelerations", "root")
+            for name in ("modes", "accelerations", "root", "points")
         }
         size = max(given[name].shape[-1] for name in ("modes", "accelerations"))
         if size == 0:
@@ -79,18 +83,39 @@ class RecoveryRows:
                 f"{self.source}: neither modes nor accelerations are given; give a row of numbers, "
                 "one per mode of the file, for each name."
             )
-        for name, wide in (("modes", size), ("accelerations", size), ("root", 6)):
+        sizes = {"modes": size, "accelerations": size, "root": 6, "points": 3}
+        for name, wide in sizes.items():
             values = given[name]
             if values.size == 0:
                 values = np.zeros((count, wide))
             if values.shape != (count, wide):
                 raise InputError(
                     f"{self.source}: {name} has the shape {values.shape}; {(count, wide)} is "
-                    "needed: a row per name, a column per mode of the file (root: six motions)."
+                    "needed: a row per name, a column per mode of the file (root: six motions; "
+                    "points: x, y, z)."
                 )
             object.__setattr__(self, name, locked(values))
+        for name, point, root in zip(names, self.points, self.root, strict=True):
+            if np.any(point) and not np.any(root[:3]):
+                raise InputError(
+                    f"{self.source}: row {name!r} has a point, but no motion with the root in "
+                    "root; give both of an acceleration, or leave points out."
+                )
         object.__setattr__(self, "names", names)
         object.__setattr__(self, "units", units)
+
+    def check_columns(self, modes: int) -> None:
+        """There is a column for each of the `modes` of the file.
+
+        Raises:
+            InputError: there are more, or fewer.
+        """
+        if self.modes.shape[1] != modes:
+            raise InputError(
+                f"{self.source}: the rows have {self.modes.shape[1]} columns, but the file holds "
+                f"{modes} modes (or inner freedoms); give a column for every one, in the order of "
+                "the file, whether it is kept or not, and none for the boundary."
+            )
 
     def _array(self, name: str, value: object, count: int) -> Array:
         try:

@@ -58,6 +58,7 @@ def embed_report(embedded: "Embedded", craft: str, output: str) -> str:
         drawn={name: to_svg(figure, name) for name, figure in figures.items()},
         names=_user_names(appendages),
         alike=alike,
+        imported=any(a.fit.space is not None for a in appendages),
         port_table=port_table,
         in_band_table=tables.in_band_table,
         left_out_table=left_out_table,
@@ -152,7 +153,7 @@ def _verdict(embedded: "Embedded") -> Verdict:
     text = f"{embedded.headline[:1].upper()}{embedded.headline[1:]} " + (
         f"{count(len(embedded.appendages), 'appendage')}, {count(len(kept), 'coupled mode')} kept "
         f"up to {short(assembly.band)} rad/s: the worst is off by {percent(assembly.worst)} from "
-        "beams on the same spacecraft, read back through MuJoCo."
+        "exact appendages on the same spacecraft, read back through MuJoCo."
     )
     short_of = [a.at for a in embedded.appendages if not a.fit.status.ok]
     if short_of and embedded.met is not False:

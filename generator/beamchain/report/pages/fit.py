@@ -42,7 +42,7 @@ def fit_report(fit: "Fit") -> tuple[str, dict[str, str]]:
     pictures["chain.svg"] = to_svg(plots.chain_figure(fit), "chain")
     rivals = rival_errors(fit)
     imported = None if fit.space is None else tables.imported_table(fit.space.data)
-    effective = None if fit.space is None else tables.effective_mass_table(fit.space.data)
+    effective = None if fit.space is None else tables.effective_mass_table(fit.space)
     page = page_text(
         "report.html",
         name=fit.spec.name,
@@ -117,11 +117,13 @@ def _verdict(fit: "Fit", rivals: RivalErrors) -> Verdict:
     links = sum(link.mass > 0.0 for link in fit.chain.links)
     what = (
         f"{count(links, 'rigid link')} on {count(len(fit.chain.hinges), 'hinge')} stand for "
-        "the "
-        f"beam's {_kept_modes(fit)}"
+        f"the beam's {_kept_modes(fit)}"
     )
     if fit.space is not None:
-        what = what.replace("the beam's", "the imported modes:")
+        kept = _kept_modes(fit)
+        if fit.kept_for == "clamped":
+            kept = fit.space.kept_words
+        what = f"{what.partition(' the beam')[0]} {kept}"
     hub = (
         "the hub of the spec"
         if fit.hub_mass is not None
@@ -183,6 +185,8 @@ def _damping(damping: "Damping") -> str:
     ratio = damping.ratio
     if isinstance(ratio, Mapping):
         ratios = "; ".join(f"{port} {vector(values)}" for port, values in ratio.items())
+    elif isinstance(ratio, tuple):
+        ratios = f"{vector(ratio)} by mode of the file"
     else:
         ratios = f"{ratio:g}"
     form = "a tendon per mode" if damping.form == "modal" else "plain joint damping"

@@ -9,7 +9,7 @@ import numpy as np
 from beamchain.report.formats import number, relative, step_text, typeset
 from beamchain.report.table import Table
 from beamchain.report.tables.embed import coupled_table
-from beamchain.report.tables.fit import matched_modes, mode_table
+from beamchain.report.tables.fit import every_mode, mode_table
 from beamchain.report.tables.plant import closed_loop_table, margin_table
 from beamchain.report.tables.pointing import pointing_table
 from beamchain.report.tables.recovery import recovery_table
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 def fit_text(fit: "Fit") -> str:
     """One line per fact."""
     lines = [f"<Fit {fit.spec.name!r}: {fit.status.message}>", fit.headline]
-    for mode in (mode for port in fit.readback_error for mode in matched_modes(fit, port)):
+    for mode in every_mode(fit):
         frequency_error = relative(mode.frequency_error)
         participation_error = relative(mode.participation_error)
         lines.append(
@@ -47,7 +47,7 @@ def fit_html(fit: "Fit") -> str:
         notes.append(f"largest stable step: {limits}")
     notes += [f"warning: {text}" for text in fit.warnings]
     title = f"{fit.spec.name}: {fit.status.message}"
-    return table_html(mode_table(fit, list(fit.readback_error), title), notes)
+    return table_html(mode_table(fit, None, title), notes)
 
 
 def embedded_text(embedded: "Embedded") -> str:

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from beamchain.report.curves import kept_count
-from beamchain.report.formats import digits, number, relative, short, whole
+from beamchain.report.formats import digits, number, relative, short, vector, whole
 from beamchain.report.table import Column, Table
 from beamchain.report.tables.steps import Limits, step_table
 
@@ -26,6 +26,7 @@ def appendage_table(embedded: "Embedded") -> Table:
         Column("at", [a.at for a in appendages]),
         Column("prefix", [a.prefix for a in appendages], place="brief"),
         Column("appendage", [_size(a) for a in appendages], place="page"),
+        Column("mass centre in the base's axes", _centres(embedded), "m", vector, place="page"),
         Column("modes kept", [_modes_kept(a) for a in appendages], place="page"),
         Column("target", [a.fit.kept_for for a in appendages]),
         Column("rigidly behind its root", [a.hub.mass for a in appendages], "kg", number),
@@ -35,6 +36,24 @@ def appendage_table(embedded: "Embedded") -> Table:
     if any(a.loads for a in appendages):
         columns = (*columns, Column("carries", [_carried(a) for a in appendages], missing="-"))
     return Table("Appendages", columns)
+
+
+def _centres(embedded: "Embedded") -> list[list[float]]:
+    return [embedded.mass_centres[a.at].tolist() for a in embedded.appendages]
+
+
+def appendage_sentences(embedded: "Embedded") -> list[str]:
+    """Where every appendage stands and, of imported ones, which modes of the file are kept."""
+    base = embedded.composite.body
+    out: list[str] = []
+    for a in embedded.appendages:
+        where = ", ".join(short(x) for x in embedded.mass_centres[a.at])
+        line = f"{a.at}: {_size(a)}; its mass centre stands at ({where}) m in the axes of {base}"
+        space = a.fit.space
+        if space is not None and a.fit.kept_for == "clamped":
+            line += f"; kept: {space.kept_words}"
+        out.append(f"{line}.")
+    return out
 
 
 def _carried(appendage: "Appendage") -> str | None:
@@ -54,7 +73,13 @@ def _size(appendage: "Appendage") -> str:
 
 def _modes_kept(appendage: "Appendage") -> str:
     fit = appendage.fit
-    return ", ".join(f"{kept_count(fit, port)} in {port}" for port in fit.target) or "as imported"
+    space = fit.space
+    if space is not None and (space.couples or not fit.target):
+        return f"{len(space.numbers)}, coupled: {space.kept_words}" if fit.target else "rigid"
+    counts = ", ".join(f"{kept_count(fit, port)} in {port}" for port in fit.target)
+    if space is None or fit.kept_for != "clamped":
+        return counts or "rigid"
+    return f"{counts}: {space.kept_words}"
 
 
 def _joints(appendage: "Appendage") -> str:

@@ -1,7 +1,7 @@
 """The tables of a fit: kept modes, links, hinges, tendons, errors, what was left out."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,7 +22,7 @@ from beamchain.report.table import Column, Table
 
 if TYPE_CHECKING:
     from beamchain.fitting.needs import LeftOut
-    from beamchain.fitting.result import Fit
+    from beamchain.fitting.result import Fit, InSpace
     from beamchain.ports.motions import Array
     from beamchain.structure.modal_data import ModalData
 
@@ -30,6 +30,7 @@ RivalErrors = Mapping[str, Mapping[str, float]]
 
 #: unit of a mode's participation in a port
 PARTICIPATION = {"torsion": "√(kg m²)", "axial": "√kg"}
+ROUNDING = 1e-9  # of the largest coordinate of a mass centre: one below it is zero
 PLANE_PARTICIPATION = "force √kg, moment √kg m"
 
 
@@ -40,6 +41,7 @@ class MatchedMode:
     Args:
         port: whose mode it is.
         number: among the modes of the target, from 1.
+        in_file: its number in the file of imported modes; None where there is none.
         target_frequency, frequency: with the root held, asked for and through MuJoCo [rad/s].
         frequency_error: relative.
         free_frequency: with nothing attached [rad/s]; None where there is no such mode.
@@ -51,6 +53,7 @@ class MatchedMode:
 
     port: str
     number: int
+    in_file: int | None
     target_frequency: float
     frequency: float
     frequency_error: float
@@ -76,6 +79,7 @@ def matched_modes(fit: "Fit", port: str) -> list[MatchedMode]:
         mode = MatchedMode(
             port=port,
             number=j + 1,
+            in_file=_in_file(fit, port, float(target.frequencies[j])),
             target_frequency=float(target.frequencies[j]),
             frequency=float(achieved.frequencies[i]),
             frequency_error=float(error.frequency_errors[match]),
@@ -91,16 +95,52 @@ def matched_modes(fit: "Fit", port: str) -> list[MatchedMode]:
     return modes
 
 
-def mode_table(fit: "Fit", ports: Sequence[str], title: str) -> Table:
-    """Modes of ports: asked for, read back through MuJoCo, how far off."""
-    modes = [
-        mode for port in ports if port in fit.readback_error for mode in matched_modes(fit, port)
+def _in_file(fit: "Fit", port: str, frequency: float) -> int | None:
+    """Number in the file of the kept mode of a frequency [rad/s]; of equal ones the port's."""
+    space = fit.space
+    if space is None or fit.kept_for != "clamped":
+        return None
+
+    def away(number: int) -> tuple[float, bool]:
+        gap = abs(space.data.frequencies[number - 1] / frequency - 1.0)
+        return round(gap, 9), space.data.belongs[number - 1] != port
+
+    return min(space.numbers, key=away)
+
+
+def every_mode(fit: "Fit") -> list[MatchedMode]:
+    """The matched modes of all ports; one that couples ports once, in the port that it moves
+    most."""
+    modes = [mode for port in fit.readback_error for mode in matched_modes(fit, port)]
+    space = fit.space
+    if space is None or not space.couples or fit.kept_for != "clamped":
+        return modes
+    by_number: dict[int, MatchedMode] = {}
+    for mode in modes:
+        assert mode.in_file is not None
+        if mode.in_file not in by_number or space.data.belongs[mode.in_file - 1] == mode.port:
+            by_number[mode.in_file] = mode
+    return [
+        replace(by_number[number], number=k)
+        for k, number in enumerate(space.numbers, 1)
+        if number in by_number
     ]
+
+
+def mode_table(fit: "Fit", ports: Sequence[str] | None, title: str) -> Table:
+    """Modes of ports: asked for, read back through MuJoCo, how far off; `ports` None: of all, each
+    mode once."""
+    if ports is None:
+        modes = every_mode(fit)
+    else:
+        found = [port for port in ports if port in fit.readback_error]
+        modes = [mode for port in found for mode in matched_modes(fit, port)]
     ratios = any(mode.target_damping > 0.0 or mode.damping > 0.0 for mode in modes)
     hertz = [mode.target_frequency / (2.0 * np.pi) for mode in modes]
     columns = [
         Column("port", [mode.port for mode in modes], place="brief"),
         Column("mode", [mode.number for mode in modes], format=whole),
+        *_file_column([mode.in_file for mode in modes]),
         Column("target", [mode.target_frequency for mode in modes], "rad/s", number, place="page"),
         Column("target", hertz, "Hz", number, place="page"),
         Column("through MuJoCo", [mode.frequency for mode in modes], "rad/s", number),
@@ -145,6 +185,13 @@ def mode_table(fit: "Fit", ports: Sequence[str], title: str) -> Table:
             Column("tip motion, relative error", tip_errors, format=relative, place="page")
         )
     return Table(title, tuple(columns))
+
+
+def _file_column(numbers: Sequence[int | None]) -> tuple[Column, ...]:
+    """The numbers of modes in their file; no column where nothing was imported."""
+    if all(number is None for number in numbers):
+        return ()
+    return (Column("mode of the file", numbers, format=whole, missing="-"),)
 
 
 def port_table(fit: "Fit", port: str) -> Table:
@@ -208,8 +255,11 @@ def tendon_table(fit: "Fit") -> Table:
     """The tendons of the chain, one per mode."""
     tendons = fit.chain.tendons
     frequencies = [t.stiffness**0.5 if t.stiffness else None for t in tendons]
+    space = fit.space if fit.kept_for == "clamped" else None
+    in_file = [space.in_file(t.label) if space and t.is_mode else None for t in tendons]
     columns = (
         Column("tendon", [f"{fit.spec.name}_{tendon.label}" for tendon in tendons]),
+        *_file_column(in_file),
         Column("frequency", frequencies, "rad/s", number, missing="-"),
         Column("damping", [tendon.damping for tendon in tendons], "1/s", number),
         Column("armature", [tendon.armature for tendon in tendons], format=number),
@@ -271,23 +321,42 @@ def imported_table(data: "ModalData") -> Table:
     return Table("Imported modes", columns)
 
 
-def effective_mass_table(data: "ModalData") -> Table:
-    """Effective masses in percent of the rigid mass, mode by mode and together, as
-    finite-element programs print them."""
+def effective_mass_table(space: "InSpace") -> Table:
+    """Effective masses in percent of the rigid mass, mode by mode, of the kept ones and of all,
+    as finite-element programs print them."""
+    data = space.data
     shares = 100.0 * data.effective_mass_fractions
-    total = shares.sum(axis=0)
-    frequencies: list[float | None] = [*(data.frequencies / (2.0 * np.pi)).tolist(), None]
+    kept = [k - 1 for k in space.numbers]
+    sums = {"all": shares.sum(axis=0)}
+    if len(kept) < data.modes:
+        sums = {"kept": shares[kept].sum(axis=0), **sums}
+    every = np.vstack([shares, *sums.values()])
+    frequencies: list[float | None] = [*(data.frequencies / (2.0 * np.pi)).tolist()]
+    frequencies += [None] * len(sums)
     motions = ("x", "y", "z", "rot. x", "rot. y", "rot. z")
     columns = (
-        Column("mode", [*(str(k + 1) for k in range(data.modes)), "all"]),
+        Column("mode", [*(str(k + 1) for k in range(data.modes)), *sums]),
         Column("frequency", frequencies, "Hz", digits(7)),
         *(
-            Column(motion, [*share.tolist(), float(whole)], "%", hundredths)
-            for motion, share, whole in zip(motions, shares.T, total, strict=True)
+            Column(motion, share.tolist(), "%", hundredths)
+            for motion, share in zip(motions, every.T, strict=True)
         ),
     )
-    note = "Translations as the finite-element program prints them; rotations about the port."
-    return Table("Effective masses", columns, (note,))
+    notes = (
+        "Translations as the finite-element program prints them; rotations about the port.",
+        f"Kept: {space.kept_words}.",
+        mass_words(data.rigid_mass),
+    )
+    return Table("Effective masses", columns, notes)
+
+
+def mass_words(rigid: "Array") -> str:
+    """Total mass and mass centre of a `(6, 6)` mass matrix about the root."""
+    found = mass_record(rigid)
+    centre = np.array(found["com"])
+    centre[np.abs(centre) < ROUNDING * np.max(np.abs(centre))] = 0.0
+    where = ", ".join(number(float(x)) for x in centre)
+    return f"Total mass {number(found['mass'])} kg, mass centre at ({where}) m from the root."
 
 
 Comparison = tuple[str, float, float]  # what it is, of the beam, of the chain

@@ -50,6 +50,7 @@ def space_record(fit: "Fit") -> dict[str, Any]:
         "modes": [{"belongs": port, "leak": leak} for port, leak in modes],
         "effective_mass_fractions": space.data.effective_mass_fractions,
         "steps": space.data.steps,
+        "kept": space.numbers,
     }
     return {"form": space.form, "space": record}
 
@@ -167,6 +168,8 @@ def embed_record(embedded: "Embedded") -> dict[str, Any]:
                     ],
                 },
                 "target": a.fit.kept_for,
+                "mass_centre": embedded.mass_centres[a.at],
+                **({} if a.fit.space is None else {"modes_of_the_file": a.fit.space.numbers}),
                 "ports": {
                     port: {"frequencies": target.frequencies}
                     for port, target in a.fit.target.items()

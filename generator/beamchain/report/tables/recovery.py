@@ -31,7 +31,13 @@ def recovery_table(recovery: "Recovery") -> Table:
         if recovery.static
         else "the kept modes alone; the root's load and accelerations are those of the spacecraft"
     )
-    return Table(f"Extremes inside the appendage at {recovery.place}", columns, (note,))
+    notes = (note,)
+    if recovery.in_file:
+        numbers = ", ".join(
+            f"{k} ({name})" for name, k in zip(recovery.modes, recovery.in_file, strict=True)
+        )
+        notes = (note, f"modes of the file: {numbers}")
+    return Table(f"Extremes inside the appendage at {recovery.place}", columns, notes)
 
 
 def worst_stations(recovery: "Recovery") -> "list[Extreme]":
@@ -59,6 +65,7 @@ def recovery_record(recovery: "Recovery") -> dict[str, Any]:
         "time": [float(recovery.time[0]), float(recovery.time[-1])],
         "x": recovery.x.tolist(),
         "modes": list(recovery.modes),
+        **({"modes_of_the_file": list(recovery.in_file)} if recovery.in_file else {}),
         "static": recovery.static,
         "extremes": [row._asdict() for row in recovery.extremes],
     }

@@ -6,14 +6,16 @@ from pathlib import Path
 
 from numpy.typing import ArrayLike
 
-from beamchain.checks import of_type, one_of, path_of, positive, whole_number
+from beamchain.checks import list_of_names, of_type, one_of, path_of, positive, whole_number
 from beamchain.errors import InputError
 from beamchain.files import no_file
+from beamchain.ports.motions import Array
 from beamchain.structure.modal_data import ModalData
 from beamchain.structure.readers import (
     craig_bampton,
     nastran_f06,
     nastran_op2,
+    nastran_op4,
     own_format,
     superelement,
 )
@@ -110,6 +112,39 @@ def read_modes(
         .untangled()
     )
     return data if modes is None else data.selected(modes)
+
+
+def read_op4(path: str | Path, names: Sequence[str]) -> dict[str, Array]:
+    """Matrices of an OUTPUT4 file by name, such as the recovery matrices of a superelement.
+
+    Args:
+        path: .op4, as text or binary.
+        names: of the matrices, such as "MUG1" (displacements) and "MEF1" (element forces).
+
+    Returns:
+        A matrix `(rows, columns)` per name, in the units of the file.
+
+    Raises:
+        InputError: the file is missing, cut or spoilt, or does not hold one of them.
+
+    Example:
+        >>> import beamchain as bc
+        >>> from importlib.resources import files
+        >>> delivery = files("beamchain") / "examples" / "wing" / "wing.op4"
+        >>> bc.read_op4(delivery, ["MUG1"])["MUG1"].shape
+        (3, 20)
+    """
+    path = path_of("path", path, "the path of an .op4 file")
+    wanted = [name.upper() for name in list_of_names("names", names)]
+    if what := no_file(path):
+        raise InputError(f"file {str(path)!r} {what}; give the path of the .op4 file.")
+    found = nastran_op4.read_op4(path, set(wanted))
+    for name in wanted:
+        if name not in found:
+            raise InputError(
+                f"file {str(path)!r} holds no {name}; check its name, and that EXTSEOUT wrote it."
+            )
+    return {name: found[name].values for name in wanted}
 
 
 def _read(

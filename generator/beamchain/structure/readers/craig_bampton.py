@@ -23,6 +23,8 @@ MOST = 200  # modes handed on, the lowest
 LARGEST_FILE = 300_000_000
 DETERMINATE = 1e-6  # relative stiffness that may be left at the port
 STRAINED = 1e-4  # relative forces on freedoms that move as one rigid body; wrong axes leave 1
+NOISE = 1e-2  # of a freedom's own scale, below which a sum of terms is rounding and no force
+SOFTEST = 1e-10  # of the stiffest freedom of its kind: stiffness that is rounding (a drilling one)
 ROUNDED = 100.0  # precisions of the numbers that rounding may leave of such forces
 FULL = 1e-12  # relative precision of matrices of all digits
 LOOSE = 1e-13  # pivot over diagonal entry below which a freedom is not held
@@ -242,24 +244,26 @@ def _rigid_motion(
         raise InputError(
             f"{name}: with the {'six ' if len(outer) == 6 else ''}boundary freedoms held the "
             "structure can still move (its stiffness is not positive definite); check "
-            f"{'grids' if boundary.names else 'boundary'}, and that massless freedoms have "
-            "stiffness."
+            f"{'grids and the order of the freedoms' if boundary.names else 'boundary'}, and that "
+            "massless freedoms have stiffness."
         ) from None
     follow = -linalg.cho_solve(factor, k_ib)
     # forces at the port's freedoms: zero where the port is the only support
     forces = k_oo @ motion + k_io.T @ follow
     terms = np.abs(k_oo) @ np.abs(motion) + np.abs(k_io.T) @ np.abs(follow)
-    strained = float(np.max(np.abs(forces) / np.maximum(terms, 1e-12 * np.max(terms) + 1e-300)))
+    shares = np.abs(forces) / np.maximum(terms, NOISE * _largest_forces(k_oo, motion))
+    strained = float(np.max(shares))
     if boundary.names:
         limit = max(STRAINED, ROUNDED * precision)
-        relative = np.max(np.abs(forces), axis=1) / np.max(terms, axis=1).clip(1e-300)
         if strained > limit:
+            relative = np.max(np.abs(forces), axis=1) / np.max(terms, axis=1).clip(1e-300)
+            relative[np.max(shares, axis=1) <= limit] = 0.0
             worst = boundary.names[int(np.argmax(relative))]
             raise InputError(
                 f"{name}: moving the interface grids as one rigid body strains the structure "
                 f"(forces of {strained:.1e} of their terms, most at {worst}, where {limit:.0e} is "
                 "taken); check the places and axes of the grids and the order of the freedoms, or "
-                "the structure is held elsewhere too."
+                "the structure is held elsewhere too, or mass and stiffness are exchanged."
             )
         return follow, strained
     condensed = motion.T @ forces
@@ -271,3 +275,19 @@ def _rigid_motion(
             "too, or boundary does not name the port's freedoms in the order x, y, z, rotations."
         )
     return follow, strained
+
+
+def _largest_forces(stiffness: Array, motion: Array) -> Array:
+    """`(b, 6)` forces that no freedom of the port exceeds under a motion of the port: by
+    Cauchy-Schwarz |K_i u| <= sqrt(K_ii u^T K u), with the diagonal of K in the energy.
+
+    A sum of terms far below it is zero by symmetry, and its terms are rounding.
+    """
+    diagonal = np.diag(stiffness).clip(0.0)
+    own = diagonal.copy()
+    shifts = np.any(motion[:, :3] != 0.0, axis=1)  # the others are rotations, in other units
+    for kind in (shifts, ~shifts):
+        if np.any(kind):
+            own[kind] = np.maximum(own[kind], SOFTEST * np.max(own[kind]))
+    energy = np.sum(diagonal[:, None] * motion**2, axis=0)  # R^T diag(K) R
+    return np.sqrt(np.outer(own, energy)) + 1e-300

@@ -12,7 +12,7 @@ from beamchain.structure.readers.bounded import check_size, npz_arrays, text
 from beamchain.structure.recovery_rows import RecoveryRows
 
 ENDINGS = (".npz", ".toml")
-ARRAYS = ("names", "units", "modes", "accelerations", "root")
+ARRAYS = ("names", "units", "modes", "accelerations", "root", "points")
 
 
 class Row(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -23,6 +23,7 @@ class Row(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     modes: tuple[float, ...] = ()
     accelerations: tuple[float, ...] = ()
     root: tuple[float, ...] = ()
+    point: tuple[float, ...] = ()
 
 
 class RowsFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -39,6 +40,11 @@ def read_recovery(path: str | Path) -> RecoveryRows:
     """
     path = path_of("recovery", path, "the path of a file of recovery rows")
     kind = path.suffix.lower()
+    if kind == ".op4":
+        raise InputError(
+            f"file {str(path)!r} holds matrices, not rows; take MUG1 or MEF1 out of it with "
+            "bc.read_op4, and give rows made of them (RecoveryRows, or a .npz)."
+        )
     if kind not in ENDINGS:
         raise InputError(
             f"file {str(path)!r} has an unknown ending; recovery rows are read from "
@@ -87,20 +93,25 @@ def _of_toml(path: Path) -> RecoveryRows:
     except msgspec.ValidationError as error:
         raise InputError(
             f"file {str(path)!r}: {error}; a file of recovery rows holds [[row]] with name, unit, "
-            "modes, accelerations and root."
+            "modes, accelerations, root and point."
         ) from None
     except (ValueError, RecursionError) as error:
         raise InputError(
             f"file {str(path)!r} is no TOML ({error}); it is cut or mangled: write it again."
         ) from None
     arrays: dict[str, np.ndarray] = {}
-    for name in ("modes", "accelerations", "root"):
-        lists = [getattr(row, name) for row in given.row]
+    for name, key in (
+        ("modes", "modes"),
+        ("accelerations", "accelerations"),
+        ("root", "root"),
+        ("points", "point"),
+    ):
+        lists = [getattr(row, key) for row in given.row]
         width = max((len(values) for values in lists), default=0)
         for row, values in zip(given.row, lists, strict=True):
             if values and len(values) != width:
                 raise InputError(
-                    f"file {str(path)!r}: row {row.name!r} has {len(values)} numbers in {name}, "
+                    f"file {str(path)!r}: row {row.name!r} has {len(values)} numbers in {key}, "
                     f"others have {width}; give each as many."
                 )
         arrays[name] = np.array([values or (0.0,) * width for values in lists])

@@ -34,6 +34,10 @@ from beamchain.structure.readers.nastran_op4 import Matrix, read_op4
 #: Names under which mass and stiffness are delivered, the likeliest first.
 MASS = ("MXX", "MAAX", "MAA", "M", "MASS")
 STIFFNESS = ("KXX", "KAAX", "KAA", "K", "STIFF")
+FREE = (
+    "Free-free modes without interface grids cannot be read: ask for a fixed-interface "
+    "(Craig-Bampton) run with the interface in the a-set."
+)
 Triple = tuple[float, float, float]
 
 
@@ -122,7 +126,7 @@ def read(path: Path, subcase: int | None, interface: Interface) -> ModalData:
             raise InputError(
                 f"{path.name!r} holds matrices of {size} freedoms, but the grids and scalar points "
                 f"of {source} make {len(order)}; put the .pch with its EXTRN beside it, or give "
-                "grids."
+                f"grids. {FREE}"
             )
         rows, points = _rows_of(order, bulk.grids), bulk.grids
     return _modal_data(path, (mass, stiffness), rows, points, source, interface.ports)
@@ -185,7 +189,7 @@ def _chosen(path: Path, matrices: Mapping[str, Matrix]) -> tuple[Matrix, Matrix]
             have = ", ".join(sorted(matrices)) or "none of them"
             raise InputError(
                 f"file {str(path)!r} holds no {what} (tried {', '.join(names)}; it holds {have}); "
-                "write it with EXTSEOUT."
+                "write it with EXTSEOUT, or rename the matrices."
             )
         out.append(matrices[name])
     shapes = [matrix.values.shape for matrix in out]
@@ -209,7 +213,9 @@ def _bulk_beside(path: Path, asm: Path | None) -> tuple[Bulk, str]:
         )
     bulk = read_bulk(found)
     if not bulk.grids:
-        raise InputError(f"file {str(found)!r} holds no GRID; give the assembly file, or grids.")
+        raise InputError(
+            f"file {str(found)!r} holds no GRID; give the assembly file, or grids. {FREE}"
+        )
     punch = path.with_suffix(".pch")
     if not bulk.connected and path.suffix.lower() != ".pch" and punch.is_file():
         beside = read_bulk(punch)

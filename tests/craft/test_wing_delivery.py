@@ -1,0 +1,362 @@
+"""A delivery as a structural engineer has it, from its files to the loads at each foot, against the
+mesh that it was made from (`support/superelements.py`, which shares nothing with the package)."""
+
+import json
+import shutil
+from functools import cache
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+
+import beamchain as bc
+import superelements as se
+from beamchain.errors import EngineError
+from beamchain.report.tables import fit as tables
+from command import call
+
+WING = se.wing_on_two_feet(se.SHIPPED)
+SQUARES = eigh(WING.mesh_stiffness[12:, 12:], WING.mesh_mass[12:, 12:], eigvals_only=True)
+FREQUENCIES = np.sqrt(SQUARES)
+AXES = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # of the appendage
+ROOT = np.mean(list(se.FEET.values()), axis=0)  # mm
+CORNER = AXES @ (np.array([500.0, -4900.0, 350.0]) - ROOT) * 1e-3  # m, from the root
+MUJOCO = 1e-8  # mjd_transitionFD
+EXACT = 1e-6  # of values that MuJoCo integrates or differences
+CRAFT = """<mujoco><option gravity="0 0 0" timestep="0.001"/><worldbody>
+<body name="bus"><freejoint/>
+<inertial pos="0.1 0 0" mass="200" diaginertia="60 75 50"/>
+<site name="mount" pos="0.8 0.2 0.1" xyaxes="0 1 0 -1 0 0"/></body></worldbody></mujoco>"""
+BASE = {"file": "wing.op4", "axes": AXES.tolist(), "units": {"length": 1e-3, "mass": 1e3}}
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A folder with the shipped delivery."""
+    monkeypatch.chdir(tmp_path)
+    for path in (Path(bc.__file__).parent / "examples" / "wing").iterdir():
+        shutil.copy(path, path.name)
+    return tmp_path
+
+
+def wing(damping=0.005, **imported):
+    """The specification of the delivery, with some keys of [imported]."""
+    lines = [f"{key} = {toml(value)}" for key, value in (BASE | imported).items()]
+    text = "\n".join(['name = "wing"', "[imported]", *lines])
+    text += f"\n[damping]\nratio = {toml(damping)}\n"
+    Path("spec.toml").write_text(text)
+    return bc.read_spec("spec.toml")
+
+
+def toml(value):
+    """A value as TOML."""
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{key} = {toml(one)}" for key, one in value.items()) + " }"
+    return json.dumps(value)
+
+
+def rigid_mass():
+    """`(6, 6)` of the mesh about the root, in basic axes, mm and t."""
+    blocks = [
+        np.block([[np.eye(3), -cross(np.array(p) - ROOT)], [np.zeros((3, 3)), np.eye(3)]])
+        for p in WING.nodes
+    ]
+    motion = np.vstack(blocks)
+    return motion.T @ WING.mesh_mass @ motion
+
+
+def cross(v):
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+
+
+# -- which modes are kept, by their numbers in the file --------------------------------------------
+KEPT = (1, 2, 4, 7)
+
+
+def test_kept_modes_have_their_numbers_in_the_file(folder):
+    fit = bc.fit(wing(modes=list(KEPT)))
+    assert "Kept: modes 1, 2, 4, 7 of the 8 of the file." in fit.status.message
+    assert fit.as_dict()["space"]["kept"] == KEPT
+    shown = tables.mode_table(fit, None, "")
+    heads = dict(zip(shown.head, zip(*shown.rows, strict=True), strict=True))
+    assert heads["mode of the file"] == ("1", "2", "4", "7")  # each once, not once per port
+    found = [float(w) for w in heads["through MuJoCo, rad/s"]]
+    assert found == pytest.approx(FREQUENCIES[[k - 1 for k in KEPT]], rel=1e-5)
+    tendons = tables.tendon_table(fit)
+    column = {c.name: c.values for c in tendons.columns}
+    numbered = [
+        (number, w)
+        for number, w in zip(column["mode of the file"], column["frequency"], strict=True)
+        if number is not None
+    ]
+    assert sorted(number for number, _ in numbered) == list(KEPT)
+    for number, w in numbered:
+        assert w == pytest.approx(FREQUENCIES[number - 1], rel=MUJOCO)
+
+
+def test_effective_masses_of_kept_modes_and_of_all(folder):
+    fit = bc.fit(wing(modes=list(KEPT)))
+    table = tables.effective_mass_table(fit.space)
+    *_, kept, every = table.rows
+    assert (kept[0], every[0]) == ("kept", "all")
+    shapes = eigh(WING.mesh_stiffness[12:, 12:], WING.mesh_mass[12:, 12:])[1][:, : se.SHIPPED]
+    along = np.tile(np.r_[0.0, 0.0, 1.0, 0.0, 0.0, 0.0], len(WING.nodes))  # z of all nodes
+    share = 100.0 * (shapes.T @ (WING.mesh_mass @ along)[12:]) ** 2 / rigid_mass()[2, 2]
+    assert float(kept[4]) == pytest.approx(share[[k - 1 for k in KEPT]].sum(), abs=0.006)
+    assert float(every[4]) == pytest.approx(share.sum(), abs=0.006)
+    mass = rigid_mass()[0, 0] * 1e3
+    assert any(f"Total mass {mass:.6g} kg, mass centre at (" in note for note in table.notes)
+
+
+def test_embed_says_which_modes_are_kept_and_where_the_mass_stands(folder):
+    Path("craft.xml").write_text(CRAFT)
+    wing(modes=list(KEPT))
+    status, out, _ = call("embed", "craft.xml", "--at", "mount=spec.toml", "-o", "f.xml")
+    assert status == 0
+    assert "kept: modes 1, 2, 4, 7 of the 8 of the file." in " ".join(out.split())
+    flexible = bc.embed("craft.xml", {"mount": "spec.toml"})
+    record = flexible.as_dict()["appendages"][0]
+    assert record["modes_of_the_file"] == KEPT
+    mass = rigid_mass()
+    centre = AXES @ np.array([mass[1, 5], mass[2, 3], mass[0, 4]]) / mass[0, 0] * 1e-3
+    mount = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # columns: x, y, z
+    wanted = np.array([0.8, 0.2, 0.1]) + mount @ centre
+    assert flexible.mass_centres["mount"] == pytest.approx(wanted, abs=1e-9)
+    assert record["mass_centre"] == pytest.approx(wanted, abs=1e-9)
+    page = " ".join(Path("f_report.html").read_text().split())
+    assert "and every imported appendage by all modes in its file" in page
+    assert "4, coupled: modes 1, 2, 4, 7 of the 8 of the file" in page
+
+
+# -- loads of each foot, accelerations of a point --------------------------------------------------
+@cache
+def rigid():
+    """`(12, 6)` motion of both feet, mm and rad in their own axes, per m and rad of the root."""
+    rows = []
+    for grid, turn in ((1, np.eye(3)), (2, se.FEET_TURN)):
+        away = np.array(se.FEET[grid]) - ROOT
+        own = np.block([[np.eye(3), -cross(away)], [np.zeros((3, 3)), np.eye(3)]])
+        rows.append(np.kron(np.eye(2), turn) @ own)
+    return np.vstack(rows) @ np.kron(np.eye(2), AXES.T) @ np.diag([1e3] * 3 + [1.0] * 3)
+
+
+def foot_rows():
+    """Forces of both feet on the spacecraft, N and N mm, and accelerations of the corner, mm/s^2,
+    the last ones with the place of the corner."""
+    mass, corner = WING.mass, WING.corner
+    names = [f"foot{foot} {c}" for foot in (1, 2) for c in ("x", "y", "z", "rx", "ry", "rz")]
+    return bc.RecoveryRows(
+        names=[*names, "corner x", "corner y", "corner z"],
+        accelerations=np.vstack([-mass[:12, 12:], corner[:, 12:]]),
+        root=np.vstack([-mass[:12, :12] @ rigid(), corner[:, :12] @ rigid()]),
+        points=np.vstack([np.zeros((12, 3)), np.tile(CORNER, (3, 1))]),
+    )
+
+
+def test_forces_of_the_feet_add_up_to_the_load_of_the_root(folder):
+    flexible = bc.embed(CRAFT, {"mount": wing()})
+    data = mujoco.MjData(flexible.model)
+    record = flexible.recorder()
+    for _ in range(300):
+        data.xfrc_applied[1] = [3e-3, -2e-3, 1e-3, 3e-4, 2e-4, -4e-4]
+        record(data)
+        mujoco.mj_step(flexible.model, data)
+    found = flexible.recover(record, rows=foot_rows())
+    feet = found.rows[:, :12]
+    force = (feet[:, :3] + feet[:, 6:9] @ se.FEET_TURN) @ AXES.T  # basic, then appendage axes
+    moment = np.zeros_like(force)
+    for grid, own, turn in ((1, feet[:, :6], np.eye(3)), (2, feet[:, 6:], se.FEET_TURN)):
+        arm = np.array(se.FEET[grid]) - ROOT
+        moment += own[:, 3:] @ turn + np.cross(arm, own[:, :3] @ turn)
+    moment = 1e-3 * moment @ AXES.T
+    # what remains is of second order in the motion: a spin of 2e-6 rad/s
+    assert np.max(np.abs(force - found.root_force)) < EXACT * np.max(np.abs(found.root_force))
+    assert np.max(np.abs(moment - found.root_moment)) < EXACT * np.max(np.abs(found.root_moment))
+    kept = bc.embed(CRAFT, {"mount": wing(modes=list(KEPT))})
+    part = kept.recover(mujoco.MjData(kept.model))
+    numbers = dict(zip(part.modes, part.in_file, strict=True))
+    assert numbers == {f"mode{i}": number for i, number in enumerate(KEPT, 1)}
+    assert any("7 (mode4)" in note for note in part.table.notes)
+    assert part.as_dict()["modes_of_the_file"] == list(part.in_file)
+
+
+def test_element_forces_hold_what_the_modes_of_the_file_hold(folder):
+    """No mode of the file moves along x: a push along x loads the feet, and the bar hardly."""
+    bar = bc.RecoveryRows(names=["fx", "fy", "fz"], modes=WING.bar[:3, 12:])
+    craft = CRAFT.replace("<freejoint/>", '<joint type="slide" axis="0 1 0"/>')
+    flexible = bc.embed(craft, {"mount": wing()})
+    data = mujoco.MjData(flexible.model)
+    data.xfrc_applied[1, 1] = 1.0  # the appendage's x is the craft's y
+    feet = flexible.recover(data, rows=foot_rows()).rows[0]
+    root = flexible.recover(data).root_force[0]
+    along = -(feet[1] + feet[6])  # basic y of both feet; component 1 of the second points along y
+    assert along == pytest.approx(root[0], rel=1e-6)
+    history = flexible.recorder()
+    for _ in range(500):
+        history(data)
+        mujoco.mj_step(flexible.model, data)
+    held = np.max(np.abs(flexible.recover(history, rows=bar).rows[:, 1]))
+    assert held < 0.05 * abs(root[0]) / 2.0  # half of it is the foot's, and truly the bar's
+
+
+def test_a_point_has_the_centripetal_acceleration_of_a_spin(folder):
+    """Of a point that moves with the root, against MuJoCo's accelerometer there."""
+    at = np.array([0.8, 0.2, 0.1]) + np.array([-CORNER[1], CORNER[0], CORNER[2]])
+    site = f'<site name="corner" pos="{" ".join(map(str, at))}" xyaxes="0 1 0 -1 0 0"/></body>'
+    sensor = '<sensor><accelerometer name="felt" site="corner"/></sensor></mujoco>'
+    craft = CRAFT.replace("</body>", site).replace("</mujoco>", sensor)
+    flexible = bc.embed(craft, {"mount": wing()}, retime=False)
+    data = mujoco.MjData(flexible.model)
+    data.qvel[3:6] = [0.3, -0.2, 0.5]
+    data.xfrc_applied[1] = [3.0, -2.0, 1.0, 0.3, 0.2, -0.4]
+    rows = foot_rows()
+    still = np.zeros((3, se.SHIPPED))
+    last = {"names": rows.names[-3:], "accelerations": still, "root": rows.root[-3:]}
+    found = flexible.recover(data, rows=bc.RecoveryRows(**last, points=rows.points[-3:])).rows[0]
+    bare = flexible.recover(data, rows=bc.RecoveryRows(**last)).rows[0]
+    mujoco.mj_forward(flexible.model, data)
+    felt = AXES.T @ data.sensor("felt").data * 1e3  # mm/s^2 in basic axes
+    assert found == pytest.approx(felt, rel=EXACT, abs=EXACT * np.max(np.abs(felt)))
+    assert np.max(np.abs(bare - felt)) > 0.1 * np.max(np.abs(felt))
+
+
+def test_points_in_files_and_points_that_do_not_move(folder):
+    rows = foot_rows()
+    arrays = {key: getattr(rows, key) for key in ("names", "accelerations", "root", "points")}
+    np.savez("rows.npz", **arrays)
+    row = rows.root[-1].tolist()
+    Path("rows.toml").write_text(
+        '[[row]]\nname = "corner z"\naccelerations = [0, 0, 0, 0, 0, 0, 0, 0]\n'
+        f"root = {row}\npoint = {CORNER.tolist()}\n"
+    )
+    flexible = bc.embed(CRAFT, {"mount": wing()})
+    data = mujoco.MjData(flexible.model)
+    data.qvel[3:6] = [0.3, -0.2, 0.5]
+    by_array = flexible.recover(data, rows="rows.npz").rows
+    assert by_array == pytest.approx(flexible.recover(data, rows=rows).rows)
+    spin = np.array([0.3, -0.2, 0.5]) @ np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    centripetal = 1e3 * np.cross(spin, np.cross(spin, CORNER))[2]
+    with_point = flexible.recover(data, rows="rows.toml").rows[0, 0]
+    Path("rows.toml").write_text(Path("rows.toml").read_text().rpartition("point")[0])
+    without = flexible.recover(data, rows="rows.toml").rows[0, 0]
+    assert with_point - without == pytest.approx(centripetal, rel=1e-9)
+    with pytest.raises(bc.InputError, match="row 'a' has a point, but no motion with the root"):
+        bc.RecoveryRows(names=["a"], modes=[[1.0]], points=[[1.0, 0.0, 0.0]])
+
+
+def test_extremes_name_what_is_rigid_and_what_is_nothing(folder):
+    flexible = bc.embed(CRAFT, {"mount": wing()})
+    data = mujoco.MjData(flexible.model)
+    data.qvel[3:6] = [0.0, 0.0, 0.5]
+    still = bc.RecoveryRows(names=["still"], modes=np.zeros((1, se.SHIPPED)))
+    found = {row.quantity: row for row in flexible.recover(data, rows=still).extremes}
+    assert found["root force x"].largest_from == "rigid motion and modes left out"
+    assert found["still"].largest_from == "nothing"
+
+
+def test_rows_that_do_not_fit_the_file_are_refused_before_a_run(folder):
+    np.savez("rows.npz", names=["a"], modes=np.ones((1, 20)))
+    spec = wing(recovery="rows.npz")
+    for job in (lambda: bc.fit(spec), lambda: bc.embed(CRAFT, {"mount": spec})):
+        with pytest.raises(bc.InputError, match="have 20 columns, but the file holds 8 modes"):
+            job()
+    flexible = bc.embed(CRAFT, {"mount": wing()})
+    with pytest.raises(bc.InputError, match="holds matrices, not rows; take MUG1 or MEF1 out"):
+        flexible.recover(mujoco.MjData(flexible.model), rows="wing.op4")
+
+
+# -- damping and units -----------------------------------------------------------------------------
+def codes(warnings):
+    return {warning.code for warning in warnings}
+
+
+def test_damping_by_mode_of_the_file(folder):
+    listed = [0.01, 0.002, 0.003, 0.004]
+    fit = bc.fit(wing(listed))
+    wanted = np.array([*listed, *[0.004] * 4])
+    assert fit.space.data.damping == pytest.approx(wanted)
+    for mode in tables.every_mode(fit):  # read back from MuJoCo
+        assert mode.damping == pytest.approx(wanted[mode.in_file - 1], rel=1e-6)
+    assert "undamped-modes" not in codes(fit.warnings)
+    flexible = bc.embed(CRAFT, {"mount": wing(listed)})
+    flexible.write("flexible.xml")  # whose mark holds the list
+    again = bc.prove("flexible.xml").appendages[0].fit.space.data.damping
+    assert again == pytest.approx(wanted)
+    with pytest.raises(bc.InputError, match="ratio holds 9 values, but wing.op4 has 8 modes"):
+        bc.fit(wing([0.01] * 9))
+    with pytest.raises(bc.InputError, match=r"ratio\[1\] = 1.5 is not an oscillation"):
+        wing([0.01, 1.5])
+    assert bc.read_spec("wing.toml").replace(damping=[0.01, 0.02]).damping.ratio == (0.01, 0.02)
+    beam = bc.Segment(length=8.0, section=bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0))
+    with pytest.raises(bc.InputError, match="a list, which is per mode of an imported file"):
+        bc.Spec(segment=(beam,), damping=[0.01, 0.02])
+
+
+def test_a_table_that_leaves_modes_undamped_is_asked_about(folder):
+    spec = wing({"xz": [0.005, 0.01]})
+    fit = bc.fit(spec)
+    (warning,) = [w for w in fit.warnings if w.code == "undamped-modes"]
+    bare = [k + 1 for k, port in enumerate(fit.space.data.belongs) if port != "xz"]
+    assert f"leaves modes {', '.join(map(str, bare))} of the file" in warning
+    assert np.all(fit.space.data.damping[[k - 1 for k in bare]] == 0.0)
+    assert "undamped-modes" in codes(bc.embed(CRAFT, {"mount": spec}).warnings)
+
+
+def test_forgotten_units_are_asked_about(folder):
+    (asked,) = [w for w in bc.fit(wing(units={})).warnings if w.code == "file-units"]
+    assert "need units = { length = 1e-3, mass = 1e3 }" in asked
+    assert "file-units" in codes(bc.fit(wing(units={"length": 1e-3})).warnings)  # 0.7 g/m
+    assert "file-units" not in codes(bc.fit(wing()).warnings)
+    with pytest.raises(EngineError, match=r"Check imported.units \(length = 0.001, mass = 1e-13\)"):
+        bc.fit(wing(units={"length": 1e-3, "mass": 1e-13}))
+
+
+def test_a_table_in_place_of_an_object(folder):
+    spec = bc.read_spec("wing.toml")
+    by_table = bc.Spec(imported=spec.imported, modes={"xz": 2, "xy": 1}, damping=0.005)
+    assert by_table.modes.counts() == {"xy": 1, "xz": 2}
+    assert by_table.damping.ratio == 0.005
+    with pytest.raises(
+        bc.InputError, match=r"scene = \{'bandwidth': 5.0\} is a dict; give a Scene"
+    ):
+        bc.Spec(imported=spec.imported, scene={"bandwidth": 5.0})
+
+
+# -- the step, the terminal ------------------------------------------------------------------------
+def test_a_step_that_misses_poles_says_first_what_helps(folder):
+    craft = CRAFT.replace('timestep="0.001"', 'timestep="0.02" integrator="implicitfast"')
+    flexible = bc.embed(craft, {"mount": wing()}, retime=True)
+    (note,) = [w for w in flexible.warnings if w.code == "time-error"]
+    assert note.startswith("take Euler, or a shorter step")
+    assert "in the rest pose" in note
+    flexible.write("flexible.xml")
+    status, out, _ = call("inspect", "flexible.xml")
+    assert status == 0
+    assert "the appendages have timing for implicitfast at 0.02 s" in " ".join(out.split())
+    assert "exact in time" not in out
+
+
+def test_init_writes_a_delivery_that_fits(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    status, out, _ = call("init", "wing")
+    assert status == 0
+    assert sorted(p.name for p in tmp_path.iterdir()) == [
+        "wing.asm",
+        "wing.op4",
+        "wing.pch",
+        "wing.toml",
+    ]
+    Path("wing.toml").unlink()
+    status, _, err = call("init", "wing")
+    assert status == 2
+    assert "wing.asm" in err
+    assert not Path("wing.toml").exists()
+    assert call("init", "wing", "--force")[0] == 0
+    status, out, _ = call("fit", "wing.toml", "-o", "out")
+    assert status == 0
+    said = " ".join(out.split())
+    assert "rigid body by" not in said  # 1e-12 of rounding is not worth a sentence
+    assert "grids 1, 2 of wing.asm held as one rigid body" in said
+    assert "(800, -900, 350): place the spacecraft's site there" in said
