@@ -8,6 +8,7 @@ from beamchain.engine.linearise import compile_model
 from beamchain.fitting.options import Scene
 from beamchain.fitting.spec import Spec
 from beamchain.mjcf import write
+from beamchain.mjcf.tank import tank_shapes
 from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.retime import retime
 from beamchain.steps.retime_file import put_hinge_armature, put_time
@@ -26,6 +27,7 @@ def appendage_tree(spec: Spec, chain: Chain, line: MassLine) -> Element:
         sites=spec.sites(line.length),
         contacts=scene.contacts,
         readings=write.Readings(sensors.modes, sensors.points, sensors.root_load),
+        shapes=None if spec.slosh is None else tank_shapes(spec.slosh, chain),
     )
 
 

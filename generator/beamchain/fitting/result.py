@@ -213,11 +213,16 @@ class Fit:
     @cached_property
     def large_motion(self) -> tuple[dict[str, LargeMotion], tuple[str, ...]]:
         """Large-motion limits per bending plane, and the reasons if one could not be computed."""
-        if self.spec.imported is not None:
+        if not self.spec.is_beam:
             why = (
                 "large motion is compared with a chain of 60 links of the beam, which imported "
                 "modes do not have."
             )
+            if self.spec.slosh is not None:
+                why = (
+                    "a liquid is a pendulum up to angles of some 10 degrees between its surface "
+                    "and the bottom; beyond, it breaks, which no pendulum does."
+                )
             return {}, (Caution("large-motion-unknown", why),)
         modes = {port: target.modes for port, target in self.target.items()}
         hub = self.spec.root.hub

@@ -138,12 +138,14 @@ def appendage_document(
     sites: Mapping[str, float] | None = None,
     contacts: bool = False,
     readings: "Readings | None" = None,
+    shapes: Sequence[list[Shape]] | None = None,
 ) -> Element:
     """The drop-in file: link bodies, nested from the root outwards; x points along the appendage.
 
     Geoms have no mass: `visuals` looks like the `beam`, a thin bar without it; `contacts` in place
     of them are capsules that touch other things, never each other or what carries the appendage.
-    `sites`: x by name; the tip where left out.
+    `sites`: x by name; the tip where left out. `shapes`: what is drawn of each link, in place of
+    what follows from the `beam`.
     """
     _check_links(chain)
     places = {"tip": chain.length} if sites is None else sites
@@ -152,16 +154,22 @@ def appendage_document(
     world = find(root, "worldbody")
     prototype = find(world, "body")
     world.remove(prototype)
-    parent = world
-    origin = 0.0
+    bodies: list[Element] = []
+    origins: list[float] = []
     for i, link in enumerate(chain.links):
         body = deepcopy(prototype)
         hinge = chain.hinges[i - 1] if i else None
         x = hinge.x if hinge else 0.0
+        carrier = chain.carrier(i) if i else -1
+        origin = origins[carrier] if i else 0.0
         set_attributes(body, name=f"{name}_link{i + 1}", pos=[x - origin, 0.0, 0.0])
         _add_joints(body, name, index=i, hinge=hinge)
         _set_inertial(find(body, "inertial"), link, x)
-        drawn = _drawn_shapes(link, beam, chain.length, contacts=contacts, visuals=visuals)
+        drawn = (
+            _drawn_shapes(link, beam, chain.length, contacts=contacts, visuals=visuals)
+            if shapes is None
+            else shapes[i] * visuals
+        )
         _add_geoms(body, f"{name}_shape{i + 1}", drawn, x=x, length=chain.length)
         end = np.inf if i == len(chain.links) - 1 else chain.hinges[i].x
         points = {"root": 0.0} if i == 0 else {}
@@ -172,9 +180,9 @@ def appendage_document(
             site = deepcopy(site_prototype)
             set_attributes(site, name=f"{name}_{point}", pos=[place - x, 0.0, 0.0])
             body.append(site)
-        parent.append(body)
-        parent = body
-        origin = x
+        (bodies[carrier] if i else world).append(body)
+        bodies.append(body)
+        origins.append(x)
     _add_tendons(root, name, chain)
     if readings is not None:
         _add_sensors(root, name, chain=chain, readings=readings)
@@ -241,6 +249,8 @@ def _add_geoms(
         along, *across = shape.half
         if shape.kind == "box":
             set_attributes(geom, size=shape.half)
+        elif shape.kind == "sphere":
+            set_attributes(geom, size=along)
         elif shape.kind == "cylinder":
             set_attributes(geom, size=[max(across), along], quat=ALONG_X)
         else:
