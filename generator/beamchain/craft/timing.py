@@ -152,7 +152,7 @@ def attitude_warnings(model: "mujoco.MjModel", appendages: Sequence[Appendage]) 
 def fit_on_tendons(fit: Fit) -> Fit:
     """The fit with a tendon per mode, on the same bodies."""
     chain = fit.chain
-    if chain.tendons and any(t.stiffness > 0.0 for t in chain.tendons):
+    if chain.hung or (chain.tendons and any(t.stiffness > 0.0 for t in chain.tendons)):
         return fit
     ratios = {
         port: chain.damped(port).damping
