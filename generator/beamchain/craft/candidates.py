@@ -48,7 +48,11 @@ def _kept(a: Appendage) -> Mapping[str, PortModel]:
 def free_ports(spec: Spec) -> tuple[str, ...]:
     """Ports whose number of modes was not typed."""
     typed = spec.modes is not None and not spec.chooses
-    if spec.slosh is not None or typed or (spec.imported is not None and spec.imported.modes is not None):
+    if (
+        spec.slosh is not None
+        or typed
+        or (spec.imported is not None and spec.imported.modes is not None)
+    ):
         return ()
     given = {} if spec.modes is None else spec.modes.given()
     return tuple(port for port in PORTS if port not in given)

@@ -319,7 +319,10 @@ class Pose:
             return [item.kept for item in self.carried]
         return [
             np.array(
-                [np.any(np.isclose(item.slack * item.whole.frequencies[item.kept], w)) for w in each]
+                [
+                    np.any(np.isclose(item.slack * item.whole.frequencies[item.kept], w))
+                    for w in each
+                ]
             )
             for item, model in zip(self.carried, self.models, strict=True)
             for each in [model.frequencies]

@@ -60,8 +60,8 @@ class HangingLiquid:
 
 def hanging_liquid(liquid: Slosh) -> HangingLiquid:
     """The liquid with all lateral modes of the reference."""
-    parts = liquid.modes(KNOWN)
-    model = limp_model(liquid, SLACK, KNOWN)
+    parts = liquid.pendulums()
+    model = limp_model(liquid, SLACK)
     fixed = liquid.mass - float(parts.masses.sum())
     first = liquid.mass * liquid.height / 2.0 - float(parts.masses @ parts.heights)
     about = model.rigid_mass[5, 5] - float(parts.masses @ parts.heights**2) - first**2 / fixed

@@ -4,6 +4,7 @@ Without acceleration their pendulums are limp; where no load acts, they are comp
 sprung by their stated acceleration.
 """
 
+import copy
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -75,3 +76,15 @@ def _tilt(item: Carried, axes: Array, pose: str, loading: Loading) -> list[str]:
         "for an estimate."
     )
     return [Caution("slosh-tilt", text)]
+
+
+def with_liquids_sprung(model: "mujoco.MjModel", carried: Sequence[Carried]) -> "mujoco.MjModel":
+    """A copy in which liquids stand on springs as at their stated acceleration, as the exact ones
+    without a load do; the model itself where there are none."""
+    tanks = [item for item in carried if item.springs is not None and item.dofs]
+    if not tanks:
+        return model
+    out = copy.copy(model)
+    for item in tanks:
+        out.jnt_stiffness[out.dof_jntid[item.dofs]] += item.springs
+    return out

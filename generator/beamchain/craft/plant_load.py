@@ -55,9 +55,7 @@ def under_load(craft: LinearCraft, model: "mujoco.MjModel", at: At) -> tuple[Lin
     internal = internal_stiffness(linear.stiffness, load)
     check_standing(internal, load)
     names, rows = cantilever_names(craft.point.model, linear.mass, internal)
-    changed = replace(
-        craft, linear=linear, names=tuple(names), rows=rows, internal=internal
-    )
+    changed = replace(craft, linear=linear, names=tuple(names), rows=rows, internal=internal)
     return changed, load
 
 
@@ -71,4 +69,3 @@ def check_standing(stiffness: Array, load: Loading) -> None:
             "negative): a liquid pressed away from its tank's bottom, or a loose joint that hangs "
             "upside down; turn the thrust, or hold that joint by a spring or a servo."
         )
-

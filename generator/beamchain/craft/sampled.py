@@ -1,10 +1,10 @@
 """The error of a whole spacecraft at its own step:
 the file as MuJoCo steps it against exact appendages, pose by pose."""
 
-import copy
 from collections.abc import Mapping, Sequence
 
 from beamchain.craft.error import Pose, counterpart
+from beamchain.craft.liquid import with_liquids_sprung
 from beamchain.engine.library import mujoco
 from beamchain.engine.linear import Linear
 from beamchain.engine.mount import motion
@@ -51,7 +51,7 @@ def pose_sampled_error(
 ) -> SampledError:
     """The error of the quiet compiled `model` at `qpos`,
     which is the `pose` of the bare `craft`."""
-    model = _with_liquids_sprung(model, pose)
+    model = with_liquids_sprung(model, pose.carried)
     body = counterpart(craft, model, pose.body)
     data = rest_point(model, qpos).data()
     rows = motion(model, data, body, data.xpos[body], data.xmat[body].reshape(3, 3))
@@ -63,15 +63,3 @@ def pose_sampled_error(
         frozen=pose.frozen,
         band=pose.band,
     )
-
-
-def _with_liquids_sprung(model: "mujoco.MjModel", pose: Pose) -> "mujoco.MjModel":
-    """A copy in which liquids stand on springs as at their stated acceleration, as the exact ones
-    without a load do; the model itself where there are none."""
-    tanks = [item for item in pose.carried if item.springs is not None and item.dofs]
-    if not tanks:
-        return model
-    out = copy.copy(model)
-    for item in tanks:
-        out.jnt_stiffness[out.dof_jntid[item.dofs]] += item.springs
-    return out

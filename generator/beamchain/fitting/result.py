@@ -469,7 +469,7 @@ class Fit:
         timestep = self.spec.exact_step or (
             scene.step if self.spec.scene else safe_step(self.limits.largest_step[scene.integrator])
         )
-        return write.scene_document(
+        root = write.scene_document(
             self.appendage(timed=False),
             self.spec.name,
             mass=hub.mass,
@@ -479,6 +479,10 @@ class Fit:
             integrator=scene.integrator,
             contacts=scene.contacts,
         )
+        if self.spec.slosh is not None:
+            mass = hub.mass + float(self.chain.mass)
+            write.add_burn(root, mass * self.spec.slosh.acceleration)
+        return root
 
     def bench_mjcf(self) -> str:
         """The appendage on the test bench: its root free in every kept port, as text."""

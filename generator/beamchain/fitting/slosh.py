@@ -10,14 +10,14 @@ from beamchain.chain.build import Built, Status
 from beamchain.chain.chain import Chain, Hinge, Link
 from beamchain.engine.bench import Measured
 from beamchain.fitting.imported import ImportedCase
-from beamchain.fitting.needs import FAR, AXES, Promise
+from beamchain.fitting.needs import AXES, FAR, Promise
 from beamchain.fitting.spec import Spec
 from beamchain.ports.compare import with_damping
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array
 from beamchain.steps.limits import StepLimits
 from beamchain.structure.mass_line import MassLine
-from beamchain.structure.slosh import KEPT, Slosh
+from beamchain.structure.slosh import Slosh
 
 BALL = 1e-3  # of a pendulum's length: by as much its mass centre is nearer to the pivot
 # of a pendulum's inertia across the axis, that about it: a moving body has some in MuJoCo
@@ -46,9 +46,14 @@ class SloshCase(ImportedCase):
         """There is none."""
 
     def build(self) -> tuple[Built, MassLine]:
-        """Two pendulums that swing in both planes, and the fixed mass."""
+        """Pendulums that swing in both planes, and the fixed mass."""
         targets = {port: self.selected.port(port, own=True) for port in PLANES}
-        status = Status(True, f"{KEPT} pendulums and a fixed mass, {self.selected.modes} modes kept.")
+        number = self.liquid.modes
+        status = Status(
+            True,
+            f"{number} pendulum{'s' if number > 1 else ''} and a fixed mass, "
+            f"{self.selected.modes} modes kept.",
+        )
         return Built(pendulum_chain(self.liquid), targets, status), self.liquid.line()
 
     def cautions(
@@ -60,7 +65,8 @@ class SloshCase(ImportedCase):
     ) -> tuple[str, ...]:
         """Where nothing accelerates the tank its pendulums stay where they are."""
         del measured, targets, chain, limits
-        return (weightless("the file by itself accelerates the tank by nothing"),)
+        where = "nothing but the keyframe `burn` of scene.xml accelerates the tank"
+        return (weightless(where),)
 
 
 def weightless(where: str) -> Caution:
@@ -77,7 +83,7 @@ def slosh_case(spec: Spec) -> SloshCase:
     """The case of a specification with [slosh]."""
     assert spec.slosh is not None
     data = spec.slosh.data()
-    numbers = tuple(range(1, 2 * KEPT + 1))
+    numbers = tuple(range(1, 2 * spec.slosh.modes + 1))
     scene = spec.scene
     promise = None
     if scene is not None and scene.bandwidth is not None:
@@ -100,13 +106,17 @@ def pendulum_chain(liquid: Slosh) -> Chain:
     the pendulum: with the mass `m_n L / L'` and the inertia `m_n L (L - L')` about that centre,
     force, moment and frequency are those of the point mass m_n.
     """
-    parts = liquid.modes(KEPT)
-    damping = 2.0 * liquid.ratio * liquid.frequencies()
+    parts = liquid.pendulums(liquid.modes)
+    damping = 2.0 * liquid.ratio * liquid.frequencies()[: liquid.modes]
     links: list[Link] = []
     hinges: list[Hinge] = []
     left = liquid.rigid_mass()
     for mass, length, pivot, rate in zip(
-        parts.masses.tolist(), parts.lengths.tolist(), parts.pivots.tolist(), damping.tolist()
+        parts.masses.tolist(),
+        parts.lengths.tolist(),
+        parts.pivots.tolist(),
+        damping.tolist(),
+        strict=True,
     ):
         arm = (1.0 - BALL) * length
         own = mass * length * (length - arm)
@@ -134,10 +144,10 @@ def _fixed(left: Array, height: float) -> Link:
     return Link(0.0, height, mass, centre, (0.0, across, across))
 
 
-def limp_model(liquid: Slosh, slack: float, count: int) -> PortModel:
-    """The lateral modes without the stiffness that an acceleration gives them, but for a `slack`
-    part of each frequency; damped as at the stated acceleration."""
-    data = liquid.data().selected(tuple(range(1, 2 * count + 1)))
+def limp_model(liquid: Slosh, slack: float) -> PortModel:
+    """All lateral modes of the reference without the stiffness that an acceleration gives them,
+    but for a `slack` part of each frequency; damped as at the stated acceleration."""
+    data = liquid.data()
     return PortModel(
         _with_roll(liquid),
         slack * data.frequencies,

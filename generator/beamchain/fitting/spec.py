@@ -28,8 +28,8 @@ from beamchain.fitting.uncertain import Uncertain
 from beamchain.ports.model import PortModel
 from beamchain.structure.beam import Beam
 from beamchain.structure.readers.imported import Imported
-from beamchain.structure.slosh import Slosh
 from beamchain.structure.segment import Joint, Lump, Segment, check_carried_body, expand_repeats
+from beamchain.structure.slosh import Slosh
 
 #: Shorthands that `replace` and `fit` accept beside the fields.
 SHORT = ("hub", "target", "timestep")
@@ -57,9 +57,7 @@ class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     imported: Annotated[
         Imported | None, field("modes from a finite-element program, in place of segments")
     ] = None
-    slosh: Annotated[
-        Slosh | None, field("the liquid in a tank, in place of segments")
-    ] = None
+    slosh: Annotated[Slosh | None, field("the liquid in a tank, in place of segments")] = None
     payload: Annotated[Payload | None, field("body that the scene attaches at the tip")] = None
     port: Annotated[tuple[Port, ...], field("further points at which the chain is exact")] = ()
     sensors: Annotated[Sensors, field("sensors written with the appendage")] = Sensors()
@@ -285,9 +283,7 @@ class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         }
         for key, reason in reasons.items():
             if getattr(self, key):
-                raise InputError(
-                    f"[slosh] and {key} are both given; {reason}, and remove {key}."
-                )
+                raise InputError(f"[slosh] and {key} are both given; {reason}, and remove {key}.")
         if self.root.target not in (None, "clamped"):
             raise InputError(
                 f'root.target = "{self.root.target}" and [slosh] do not go together: pendulums are '

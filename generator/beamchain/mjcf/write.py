@@ -396,3 +396,14 @@ def scene_document(
     attach_appendage(appendage_root, root, hub)
     set_attributes(find(hub, "body"), pos=offset)
     return root
+
+
+def add_burn(scene: Element, force: float) -> None:
+    """Give a scene's hub a thrust along the x axis of its `mount` [N], which the keyframe `burn`
+    switches on."""
+    actuator = scene.find("actuator")
+    if actuator is None:
+        actuator = etree.SubElement(scene, "actuator")
+    etree.SubElement(actuator, "motor", name="thrust", site="mount", gear="1 0 0 0 0 0")
+    keyframe = etree.SubElement(scene, "keyframe")
+    set_attributes(etree.SubElement(keyframe, "key", name="burn"), ctrl=force)

@@ -137,9 +137,7 @@ def plant(
     if poses is None:
         craft, said = given.craft(at)
         form = craft.form(step is not None)
-        return given.plant(
-            craft, form.minimal(), craft.mode_names, [*given.left_out, *said], at
-        )
+        return given.plant(craft, form.minimal(), craft.mode_names, [*given.left_out, *said], at)
     return given.scheduled(poses)
 
 

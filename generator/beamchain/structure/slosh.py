@@ -33,7 +33,7 @@ from beamchain.ports.motions import Array, body_mass_matrix, locked
 from beamchain.structure.mass_line import MassPiece, SpreadMass
 from beamchain.structure.modal_data import ModalData
 
-KEPT = 2  # lateral modes of each plane that become pendulums
+MOST = 6  # lateral modes of a plane that become pendulums
 KNOWN = 12  # that the reference has
 TERMS = 1000  # of the series of the inertia: the rest is below 1e-15 of its sum
 
@@ -58,6 +58,9 @@ class Slosh(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             above=0.0,
         ),
     ]
+    modes: Annotated[
+        int, field("lateral modes of each plane that become pendulums", "", least=1, most=MOST)
+    ] = 2
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -78,13 +81,8 @@ class Slosh(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         """Of the liquid [kg]."""
         return float(np.pi * self.radius**2 * self.height * self.density)
 
-    @property
-    def pendulums(self) -> "Pendulums":
-        """The first lateral modes of a plane, as many as the reference has."""
-        return self.modes(KNOWN)
-
-    def modes(self, count: int) -> "Pendulums":
-        """The first lateral modes of a plane."""
+    def pendulums(self, count: int = KNOWN) -> "Pendulums":
+        """The first lateral modes of a plane; as many as the reference has where left out."""
         radius, height = self.radius, self.height
         xi = _zeros()[:count]
         tilted = np.tanh(xi * height / radius)
@@ -97,7 +95,7 @@ class Slosh(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     def frequencies(self, acceleration: float | None = None) -> Array:
         """`(n,)` of the lateral modes of a plane at an acceleration [m/s^2], the stated one where
         left out [rad/s]."""
-        return np.sqrt((acceleration or self.acceleration) / self.pendulums.lengths)
+        return np.sqrt((acceleration or self.acceleration) / self.pendulums().lengths)
 
     @property
     def inertia(self) -> float:
@@ -106,8 +104,7 @@ class Slosh(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         xi = _zeros()
         series = np.sum(np.tanh(xi * height / (2.0 * radius)) / (xi**3 * (xi**2 - 1.0)))
         return float(
-            self.mass
-            * (height**2 / 12.0 - 0.75 * radius**2 + 16.0 * radius**3 / height * series)
+            self.mass * (height**2 / 12.0 - 0.75 * radius**2 + 16.0 * radius**3 / height * series)
         )
 
     def rigid_mass(self) -> Array:
@@ -116,10 +113,10 @@ class Slosh(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         centre = np.array([self.height / 2.0, 0.0, 0.0])
         return body_mass_matrix(self.mass, centre, np.diag([0.0, across, across]))
 
-    def participation(self, count: int) -> Array:
+    def participation(self) -> Array:
         """`(2 n, 6)` rows of the mass-normalised modes, the planes xy and xz by turns."""
-        parts = self.modes(count)
-        rows = np.zeros((2 * count, 6))
+        parts = self.pendulums()
+        rows = np.zeros((2 * KNOWN, 6))
         root = np.sqrt(parts.masses)
         rows[0::2, 1], rows[0::2, 5] = root, root * parts.heights
         rows[1::2, 2], rows[1::2, 4] = root, -root * parts.heights
@@ -132,7 +129,7 @@ class Slosh(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         return ModalData(
             rigid_mass=self.rigid_mass(),
             frequencies=frequencies,
-            participation=self.participation(KNOWN),
+            participation=self.participation(),
             damping=np.full(frequencies.size, self.ratio),
             length=self.height,
             source="liquid in a cylinder",
