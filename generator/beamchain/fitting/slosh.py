@@ -48,7 +48,7 @@ class SloshCase(ImportedCase):
     def build(self) -> tuple[Built, MassLine]:
         """Pendulums that swing in both planes, and the fixed mass."""
         targets = {port: self.selected.port(port, own=True) for port in PLANES}
-        number = self.liquid.modes
+        number = self.liquid.kept
         status = Status(
             True,
             f"{number} pendulum{'s' if number > 1 else ''} and a fixed mass, "
@@ -83,7 +83,7 @@ def slosh_case(spec: Spec) -> SloshCase:
     """The case of a specification with [slosh]."""
     assert spec.slosh is not None
     data = spec.slosh.data()
-    numbers = tuple(range(1, 2 * spec.slosh.modes + 1))
+    numbers = tuple(range(1, 2 * spec.slosh.kept + 1))
     scene = spec.scene
     promise = None
     if scene is not None and scene.bandwidth is not None:
@@ -106,8 +106,8 @@ def pendulum_chain(liquid: Slosh) -> Chain:
     the pendulum: with the mass `m_n L / L'` and the inertia `m_n L (L - L')` about that centre,
     force, moment and frequency are those of the point mass m_n.
     """
-    parts = liquid.pendulums(liquid.modes)
-    damping = 2.0 * liquid.ratio * liquid.frequencies()[: liquid.modes]
+    parts = liquid.pendulums(liquid.kept)
+    damping = 2.0 * liquid.ratio * liquid.frequencies()[: liquid.kept]
     links: list[Link] = []
     hinges: list[Hinge] = []
     left = liquid.rigid_mass()

@@ -33,7 +33,8 @@ from beamchain.ports.motions import Array, body_mass_matrix, locked
 from beamchain.structure.mass_line import MassPiece, SpreadMass
 from beamchain.structure.modal_data import ModalData
 
-MOST = 6  # lateral modes of a plane that become pendulums
+FEWEST = 2  # lateral modes of a plane that become pendulums, unless the specification says
+MOST = 6  # as many at most
 KNOWN = 12  # that the reference has
 TERMS = 1000  # of the series of the inertia: the rest is below 1e-15 of its sum
 
@@ -59,8 +60,15 @@ class Slosh(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         ),
     ]
     modes: Annotated[
-        int, field("lateral modes of each plane that become pendulums", "", least=1, most=MOST)
-    ] = 2
+        int | None,
+        field(
+            "lateral modes of each plane that become pendulums; 2 where left out, or more where "
+            "the tolerance of a scene on a spacecraft needs them",
+            "",
+            least=1,
+            most=MOST,
+        ),
+    ] = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -75,6 +83,11 @@ class Slosh(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
                 f"of {self.radius!r} m; liquids of {SHALLOWEST:g} to {DEEPEST:g} radii are taken: "
                 "check the units."
             )
+
+    @property
+    def kept(self) -> int:
+        """Lateral modes of each plane that become pendulums."""
+        return FEWEST if self.modes is None else self.modes
 
     @property
     def mass(self) -> float:
