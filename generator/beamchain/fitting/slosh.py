@@ -21,7 +21,7 @@ from beamchain.structure.slosh import Slosh
 
 BALL = 1e-3  # of a pendulum's length: by as much its mass centre is nearer to the pivot
 # of a pendulum's inertia across the axis, that about it: a moving body has some in MuJoCo
-ROLL = 1e-3
+ROLL = 1e-6
 LEAST = 2e-15  # kg m^2, above MuJoCo's mjMINVAL
 PLANES = ("xy", "xz")
 
