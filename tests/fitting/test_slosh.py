@@ -65,7 +65,9 @@ class Bench:
 
     def frequencies(self):
         pick = np.ix_(self.inner, self.inner)
-        return np.sqrt(np.sort(np.linalg.eigvals(np.linalg.solve(self.mass[pick], self.stiffness[pick]))))
+        return np.sqrt(
+            np.sort(np.linalg.eigvals(np.linalg.solve(self.mass[pick], self.stiffness[pick])))
+        )
 
     def dynamic_mass(self, s):
         """`(2, 2)` wrench on the root per its acceleration."""

@@ -77,7 +77,9 @@ class Flow:
         # a^2 phi T = kappa^-1 A phi: the surface is of low rank
         values, shapes = eigh(self.surface, self.stiff)
         kappa = 1.0 / values[::-1][:count]
-        shapes = shapes[:, ::-1][:, :count] * np.sqrt(kappa)  # of unit kinetic energy of the surface
+        shapes = shapes[:, ::-1][:, :count] * np.sqrt(
+            kappa
+        )  # of unit kinetic energy of the surface
         # momentum of a mode: of the locked flow with the surface's motion d phi / dx = kappa phi
         locked = np.linalg.solve(self.stiff, self.locked)
         parts = (locked.T @ self.surface @ shapes) * np.sqrt(kappa)

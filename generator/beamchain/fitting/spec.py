@@ -277,7 +277,7 @@ class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             "imported": "one specification is one appendage: give the tank its own",
             "payload": "a liquid carries nothing: put the body on the spacecraft",
             "port": "a liquid carries nothing: put the body on the spacecraft",
-            "modes": "the first two lateral modes of each plane are always kept",
+            "modes": "the number of pendulums is slosh.modes",
             "damping": "its damping is slosh.ratio",
             "uncertain": "a liquid is not varied: give a tank per value",
         }
