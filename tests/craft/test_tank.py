@@ -124,11 +124,11 @@ class TestThroughMujoco:
         n = model.nv
         poles = np.linalg.eigvals(np.block([[np.zeros((n, n)), np.eye(n)], [-stiff, -damp]]))
         found = np.sort(poles[poles.imag > 1e-3 * np.sqrt(acceleration)].imag)
-        truth = np.sort(truth_of_two(acceleration).poles)
+        truth = np.sort(OnBus(acceleration).poles)
         assert np.max(np.abs(found / np.repeat(truth, 2) - 1.0)) < DIFFERENCED
 
 
-class truth_of_two:
+class OnBus:
     """The bus with `modes` modes of the flow in the plane of y and the turn about x, in axes that
     the accelerated craft takes along."""
 
@@ -173,7 +173,7 @@ class TestPlant:
     def test_attitude_by_torque_is_that_of_the_flow(self, tmp_path, acceleration):
         result = embedded(tmp_path, acceleration)
         plant = bc.plant(result, ["torque:bus"], ["attitude"], at="burn", loaded=True)
-        truth, whole = (truth_of_two(acceleration, modes) for modes in (2, 12))
+        truth, whole = (OnBus(acceleration, modes) for modes in (2, 12))
         omega = np.sqrt(acceleration) * np.array([0.3, 1.2, 2.5, 4.0, 6.0])
         for w in omega:
             s = 1j * w
@@ -218,7 +218,7 @@ class TestPromise:
         assert result.met
         assert result.appendages[0].fit.spec.slosh.kept == 3
         omega = np.linspace(0.02, 1.0, 400)
-        ours, whole = truth_of_two(0.05, 3), truth_of_two(0.05, 12)
+        ours, whole = OnBus(0.05, 3), OnBus(0.05, 12)
         scale = np.sqrt(np.diag(whole.rigid))
         frozen = np.linalg.norm(np.linalg.inv(whole.rigid) * np.outer(scale, scale), 2)
 

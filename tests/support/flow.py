@@ -1,7 +1,7 @@
 """Potential flow in a cylinder by Galerkin's method with polynomials: the truth for liquids.
 
-Laplace's equation for `phi(r, x) cos(alpha)` in `0 < r < R`, `0 < x < h`, with no Bessel function in
-it: products of r times a polynomial of r^2 and a polynomial of x. It converges exponentially.
+Laplace's equation for `phi(r, x) cos(alpha)` in `0 < r < R`, `0 < x < h`, with no Bessel function
+in it: products of r times a polynomial of r^2 and a polynomial of x. It converges exponentially.
 """
 
 from dataclasses import dataclass
