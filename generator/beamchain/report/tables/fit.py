@@ -284,7 +284,7 @@ def effective_mass_table(data: "ModalData") -> Table:
             for motion, share, whole in zip(motions, shares.T, total, strict=True)
         ),
     )
-    note = "Translations as the finite-element program prints them; rotations about the port."
+    note = "Translations as finite-element programs print them; rotations about the port."
     return Table("Effective masses", columns, (note,))
 
 
