@@ -44,6 +44,8 @@ CODES = {
     "preloaded-spring": "a spring of the spacecraft is preloaded at rest",
     "raised-inertia": "the polar inertia of very thin links was raised to MuJoCo's minimum",
     "rigid-plane": "a bending plane is rigid because [modes] names only the other one",
+    "slosh-tilt": "a load pushes the liquid of a tank so far aside that it is no pendulum any more",
+    "slosh-weightless": "nothing presses the liquid of a tank onto its bottom",
     "slowed-modes": "modes too fast for the step were slowed",
     "slew-chain": "in a slew of a hinge the chains are off by more than the tolerance",
     "slew-step": "in a slew of a hinge the step is off by more than the tolerance",

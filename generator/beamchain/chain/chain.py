@@ -143,12 +143,16 @@ class Chain:
         hinges: `hinges[i]` joins `links[i]` and `links[i + 1]`.
         length: root to tip [m].
         tendons: modes, where the springs are not on the hinges.
+        hung: all links hang on the first, as pendulums, instead of one on the other.
+        acceleration: along x, at which pendulums are looked at [m/s^2].
     """
 
     links: tuple[Link, ...]
     hinges: tuple[Hinge, ...]
     length: float
     tendons: tuple[Tendon, ...] = ()
+    hung: bool = False
+    acceleration: float = 0.0
 
     def __post_init__(self) -> None:
         if len(self.hinges) != len(self.links) - 1:
@@ -156,6 +160,20 @@ class Chain:
                 f"{len(self.links)} links need {len(self.links) - 1} hinges, not "
                 f"{len(self.hinges)}."
             )
+
+    def carrier(self, link: int) -> int:
+        """Number of the link that carries link 1, 2, ..., from 0."""
+        return 0 if self.hung else link - 1
+
+    def springs(self, hinge: int) -> Mapping[str, float]:
+        """Stiffness of a hinge per port; that of a pendulum is its first moment times the
+        acceleration [N m/rad]."""
+        here = self.hinges[hinge]
+        if not self.hung:
+            return here.stiffness
+        behind = self.links[hinge + 1]
+        weight = self.acceleration * behind.mass * (here.x - behind.com)
+        return {port: value + weight for port, value in here.stiffness.items()}
 
     @property
     def ports(self) -> tuple[str, ...]:
@@ -192,7 +210,10 @@ class Chain:
         motions = np.column_stack([np.zeros((6, 0)), *(self.freedom_motion(f) for f in freedoms)])
         behind = np.array([i for i, _ in freedoms], dtype=np.int64)
         own = [link.rows() for link in self.links]
-        elastic = [rows @ (motions * (behind < k)) for k, rows in enumerate(own)]
+        elastic = [
+            rows @ (motions * (behind == k - 1 if self.hung else behind < k))
+            for k, rows in enumerate(own)
+        ]
         tied = [
             self._along(t, freedoms) * np.sqrt(t.armature) for t in self.tendons if t.armature > 0.0
         ]
@@ -208,7 +229,7 @@ class Chain:
 
     def spring_rows(self, freedoms: Sequence[Freedom]) -> Array:
         """`(s, f)` with `K = rows^T rows`: roots of the hinges' and tendons' springs."""
-        springs = np.array([self.hinges[i].stiffness[port] for i, port in freedoms])
+        springs = np.array([self.springs(i)[port] for i, port in freedoms])
         on_hinges = np.diag(np.sqrt(springs))[springs > 0.0]
         on_tendons = [
             np.sqrt(t.stiffness) * self._along(t, freedoms)

@@ -173,6 +173,8 @@ def raise_polar_inertia(chain: Chain, least: float) -> tuple[Chain, str]:
     A chain that bends in torsion is left alone,
     as is one whose roll inertia would no longer be small.
     """
+    if chain.hung:  # its moving links have some, and the first does not move
+        return chain, ""
     low = [
         i
         for i, link in enumerate(chain.links)

@@ -84,6 +84,14 @@ Angle = Annotated[
         metavar="JOINT=0,45,90", help="Positions of one joint, as a --pose JOINT=... of each."
     ),
 ]
+Loaded = Annotated[
+    bool,
+    typer.Option(
+        "--loaded",
+        help="Linearise under the load of the pose: gravity where the spacecraft is held, or the "
+        "ctrl of the keyframe, such as a constant thrust. Liquids of tanks swing by it alone.",
+    ),
+]
 Discrete = Annotated[float | None, typer.Option(metavar="STEP", help="Sampled at this step in s.")]
 Loops = Annotated[
     Path | None,
@@ -116,6 +124,7 @@ def plant(
     at: Keyframe = None,
     angle: Angle = None,
     discrete: Discrete = None,
+    loaded: Loaded = False,
     controller: Loops = None,
     uncertain: Uncertain = None,
     disturbance: Worst = None,
@@ -174,7 +183,7 @@ def plant(
     with spinner("linearising", silent) as say:
         compiled = compiled_model(model)
         place = _place(compiled, poses or [], at, angle)
-        result = linearise(compiled, driven, seen, place, discrete=discrete)
+        result = linearise(compiled, driven, seen, place, discrete=discrete, loaded=loaded)
         plants = [result] if isinstance(result, Plant) else list(result.plants)
         labels = () if isinstance(result, Plant) else result.labels
         say("margins")

@@ -13,6 +13,12 @@ from beamchain.caution import Caution, at
 from beamchain.craft.bent_line import BentLine, bent_line
 from beamchain.craft.disturbances import TENDON_DAMPING, disturbances
 from beamchain.craft.error import Carried
+from beamchain.craft.hanging_liquid import (
+    SLACK,
+    HangingLiquid,
+    hanging_liquid,
+    springs_at_stated,
+)
 from beamchain.craft.loads import Carries, Load
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model, mass_of_alone
@@ -32,6 +38,7 @@ from beamchain.steps.large_motion import LargeMotion
 from beamchain.steps.limits import step_limits
 from beamchain.steps.retime_file import put_time
 from beamchain.structure.modal_data import ModalData
+from beamchain.structure.slosh import Slosh
 
 # names of the empty bodies that stand for appendages while the spacecraft is measured
 PROBE = "beamchain probe "
@@ -301,9 +308,34 @@ def carried(model: "mujoco.MjModel | None", appendages: Sequence[Appendage]) -> 
         own = {} if model is None else ids_of(model, names([a]))
         dofs = own.get("dof", [])
         alone = None if model is None or not a.loads else _mass_alone(model, own["body"], dofs)
-        line = None if a.fit.space is not None else partial(_line, a, exact)
-        out.append(Carried(a.mount, exact.model, exact.kept, dofs, band, a.loads, alone, line))
+        liquid = a.fit.spec.slosh
+        if liquid is not None:
+            line = partial(_liquid, liquid)
+            springs, slack = springs_at_stated(liquid), SLACK
+        else:
+            line = None if a.fit.space is not None else partial(_line, a, exact)
+            springs, slack = None, 1.0
+        out.append(
+            Carried(
+                a.mount,
+                exact.model,
+                exact.kept,
+                dofs,
+                band,
+                a.loads,
+                alone,
+                line,
+                springs,
+                slack,
+            )
+        )
     return out
+
+
+def _liquid(liquid: Slosh, band: float) -> HangingLiquid:
+    """The liquid, whatever the band [rad/s]."""
+    del band
+    return hanging_liquid(liquid)
 
 
 def _line(a: Appendage, exact: ExactAppendage, band: float) -> BentLine:
@@ -326,6 +358,8 @@ def _mass_alone(model: "mujoco.MjModel", bodies: Sequence[int], dofs: Sequence[i
 def rigid_mass(spec: Spec, data: ModalData | None = None) -> Array:
     """`(6, 6)` of an appendage before it is fitted, about its root; `data`: its imported modes,
     where they are known."""
+    if spec.slosh is not None:
+        return spec.slosh.rigid_mass()
     if spec.imported is None:
         return spec.beam.rigid_mass()
     return (data or spec.imported.read()).rigid_mass

@@ -19,12 +19,15 @@ from beamchain.ports.compose import model_in_space
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORTS, Array
 from beamchain.structure.readers.imported import MOST_MODES as MOST_NAMED
+from beamchain.structure.slosh import MOST, Slosh
 
 TRIED = 16  # modes of an imported appendage that are tried at a time: those that move the hub most
 
 
 def candidate(a: Appendage) -> "Candidate":
     """An appendage as it was fitted."""
+    if a.fit.spec.slosh is not None:
+        return Liquid(a, a.fit.spec.slosh.kept)
     if a.fit.space is not None and any(len(ports) > 1 for ports in a.fit.space.data.groups):
         return Coupled(a, a.fit.space.numbers)
     return PerPort(a, kept_counts(a.fit))
@@ -48,7 +51,11 @@ def _kept(a: Appendage) -> Mapping[str, PortModel]:
 def free_ports(spec: Spec) -> tuple[str, ...]:
     """Ports whose number of modes was not typed."""
     typed = spec.modes is not None and not spec.chooses
-    if typed or (spec.imported is not None and spec.imported.modes is not None):
+    if (
+        spec.slosh is not None
+        or typed
+        or (spec.imported is not None and spec.imported.modes is not None)
+    ):
         return ()
     given = {} if spec.modes is None else spec.modes.given()
     return tuple(port for port in PORTS if port not in given)
@@ -238,5 +245,66 @@ class Coupled:
         return self._exact.picked([k - 1 for k in numbers])
 
 
+@dataclass(frozen=True, eq=False)
+class Liquid:
+    """The liquid of a tank, of which `count` lateral modes of each plane are pendulums."""
+
+    a: Appendage
+    count: int
+
+    @property
+    def modes(self) -> int:
+        """How many it would keep."""
+        return 2 * self.count
+
+    @property
+    def grown(self) -> bool:
+        """Whether that is more than its fit keeps."""
+        return self.count > self._liquid.kept
+
+    @property
+    def newest(self) -> float:
+        """Frequency of the modes that were added last [rad/s]."""
+        return float(self._exact.frequencies[2 * self.count - 1])
+
+    @property
+    def added(self) -> str:
+        """The modes that were added last, in words."""
+        return f"pendulum {self.count}"
+
+    @property
+    def model(self) -> PortModel:
+        """The liquid in six motions, as MuJoCo has it or would."""
+        return self._exact.picked(list(range(2 * self.count))) if self.grown else model_of(self.a)
+
+    @property
+    def spec(self) -> Spec:
+        """What asks for these modes."""
+        liquid = msgspec.structs.replace(self._liquid, modes=self.count)
+        return msgspec.structs.replace(self.a.spec, slosh=liquid)
+
+    def further(self, band: float) -> dict[str, "Candidate"]:
+        """The same with a pendulum more, where their number was not typed."""
+        del band
+        given = self.a.spec.slosh
+        if given is None or given.modes is not None or self.count >= MOST:
+            return {}
+        return {"pendulum": replace(self, count=self.count + 1)}
+
+    def alone(self, key: str) -> PortModel:
+        """The liquid as it is: nothing of it is exact but its pendulums."""
+        del key
+        return self.model
+
+    @property
+    def _liquid(self) -> Slosh:
+        assert self.a.fit.spec.slosh is not None
+        return self.a.fit.spec.slosh
+
+    @cached_property
+    def _exact(self) -> PortModel:
+        return carried(None, [self.a])[0].whole
+
+
 #: An appendage and the modes it would keep.
-Candidate = PerPort | Coupled
+Candidate = PerPort | Coupled | Liquid

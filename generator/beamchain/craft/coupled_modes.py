@@ -163,8 +163,10 @@ def mode_words(pose: Pose, shape: Array) -> str:
     coordinates = [shape[part] for part in pose.modal_coordinates]
     # twice the strain energies
     own_energy = float(shape[:nv] @ pose.bare.stiffness @ shape[:nv])
+    stiffness = pose.with_exact.stiffness
     energies = [
-        float(np.sum((m.frequencies * q) ** 2)) for m, q in zip(models, coordinates, strict=True)
+        float(shape[part] @ stiffness[np.ix_(part, part)] @ shape[part])
+        for part in pose.modal_coordinates
     ]
     total = max(sum(energies) + own_energy, 1e-300)
     moving = [i for i, energy in enumerate(energies) if energy > SHARE * total]

@@ -35,6 +35,7 @@ from beamchain.craft.documents import (
 from beamchain.craft.embedded import Embedded
 from beamchain.craft.error import loadings_of
 from beamchain.craft.fits import Fits, fit_all
+from beamchain.craft.liquid import liquid_cautions
 from beamchain.craft.loads import (
     carries_of,
     check_carries,
@@ -145,9 +146,18 @@ def embed(
         and not str(craft).lstrip().startswith("<")
     )
     source = Path(str(craft)) if is_file else None
-    if loaded:
-        loadings_of(result.craft, carried(None, result.appendages))  # refuses what is not known
-    return replace(result, source=source, inputs=tuple(inputs), loaded=loaded)
+    result = replace(result, source=source, inputs=tuple(inputs), loaded=loaded)
+    return replace(result, warnings=(*result.warnings, *load_warnings(result)))
+
+
+def load_warnings(result: Embedded) -> list[str]:
+    """What a load, or that there is none, does to liquids; refused is a load under which the exact
+    spacecraft is not known."""
+    items = carried(None, result.appendages)
+    loadings = loadings_of(result.craft, items) if result.loaded else None
+    if any(a.rigid for a in result.appendages):
+        return []
+    return liquid_cautions(result.craft, items, loadings)
 
 
 def _embed(

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 
 from beamchain.craft.bent_line import BentLine
+from beamchain.craft.hanging_liquid import HangingLiquid
 from beamchain.craft.loads import Load, Root, carrying_of
 from beamchain.craft.under_load import LoadedTree
 from beamchain.engine.library import mujoco
@@ -62,7 +63,9 @@ class Carried:
     `kept` `(n,)`: which of them the chain was asked to keep; `dofs`: its degrees of freedom in the
     MuJoCo model; `band`: last kept cantilever frequency of each kept port [rad/s]; `loads`: what
     its ports carry; `alone`: the mass of its degrees of freedom without that, where it carries;
-    `line`: how it bends up to a band, where it is a beam.
+    `line`: how it bends up to a band, where it is a beam, or a liquid. Of a liquid: `springs`
+    `(dofs,)` of its pendulums at the stated acceleration, `slack`: how far the frequencies of
+    `line` lie below those of `whole`.
     """
 
     mount: Mount
@@ -72,7 +75,9 @@ class Carried:
     band: dict[str, float]
     loads: tuple[Load, ...] = ()
     alone: Array | None = None
-    line: Callable[[float], BentLine] | None = None
+    line: Callable[[float], BentLine | HangingLiquid] | None = None
+    springs: Array | None = None
+    slack: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -242,6 +247,7 @@ class Pose:
         """The compiled craft with the damping of the exact answer: that of the bare craft, and
         that of undamped modes."""
         damping = linear.damping.copy()
+        stiffness = linear.stiffness.copy()
         own = self.own_dofs(damping.shape[0])
         damping[np.ix_(own, own)] += self.extra
         for item in self.carried:
@@ -250,7 +256,9 @@ class Pose:
                 dofs = np.ix_(item.dofs, item.dofs)
                 mass = linear.mass[dofs] if item.alone is None else item.alone
                 damping[dofs] += default_damping(linear.stiffness[dofs], mass)
-        return replace(linear, damping=damping)
+            if item.springs is not None and item.dofs and self.loading is None:
+                stiffness[item.dofs, item.dofs] += item.springs
+        return replace(linear, damping=damping, stiffness=stiffness)
 
     def accelerance(
         self,
@@ -310,13 +318,18 @@ class Pose:
         if self.loading is None:
             return [item.kept for item in self.carried]
         return [
-            np.array([np.any(np.isclose(item.whole.frequencies[item.kept], w)) for w in each])
+            np.array(
+                [
+                    np.any(np.isclose(item.slack * item.whole.frequencies[item.kept], w))
+                    for w in each
+                ]
+            )
             for item, model in zip(self.carried, self.models, strict=True)
             for each in [model.frequencies]
         ]
 
     @cached_property
-    def _lines(self) -> list[BentLine]:
+    def _lines(self) -> list[BentLine | HangingLiquid]:
         return [item.line(self.band) for item in self.carried if item.line is not None]
 
     @cached_property

@@ -8,18 +8,28 @@ from functools import cached_property
 import numpy as np
 
 from beamchain.craft.appendage import Appendage, carried
+from beamchain.craft.bent_line import BentLine
 from beamchain.craft.embedded import Embedded
 from beamchain.craft.error import Carried, root_of
+from beamchain.craft.hanging_liquid import HangingLiquid
 from beamchain.craft.loads import carrying_of
 from beamchain.craft.loose_ports import loose_craft
 from beamchain.craft.modal_form import SAMPLED, ModalForm, modal_form
 from beamchain.craft.mode_names import cantilever_names, mode_names
 from beamchain.craft.step_slopes import step_slopes
+from beamchain.craft.under_load import LoadedTree
 from beamchain.engine.combinations import InputNames, OutputNames, inputs_of, outputs_of
 from beamchain.engine.library import mujoco
 from beamchain.engine.linear import Linear, Signal, linear_at
-from beamchain.engine.normal_modes import NormalModes
-from beamchain.engine.operating_point import At, OperatingPoint, Rates, operating_point
+from beamchain.engine.loaded import Loading, load_at
+from beamchain.engine.normal_modes import NormalModes, normal_modes
+from beamchain.engine.operating_point import (
+    At,
+    OperatingPoint,
+    Rates,
+    base_body,
+    operating_point,
+)
 from beamchain.engine.signals import Input, Output
 from beamchain.errors import InputError
 from beamchain.fitting.exact import exact_appendage
@@ -35,7 +45,8 @@ class LinearCraft:
     """A craft, linear at an operating point, whose model holds the step of a sampled plant.
 
     `inputs` and `outputs` set and read what `linear` names. `names`: of appendages' modes and
-    sprung joints, which take `rows` of a shape.
+    sprung joints, which take `rows` of a shape. `internal`: the stiffness by which its normal modes
+    are told, where a load makes that of `linear` unsymmetric.
     """
 
     linear: Linear
@@ -44,10 +55,13 @@ class LinearCraft:
     names: tuple[str, ...]
     rows: Array
     point: OperatingPoint
+    internal: Array | None = None
 
     @cached_property
     def modes(self) -> NormalModes:
         """Rigid motions and normal modes."""
+        if self.internal is not None:
+            return normal_modes(self.linear.mass, self.internal)
         return self.linear.modes()
 
     @property
@@ -113,12 +127,15 @@ def exact_craft(
     inputs: InputNames,
     outputs: OutputNames,
     omega: float,
+    at: At = None,
+    *,
+    loaded: bool = False,
 ) -> LinearCraft:
     """The bare spacecraft with all modes of its appendages,
     at the pose and rates of a point of the whole model.
 
     `inputs` and `outputs` are names as in `plant`,
-    `omega` the highest frequency of interest [rad/s].
+    `omega` the highest frequency of interest [rad/s]; `loaded`: under what acts at the pose `at`.
     """
     items = carried(embedded.model, embedded.appendages)
     new = {dof for item in items for dof in item.dofs}
@@ -128,6 +145,7 @@ def exact_craft(
     data = bare.data()
     roots = [root_of(bare.model, data, item) for item in items]
     carrying = carrying_of(bare.model, data, roots)
+    internal: Array | None = None
     loose = None if carrying is None else loose_craft(embedded, roots)
     place = bare if loose is None else loose.point(bare)
     try:
@@ -142,7 +160,13 @@ def exact_craft(
             f"output {far[0]!r} reads what hangs on its body, which the exact plant cannot; leave "
             "it out of outputs."
         )
-    models = [_whole(a, item, omega) for a, item in zip(embedded.appendages, items, strict=True)]
+    lines = _lines(items, omega) if loaded else []
+    if loaded:
+        models = [line.model for line in lines]
+    else:
+        models = [
+            _whole(a, item, omega) for a, item in zip(embedded.appendages, items, strict=True)
+        ]
     modes = [
         Signal(name, "")
         for a, model in zip(embedded.appendages, models, strict=True)
@@ -152,6 +176,18 @@ def exact_craft(
         alone = linear_at(bare, driven, seen)
         linear = alone.with_appendages(models, [root.motion for root in roots])
         coordinates = [*alone.coordinates, *modes]
+        if loaded:
+            load = _load(embedded, items, at)
+            tree = LoadedTree(
+                bare.model, bare.qpos, roots, [item.mount for item in items], lines, load
+            )
+            counts = np.cumsum([len(alone.coordinates), *(model.modes for model in models)])
+            linear = tree.loaded(linear, counts[:-1].tolist(), omega)
+            internal = internal_stiffness(linear.stiffness, load)
+    elif loaded:
+        raise InputError(
+            "the exact plant under a load is known without bodies on ports; leave loaded out."
+        )
     else:
         alone = loose.linear(place, driven, seen)  # over (q, p)
         linear = alone.with_appendages(models, carrying.roots)  # over (q, p, modes)
@@ -161,11 +197,39 @@ def exact_craft(
         tied = np.vstack([by_modes, np.eye(count)[len(loose.own) :]])
         linear = linear.in_coordinates(tied, coordinates)
     linear = replace(linear, coordinates=tuple(coordinates))
-    springs = np.diag(linear.stiffness)
+    springs = np.diag(linear.stiffness if internal is None else internal)
     sprung = np.flatnonzero(springs > 0.0)
     rows = np.diag(np.sqrt(np.maximum(springs, 0.0)))[sprung]
     names = tuple(linear.coordinates[i].name for i in sprung)
-    return LinearCraft(linear, tuple(driven), tuple(seen), names, rows, bare)
+    return LinearCraft(linear, tuple(driven), tuple(seen), names, rows, bare, internal)
+
+
+def internal_stiffness(stiffness: Array, load: Loading) -> Array:
+    """The stiffness under a load without what it does to a free base: that of the modes."""
+    out = stiffness.copy()
+    if load.free is not None:
+        out[load.free : load.free + 6] = 0.0
+    return (out + out.T) / 2.0
+
+
+def _lines(items: Sequence[Carried], omega: float) -> list[BentLine | HangingLiquid]:
+    """How the appendages bend up to a frequency of interest [rad/s]."""
+    for item in items:
+        if item.line is None:
+            raise InputError(
+                f"the appendage at {item.mount.at} is imported modes, which do not say how it "
+                "stiffens under a load; leave loaded out, or describe it as a beam."
+            )
+    return [item.line(omega) for item in items if item.line is not None]
+
+
+def _load(embedded: Embedded, items: Sequence[Carried], at: At) -> Loading:
+    """What acts on the bare spacecraft at a pose."""
+    craft = embedded.craft
+    base = base_body(craft, items[0].mount.body)
+    mass = float(craft.body_subtreemass[base])
+    mass += sum(float(item.whole.rigid_mass[0, 0]) for item in items)
+    return load_at(craft, at, base, mass)
 
 
 def _names(prefix: str, model: PortModel) -> list[str]:

@@ -75,6 +75,11 @@ def port_x(at: str, spec: Spec, port: str) -> float:
             "exact at the root alone, so that it carries nothing; carry with a beam, or put what "
             "it carries into the finite-element model."
         )
+    if spec.slosh is not None:
+        raise InputError(
+            f"the appendage at {at} is the liquid in a tank, which carries nothing; hang the body "
+            "on the spacecraft."
+        )
     if spec.imported is not None:
         raise InputError(
             f"the appendage at {at} is imported modes, which carry nothing; carry with a beam, "

@@ -12,11 +12,10 @@ from pathlib import Path
 import numpy as np
 
 from beamchain.checks import path_of, true_or_false
-from beamchain.craft.appendage import Appendage, carried, motion_warnings, moved_bodies
+from beamchain.craft.appendage import Appendage, motion_warnings, moved_bodies
 from beamchain.craft.disturbances import check_flags
 from beamchain.craft.embedded import Embedded
-from beamchain.craft.embedding import marked_appendages
-from beamchain.craft.error import loadings_of
+from beamchain.craft.embedding import load_warnings, marked_appendages
 from beamchain.craft.loads import split_port
 from beamchain.craft.timing import attitude_warnings, without_timing
 from beamchain.engine.library import mujoco, one_thread
@@ -76,9 +75,7 @@ def prove(path: str | Path, *, loaded: bool = False) -> Embedded:
     if marked is None:
         raise InputError(f"{file}: {UNMARKED}; prove what embed wrote.")
     result = replace(proved(*marked, model), inputs=tuple(inputs), loaded=loaded)
-    if loaded:
-        loadings_of(result.craft, carried(None, result.appendages))  # refuses what is not known
-    return result
+    return replace(result, warnings=(*result.warnings, *load_warnings(result)))
 
 
 def _read(file: Path) -> "tuple[mujoco.MjModel, tuple[Appendage, ...]] | None":

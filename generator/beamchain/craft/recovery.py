@@ -465,6 +465,11 @@ def recover(
     """What a run of a model did inside the appendage at a place; arguments as of
     `Embedded.recover`. `known`: beams by place and stations, which are dear, kept for the next."""
     appendage = appendage_at(appendages, place)
+    if appendage.spec.slosh is not None:
+        raise InputError(
+            f"place = {appendage.at!r} is the liquid in a tank, which has no sections; read what "
+            "it puts on the spacecraft by [sensors] root_load = true."
+        )
     where = place_of(model, appendage, appendages)
     recovery_rows = _rows_of(appendage, rows)
     stations = _stations(appendage, x)

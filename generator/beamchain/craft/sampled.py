@@ -4,6 +4,7 @@ the file as MuJoCo steps it against exact appendages, pose by pose."""
 from collections.abc import Mapping, Sequence
 
 from beamchain.craft.error import Pose, counterpart
+from beamchain.craft.liquid import with_liquids_sprung
 from beamchain.engine.library import mujoco
 from beamchain.engine.linear import Linear
 from beamchain.engine.mount import motion
@@ -48,6 +49,7 @@ def pose_sampled_error(
 ) -> SampledError:
     """The error of the quiet compiled `model` at `qpos`,
     which is the `pose` of the bare `craft`."""
+    model = with_liquids_sprung(model, pose.carried)
     body = counterpart(craft, model, pose.body)
     data = rest_point(model, qpos).data()
     rows = motion(model, data, body, data.xpos[body], data.xmat[body].reshape(3, 3))

@@ -12,7 +12,7 @@ from beamchain.checks import path_of
 from beamchain.craft.slews import SlewRow, slews
 from beamchain.engine.library import mujoco, one_thread
 from beamchain.engine.linearise import NUMBERS, compile_model
-from beamchain.errors import EngineError
+from beamchain.errors import EngineError, InputError
 from beamchain.fitting.fit import fit
 from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec, read_spec
@@ -141,7 +141,7 @@ def stability(source: Spec | str | Path, say: Say = silent) -> StabilityStudy:
         ['Euler', 'RK4']
     """
     if isinstance(source, Spec):
-        return study_fit(fit(source), say)
+        return study_fit(_fit(source), say)
     source = path_of("source", source, "a Spec, or the path of a SPEC.toml or MJCF (.xml) file")
     if source.suffix.lower() == ".xml":
         model = compile_model(source)
@@ -160,7 +160,17 @@ def stability(source: Spec | str | Path, say: Say = silent) -> StabilityStudy:
         warnings += turned.warnings
         return StabilityStudy(rows, [limits], {}, warnings, own_step, turned.rows, turned.advice)
     say("fitting the chain")
-    return study_fit(fit(read_spec(source)), say)
+    return study_fit(_fit(read_spec(source)), say)
+
+
+def _fit(spec: Spec) -> Fit:
+    """The fit of a specification whose appendage is stiff by itself."""
+    if spec.slosh is not None:
+        raise InputError(
+            f"the appendage {spec.name!r} is the liquid in a tank, which has no stiffness without "
+            "an acceleration; beamchain fit prints its step limits at the stated one."
+        )
+    return fit(spec)
 
 
 def study_fit(result: Fit, say: Say = silent) -> StabilityStudy:

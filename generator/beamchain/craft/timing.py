@@ -10,6 +10,7 @@ import numpy as np
 from beamchain.caution import Caution
 from beamchain.chain.tendons import springs_as_modes
 from beamchain.craft.appendage import Appendage, carried
+from beamchain.craft.liquid import with_liquids_sprung
 from beamchain.engine.bench import composite
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import NUMBERS
@@ -136,8 +137,10 @@ def craft_time_error(
 ) -> TimeError:
     """The error of the craft's poles at its own step, worst of all poses;
     up to `band` [rad/s] or the last kept mode."""
-    dofs = [dof for item in carried(plain, appendages) for dof in item.dofs]
-    return time_error(quiet_copy(model), quiet_copy(plain), poses(model), band, dofs)
+    items = carried(plain, appendages)
+    dofs = [dof for item in items for dof in item.dofs]
+    model, plain = (with_liquids_sprung(quiet_copy(one), items) for one in (model, plain))
+    return time_error(model, plain, poses(model), band, dofs)
 
 
 def attitude_warnings(model: "mujoco.MjModel", appendages: Sequence[Appendage]) -> list[str]:
@@ -158,7 +161,7 @@ def attitude_warnings(model: "mujoco.MjModel", appendages: Sequence[Appendage]) 
 def fit_on_tendons(fit: Fit) -> Fit:
     """The fit with a tendon per mode, on the same bodies."""
     chain = fit.chain
-    if chain.tendons and any(t.stiffness > 0.0 for t in chain.tendons):
+    if chain.hung or (chain.tendons and any(t.stiffness > 0.0 for t in chain.tendons)):
         return fit
     ratios = {
         port: chain.damped(port).damping

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 
 from beamchain.craft.bent_line import BentLine
+from beamchain.craft.hanging_liquid import HangingLiquid
 from beamchain.craft.loads import Root
 from beamchain.engine.library import mujoco
 from beamchain.engine.linear import Linear
@@ -64,7 +65,7 @@ class LoadedTree:
     qpos: Array
     roots: Sequence[Root]
     mounts: Sequence[Mount]
-    lines: Sequence[BentLine]
+    lines: Sequence[BentLine | HangingLiquid]
     loading: Loading
 
     @cached_property

@@ -11,6 +11,7 @@ from beamchain.fitting.options import Scene
 from beamchain.fitting.spec import Spec
 from beamchain.mjcf import write
 from beamchain.mjcf.skin import Skin
+from beamchain.mjcf.tank import tank_shapes
 from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.retime import retime
 from beamchain.steps.retime_file import put_hinge_armature, put_time
@@ -30,6 +31,7 @@ def appendage_tree(spec: Spec, chain: Chain, line: MassLine, skins: Sequence[Ski
         sites=spec.sites(line.length),
         contacts=scene.contacts,
         readings=write.Readings(sensors.modes, sensors.points, sensors.root_load),
+        shapes=None if spec.slosh is None else tank_shapes(spec.slosh, chain),
     )
 
 

@@ -11,6 +11,7 @@ from beamchain.caution import Caution
 from beamchain.chain.build import Built
 from beamchain.chain.links import raise_polar_inertia
 from beamchain.engine.bench import measure, root_body
+from beamchain.engine.hanging import sprung_by_acceleration
 from beamchain.engine.library import one_thread
 from beamchain.errors import EngineError, InputError, RealisationError
 from beamchain.fitting.beam_case import beam_case, on_modes
@@ -20,6 +21,7 @@ from beamchain.fitting.imported import imported_case
 from beamchain.fitting.options import Damping, FitOptions, Modes, Root, Scene, Target
 from beamchain.fitting.proof import Case, assess_fit
 from beamchain.fitting.result import Fit
+from beamchain.fitting.slosh import slosh_case
 from beamchain.fitting.spec import Spec, read_spec
 from beamchain.fitting.uncertain import uncertain_from
 from beamchain.fitting.warnings import doubtful
@@ -124,6 +126,8 @@ def fit_spec(spec: Spec, data: ModalData | None = None) -> Fit:
     else read from its file."""
     imported = spec.imported
     with one_thread():
+        if spec.slosh is not None:
+            return _fit(_with_integrator(spec, spec.slosh.rigid_mass()))
         if imported is None:
             return _fit(_with_integrator(on_modes(spec), spec.beam.rigid_mass()))
         data = imported.read() if data is None else data
@@ -143,13 +147,19 @@ def fit_spec(spec: Spec, data: ModalData | None = None) -> Fit:
 def _fit(spec: Spec, data: ModalData | None = None) -> Fit:
     """The fit of a beam, or of imported modes: chosen, realised, written, measured, compared."""
     clock = [time.perf_counter()]
-    case = beam_case(spec) if data is None else imported_case(spec, data)
+    case: Case
+    if spec.slosh is not None:
+        case = slosh_case(spec)
+    else:
+        case = beam_case(spec) if data is None else imported_case(spec, data)
     clock.append(time.perf_counter())
     case, built, line = _realise(case)
     chain, note = raise_polar_inertia(built.chain, LEAST_INERTIA)
     built = replace(built, chain=chain)
     clock.append(time.perf_counter())
     tree = appendage_tree(spec, chain, spec.beam if line is None else line)
+    if chain.hung:
+        tree = sprung_by_acceleration(tree, chain.acceleration)
     clock.append(time.perf_counter())
     measured = measure(
         tree,

@@ -247,11 +247,16 @@ class Fit:
     @cached_property
     def large_motion(self) -> tuple[dict[str, LargeMotion], tuple[str, ...]]:
         """Large-motion limits per bending plane, and the reasons if one could not be computed."""
-        if self.spec.imported is not None:
+        if not self.spec.is_beam:
             why = (
                 "large motion is compared with a chain of 60 links of the beam, which imported "
                 "modes do not have."
             )
+            if self.spec.slosh is not None:
+                why = (
+                    "a liquid is a pendulum up to angles of some 10 degrees between its surface "
+                    "and the bottom; beyond, it breaks, which no pendulum does."
+                )
             return {}, (Caution("large-motion-unknown", why),)
         modes = {port: target.modes for port, target in self.target.items()}
         hub = self.spec.root.hub
@@ -501,7 +506,7 @@ class Fit:
         timestep = self.spec.exact_step or (
             scene.step if self.spec.scene else safe_step(self.limits.largest_step[scene.integrator])
         )
-        return write.scene_document(
+        root = write.scene_document(
             self.appendage(timed=False),
             self.spec.name,
             mass=hub.mass,
@@ -511,6 +516,10 @@ class Fit:
             integrator=scene.integrator,
             contacts=scene.contacts,
         )
+        if self.spec.slosh is not None:
+            mass = hub.mass + float(self.chain.mass)
+            write.add_burn(root, mass * self.spec.slosh.acceleration)
+        return root
 
     def bench_mjcf(self) -> str:
         """The appendage on the test bench: its root free in every kept port, as text."""

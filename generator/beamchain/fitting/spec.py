@@ -29,6 +29,7 @@ from beamchain.ports.model import PortModel
 from beamchain.structure.beam import Beam
 from beamchain.structure.readers.imported import Imported
 from beamchain.structure.segment import Joint, Lump, Segment, check_carried_body, expand_repeats
+from beamchain.structure.slosh import Slosh
 
 #: Shorthands that `replace` and `fit` accept beside the fields.
 SHORT = ("hub", "target", "timestep")
@@ -66,6 +67,7 @@ class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     imported: Annotated[
         Imported | None, field("modes from a finite-element program, in place of segments")
     ] = None
+    slosh: Annotated[Slosh | None, field("the liquid in a tank, in place of segments")] = None
     payload: Annotated[Payload | None, field("body that the scene attaches at the tip")] = None
     port: Annotated[tuple[Port, ...], field("further points at which the chain is exact")] = ()
     sensors: Annotated[Sensors, field("sensors written with the appendage")] = Sensors()
@@ -98,7 +100,9 @@ class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
                 'because every body is named after it; for example name = "boom".'
             )
         listed = self.damping is not None and isinstance(self.damping.ratio, tuple)
-        if self.imported is not None:
+        if self.slosh is not None:
+            self._check_slosh()
+        elif self.imported is not None:
             self._check_imported()
         elif listed:
             raise InputError(
@@ -108,7 +112,7 @@ class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         elif not self.segment:
             raise InputError(
                 "the spec has no [[segment]]; add at least one with length, section and material, "
-                "or an [imported] table."
+                "or an [imported] or [slosh] table."
             )
         if self.root.target == "auto" and not self.chooses:
             raise InputError(
@@ -177,7 +181,7 @@ class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             raise InputError(
                 f"two ports have the same name ({', '.join(names)}); give each its own."
             )
-        if self.imported is None:
+        if self.is_beam:
             # built once so that what the parts say of each other is checked
             length = self.beam.length
             if self.payload is not None:
@@ -252,7 +256,7 @@ class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     def further(self) -> dict[str, float]:
         """x of the further points that must be exact [m]: the ports,
         and "tip" if it has a payload or the scene needs it."""
-        if self.imported is not None:
+        if not self.is_beam:
             return {}
         tip = self.payload is not None or (self.scene is not None and self.scene.tip)
         return ({"tip": self.beam.length} if tip else {}) | {
@@ -262,6 +266,8 @@ class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     def sites(self, length: float) -> dict[str, float]:
         """x of the sites other than the root's [m]; without a scene there is one at the tip,
         at `length`."""
+        if self.slosh is not None:
+            return {}
         tip = (
             self.scene is None
             or self.scene.tip
@@ -269,6 +275,49 @@ class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             or "tip" in self.sensors.points
         )
         return ({"tip": length} if tip else {}) | {port.name: port.x for port in self.port}
+
+    @property
+    def is_beam(self) -> bool:
+        """Whether the appendage is described as a beam, not by modes or as a liquid."""
+        return self.imported is None and self.slosh is None
+
+    def _check_slosh(self) -> None:
+        """Check that nothing is given with [slosh] that a liquid does not have."""
+        no_beam = "a liquid is no beam"
+        reasons = {
+            "segment": f"{no_beam}: give the tank a specification of its own",
+            "joint": no_beam,
+            "lump": no_beam,
+            "imported": "one specification is one appendage: give the tank its own",
+            "payload": "a liquid carries nothing: put the body on the spacecraft",
+            "port": "a liquid carries nothing: put the body on the spacecraft",
+            "modes": "the number of pendulums is slosh.modes",
+            "damping": "its damping is slosh.ratio",
+            "uncertain": "a liquid is not varied: give a tank per value",
+        }
+        for key, reason in reasons.items():
+            if getattr(self, key):
+                raise InputError(f"[slosh] and {key} are both given; {reason}, and remove {key}.")
+        if self.root.target not in (None, "clamped"):
+            raise InputError(
+                f'root.target = "{self.root.target}" and [slosh] do not go together: pendulums are '
+                'exact on any spacecraft; use target = "clamped", or leave it out.'
+            )
+        if self.fit != FitOptions():
+            raise InputError(
+                "[fit] and [slosh] do not go together: pendulums have neither springs nor cuts, "
+                "and no timing; remove [fit]."
+            )
+        if self.sensors.modes or self.sensors.points:
+            raise InputError(
+                "[sensors] of a liquid may hold root_load alone: its pendulums have no tendons and "
+                "no points; remove modes and points."
+            )
+        if self.scene is not None and (self.scene.tip or self.scene.contacts):
+            raise InputError(
+                "scene.tip and scene.contacts need an appendage with a tip, which a liquid is not; "
+                "remove them."
+            )
 
     def _check_imported(self) -> None:
         """Check that the fields given with [imported] need no beam."""
@@ -287,6 +336,11 @@ class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     @property
     def beam(self) -> Beam:
         """The elastic appendage; refused where the modes are imported, so that there is no beam."""
+        if self.slosh is not None:
+            raise InputError(
+                f"the appendage {self.name!r} is the liquid in a tank, but this needs a beam; give "
+                "an appendage with [[segment]]."
+            )
         if self.imported is not None:
             raise InputError(
                 f"the appendage {self.name!r} is imported modes ({self.imported.file}), but this "
@@ -312,7 +366,7 @@ class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     def kept(self) -> dict[str, int]:
         """Modes kept per port, if they are not chosen for the scene;
         empty means all imported modes."""
-        if self.imported is not None and self.modes is None:
+        if self.slosh is not None or (self.imported is not None and self.modes is None):
             return {}
         default = Modes(xy=DEFAULT_MODES, xz=DEFAULT_MODES)
         return (self.modes or default).counts()
@@ -321,7 +375,7 @@ class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     def unsaid(self) -> tuple[str, ...]:
         """The bending plane that is rigid only because [modes] does not mention it;
         `xz = 0` states that this is intended."""
-        if self.modes is None or self.chooses or self.imported is not None:
+        if self.modes is None or self.chooses or not self.is_beam:
             return ()
         given = self.modes.given()
         planes = [port for port in ("xy", "xz") if given.get(port)]

@@ -145,13 +145,15 @@ def appendage_document(
     sites: Mapping[str, float] | None = None,
     contacts: bool = False,
     readings: "Readings | None" = None,
+    shapes: Sequence[list[Shape]] | None = None,
 ) -> Element:
     """The drop-in file: link bodies, nested from the root outwards; x points along the appendage.
 
     Geoms have no mass: `visuals` looks like the `beam`, a thin bar without it, or is what `skins`
     leave to be drawn; `contacts` in place of them are capsules that touch other things, never each
     other or what carries the appendage.
-    `sites`: x by name; the tip where left out.
+    `sites`: x by name; the tip where left out. `shapes`: what is drawn of each link, in place of
+    what follows from the `beam`.
     """
     _check_links(chain)
     places = {"tip": chain.length} if sites is None else sites
@@ -160,16 +162,22 @@ def appendage_document(
     world = find(root, "worldbody")
     prototype = find(world, "body")
     world.remove(prototype)
-    parent = world
-    origin = 0.0
+    bodies: list[Element] = []
+    origins: list[float] = []
     for i, link in enumerate(chain.links):
         body = deepcopy(prototype)
         hinge = chain.hinges[i - 1] if i else None
         x = hinge.x if hinge else 0.0
+        carrier = chain.carrier(i) if i else -1
+        origin = origins[carrier] if i else 0.0
         set_attributes(body, name=f"{name}_link{i + 1}", pos=[x - origin, 0.0, 0.0])
         _add_joints(body, name, index=i, hinge=hinge)
         _set_inertial(find(body, "inertial"), link, x)
-        drawn = _drawn_shapes(link, beam, chain.length, contacts=contacts, visuals=visuals)
+        drawn = (
+            _drawn_shapes(link, beam, chain.length, contacts=contacts, visuals=visuals)
+            if shapes is None
+            else shapes[i] * visuals
+        )
         if skins:
             drawn = [shape for shape in drawn if shape.rgba == CARRIED]
         _add_geoms(body, f"{name}_shape{i + 1}", drawn, x=x, length=chain.length)
@@ -182,9 +190,9 @@ def appendage_document(
             site = deepcopy(site_prototype)
             set_attributes(site, name=f"{name}_{point}", pos=[place - x, 0.0, 0.0])
             body.append(site)
-        parent.append(body)
-        parent = body
-        origin = x
+        (bodies[carrier] if i else world).append(body)
+        bodies.append(body)
+        origins.append(x)
     _add_tendons(root, name, chain)
     if readings is not None:
         _add_sensors(root, name, chain=chain, readings=readings)
@@ -252,6 +260,8 @@ def _add_geoms(
         along, *across = shape.half
         if shape.kind == "box":
             set_attributes(geom, size=shape.half)
+        elif shape.kind == "sphere":
+            set_attributes(geom, size=along)
         elif shape.kind == "cylinder":
             set_attributes(geom, size=[max(across), along], quat=ALONG_X)
         else:
@@ -433,3 +443,14 @@ def scene_document(
     attach_appendage(appendage_root, root, hub)
     set_attributes(find(hub, "body"), pos=offset)
     return root
+
+
+def add_burn(scene: Element, force: float) -> None:
+    """Give a scene's hub a thrust along the x axis of its `mount` [N], which the keyframe `burn`
+    switches on."""
+    actuator = scene.find("actuator")
+    if actuator is None:
+        actuator = etree.SubElement(scene, "actuator")
+    etree.SubElement(actuator, "motor", name="thrust", site="mount", gear="1 0 0 0 0 0")
+    keyframe = etree.SubElement(scene, "keyframe")
+    set_attributes(etree.SubElement(keyframe, "key", name="burn"), ctrl=force)

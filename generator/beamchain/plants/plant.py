@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from beamchain.caution import Caution
-from beamchain.checks import positive
+from beamchain.checks import positive, true_or_false
 from beamchain.craft.embedded import Embedded
 from beamchain.craft.linear_craft import LinearCraft, exact_craft, linear_craft
 from beamchain.craft.modal_form import ModalForm
+from beamchain.craft.plant_load import limp_cautions, under_load
 from beamchain.craft.poses import Poses, pose_label, poses_of
 from beamchain.craft.source import compiled_model, linear_omissions
 from beamchain.craft.timing import without_timing
@@ -49,6 +50,7 @@ def plant(
     *,
     rates: Mapping[str, float] | None = None,
     discrete: float | None = None,
+    loaded: bool = False,
 ) -> "Plant | ScheduledPlant":
     """The spacecraft as a control engineer's plant:
     a `control.StateSpace` with names and units, in modal form.
@@ -90,6 +92,11 @@ def plant(
         discrete: a step [s]: the sampled plant that MuJoCo runs at that step with the model's own
             integrator, exact in time, its input the mean of this and the last one (`bc.HeldInput`),
             which adds a state per input. None: continuous.
+        loaded: whether the craft is linear under its own load at `at`: the gravity of its
+            `<option>`, where its base is held, and the `ctrl` of the keyframe that `at` names, such
+            as a constant thrust that accelerates a free base. Appendages are bent and stiffened by
+            it, and the liquids of tanks swing by it; attitude and rate are told in axes that the
+            accelerated craft takes along. Without it a liquid hangs limp.
 
     Returns:
         A `Plant`: `frequency`, `damping_ratio`, `gain` of its modes, `exact`,
@@ -117,17 +124,22 @@ def plant(
     """
     step = None if discrete is None else positive("discrete", discrete, "s")
     whole = compiled_model(model)
+    loaded = true_or_false("loaded", loaded)
     given = _Given(
-        model if isinstance(model, Embedded) else None, whole, rates, inputs, outputs, step
+        model if isinstance(model, Embedded) else None, whole, rates, inputs, outputs, step, loaded
     )
     poses = poses_of(whole, at)
+    if loaded and (poses is not None or step is not None):
+        raise InputError(
+            f"loaded: a plant under a load is {'of one pose' if step is None else 'continuous'}; "
+            f"{'give one keyframe' if step is None else 'leave discrete out'}."
+        )
     if poses is None:
         craft, said = given.craft(at)
         form = craft.form(step is not None)
-        said = [*linear_omissions(whole), *said]
-        return given.plant(
-            craft, form, form.minimal(), craft.mode_names, said, pose_label(whole, at)
-        )
+        said = [*given.left_out, *said]
+        label = pose_label(whole, at)
+        return given.plant(craft, form, form.minimal(), craft.mode_names, said, label, at)
     return given.scheduled(poses)
 
 
@@ -141,12 +153,21 @@ class _Given:
     inputs: InputNames
     outputs: OutputNames
     step: float | None
+    loaded: bool = False
+
+    @property
+    def left_out(self) -> list[str]:
+        """Sentences on what the plant leaves out."""
+        found = linear_omissions(self.model)
+        if self.loaded:
+            return [text for text in found if getattr(text, "code", "") != "gravity"]
+        return [*found, *limp_cautions(self.model)]
 
     def scheduled(self, poses: Poses) -> ScheduledPlant:
         """The plants of several poses, with one order of states."""
         crafts = [self.craft(pose.at)[0] for pose in poses.each]
         names = crafts[0].mode_names
-        said = linear_omissions(self.model)
+        said = self.left_out
         followed = zip(crafts, follow(crafts, self.modes_at), strict=True)
         forms = [craft.form(self.step is not None, modes, names) for craft, modes in followed]
         forms = same_states(forms, poses.labels)
@@ -175,6 +196,8 @@ class _Given:
                 self.model, self.step, operating_point(model, at, self.rates).qpos, self.embedded
             )
         craft = linear_craft(model, at, self.rates, self.inputs, self.outputs)
+        if self.loaded:
+            craft, _ = under_load(craft, model, at)
         if not craft.modes.frequency.size:
             raise InputError(
                 "the model has no flexible mode, for no spring holds anything in it; put "
@@ -190,6 +213,7 @@ class _Given:
         names: Sequence[str],
         said: Sequence[str],
         pose: str,
+        at: At = None,
     ) -> Plant:
         """The plant of what is kept, `form`, of a craft's whole modal form in a pose."""
         modes = form.oscillators(names)
@@ -217,6 +241,8 @@ class _Given:
             else partial(step_errors, self.model, craft.point, self.step, embedded)
         )
         pulled = SAMPLED if self.step is not None else partial(uncertain_plant, made, embedded)
+        if self.loaded:
+            pulled = "uncertain plants are without a load; leave loaded out."
         if embedded is None:
             return Plant(
                 form,
@@ -236,7 +262,7 @@ class _Given:
             modes,
             said,
             self.step,
-            partial(_exact_plant, embedded, made),
+            partial(_exact_plant, embedded, made, at, self.loaded),
             pulled,
             errors,
             allocations,
@@ -278,10 +304,11 @@ class _Given:
         ), said
 
 
-def _exact_plant(embedded: Embedded, made: Made, omega: float) -> Plant:
+def _exact_plant(embedded: Embedded, made: Made, at: At, loaded: bool, omega: float) -> Plant:
     """The plant with all modes of the appendages up to `omega` [rad/s]; a function of the module,
     so that it pickles."""
-    true = exact_craft(embedded, made.craft.point, made.inputs, made.outputs, omega)
+    point = made.craft.point
+    true = exact_craft(embedded, point, made.inputs, made.outputs, omega, at, loaded=loaded)
     kept = true.form().minimal()
     return Plant(kept, made.craft.signals, kept.oscillators(true.mode_names))
 

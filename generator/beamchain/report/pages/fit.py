@@ -51,6 +51,7 @@ def fit_report(fit: "Fit") -> tuple[str, dict[str, str]]:
         pictures=pictures,
         asked=_specification(fit),
         imported=imported,
+        modes_word=_modes_word(fit).capitalize(),
         effective=effective,
         mode_tables={port: tables.port_table(fit, port) for port in fit.target},
         port_note=tables.port_note,
@@ -124,6 +125,8 @@ def _verdict(fit: "Fit", rivals: RivalErrors) -> Verdict:
         if fit.kept_for == "clamped":
             kept = fit.space.kept_words
         what = f"{what.partition(' the beam')[0]} {kept}"
+        if fit.spec.slosh is not None:
+            what = f"{what.partition(' stand for')[0]} stand for {_modes_word(fit)}: {kept}"
     hub = (
         "the hub of the spec"
         if fit.hub_mass is not None
@@ -193,9 +196,19 @@ def _damping(damping: "Damping") -> str:
     return f"ratio {ratios}, as {form}"
 
 
+def _modes_word(fit: "Fit") -> str:
+    """What the modes are, where they are no beam's."""
+    return "the imported modes" if fit.spec.slosh is None else "the liquid's lateral modes"
+
+
 def _structure(fit: "Fit") -> str:
     """What the appendage is made of."""
     beam = fit.mass_line
+    if (liquid := fit.spec.slosh) is not None:
+        return (
+            f"liquid of {liquid.density:g} kg/m³ in a cylinder of {liquid.radius:g} m radius; modes "
+            f"at {liquid.acceleration:g} m/s² along its axis"
+        )
     imported = fit.spec.imported
     if not isinstance(beam, Beam):
         return f"imported from {imported.file}" if imported is not None else "imported"
@@ -215,6 +228,8 @@ def _asked_modes(fit: "Fit") -> str:
         fit.spec.kept if fit.choice is None or fit.spec.modes is None else fit.spec.modes.given()
     )
     counts = ", ".join(f"{n} in {port}" for port, n in given.items())
+    if fit.spec.slosh is not None:
+        return f"{fit.spec.slosh.kept} in each plane, as pendulums"
     if fit.choice is None:
         return counts or "as imported"
     chosen = "as few as the scene needs"

@@ -343,7 +343,7 @@ def effective_mass_table(space: "InSpace") -> Table:
         ),
     )
     notes = (
-        "Translations as the finite-element program prints them; rotations about the port.",
+        "Translations as finite-element programs print them; rotations about the port.",
         f"Kept: {space.kept_words}.",
         mass_words(data.rigid_mass),
     )

@@ -1,0 +1,71 @@
+"""A linear craft under its own load: gravity where its base is held, or the `ctrl` of a keyframe
+that accelerates it. Its motion is told in axes that a free base takes along."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from beamchain.craft.linear_craft import LinearCraft, internal_stiffness
+from beamchain.craft.mode_names import HINGE, cantilever_names
+from beamchain.engine.forces import sprung
+from beamchain.engine.library import mujoco
+from beamchain.engine.loaded import Loading, load_at, loaded_linear
+from beamchain.engine.operating_point import At, base_body
+from beamchain.errors import InputError
+from beamchain.fitting.slosh import weightless
+from beamchain.ports.motions import Array
+
+TOPPLES = 1e-9  # of the stiffness of one coordinate: less is rounding
+
+
+def hinge_dofs(model: "mujoco.MjModel") -> list[int]:
+    """Degrees of freedom of the appendages' hinges, by their names."""
+    names = (str(model.joint(int(j)).name) for j in model.dof_jntid)
+    return [i for i, name in enumerate(names) if HINGE.fullmatch(name)]
+
+
+def limp_hinges(model: "mujoco.MjModel") -> list[str]:
+    """Names of the appendages' hinges that no spring holds: those of liquids."""
+    held = set(sprung(model))
+    joints = (int(model.dof_jntid[i]) for i in hinge_dofs(model))
+    return [str(model.joint(j).name) for j in joints if j not in held]
+
+
+def limp_cautions(model: "mujoco.MjModel") -> list[str]:
+    """That the liquids of a model hang limp in a plant without a load."""
+    tanks = sorted({name.split("_hinge")[0] for name in limp_hinges(model)})
+    if not tanks:
+        return []
+    where = f"{', '.join(tanks)}: the plant is one in free fall (loaded=True: under its load)"
+    return [weightless(where)]
+
+
+def under_load(craft: LinearCraft, model: "mujoco.MjModel", at: At) -> tuple[LinearCraft, Loading]:
+    """A craft of a compiled `model` at a pose under its own load, and that load."""
+    dofs = hinge_dofs(model)
+    bases = {base_body(model, int(model.dof_bodyid[i])) for i in dofs}
+    if len(bases) != 1:
+        raise InputError(
+            f"loaded: the model has {len(bases) or 'no'} bases that carry appendages; a load is "
+            "known on one: put appendages on one body with bc.embed."
+        )
+    base = bases.pop()
+    load = load_at(model, at, base, float(model.body_subtreemass[base]))
+    linear = loaded_linear(craft.linear, craft.point.model, craft.point.qpos, dofs, load)
+    internal = internal_stiffness(linear.stiffness, load)
+    check_standing(internal, load)
+    names, rows = cantilever_names(craft.point.model, linear.mass, internal)
+    changed = replace(craft, linear=linear, names=tuple(names), rows=rows, internal=internal)
+    return changed, load
+
+
+def check_standing(stiffness: Array, load: Loading) -> None:
+    """Refuse a load under which something topples."""
+    size = np.sqrt(np.maximum(np.abs(np.diag(stiffness)), 1e-300))
+    lowest = float(np.linalg.eigvalsh(stiffness / np.outer(size, size))[0])
+    if lowest < -TOPPLES:
+        raise InputError(
+            f"loaded: {load.words} something of the spacecraft topples (its stiffness is "
+            "negative): a liquid pressed away from its tank's bottom, or a loose joint that hangs "
+            "upside down; turn the thrust, or hold that joint by a spring or a servo."
+        )

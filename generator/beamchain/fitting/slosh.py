@@ -1,0 +1,162 @@
+"""What a fit of a tank's liquid starts from: its lateral modes at the stated acceleration, and the
+pendulums that have them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from beamchain.caution import Caution
+from beamchain.chain.build import Built, Status
+from beamchain.chain.chain import Chain, Hinge, Link
+from beamchain.engine.bench import Measured
+from beamchain.fitting.imported import ImportedCase
+from beamchain.fitting.needs import AXES, FAR, Promise
+from beamchain.fitting.spec import Spec
+from beamchain.ports.compare import with_damping
+from beamchain.ports.model import PortModel
+from beamchain.ports.motions import Array
+from beamchain.steps.limits import StepLimits
+from beamchain.structure.mass_line import MassLine
+from beamchain.structure.slosh import Slosh
+
+BALL = 1e-3  # of a pendulum's length: by as much its mass centre is nearer to the pivot
+# of a pendulum's inertia across the axis, that about it: a moving body has some in MuJoCo
+ROLL = 1e-6
+LEAST = 2e-15  # kg m^2, above MuJoCo's mjMINVAL
+PLANES = ("xy", "xz")
+
+
+@dataclass(frozen=True, eq=False)
+class SloshCase(ImportedCase):
+    """The lateral modes of a liquid for imported ones, of which the first of each plane are kept,
+    and pendulums for a chain."""
+
+    @property
+    def liquid(self) -> Slosh:
+        """What the specification says of it."""
+        assert self.spec.slosh is not None
+        return self.spec.slosh
+
+    def chosen(self, target: object = None) -> "SloshCase":
+        """The same: the first modes are always kept."""
+        del target
+        return self
+
+    def fallback(self) -> None:
+        """There is none."""
+
+    def build(self) -> tuple[Built, MassLine]:
+        """Pendulums that swing in both planes, and the fixed mass."""
+        targets = {port: self.selected.port(port, own=True) for port in PLANES}
+        number = self.liquid.kept
+        status = Status(
+            True,
+            f"{number} pendulum{'s' if number > 1 else ''} and a fixed mass, "
+            f"{self.selected.modes} modes kept.",
+        )
+        return Built(pendulum_chain(self.liquid), targets, status), self.liquid.line()
+
+    def cautions(
+        self,
+        measured: Measured,
+        targets: object,
+        chain: Chain,
+        limits: StepLimits,
+    ) -> tuple[str, ...]:
+        """Where nothing accelerates the tank its pendulums stay where they are."""
+        del measured, targets, chain, limits
+        where = "nothing but the keyframe `burn` of scene.xml accelerates the tank"
+        return (weightless(where),)
+
+
+def weightless(where: str) -> Caution:
+    """The warning for a liquid that nothing presses onto the bottom."""
+    return Caution(
+        "slosh-weightless",
+        f"{where}: without thrust or gravity along its axis the liquid's pendulums have no "
+        "stiffness and drift, and what a liquid does then, by surface tension, is not in the "
+        "model; simulate and linearise it under a thrust or gravity.",
+    )
+
+
+def slosh_case(spec: Spec) -> SloshCase:
+    """The case of a specification with [slosh]."""
+    assert spec.slosh is not None
+    data = spec.slosh.data()
+    numbers = tuple(range(1, 2 * spec.slosh.kept + 1))
+    scene = spec.scene
+    promise = None
+    if scene is not None and scene.bandwidth is not None:
+        live = data.live
+        hub = None if spec.root.hub is None else spec.root.hub.mass_matrix()[np.ix_(live, live)]
+        motions = {AXES[axis] for axis in scene.axes}
+        promise = Promise(
+            with_damping(data.space()).condensed(FAR * scene.bandwidth),
+            hub,
+            wanted=[i for i, motion in enumerate(live) if motion in motions],
+            bandwidth=scene.bandwidth,
+        )
+    return SloshCase(spec, data, data.selected(numbers), numbers, promise=promise)
+
+
+def pendulum_chain(liquid: Slosh) -> Chain:
+    """The fixed mass and the pendulums of the first modes at the stated acceleration.
+
+    A pendulum is a body whose mass centre is a thousandth nearer to the pivot than the length of
+    the pendulum: with the mass `m_n L / L'` and the inertia `m_n L (L - L')` about that centre,
+    force, moment and frequency are those of the point mass m_n.
+    """
+    parts = liquid.pendulums(liquid.kept)
+    damping = 2.0 * liquid.ratio * liquid.frequencies()[: liquid.kept]
+    links: list[Link] = []
+    hinges: list[Hinge] = []
+    left = liquid.rigid_mass()
+    for mass, length, pivot, rate in zip(
+        parts.masses.tolist(),
+        parts.lengths.tolist(),
+        parts.pivots.tolist(),
+        damping.tolist(),
+        strict=True,
+    ):
+        arm = (1.0 - BALL) * length
+        own = mass * length * (length - arm)
+        roll = max(ROLL * own, LEAST)
+        link = Link(pivot - arm, 0.0, mass * length / arm, pivot - arm, (roll, own, own))
+        left = left - link.mass_matrix()
+        links.append(link)
+        damper = rate * mass * length**2
+        hinges.append(Hinge(pivot, dict.fromkeys(PLANES, 0.0), dict.fromkeys(PLANES, damper)))
+    return Chain(
+        (_fixed(left, liquid.height), *links),
+        tuple(hinges),
+        liquid.height,
+        hung=True,
+        acceleration=liquid.acceleration,
+    )
+
+
+def _fixed(left: Array, height: float) -> Link:
+    """The body that is left at the root of a `(6, 6)` mass matrix; it has no inertia about the
+    axis, for an inviscid liquid is not dragged along."""
+    mass = float(left[0, 0])
+    centre = float(left[1, 5]) / mass
+    across = float(left[5, 5]) - mass * centre**2
+    return Link(0.0, height, mass, centre, (0.0, across, across))
+
+
+def limp_model(liquid: Slosh, slack: float) -> PortModel:
+    """All lateral modes of the reference without the stiffness that an acceleration gives them,
+    but for a `slack` part of each frequency; damped as at the stated acceleration."""
+    data = liquid.data()
+    return PortModel(
+        _with_roll(liquid),
+        slack * data.frequencies,
+        data.participation,
+        np.full(data.modes, liquid.ratio / slack),
+    )
+
+
+def _with_roll(liquid: Slosh) -> Array:
+    """`(6, 6)` with the little inertia about the axis that the pendulums have."""
+    roll = sum(link.inertia[0] for link in pendulum_chain(liquid).links)
+    return liquid.rigid_mass() + np.diag([0.0, 0.0, 0.0, roll, 0.0, 0.0])
