@@ -24,8 +24,17 @@ from beamchain.craft.step_search import largest_step
 from beamchain.craft.timing import craft_time_error, without_timing
 from beamchain.engine.bench import Composite, composite
 from beamchain.engine.library import mujoco, one_thread
+from beamchain.engine.linear import linear_at
 from beamchain.engine.linearise import NUMBERS
-from beamchain.engine.operating_point import Positions, base_body, poses, poses_between
+from beamchain.engine.normal_modes import NormalModes
+from beamchain.engine.operating_point import (
+    Positions,
+    base_body,
+    poses,
+    poses_between,
+    quiet_copy,
+    rest_point,
+)
 from beamchain.errors import InputError
 from beamchain.files import check_name, write_files
 from beamchain.fitting.needs import AXES
@@ -197,6 +206,17 @@ class Embedded:
         exact = carried(self.model, self.appendages)
         pose = self._exact_poses.get(key, [None])[0] if self.loaded else None
         return modes_at_pose(self.craft, self.untimed, exact, self.band, key, self._own, pose)
+
+    @one_thread()
+    def shapes_at(self, key: str) -> NormalModes:
+        """Rigid motions and normal modes of the file without timing, as MuJoCo has them, at the
+        keyframe `key` ("rest": the rest pose); under the load where it is `loaded`."""
+        model = quiet_copy(self.untimed)
+        qpos = poses(model)[key]
+        pose = self._exact_poses.get(key, [None])[0] if self.loaded else None
+        if pose is None:
+            return linear_at(rest_point(model, qpos)).modes()
+        return pose.compiled(model, qpos, counterpart(self.craft, model, pose.body)).modes()
 
     @cached_property
     def composite(self) -> Composite:

@@ -16,6 +16,7 @@ from beamchain.report.curves import (
 )
 from beamchain.report.formats import number, percent, short, vector
 from beamchain.report.page import Verdict, page_text
+from beamchain.report.replay import scene_replays
 from beamchain.report.shapes import all_shapes
 from beamchain.report.svg import to_svg
 from beamchain.report.tables import fit as tables
@@ -55,6 +56,7 @@ def fit_report(fit: "Fit") -> tuple[str, dict[str, str]]:
         mode_tables={port: tables.port_table(fit, port) for port in fit.target},
         port_note=tables.port_note,
         drawn_shapes=all_shapes(fit),
+        replays=scene_replays(fit),
         in_band=tables.in_band_table(fit, rivals),
         model_errors=[tables.model_error_table(fit, port) for port in fit.target],
         masses=tables.mass_table(fit),
