@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from beamchain import report
-from beamchain.checks import path_of, true_or_false
+from beamchain.checks import one_of, path_of, true_or_false
 from beamchain.craft.appendage import Appendage, carried, craft_elements
 from beamchain.craft.assembly import Assembly, assembly_at_rest, modes_at_pose
 from beamchain.craft.coupled_modes import Mode
@@ -209,14 +209,21 @@ class Embedded:
 
     @one_thread()
     def shapes_at(self, key: str) -> NormalModes:
-        """Rigid motions and normal modes of the file without timing, as MuJoCo has them, at the
-        keyframe `key` ("rest": the rest pose); under the load where it is `loaded`."""
+        """Rigid motions and undamped normal modes of the model without timing, as MuJoCo has them.
+
+        Args:
+            key: of a keyframe, or "rest": the rest pose; under the load where it is `loaded`.
+
+        Raises:
+            InputError: the spacecraft has no such keyframe.
+        """
         model = quiet_copy(self.untimed)
-        qpos = poses(model)[key]
+        known = poses(model)
+        one_of("key", key, known)
         pose = self._exact_poses.get(key, [None])[0] if self.loaded else None
         if pose is None:
-            return linear_at(rest_point(model, qpos)).modes()
-        return pose.compiled(model, qpos, counterpart(self.craft, model, pose.body)).modes()
+            return linear_at(rest_point(model, known[key])).modes()
+        return pose.compiled(model, known[key], counterpart(self.craft, model, pose.body)).modes()
 
     @cached_property
     def composite(self) -> Composite:

@@ -1,5 +1,5 @@
-"""What a replay shows of a spacecraft: the solids of its bodies, and its appendages as bent ribbons,
-as points for any positions of the model."""
+"""What a replay shows of a spacecraft, as points for any positions of the model: the solids of its
+bodies, and its appendages as bent ribbons."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -13,22 +13,29 @@ from beamchain.craft.recovered_body import beam_body
 from beamchain.engine.library import mujoco
 from beamchain.engine.operating_point import base_body
 from beamchain.engine.unchanged import ids_of
+from beamchain.errors import BeamchainError
 from beamchain.ports.motions import PORT_MOTION, Array
 from beamchain.structure.beam import Beam
 from beamchain.structure.inside import snapped
 
 STATIONS = 12  # of an appendage at which its modes are evaluated, where there are few,
 FEWEST = 4
-MOST_STATIONS = 240  # of all appendages together
-LEAST = 4  # of a segment
-FINER = 3  # times as many points are drawn, by splines
+MOST_STATIONS = 160  # of all appendages together
+LEAST = 4  # of a segment; where there are many, its ends
+FINER = 2  # times as many points are drawn, by splines
 MOST_SOLIDS = 40
 MOST_APPENDAGES = 40
 SLIM = 1.0 / 400.0  # of the length: half the width of an appendage whose section tells none
 ROUND = 16  # corners of a circle
 HIDDEN = 3  # MuJoCo's groups of geoms that its viewer does not show begin here
 WAYS = np.array(
-    [[x, y, z] for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) != (0, 0, 0)],
+    [
+        [x, y, z]
+        for x in (-1, 0, 1)
+        for y in (-1, 0, 1)
+        for z in (-1, 0, 1)
+        if (x, y, z) != (0, 0, 0)
+    ],
     dtype=np.float64,
 )
 
@@ -113,6 +120,11 @@ class Outlines:
         self.solids = solids[:MOST_SOLIDS]
         self.left_out = len(appendages) - len(drawn), len(solids) - len(self.solids)
 
+    @property
+    def corners(self) -> int:
+        """About how many points a drawing has."""
+        return sum(2 * ribbon.links.size for ribbon in self.ribbons) + 12 * len(self.solids)
+
     def at(self, qpos: Array) -> Drawn:
         """The points at positions `(nq,)`."""
         data = self._data
@@ -156,16 +168,20 @@ def _ribbon(model: "mujoco.MjModel", a: Appendage, stations: int) -> Ribbon:
     if not isinstance(beam, Beam):
         return _ribbon_of_links(model, a, root)
     ends = [*beam.starts, beam.length]
-    lengths = np.diff(ends)
-    counts = [max(round(stations * part / beam.length), LEAST) for part in lengths.tolist()]
-    if len(counts) * LEAST > 4 * stations:  # many short segments are drawn as one
-        ends, counts = [0.0, beam.length], [stations]
+    least = LEAST if LEAST * len(beam.starts) <= 2 * stations else 2
+    if least * len(beam.starts) > 4 * stations:  # drawn as one
+        ends = [0.0, beam.length]
+    parts = (np.diff(ends) / beam.length).tolist()
+    counts = [max(round(stations * part), least) for part in parts]
     coarse = [
         np.linspace(low, high, count)
         for low, high, count in zip(ends[:-1], ends[1:], counts, strict=True)
     ]
     x, where = np.unique(snapped(beam, np.concatenate(coarse)), return_inverse=True)
-    body = beam_body(model, a, x)
+    try:
+        body = beam_body(model, a, x)
+    except BeamchainError:  # a chain whose modes are not found again, of fewer modes than asked for
+        return _ribbon_of_links(model, a, root)
     motion = np.zeros((x.size, 6, 0))
     rows = np.zeros((0, model.nq))
     for port, coordinates in body.coordinates.items():
@@ -202,7 +218,7 @@ def _depths(beam: Beam, x: Array) -> Array:
 
 
 def _ribbon_of_links(model: "mujoco.MjModel", a: Appendage, root: int) -> Ribbon:
-    """Imported modes have no line between: the links of the chain."""
+    """The links of the chain: imported modes have no line between."""
     chain = a.fit.chain
     links = [int(model.body(f"{a.prefix}link{i + 1}").id) for i in range(len(chain.links))]
     places = np.zeros((len(links) + 1, 3))
@@ -261,7 +277,7 @@ def _solid(model: "mujoco.MjModel", geom: int) -> Solid | None:
             balls = [size[0] * _ball() + [0.0, 0.0, s * size[1]] for s in (-1.0, 1.0)]
             corners = np.vstack(balls)
         else:
-            corners = np.vstack([ring + [0.0, 0.0, s * end] for s in (-1.0, 1.0)])
+            corners = np.vstack([ring + np.array([0.0, 0.0, s * end]) for s in (-1.0, 1.0)])
     elif kind == int(kinds.mjGEOM_MESH):
         mesh = int(model.geom_dataid[geom])
         start = int(model.mesh_vertadr[mesh])

@@ -7,12 +7,15 @@ A mode is drawn to first order, every point moving along a line: two drawings an
 import math
 import textwrap
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from beamchain.craft.appendage import Appendage
-from beamchain.craft.mode_names import cantilever_names, mode_names
+from beamchain.craft.inspect import energy_words
+from beamchain.craft.mode_names import cantilever_names
 from beamchain.craft.timing import without_timing
 from beamchain.engine.library import mujoco, quiet
 from beamchain.engine.linear import linear_at
@@ -35,12 +38,13 @@ FINE = 10.0  # units of a path per unit of the drawing, so that whole numbers do
 GAP, MARGIN = 16.0, 12.0
 LINE = 11.5  # of text
 LOWEST, HIGHEST = 80.0, 210.0  # of the picture of a mode
-TALLEST = 330.0  # of that of a turn
+TALLEST = 280.0  # of that of a turn
 LETTERS = 62  # of a line of text below a mode
-MOST_MODES = 6  # at rest
+MOST_MODES = 6  # at rest, as long as the drawings have not too many points,
+MOST_POINTS = 6_000
 MOST_AT_KEYFRAME, MOST_KEYFRAMES = 2, 3
 SWING = 0.08  # of the craft's extent: the largest displacement drawn,
-BENT, TURNED = 0.4, 0.15  # or as much as bends an appendage or turns the base by so much [rad]
+BENT, TURNED = 0.4, 0.3  # or as much as bends an appendage or turns the base by so much [rad]
 SLOWEST, FASTEST = 2.4, 0.5  # seconds on the page for one oscillation
 AZIMUTHS = np.radians(np.arange(15.0, 360.0, 30.0))
 ELEVATIONS = np.radians([20.0, 35.0, 55.0])
@@ -48,7 +52,7 @@ ELEVATIONS = np.radians([20.0, 35.0, 55.0])
 ANGLES = np.radians([40.0, 20.0, 10.0, 5.0, 2.5])  # of the turn: the first that is quick enough
 MOST_CYCLES = 16.5  # of the mode that rings, in a turn and its ringing
 PER_CYCLE = 14  # frames
-MOST_FRAMES = 160
+FEWEST_FRAMES, MOST_FRAMES = 32, 160
 MOST_NUMBERS = 40_000  # of all frames of a turn
 MOST_WORK = 1_000_000  # steps times degrees of freedom of the simulations of a turn
 SHORTEST, LONGEST = 5.0, 14.0  # seconds on the page
@@ -100,12 +104,15 @@ def craft_replays(embedded: "Embedded") -> list[Replay]:
     for name, qpos in list(poses(model).items())[: MOST_KEYFRAMES + 1]:
         if name == "rest":
             modes, of = _table_modes(embedded)
+            modes = modes[: _limit(outlines, MOST_MODES)]
             where = "The coupled modes at rest"
         elif _is_rest(model, qpos):
             continue
         else:
             every = embedded.shapes_at(name)
-            modes = _named(model, qpos, every.frequency, every.shapes)[:MOST_AT_KEYFRAME]
+            modes = _named(model, qpos, every.frequency, every.shapes)[
+                : _limit(outlines, MOST_AT_KEYFRAME)
+            ]
             of = every.frequency.size
             where = f"The coupled modes at keyframe {name}"
         if modes:
@@ -127,8 +134,13 @@ def scene_replays(fit: "Fit") -> list[Replay]:
     every = linear_at(rest_point(quiet_copy(model))).modes()
     modes = _named(model, rest, every.frequency, every.shapes)
     where = f"The modes of scene.xml, {fit.spec.name} on a hub of {fit.hub.mass:.4g} kg"
-    shown = _mode_replay(outlines, rest, modes[:MOST_MODES], where, len(modes))
+    shown = _mode_replay(outlines, rest, modes[: _limit(outlines, MOST_MODES)], where, len(modes))
     return [shown, *_turn_replay(outlines, scene)]
+
+
+def _limit(outlines: Outlines, most: int) -> int:
+    """How many modes of a craft are drawn at a pose."""
+    return max(min(most, MOST_POINTS // outlines.corners), 1)
 
 
 def _table_modes(embedded: "Embedded") -> tuple[list[Moving], int]:
@@ -140,7 +152,7 @@ def _table_modes(embedded: "Embedded") -> tuple[list[Moving], int]:
     out: list[Moving] = []
     table = embedded.assembly.modes
     for number, mode in enumerate(table, 1):
-        if mode.mujoco is None or not free or len(out) == MOST_MODES:
+        if mode.mujoco is None or not free:
             continue
         near = min(free, key=lambda k: abs(named[k].omega - (mode.mujoco or 0.0)))
         free.remove(near)
@@ -148,14 +160,17 @@ def _table_modes(embedded: "Embedded") -> tuple[list[Moving], int]:
     return out, len(table)
 
 
-def _named(
-    model: "mujoco.MjModel", qpos: Array, frequencies: Array, shapes: Array
-) -> list[Moving]:
-    """Modes with the names of the cantilever modes that have most of their energy."""
+def _named(model: "mujoco.MjModel", qpos: Array, frequencies: Array, shapes: Array) -> list[Moving]:
+    """Modes, with what has their strain energy."""
     linear = linear_at(rest_point(quiet_copy(model), qpos))
-    words = mode_names(shapes, *cantilever_names(model, linear.mass, linear.stiffness))
-    rows = zip(frequencies.tolist(), words, shapes.T, strict=True)
-    return [Moving(k, omega, f"mostly {name}", shape) for k, (omega, name, shape) in enumerate(rows, 1)]
+    names, rows = cantilever_names(model, linear.mass, linear.stiffness)
+    energy = (rows @ shapes) ** 2
+    share = energy / np.maximum(energy.sum(axis=0), 1e-300)
+    columns = zip(frequencies.tolist(), share.T, shapes.T, strict=True)
+    return [
+        Moving(number, omega, energy_words(names, parts), shape)
+        for number, (omega, parts, shape) in enumerate(columns, 1)
+    ]
 
 
 def _is_rest(model: "mujoco.MjModel", qpos: Array) -> bool:
@@ -189,8 +204,7 @@ def _mode_replay(
     reaches = [float(np.linalg.norm(slope.points, axis=1).max()) for slope in slopes]
     turns = [_rotation(outlines, slope, rest) for slope in slopes]
     sizes = [
-        1.0
-        / max(reach / (SWING * extent), turned / TURNED, _steepest(slope, rest) / BENT)
+        1.0 / max(reach / (SWING * extent), turned / TURNED, _steepest(slope, rest) / BENT)
         for slope, reach, turned in zip(slopes, reaches, turns, strict=True)
     ]
     view = _oblique(rest.points, [s.points for s in slopes])
@@ -220,7 +234,7 @@ def _mode_replay(
         told = [
             f"mode {mode.number}: {mode.omega:.5g} rad/s, {mode.omega / math.tau:.4g} Hz",
             *text[mode.number],
-            f"drawn: largest displacement {largest:.2g} m, {base} turns {degrees:.2g}°; "
+            f"drawn: largest displacement {largest:.3g} m, {base} turns {degrees:.3g}°; "
             f"time × {rate:.3g}",
         ]
         panels.append(
@@ -239,13 +253,8 @@ def _mode_replay(
             }
         )
     rows = -(-len(modes) // columns)
-    shown = f"{len(modes)} of {of} are drawn" if len(modes) < of else "all are drawn"
-    caption = (
-        f"{where}: {shown}. A mode has no size of its own: each is drawn so large that it is "
-        "seen, all in proportion, so that the base answers as it does in the file. Appendages are "
-        "bent as the beam is in the modes kept; dashed: at rest. Time × 2: played at twice its "
-        "rate." + _left_out(outlines)
-    )
+    shown = f"{len(modes)} of {of}" if len(modes) < of else f"all {of}"
+    caption = f"{where}, {shown}; dashed: at rest.{_left_out(outlines)}"
     if any(not ribbon.motion.shape[2] for ribbon in outlines.ribbons):
         caption += " An imported or rigid appendage is drawn by the links of its chain."
     svg = page_text(
@@ -256,7 +265,7 @@ def _mode_replay(
         panels=panels,
         picture=fit.height,
         line=LINE,
-        triad=_triad(view),
+        triad=_triad(view, fit, rest),
         fine=FINE,
         chart=None,
     )
@@ -330,32 +339,42 @@ def _quick_slew(model: "mujoco.MjModel") -> Slew | None:
         with quiet():
             slew = simulate(model, angle=angle, frames=frames, most=MOST_WORK // model.nv)
         if slew.times[-1] * slew.omega / math.tau <= MOST_CYCLES:
-            return slew
+            return _between_steps(slew, float(model.opt.timestep))
     return None
+
+
+def _between_steps(slew: Slew, step: float) -> Slew:
+    """The same with its positions at its times: as simulated they are those of the nearest step."""
+    steps, first = np.unique(np.rint(slew.times / step), return_index=True)
+    between = CubicSpline(step * steps, slew.positions[first])
+    return replace(slew, positions=between(np.minimum(slew.times, step * steps[-1])))
 
 
 def _drawn_turn(outlines: Outlines, slew: Slew) -> Replay:
     cycles = float(slew.times[-1]) * slew.omega / math.tau
-    points = sum(_corner_count(outlines))
-    wanted = min(math.ceil(PER_CYCLE * cycles), MOST_FRAMES, max(MOST_NUMBERS // points, 24))
+    few = max(MOST_NUMBERS // outlines.corners, FEWEST_FRAMES)
+    wanted = min(math.ceil(PER_CYCLE * cycles), MOST_FRAMES, few)
     pick = np.unique(np.linspace(0, len(slew.times) - 1, wanted).round().astype(int))
     origin, turn = outlines.frame(slew.positions[0])
 
     def drawn(factor: float) -> list[Drawn]:
-        return [_placed(outlines.at(qpos), origin, turn) for qpos in slew.shown(factor)[pick]]
+        return [_placed(outlines.at(qpos), origin, turn) for qpos in slew.shown(factor)]
 
     rigid = drawn(0.0)
-    plain = drawn(1.0)
+    frames = drawn(1.0)
     extent = float(np.ptp(rigid[0].points, axis=0).max())
-    bends = np.array([_elastic(a, b) for a, b in zip(plain, rigid, strict=True)])
-    factor = _factor(SWING * extent / max(float(bends.max()), 1e-300))
-    frames = plain if factor == 1.0 else drawn(factor)
-    axes = np.eye(3)[[[1, 2, 0], [0, 2, 1], [0, 1, 2]][slew.axis]]
-    axes[2] *= -1.0 if slew.axis == 1 else 1.0
-    view = View(axes)
+    bends = _elastic(frames, rigid, [outlines.frame(qpos)[1] for qpos in slew.positions])
+    factor = _factor(SWING * extent / max(float(np.abs(bends).max()), 1e-300))
+    if factor > 1.0:
+        frames = drawn(factor)
+    chart = _chart(slew, outlines, bends)
+    still = int(np.argmax(np.abs(bends)))
+    instant = float(slew.times[still])
+    straight, bent = rigid[still], frames[still]
+    rigid, frames = ([several[k] for k in pick] for several in (rigid, frames))
+    view = _along(slew.axis, np.vstack([frame.points for frame in (*frames, *rigid)]))
     flat = view.flat(np.vstack([frame.points for frame in (*frames, *rigid)]))
     fit = _Fit(flat, WIDTH, 0.0, TALLEST)
-    still = int(np.argmax(bends))
     outline = _Outline(outlines, rigid[0], view, fit)
     seconds = float(np.clip(slew.times[-1], SHORTEST, LONGEST))
     rate = float(slew.times[-1]) / seconds
@@ -372,37 +391,56 @@ def _drawn_turn(outlines: Outlines, slew: Slew) -> Replay:
         "told": told,
         "desc": "; ".join(told),
         "ghost": [],
-        "still": outline.shapes([frames[still]], ghost=rigid[still]),
+        "still": outline.shapes([bent], ghost=straight),
         "moving": outline.shapes(frames, ghosts=rigid),
         "animate": f'dur="{seconds:.3g}s" {SMIL}',
         "swings": False,
     }
-    chart = _chart(slew, outlines, pick, bends, fit.height + LINE * len(told) + GAP)
+    top = fit.height + LINE * len(told) + GAP
+    size = "as large as it is" if factor == 1.0 else f"{factor:g} times as large as it is"
     caption = (
-        f"A turn, simulated in MuJoCo and seen along its axis: torque on {slew.body}, forwards and "
-        f"back. Elastic motion of the appendages is drawn {factor:g} times as large as it is; the "
-        f"base as it moves. Dashed: appendages that stay straight. Still: "
-        f"{slew.times[pick][still]:.3g} s, where they bend most." + _left_out(outlines)
+        f"A turn simulated in MuJoCo, seen along its axis: a torque on {slew.body} forwards, then "
+        f"back. Elastic motion is drawn {size}, the base as it moves; dashed: appendages that stay "
+        f"straight. Printed: {instant:.3g} s, where they bend most." + _left_out(outlines)
     )
     svg = page_text(
         "replay.svg",
         label=f"A turn, moving: {panel['desc']}",
         width=WIDTH,
-        height=chart["y"] + CHART + 2.0 * LINE,
+        height=top + CHART + 2.0 * LINE,
         panels=[panel],
         picture=fit.height,
         line=LINE,
-        triad=_triad(view),
+        triad=_triad(view, fit, *frames),
         fine=FINE,
-        chart={**chart, "seconds": seconds},
+        chart={**chart, "y": top, "seconds": seconds},
     )
     return Replay(svg, caption)
 
 
-def _elastic(bent: Drawn, straight: Drawn) -> float:
-    """The largest distance of an appendage from where it would be straight, as its root is."""
-    pairs = zip(bent.middles, straight.middles, strict=True)
-    return max(float(np.linalg.norm(a - b, axis=1).max()) for a, b in pairs)
+def _along(axis: int, points: Array) -> View:
+    """The view along an axis of the base in which the craft is drawn larger."""
+    around = [(axis + 1) % 3, (axis + 2) % 3]
+    right, up, near = np.eye(3)[[*around, axis]]
+    views = [View(np.array(rows)) for rows in ((right, up, near), (up, -right, near))]
+    sizes = [np.ptp(view.flat(points), axis=0) for view in views]
+    scales = [min(WIDTH / size[0], TALLEST / size[1]) for size in sizes]
+    return views[int(np.argmax(scales))]
+
+
+def _elastic(bent: Sequence[Drawn], straight: Sequence[Drawn], turns: Sequence[Array]) -> Array:
+    """`(k,)` how far the point of an appendage that moves most is from where it would be if the
+    appendage were straight [m], with a sign: in the axes of the base, along its largest
+    displacement."""
+    away = np.array(
+        [
+            (np.vstack(a.middles) - np.vstack(b.middles)) @ turn
+            for a, b, turn in zip(bent, straight, turns, strict=True)
+        ]
+    )
+    frame, point = np.unravel_index(np.argmax(np.linalg.norm(away, axis=2)), away.shape[:2])
+    way = away[frame, point] / max(float(np.linalg.norm(away[frame, point])), 1e-300)
+    return away[:, point] @ way
 
 
 def _factor(most: float) -> float:
@@ -413,42 +451,34 @@ def _factor(most: float) -> float:
     return max(f * power for f in FACTORS if f * power <= most)
 
 
-def _corner_count(outlines: Outlines) -> list[int]:
-    return [
-        *(ribbon.links.size + 6 for ribbon in outlines.ribbons),
-        *(ROUGH for _ in outlines.solids),
-    ]
-
-
-def _chart(
-    slew: Slew, outlines: Outlines, pick: Array, bends: Array, top: float
-) -> dict[str, Any]:
+def _chart(slew: Slew, outlines: Outlines, bends: Array) -> dict[str, Any]:
     """Attitude of the base and elastic displacement over time, below the drawing."""
     _, start = outlines.frame(slew.positions[0])
-    angles = []
-    for qpos in slew.positions[pick]:
-        turned = start.T @ outlines.frame(qpos)[1]
-        i, j = (slew.axis + 1) % 3, (slew.axis + 2) % 3
-        angles.append(math.degrees(math.atan2(turned[j, i], turned[i, i])))
-    times = slew.times[pick]
+    i, j = (slew.axis + 1) % 3, (slew.axis + 2) % 3
+    turned = [start.T @ outlines.frame(qpos)[1] for qpos in slew.positions]
+    angles = np.degrees([math.atan2(turn[j, i], turn[i, i]) for turn in turned])
     left, right = 44.0, WIDTH - 50.0
-    x = left + (right - left) * times / times[-1]
+    x = left + (right - left) * slew.times / slew.times[-1]
 
-    def line(values: Array) -> str:
+    def height(values: Array) -> Array:
+        """From 0 at the top; of zero for the last."""
         low, high = min(float(values.min()), 0.0), max(float(values.max()), 0.0)
-        y = CHART * (1.0 - (values - low) / max(high - low, 1e-300))
-        return "L".join(f"{a:.1f} {b:.1f}" for a, b in zip(x, y, strict=True))
+        return CHART * (high - np.array([*values, 0.0])) / max(high - low, 1e-300)
 
+    def line(y: Array) -> str:
+        return "L".join(f"{a:.1f} {b:.1f}" for a, b in zip(x, y[:-1], strict=True))
+
+    angle, bend = height(angles), height(bends)
     return {
-        "y": top,
         "height": CHART,
         "left": left,
         "right": right,
-        "angle": line(np.array(angles)),
-        "bend": line(bends),
-        "most_angle": f"{max(angles, key=abs):.3g}°",
+        "angle": line(angle),
+        "bend": line(bend),
+        "zero": float(bend[-1]),
+        "most_angle": f"{float(angles.max()):.3g}°" if slew.angle > 0.0 else "0°",
         "most_bend": f"{float(bends.max()):.2g} m",
-        "end": f"{times[-1]:.4g} s",
+        "end": f"{slew.times[-1]:.4g} s",
         "colours": ("#1a1a1a", COLOURS[0]),
     }
 
@@ -464,6 +494,7 @@ class _Fit:
         low, high = flat.min(axis=0), flat.max(axis=0)
         size = np.maximum(high - low, 1e-9 * float((high - low).max()))
         room = width - 2.0 * MARGIN
+        self.width = width
         self.scale = min(room / size[0], (highest - 2.0 * MARGIN) / size[1])
         self.height = max(float(self.scale * size[1]) + 2.0 * MARGIN, lowest)
         self._middle = (low + high) / 2.0
@@ -558,7 +589,11 @@ class _Outline:
         else:
             seen = np.argmax(self.view.flat(corners) @ ways, axis=0)
             hulls = [points[seen] for points in flat]
-        return [_shape([self.fit(hull) for hull in hulls], "solid", fill=_grey(np.array([0.0, 0.0, 1.0])))]
+        return [
+            _shape(
+                [self.fit(hull) for hull in hulls], "solid", fill=_grey(np.array([0.0, 0.0, 1.0]))
+            )
+        ]
 
 
 def _grey(normal: Array) -> str:
@@ -577,7 +612,9 @@ def _shape(
 def _path(points: Array, *, closed: bool) -> str:
     """A path of whole numbers `(k, 2)`, each after the one before."""
     first, *steps = np.diff(points, axis=0, prepend=[[0, 0]]).tolist()
-    line = "".join(f"{a}{_signed(b)}{' ' if i < len(steps) - 1 else ''}" for i, (a, b) in enumerate(steps))
+    line = "".join(
+        f"{a}{_signed(b)}{' ' if i < len(steps) - 1 else ''}" for i, (a, b) in enumerate(steps)
+    )
     return f"M{first[0]}{_signed(first[1])}l{line}{'z' if closed else ''}"
 
 
@@ -585,13 +622,20 @@ def _signed(value: int) -> str:
     return f"{value}" if value < 0 else f" {value}"
 
 
-def _triad(view: View) -> list[dict[str, Any]]:
-    """The base's axes, those that are seen."""
-    out: list[dict[str, Any]] = []
+def _triad(view: View, fit: _Fit, *frames: Drawn) -> dict[str, Any]:
+    """The base's axes, those that are seen, in the corner that is most free."""
+    axes: list[dict[str, Any]] = []
     for name, axis in zip("xyz", view.axes.T, strict=True):
         if math.hypot(axis[0], axis[1]) > 0.15:
-            out.append({"name": name, "x": 15.0 * axis[0], "y": -15.0 * axis[1]})
-    return out
+            axes.append({"name": name, "x": 15.0 * axis[0], "y": -15.0 * axis[1]})
+    points = np.vstack([fit(view.flat(frame.points)) for frame in frames]) / FINE
+    inset = 30.0
+    corners = [
+        np.array([x, y]) for y in (inset, fit.height - inset) for x in (inset, fit.width - inset)
+    ]
+    free = [float(np.linalg.norm(points - corner, axis=1).min()) for corner in corners]
+    x, y = corners[int(np.argmax(free))].tolist()
+    return {"x": x, "y": y, "axes": axes}
 
 
 def _placed(drawn: Drawn, origin: Array, turn: Array) -> Drawn:
