@@ -23,7 +23,7 @@ from beamchain.engine.linearise import compile_model
 from beamchain.engine.mount import mount
 from beamchain.engine.operating_point import poses, quiet_copy, rest_point
 from beamchain.engine.slew import Slew, simulate
-from beamchain.errors import BeamchainError
+from beamchain.errors import EngineError, InputError
 from beamchain.ports.motions import Array
 from beamchain.report.outlines import Drawn, Outlines
 from beamchain.report.page import page_text
@@ -39,12 +39,13 @@ GAP, MARGIN = 16.0, 12.0
 LINE = 11.5  # of text
 LOWEST, HIGHEST = 80.0, 210.0  # of the picture of a mode
 TALLEST = 280.0  # of that of a turn
-LETTERS = 62  # of a line of text below a mode
+LETTERS = 60  # of a line of text below a mode
 MOST_MODES = 6  # at rest, as long as the drawings have not too many points,
-MOST_POINTS = 6_000
+MOST_POINTS = 2_500
 MOST_AT_KEYFRAME, MOST_KEYFRAMES = 2, 3
+SAME = 1e-6  # relative: a keyframe with these frequencies has the modes at rest
 SWING = 0.08  # of the craft's extent: the largest displacement drawn,
-BENT, TURNED = 0.4, 0.3  # or as much as bends an appendage or turns the base by so much [rad]
+BENT, TURNED = 0.4, 0.3  # or as much as bends an appendage or turns a body by so much [rad]
 SLOWEST, FASTEST = 2.4, 0.5  # seconds on the page for one oscillation
 AZIMUTHS = np.radians(np.arange(15.0, 360.0, 30.0))
 ELEVATIONS = np.radians([20.0, 35.0, 55.0])
@@ -53,7 +54,7 @@ ANGLES = np.radians([40.0, 20.0, 10.0, 5.0, 2.5])  # of the turn: the first that
 MOST_CYCLES = 16.5  # of the mode that rings, in a turn and its ringing
 PER_CYCLE = 14  # frames
 FEWEST_FRAMES, MOST_FRAMES = 32, 160
-MOST_NUMBERS = 40_000  # of all frames of a turn
+MOST_NUMBERS = 20_000  # of all frames of a turn
 MOST_WORK = 1_000_000  # steps times degrees of freedom of the simulations of a turn
 SHORTEST, LONGEST = 5.0, 14.0  # seconds on the page
 FACTORS = (1.0, 2.0, 5.0)  # times powers of ten: by which an elastic motion is exaggerated
@@ -101,18 +102,19 @@ def craft_replays(embedded: "Embedded") -> list[Replay]:
     model = embedded.untimed
     outlines = Outlines(model, embedded.appendages)
     out: list[Replay] = []
+    at_rest = embedded.shapes_at("rest").frequency
     for name, qpos in list(poses(model).items())[: MOST_KEYFRAMES + 1]:
         if name == "rest":
             modes, of = _table_modes(embedded)
             modes = modes[: _limit(outlines, MOST_MODES)]
             where = "The coupled modes at rest"
-        elif _is_rest(model, qpos):
-            continue
         else:
             every = embedded.shapes_at(name)
-            modes = _named(model, qpos, every.frequency, every.shapes)[
-                : _limit(outlines, MOST_AT_KEYFRAME)
-            ]
+            same = every.frequency.shape == at_rest.shape
+            if same and np.allclose(every.frequency, at_rest, rtol=SAME, atol=0.0):
+                continue
+            modes = _named(model, qpos, every.frequency, every.shapes)
+            modes = modes[: _limit(outlines, MOST_AT_KEYFRAME, MOST_POINTS // MOST_KEYFRAMES)]
             of = every.frequency.size
             where = f"The coupled modes at keyframe {name}"
         if modes:
@@ -138,9 +140,9 @@ def scene_replays(fit: "Fit") -> list[Replay]:
     return [shown, *_turn_replay(outlines, scene)]
 
 
-def _limit(outlines: Outlines, most: int) -> int:
+def _limit(outlines: Outlines, most: int, points: int = MOST_POINTS) -> int:
     """How many modes of a craft are drawn at a pose."""
-    return max(min(most, MOST_POINTS // outlines.corners), 1)
+    return max(min(most, points // outlines.corners), 1)
 
 
 def _table_modes(embedded: "Embedded") -> tuple[list[Moving], int]:
@@ -173,14 +175,6 @@ def _named(model: "mujoco.MjModel", qpos: Array, frequencies: Array, shapes: Arr
     ]
 
 
-def _is_rest(model: "mujoco.MjModel", qpos: Array) -> bool:
-    """Whether all joints but free ones are where they are at rest."""
-    motion = np.zeros(model.nv)
-    mujoco.mj_differentiatePos(model, motion, 1.0, model.qpos0, qpos)
-    free = np.asarray(model.jnt_type)[np.asarray(model.dof_jntid)] == 0
-    return bool(np.all(np.abs(motion[~free]) < 1e-9))
-
-
 # -- modes -----------------------------------------------------------------------------------------
 def _mode_replay(
     outlines: Outlines, qpos: Array, modes: Sequence[Moving], where: str, of: int
@@ -192,6 +186,7 @@ def _mode_replay(
 
     rest = in_base(outlines.at(qpos))
     extent = float(np.ptp(rest.points, axis=0).max())
+    name = str(outlines.model.body(outlines.base).name) or "the base"
     # central differences of the points, which are linear in so small a motion
     slopes: list[Drawn] = []
     for mode in modes:
@@ -202,9 +197,11 @@ def _mode_replay(
         )
         slopes.append(_combined(ahead, behind, 0.5 / step, -0.5 / step))
     reaches = [float(np.linalg.norm(slope.points, axis=1).max()) for slope in slopes]
-    turns = [_rotation(outlines, slope, rest) for slope in slopes]
+    turns = [_rotations(slope, rest) for slope in slopes]
+    base = next(k for k, solid in enumerate(outlines.solids) if solid.body == outlines.base)
     sizes = [
-        1.0 / max(reach / (SWING * extent), turned / TURNED, _steepest(slope, rest) / BENT)
+        1.0
+        / max(reach / (SWING * extent), float(turned.max()) / TURNED, _steepest(slope, rest) / BENT)
         for slope, reach, turned in zip(slopes, reaches, turns, strict=True)
     ]
     view = _oblique(rest.points, [s.points for s in slopes])
@@ -217,39 +214,30 @@ def _mode_replay(
     across = (WIDTH - (columns - 1) * GAP) / columns
     fit = _Fit(flat, across, LOWEST if columns == 2 else 0.0, HIGHEST)
     outline = _Outline(outlines, rest, view, fit)
-    text = {
-        mode.number: textwrap.wrap(mode.words, LETTERS, max_lines=2, placeholder=" …")
-        for mode in modes
-    }
-    lines = 2 + max(len(words) for words in text.values())
+    told = [
+        _told(
+            mode,
+            f"drawn: up to {size * reach:.3g} m, {name} turns "
+            f"{math.degrees(size * float(turned[base])):.3g}°; time × {_rate(mode, modes[0]):.3g}",
+        )
+        for mode, size, reach, turned in zip(modes, sizes, reaches, turns, strict=True)
+    ]
+    lines = max(len(words) for words in told)
     tall = fit.height + LINE * lines + GAP
     panels: list[dict[str, Any]] = []
-    slowest = modes[0].omega
-    base = _base_name(outlines)
     for i, (mode, pair) in enumerate(zip(modes, ends, strict=True)):
-        seconds = max(SLOWEST * slowest / mode.omega, FASTEST)
-        rate = math.tau / mode.omega / seconds
-        largest = sizes[i] * reaches[i]
-        degrees = math.degrees(sizes[i] * turns[i])
-        told = [
-            f"mode {mode.number}: {mode.omega:.5g} rad/s, {mode.omega / math.tau:.4g} Hz",
-            *text[mode.number],
-            f"drawn: largest displacement {largest:.3g} m, {base} turns {degrees:.3g}°; "
-            f"time × {rate:.3g}",
-        ]
         panels.append(
             {
                 "x": i % columns * (across + GAP),
                 "y": i // columns * tall,
-                "title": told[0],
-                "told": told,
-                "desc": f"{told[0]}; {mode.words}; {told[-1]}",
+                "title": told[i][0],
+                "told": told[i],
+                "desc": f"{told[i][0]}; {mode.words}; {told[i][-1]}",
                 "ghost": outline.ghost(rest),
                 "still": outline.shapes([pair[0]]),
                 "moving": outline.shapes(pair),
-                "animate": f'dur="{seconds:.3g}s" calcMode="spline" keyTimes="0;.5;1" '
-                f'keySplines="{SINE};{SINE}" {SMIL}',
-                "swings": True,
+                "animate": f'dur="{_seconds(mode, modes[0]):.3g}s" calcMode="spline" '
+                f'keyTimes="0;.5;1" keySplines="{SINE};{SINE}" {SMIL}',
             }
         )
     rows = -(-len(modes) // columns)
@@ -272,8 +260,21 @@ def _mode_replay(
     return Replay(svg, caption)
 
 
-def _base_name(outlines: Outlines) -> str:
-    return str(outlines.model.body(outlines.base).name) or "the base"
+def _seconds(mode: Moving, first: Moving) -> float:
+    """How long an oscillation takes on the page."""
+    return max(SLOWEST * first.omega / mode.omega, FASTEST)
+
+
+def _rate(mode: Moving, first: Moving) -> float:
+    """How much faster than it is a mode is played."""
+    return math.tau / mode.omega / _seconds(mode, first)
+
+
+def _told(mode: Moving, size: str) -> list[str]:
+    """Lines below a drawing: which mode, what moves, how large and fast it is drawn."""
+    title = f"mode {mode.number}: {mode.omega:.5g} rad/s, {mode.omega / math.tau:.4g} Hz"
+    words = textwrap.wrap(mode.words, LETTERS, max_lines=2, placeholder=" …")
+    return [title, *words, *textwrap.wrap(size, LETTERS)]
 
 
 def _steepest(slope: Drawn, rest: Drawn) -> float:
@@ -287,14 +288,17 @@ def _steepest(slope: Drawn, rest: Drawn) -> float:
     return most
 
 
-def _rotation(outlines: Outlines, slope: Drawn, rest: Drawn) -> float:
-    """By how much a solid of the base turns per unit of a motion [rad]: of `d = t + r x p` the r
+def _rotations(slope: Drawn, rest: Drawn) -> Array:
+    """By how much each solid turns per unit of a motion [rad]: of `d = t + r x p` the size of the r
     that fits its corners."""
-    i = next(k for k, solid in enumerate(outlines.solids) if solid.body == outlines.base)
-    arms = rest.solids[i] - rest.solids[i].mean(axis=0)
-    moves = slope.solids[i] - slope.solids[i].mean(axis=0)
-    inertia = np.sum(arms**2) * np.eye(3) - arms.T @ arms
-    return float(np.linalg.norm(np.linalg.pinv(inertia) @ np.cross(arms, moves).sum(axis=0)))
+    sizes: list[float] = []
+    for corners, moved in zip(rest.solids, slope.solids, strict=True):
+        arms = corners - corners.mean(axis=0)
+        moves = moved - moved.mean(axis=0)
+        inertia = np.sum(arms**2) * np.eye(3) - arms.T @ arms
+        turn = np.linalg.pinv(inertia) @ np.cross(arms, moves).sum(axis=0)
+        sizes.append(float(np.linalg.norm(turn)))
+    return np.array(sizes)
 
 
 def _oblique(points: Array, motions: Sequence[Array]) -> View:
@@ -321,40 +325,41 @@ def _oblique(points: Array, motions: Sequence[Array]) -> View:
 
 # -- a turn ----------------------------------------------------------------------------------------
 def _turn_replay(outlines: Outlines, model: "mujoco.MjModel") -> list[Replay]:
-    """Of a simulated turn, where the spacecraft flies freely; else nothing, or why."""
+    """Of a simulated turn, where the spacecraft flies freely; or why there is none."""
     free = np.flatnonzero(np.asarray(model.jnt_type) == int(mujoco.mjtJoint.mjJNT_FREE))
     if not free.size or int(model.jnt_bodyid[free[0]]) != outlines.base:
         return []
     try:
         slew = _quick_slew(quiet_copy(model))
-    except BeamchainError:
+    except EngineError as error:
+        return [Replay("", f"No turn is drawn: {str(error).partition(';')[0]}.")]
+    except InputError:  # nothing bends
         return []
-    return [] if slew is None else [_drawn_turn(outlines, slew)]
+    wanted = math.ceil(PER_CYCLE * slew.times[-1] * slew.omega / math.tau)
+    few = max(MOST_NUMBERS // outlines.corners, FEWEST_FRAMES)
+    frames = min(wanted, few, MOST_FRAMES)
+    return [_drawn_turn(outlines, _between_steps(slew, float(model.opt.timestep), frames))]
 
 
-def _quick_slew(model: "mujoco.MjModel") -> Slew | None:
-    """A turn that a page can show, as large as can be; None where it takes too many steps."""
-    frames = MOST_FRAMES
+def _quick_slew(model: "mujoco.MjModel") -> Slew:
+    """A turn as large as can be shown in so many frames."""
     for angle in ANGLES.tolist():
         with quiet():
-            slew = simulate(model, angle=angle, frames=frames, most=MOST_WORK // model.nv)
+            slew = simulate(model, angle=angle, frames=MOST_FRAMES, most=MOST_WORK // model.nv)
         if slew.times[-1] * slew.omega / math.tau <= MOST_CYCLES:
-            return _between_steps(slew, float(model.opt.timestep))
-    return None
+            return slew
+    raise EngineError("even a small turn bends the appendages further than can be believed")
 
 
-def _between_steps(slew: Slew, step: float) -> Slew:
-    """The same with its positions at its times: as simulated they are those of the nearest step."""
+def _between_steps(slew: Slew, step: float, frames: int) -> Slew:
+    """The same at other times: as simulated, positions are those of the nearest step."""
     steps, first = np.unique(np.rint(slew.times / step), return_index=True)
     between = CubicSpline(step * steps, slew.positions[first])
-    return replace(slew, positions=between(np.minimum(slew.times, step * steps[-1])))
+    times = np.linspace(0.0, step * steps[-1], frames)
+    return replace(slew, times=times, positions=between(times))
 
 
 def _drawn_turn(outlines: Outlines, slew: Slew) -> Replay:
-    cycles = float(slew.times[-1]) * slew.omega / math.tau
-    few = max(MOST_NUMBERS // outlines.corners, FEWEST_FRAMES)
-    wanted = min(math.ceil(PER_CYCLE * cycles), MOST_FRAMES, few)
-    pick = np.unique(np.linspace(0, len(slew.times) - 1, wanted).round().astype(int))
     origin, turn = outlines.frame(slew.positions[0])
 
     def drawn(factor: float) -> list[Drawn]:
@@ -370,8 +375,6 @@ def _drawn_turn(outlines: Outlines, slew: Slew) -> Replay:
     chart = _chart(slew, outlines, bends)
     still = int(np.argmax(np.abs(bends)))
     instant = float(slew.times[still])
-    straight, bent = rigid[still], frames[still]
-    rigid, frames = ([several[k] for k in pick] for several in (rigid, frames))
     view = _along(slew.axis, np.vstack([frame.points for frame in (*frames, *rigid)]))
     flat = view.flat(np.vstack([frame.points for frame in (*frames, *rigid)]))
     fit = _Fit(flat, WIDTH, 0.0, TALLEST)
@@ -391,10 +394,9 @@ def _drawn_turn(outlines: Outlines, slew: Slew) -> Replay:
         "told": told,
         "desc": "; ".join(told),
         "ghost": [],
-        "still": outline.shapes([bent], ghost=straight),
+        "still": outline.shapes([frames[still]], ghost=rigid[still]),
         "moving": outline.shapes(frames, ghosts=rigid),
         "animate": f'dur="{seconds:.3g}s" {SMIL}',
-        "swings": False,
     }
     top = fit.height + LINE * len(told) + GAP
     size = "as large as it is" if factor == 1.0 else f"{factor:g} times as large as it is"
@@ -574,7 +576,7 @@ class _Outline:
             for face in solid.faces:
                 a, b, c = corners[list(face[:3])]
                 normal = np.cross(b - a, c - b)
-                normal = self.view.axes @ (normal / np.linalg.norm(normal))
+                normal = self.view.axes @ (normal / max(float(np.linalg.norm(normal)), 1e-300))
                 if normal[2] > 1e-3:
                     sides = [self.fit(self.view.flat(f.solids[i][list(face)])) for f in frames]
                     out.append(_shape(sides, "solid", fill=_grey(normal)))
@@ -584,16 +586,8 @@ class _Outline:
         angle = math.tau * (np.arange(count) + 0.5) / count
         ways = np.vstack([np.cos(angle), np.sin(angle)])
         # the corner that lies farthest in each direction: the same number in every frame
-        if len(frames) > 2:
-            hulls = [points[np.argmax(points @ ways, axis=0)] for points in flat]
-        else:
-            seen = np.argmax(self.view.flat(corners) @ ways, axis=0)
-            hulls = [points[seen] for points in flat]
-        return [
-            _shape(
-                [self.fit(hull) for hull in hulls], "solid", fill=_grey(np.array([0.0, 0.0, 1.0]))
-            )
-        ]
+        hulls = [self.fit(points[np.argmax(points @ ways, axis=0)]) for points in flat]
+        return [_shape(hulls, "solid", fill=_grey(np.array([0.0, 0.0, 1.0])))]
 
 
 def _grey(normal: Array) -> str:
