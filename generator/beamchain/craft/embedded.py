@@ -13,7 +13,7 @@ from beamchain import report
 from beamchain.checks import one_of, path_of, true_or_false
 from beamchain.craft.appendage import Appendage, carried, craft_elements
 from beamchain.craft.assembly import Assembly, assembly_at_rest, modes_at_pose
-from beamchain.craft.coupled_modes import Mode
+from beamchain.craft.coupled_modes import Mode, slow_modes
 from beamchain.craft.documents import assemble
 from beamchain.craft.error import CraftError, Pose, counterpart, craft_error, craft_poses
 from beamchain.craft.promise import JointRequest, joint_request, kept_band
@@ -26,7 +26,6 @@ from beamchain.engine.bench import Composite, composite
 from beamchain.engine.library import mujoco, one_thread
 from beamchain.engine.linear import linear_at
 from beamchain.engine.linearise import NUMBERS
-from beamchain.engine.normal_modes import NormalModes
 from beamchain.engine.operating_point import (
     Positions,
     base_body,
@@ -208,8 +207,9 @@ class Embedded:
         return modes_at_pose(self.craft, self.untimed, exact, self.band, key, self._own, pose)
 
     @one_thread()
-    def shapes_at(self, key: str) -> NormalModes:
-        """Rigid motions and undamped normal modes of the model without timing, as MuJoCo has them.
+    def shapes_at(self, key: str) -> tuple[Array, Array]:
+        """Undamped coupled modes of the model without timing, as MuJoCo has them: frequencies
+        `(n,)` ascending [rad/s] and mass-normalised shapes `(nv, n)`.
 
         Args:
             key: of a keyframe, or "rest": the rest pose; under the load where it is `loaded`.
@@ -222,8 +222,11 @@ class Embedded:
         one_of("key", key, known)
         pose = self._exact_poses.get(key, [None])[0] if self.loaded else None
         if pose is None:
-            return linear_at(rest_point(model, known[key])).modes()
-        return pose.compiled(model, known[key], counterpart(self.craft, model, pose.body)).modes()
+            linear = linear_at(rest_point(model, known[key]))
+        else:
+            body = counterpart(self.craft, model, pose.body)
+            linear = pose.compiled(model, known[key], body)
+        return slow_modes(linear, self.band)
 
     @cached_property
     def composite(self) -> Composite:

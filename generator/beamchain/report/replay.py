@@ -102,20 +102,20 @@ def craft_replays(embedded: "Embedded") -> list[Replay]:
     model = embedded.untimed
     outlines = Outlines(model, embedded.appendages)
     out: list[Replay] = []
-    at_rest = embedded.shapes_at("rest").frequency
+    at_rest = embedded.shapes_at("rest")[0]
     for name, qpos in list(poses(model).items())[: MOST_KEYFRAMES + 1]:
         if name == "rest":
             modes, of = _table_modes(embedded)
             modes = modes[: _limit(outlines, MOST_MODES)]
             where = "The coupled modes at rest"
         else:
-            every = embedded.shapes_at(name)
-            same = every.frequency.shape == at_rest.shape
-            if same and np.allclose(every.frequency, at_rest, rtol=SAME, atol=0.0):
+            frequency, shapes = embedded.shapes_at(name)
+            same = frequency.shape == at_rest.shape
+            if same and np.allclose(frequency, at_rest, rtol=SAME, atol=0.0):
                 continue
-            modes = _named(model, qpos, every.frequency, every.shapes)
+            modes = _named(model, qpos, frequency, shapes)
             modes = modes[: _limit(outlines, MOST_AT_KEYFRAME, MOST_POINTS // MOST_KEYFRAMES)]
-            of = every.frequency.size
+            of = frequency.size
             where = f"The coupled modes at keyframe {name}"
         if modes:
             out.append(_mode_replay(outlines, qpos, modes, where, of))
@@ -148,8 +148,7 @@ def _limit(outlines: Outlines, most: int, points: int = MOST_POINTS) -> int:
 def _table_modes(embedded: "Embedded") -> tuple[list[Moving], int]:
     """The first modes of the table of coupled modes, with its numbers; and how many it has."""
     model = embedded.untimed
-    every = embedded.shapes_at("rest")
-    named = _named(model, poses(model)["rest"], every.frequency, every.shapes)
+    named = _named(model, poses(model)["rest"], *embedded.shapes_at("rest"))
     free = list(range(len(named)))
     out: list[Moving] = []
     table = embedded.assembly.modes
