@@ -382,3 +382,13 @@ def test_a_craft_of_very_many_appendages_stays_small():
     captions, svgs = drawings(page)
     assert "Not drawn: 5 shorter appendages" in captions[0]
     assert len(paths(panels(svgs[0])[0], "moving", "ribbon")) == 40
+
+
+def test_under_a_load_the_drawings_have_the_modes_of_the_table():
+    text = (SHIPPED / "satellite.xml").read_text().replace('gravity="0 0 0"', 'gravity="0 0 -9.81"')
+    text = text.replace("<freejoint/>", '<joint name="turn" axis="0 0 1"/>')
+    craft = bc.embed(text, {"left": SHIPPED / "array.toml"}, loaded=True)
+    _, (modes,) = drawings(craft.report())
+    shown = [float(texts(panel)[0].split()[2]) for panel in panels(modes)]
+    table = [mode.mujoco for mode in craft.assembly.modes if mode.mujoco is not None]
+    np.testing.assert_allclose(shown, table[: len(shown)], rtol=SHOWN)
