@@ -261,7 +261,7 @@ def test_shapes_are_in_the_page_once_per_port(reports):
     fit, page, _ = reports("all ports")
     root = html.fromstring(page)
     assert len(root.xpath("//svg[@class='shapes']")) == len(fit.target)
-    assert len(root.xpath("//input[@type='checkbox']")) == len(fit.target)
+    assert len(root.xpath("//figure[.//svg[@class='shapes']]//input")) == len(fit.target)
 
 
 def test_the_page_counts_the_modes_that_are_kept_everywhere_alike(tmp_path):

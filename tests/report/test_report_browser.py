@@ -167,6 +167,32 @@ def test_shapes_ring_pause_and_respect_reduced_motion(pages, tmp_path):
     assert still["running"][0] == "none"
 
 
+@pytest.mark.parametrize("name", ["panels", "embed"])
+def test_replays_move_stop_and_respect_reduced_motion(name, pages, tmp_path):
+    script = (
+        "const shown = (e) => getComputedStyle(e).display; told.rows = [];"
+        "for (const svg of document.querySelectorAll('svg.replay')) { svg.pauseAnimations();"
+        "const moving = svg.querySelector('.moving'), still = svg.querySelector('.still');"
+        "const boxes = []; for (const time of [0.0, 1.2]) { svg.setCurrentTime(time);"
+        "await new Promise((done) => setTimeout(done, 50));"
+        "boxes.push([...moving.querySelectorAll('.ribbon')].map((e) => { const b = e.getBBox();"
+        "return [b.x, b.y, b.width, b.height]; })); }"
+        "const before = [shown(moving), shown(still)];"
+        "svg.closest('figure').querySelector('.play input').click();"
+        "told.rows.push({boxes, before, after: [shown(moving), shown(still)]}); }"
+    )
+    _, told, complaints = browse(pages[name], tmp_path, script)
+    assert complaints == []
+    assert len(told["rows"]) >= 2
+    for row in told["rows"]:
+        first, second = row["boxes"]
+        assert first != second
+        assert row["before"] == ["inline", "none"]
+        assert row["after"] == ["none", "inline"]
+    _, calm, _ = browse(pages[name], tmp_path, script, "--force-prefers-reduced-motion")
+    assert all(row["before"] == ["none", "inline"] for row in calm["rows"])
+
+
 @pytest.mark.parametrize("name", ["panels", "embed", "plant", "stability"])
 @pytest.mark.parametrize("width", [400, 1000])
 def test_nothing_is_wider_than_the_page(width, name, pages, tmp_path):

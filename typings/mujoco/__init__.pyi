@@ -71,6 +71,8 @@ class mjtGeom:
     mjGEOM_CYLINDER: mjtGeom
     mjGEOM_BOX: mjtGeom
     mjGEOM_PLANE: mjtGeom
+    mjGEOM_ELLIPSOID: mjtGeom
+    mjGEOM_MESH: mjtGeom
     def __int__(self) -> int: ...
 
 class mjtTexture:

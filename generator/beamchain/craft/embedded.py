@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from beamchain import report
-from beamchain.checks import path_of, true_or_false
+from beamchain.checks import one_of, path_of, true_or_false
 from beamchain.craft.appendage import Appendage, carried, craft_elements
 from beamchain.craft.assembly import Assembly, assembly_at_rest, modes_at_pose
-from beamchain.craft.coupled_modes import Mode
+from beamchain.craft.coupled_modes import Mode, slow_modes
 from beamchain.craft.documents import assemble
 from beamchain.craft.error import CraftError, Pose, counterpart, craft_error, craft_poses
 from beamchain.craft.promise import JointRequest, joint_request, kept_band
@@ -24,8 +24,16 @@ from beamchain.craft.step_search import largest_step
 from beamchain.craft.timing import craft_time_error, without_timing
 from beamchain.engine.bench import Composite, composite
 from beamchain.engine.library import mujoco, one_thread, rest
+from beamchain.engine.linear import linear_at
 from beamchain.engine.linearise import NUMBERS
-from beamchain.engine.operating_point import Positions, base_body, poses, poses_between
+from beamchain.engine.operating_point import (
+    Positions,
+    base_body,
+    poses,
+    poses_between,
+    quiet_copy,
+    rest_point,
+)
 from beamchain.errors import InputError
 from beamchain.files import check_name, write_files
 from beamchain.fitting.needs import AXES
@@ -197,6 +205,28 @@ class Embedded:
         exact = carried(self.model, self.appendages)
         pose = self._exact_poses.get(key, [None])[0] if self.loaded else None
         return modes_at_pose(self.craft, self.untimed, exact, self.band, key, self._own, pose)
+
+    @one_thread()
+    def shapes_at(self, key: str) -> tuple[Array, Array]:
+        """Undamped coupled modes of the model without timing, as MuJoCo has them: frequencies
+        `(n,)` ascending [rad/s] and mass-normalised shapes `(nv, n)`.
+
+        Args:
+            key: of a keyframe, or "rest": the rest pose; under the load where it is `loaded`.
+
+        Raises:
+            InputError: the spacecraft has no such keyframe.
+        """
+        model = quiet_copy(self.untimed)
+        known = poses(model)
+        one_of("key", key, known)
+        pose = self._exact_poses.get(key, [None])[0] if self.loaded else None
+        if pose is None:
+            linear = linear_at(rest_point(model, known[key]))
+        else:
+            body = counterpart(self.craft, model, pose.body)
+            linear = pose.compiled(model, known[key], body)
+        return slow_modes(linear, self.band)
 
     @cached_property
     def composite(self) -> Composite:

@@ -127,12 +127,13 @@ def _moving(model: "mujoco.MjModel", frequencies: Array) -> list[str]:
         away = np.abs(modes.frequency / frequency - 1.0)
         k = int(np.argmin(away)) if away.size else 0
         near = bool(names) and away.size > 0 and away[k] < NEAR
-        out.append(_words(names, share[:, k]) if near else "")
+        out.append(energy_words(names, share[:, k]) if near else "")
     return out
 
 
-def _words(names: list[str], share: Array) -> str:
-    """Appendages with the ports in which they bend, and joints, by their share."""
+def energy_words(names: list[str], share: Array) -> str:
+    """Appendages with the ports in which they bend, and joints, by their `share` `(n,)` of the
+    strain energy, of what `cantilever_names` names."""
     parts: dict[tuple[str, str], float] = {}
     for name, value in zip(names, share.tolist(), strict=True):
         match = OWN_MODE.fullmatch(name)

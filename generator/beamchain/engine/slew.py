@@ -25,6 +25,7 @@ RINGING = 3.5  # periods of the first mode shown after the turn
 TRIAL = 0.01  # rad: a turn so small that what bends is proportional to it
 MOST_BENT = 0.22  # rad in one hinge: small enough to be believed, large enough to be seen
 FELT = 1e-7  # of a mode's largest motion: less rotation of the hub is rounding
+HEARD = 1e-2  # of what bends most under a torque: a mode that bends less is not looked for
 ANGLES = 61  # of a hinge, at which its inertia is computed
 
 
@@ -65,13 +66,18 @@ class Slew:
 
 
 def simulate(
-    model: "mujoco.MjModel", *, angle: float, frames: int, joint: str | None = None
+    model: "mujoco.MjModel",
+    *,
+    angle: float,
+    frames: int,
+    joint: str | None = None,
+    most: float = np.inf,
 ) -> Slew:
     """Turn the spacecraft by `angle` [rad] with a torque forwards and back on its hub,
     or one of its hinges with the torque that turns the rigid spacecraft so, and let it ring.
 
     The turn takes an odd number of periods of the mode excited,
-    so that what the two halves leave behind adds up.
+    so that what the two halves leave behind adds up. `most`: the largest number of steps.
     """
     free = [
         j for j in range(model.njnt) if int(model.jnt_type[j]) == int(mujoco.mjtJoint.mjJNT_FREE)
@@ -102,10 +108,12 @@ def simulate(
     elastic = tuple(int(model.jnt_qposadr[j]) for j in held)
     hinged = [a for j, a in zip(held, elastic, strict=True) if int(model.jnt_type[j]) == _HINGE]
     period = 2.0 * np.pi / omega
+    _check_steps(model, (1.0 + RINGING) * period, most)
     trial = _run(model, drive(TRIAL, period), (1.0 + RINGING) * period, frames)
     bent = float(np.abs(trial[:, hinged]).max(initial=0.0)) * abs(angle) / TRIAL
     halves = max(int(np.ceil(np.sqrt(bent / MOST_BENT))), 1)
     duration = (halves + 1 - halves % 2) * period
+    _check_steps(model, duration + RINGING * period, most)
     times = np.linspace(0.0, duration + RINGING * period, frames)
     positions = _run(model, drive(angle, duration), float(times[-1]), frames)
     return Slew(
@@ -232,6 +240,15 @@ def _run(model: "mujoco.MjModel", push: Push, end: float, frames: int) -> Array:
     return positions
 
 
+def _check_steps(model: "mujoco.MjModel", end: float, most: float) -> None:
+    steps = end / float(model.opt.timestep)
+    if steps > most:
+        raise EngineError(
+            f"the turn takes {steps:.3g} steps of {float(model.opt.timestep):g} s, more than the "
+            f"{most:.3g} wanted; give a larger step."
+        )
+
+
 def _impulse(time: float, duration: float) -> float:
     """Integral of 1 for the first half of `duration`, -1 for the second."""
     return max(min(time, duration - time), 0.0)
@@ -240,14 +257,19 @@ def _impulse(time: float, duration: float) -> float:
 def _lowest_turning_mode(
     model: "mujoco.MjModel", turning: "NDArray[np.intp]", start: int
 ) -> tuple[int, float]:
-    """Which of some degrees of freedom the lowest mode turns that turns any, and its frequency
-    [rad/s]; those of the hub begin at `start`."""
+    """Which of some degrees of freedom the lowest mode turns that a torque on them bends, and its
+    frequency [rad/s]; those of the hub begin at `start`."""
     modes = linear_at(rest_point(quiet_copy(model))).modes()
-    for omega, shape in zip(modes.frequency, np.abs(modes.shapes).T, strict=True):
-        turn = shape[turning]
-        rest = np.delete(shape, np.s_[start : start + 6])
-        if turn.max() > FELT * rest.max():
-            return int(np.argmax(turn)), float(omega)
+    turns = np.abs(modes.shapes[turning])
+    rest = np.abs(np.delete(modes.shapes, np.s_[start : start + 6], axis=0)).max(axis=0)
+    felt = turns.max(axis=0, initial=0.0)
+    # by how much a torque on what turns bends each mode
+    bends = felt * rest / modes.frequency**2
+    bends[felt <= FELT * rest] = 0.0
+    heard = np.flatnonzero(bends > HEARD * bends.max(initial=0.0))
+    if heard.size:
+        mode = int(heard[0])
+        return int(np.argmax(turns[:, mode])), float(modes.frequency[mode])
     raise InputError(
         "no elastic mode of the scene turns its hub or that joint; there is nothing that a turn "
         "would show."

@@ -14,6 +14,7 @@ from beamchain.report.craft_plots import assembly_figure, difference_figure
 from beamchain.report.curves import count
 from beamchain.report.formats import percent, short
 from beamchain.report.page import Verdict, page_text
+from beamchain.report.replay import craft_replays
 from beamchain.report.shapes import all_shapes
 from beamchain.report.svg import to_svg
 from beamchain.report.tables import embed as tables
@@ -56,6 +57,7 @@ def embed_report(embedded: "Embedded", craft: str, output: str) -> str:
         appendages=tables.appendage_table(embedded),
         modes=tables.coupled_table(assembly),
         drawn={name: to_svg(figure, name) for name, figure in figures.items()},
+        replays=craft_replays(embedded),
         names=_user_names(appendages),
         alike=alike,
         imported=any(a.fit.space is not None for a in appendages),

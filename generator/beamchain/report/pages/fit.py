@@ -16,6 +16,7 @@ from beamchain.report.curves import (
 )
 from beamchain.report.formats import number, percent, short, vector
 from beamchain.report.page import Verdict, page_text
+from beamchain.report.replay import scene_replays
 from beamchain.report.shapes import all_shapes
 from beamchain.report.svg import to_svg
 from beamchain.report.tables import fit as tables
@@ -56,6 +57,7 @@ def fit_report(fit: "Fit") -> tuple[str, dict[str, str]]:
         mode_tables={port: tables.port_table(fit, port) for port in fit.target},
         port_note=tables.port_note,
         drawn_shapes=all_shapes(fit),
+        replays=scene_replays(fit),
         in_band=tables.in_band_table(fit, rivals),
         model_errors=[tables.model_error_table(fit, port) for port in fit.target],
         masses=tables.mass_table(fit),
@@ -206,8 +208,8 @@ def _structure(fit: "Fit") -> str:
     beam = fit.mass_line
     if (liquid := fit.spec.slosh) is not None:
         return (
-            f"liquid of {liquid.density:g} kg/m³ in a cylinder of {liquid.radius:g} m radius; modes "
-            f"at {liquid.acceleration:g} m/s² along its axis"
+            f"liquid of {liquid.density:g} kg/m³ in a cylinder of {liquid.radius:g} m radius; "
+            f"modes at {liquid.acceleration:g} m/s² along its axis"
         )
     imported = fit.spec.imported
     if not isinstance(beam, Beam):
