@@ -16,6 +16,7 @@ from beamchain.engine.library import mujoco
 from beamchain.engine.linear import linear_at
 from beamchain.engine.linearise import mass_matrix
 from beamchain.engine.operating_point import quiet_copy, rest_point
+from beamchain.engine.reach import reach
 from beamchain.errors import EngineError, InputError
 from beamchain.ports.motions import Array, locked
 
@@ -25,6 +26,9 @@ RINGING = 3.5  # periods of the first mode shown after the turn
 TRIAL = 0.01  # rad: a turn so small that what bends is proportional to it
 MOST_BENT = 0.22  # rad in one hinge: small enough to be believed, large enough to be seen
 FELT = 1e-7  # of a mode's largest motion: less rotation of the hub is rounding
+SEEN = (
+    0.5  # of the bending of the mode that bends most in a turn: the lowest that bends so far rings
+)
 ANGLES = 61  # of a hinge, at which its inertia is computed
 
 
@@ -92,12 +96,12 @@ def simulate(
     start = int(model.jnt_dofadr[free[0]])
     axis = 0
     if joint is None:
-        axis, omega = _lowest_turning_mode(model, np.arange(start + 3, start + 6), start)
+        axis, omega = _mode_to_ring(model, np.arange(start + 3, start + 6), start, held)
         drive = _on_hub(model, hub, axis)
     else:
         number = _hinge(model, joint, held, angle)
         model = _without_actuators(model, number)
-        omega = _lowest_turning_mode(model, np.array([int(model.jnt_dofadr[number])]), start)[1]
+        omega = _mode_to_ring(model, np.array([int(model.jnt_dofadr[number])]), start, held)[1]
         drive = _in_hinge(model, number, held, angle)
     elastic = tuple(int(model.jnt_qposadr[j]) for j in held)
     hinged = [a for j, a in zip(held, elastic, strict=True) if int(model.jnt_type[j]) == _HINGE]
@@ -237,18 +241,34 @@ def _impulse(time: float, duration: float) -> float:
     return max(min(time, duration - time), 0.0)
 
 
-def _lowest_turning_mode(
-    model: "mujoco.MjModel", turning: "NDArray[np.intp]", start: int
+def _mode_to_ring(
+    model: "mujoco.MjModel", turning: "NDArray[np.intp]", start: int, held: "list[int]"
 ) -> tuple[int, float]:
-    """Which of some degrees of freedom the lowest mode turns that turns any, and its frequency
-    [rad/s]; those of the hub begin at `start`."""
-    modes = linear_at(rest_point(quiet_copy(model))).modes()
-    for omega, shape in zip(modes.frequency, np.abs(modes.shapes).T, strict=True):
-        turn = shape[turning]
-        rest = np.delete(shape, np.s_[start : start + 6])
-        if turn.max() > FELT * rest.max():
-            return int(np.argmax(turn)), float(omega)
-    raise InputError(
-        "no elastic mode of the scene turns its hub or that joint; there is nothing that a turn "
-        "would show."
-    )
+    """Which of some degrees of freedom is turned, and the frequency [rad/s] of the mode that
+    rings: the lowest that bends at least half as far as the one that bends furthest.
+
+    A turn by `theta` within a period of a mode with frequency `w` and shape `phi` of unit mass
+    takes a torque of `J theta w^2/pi^2`, with J the inertia felt by it, and leaves the mode
+    ringing in proportion to `phi_turned J theta/pi^2`, whatever the frequency is. The hub's
+    degrees of freedom begin at `start`.
+    """
+    point = rest_point(quiet_copy(model))
+    modes = linear_at(point).modes()
+    springs = np.isin(model.dof_jntid, held)
+    loose = np.flatnonzero(~springs)
+    rigid = np.linalg.inv(mass_matrix(model, point.qpos)[np.ix_(loose, loose)])
+    inertia = 1.0 / np.diag(rigid)[np.searchsorted(loose, turning)]
+    bent = np.zeros((modes.frequency.size, turning.size))
+    for k, shape in enumerate(modes.shapes.T):
+        turned = np.abs(shape[turning])
+        rest = np.abs(np.delete(shape, np.s_[start : start + 6]))
+        if turned.max() > FELT * rest.max():
+            bent[k] = inertia * turned * reach(model, point.qpos, np.where(springs, shape, 0.0))
+    most = bent.max(axis=1, initial=0.0)
+    if most.max(initial=0.0) == 0.0:
+        raise InputError(
+            "no elastic mode of the scene turns its hub or that joint; there is nothing that a "
+            "turn would show."
+        )
+    k = int(np.argmax(most >= SEEN * most.max()))
+    return int(np.argmax(bent[k])), float(modes.frequency[k])
