@@ -22,13 +22,12 @@ from beamchain.ports.motions import Array, locked
 
 _HINGE = int(mujoco.mjtJoint.mjJNT_HINGE)
 
+PERIODS = (1.0, 1.1, 1.2, 1.3, 1.4, 1.5, 1.6)  # of a turn: the shortest that does not bend too far
 RINGING = 3.5  # periods of the first mode shown after the turn
 TRIAL = 0.01  # rad: a turn so small that what bends is proportional to it
 MOST_BENT = 0.22  # rad in one hinge: small enough to be believed, large enough to be seen
 FELT = 1e-7  # of a mode's largest motion: less rotation of the hub is rounding
-SEEN = (
-    0.5  # of the bending of the mode that bends most in a turn: the lowest that bends so far rings
-)
+SEEN = 0.05  # of the spacecraft's size, per radian turned: bending of a mode that a turn shows
 ANGLES = 61  # of a hinge, at which its inertia is computed
 
 
@@ -74,8 +73,8 @@ def simulate(
     """Turn the spacecraft by `angle` [rad] with a torque forwards and back on its hub,
     or one of its hinges with the torque that turns the rigid spacecraft so, and let it ring.
 
-    The turn takes an odd number of periods of the mode excited,
-    so that what the two halves leave behind adds up.
+    The turn takes about a period of the mode excited, or an odd number of them: then what its two
+    halves leave behind adds up.
     """
     free = [
         j for j in range(model.njnt) if int(model.jnt_type[j]) == int(mujoco.mjtJoint.mjJNT_FREE)
@@ -106,10 +105,7 @@ def simulate(
     elastic = tuple(int(model.jnt_qposadr[j]) for j in held)
     hinged = [a for j, a in zip(held, elastic, strict=True) if int(model.jnt_type[j]) == _HINGE]
     period = 2.0 * np.pi / omega
-    trial = _run(model, drive(TRIAL, period), (1.0 + RINGING) * period, frames)
-    bent = float(np.abs(trial[:, hinged]).max(initial=0.0)) * abs(angle) / TRIAL
-    halves = max(int(np.ceil(np.sqrt(bent / MOST_BENT))), 1)
-    duration = (halves + 1 - halves % 2) * period
+    duration = _long_enough(model, drive, angle, period, frames, hinged)
     times = np.linspace(0.0, duration + RINGING * period, frames)
     positions = _run(model, drive(angle, duration), float(times[-1]), frames)
     return Slew(
@@ -129,6 +125,28 @@ Push = Callable[
     ["mujoco.MjData", float, float], None
 ]  # forces over a step from one time to another
 Drive = Callable[[float, float], Push]  # of an angle [rad] and a duration [s]
+
+
+def _long_enough(
+    model: "mujoco.MjModel",
+    drive: Drive,
+    angle: float,
+    period: float,
+    frames: int,
+    hinged: "list[int]",
+) -> float:
+    """The duration of a turn [s] in which no hinge bends by more than `MOST_BENT`."""
+
+    def bent(periods: float) -> float:
+        end = (periods + RINGING) * period
+        trial = _run(model, drive(TRIAL, periods * period), end, frames)
+        return float(np.abs(trial[:, hinged]).max(initial=0.0)) * abs(angle) / TRIAL
+
+    for periods in PERIODS:
+        if bent(periods) <= MOST_BENT:
+            return periods * period
+    halves = max(int(np.ceil(np.sqrt(bent(1.0) / MOST_BENT))), 1)
+    return float(halves + 1 - halves % 2) * period
 
 
 def _on_hub(model: "mujoco.MjModel", hub: int, axis: int) -> Drive:
@@ -245,11 +263,11 @@ def _mode_to_ring(
     model: "mujoco.MjModel", turning: "NDArray[np.intp]", start: int, held: "list[int]"
 ) -> tuple[int, float]:
     """Which of some degrees of freedom is turned, and the frequency [rad/s] of the mode that
-    rings: the lowest that bends at least half as far as the one that bends furthest.
+    rings: the lowest that bends enough to be seen, or the one that bends most.
 
     A turn by `theta` within a period of a mode with frequency `w` and shape `phi` of unit mass
-    takes a torque of `J theta w^2/pi^2`, with J the inertia felt by it, and leaves the mode
-    ringing in proportion to `phi_turned J theta/pi^2`, whatever the frequency is. The hub's
+    takes a torque of `J theta w^2/pi^2`, with J the inertia that it feels, and leaves the mode
+    ringing with an amplitude of `4 phi_turned J theta/pi^2`, whatever its frequency. The hub's
     degrees of freedom begin at `start`.
     """
     point = rest_point(quiet_copy(model))
@@ -263,12 +281,13 @@ def _mode_to_ring(
         turned = np.abs(shape[turning])
         rest = np.abs(np.delete(shape, np.s_[start : start + 6]))
         if turned.max() > FELT * rest.max():
-            bent[k] = inertia * turned * reach(model, point.qpos, np.where(springs, shape, 0.0))
+            bends = reach(model, point.qpos, np.where(springs, shape, 0.0))  # per unit of the mode
+            bent[k] = 4.0 * turned * inertia / np.pi**2 * bends
     most = bent.max(axis=1, initial=0.0)
     if most.max(initial=0.0) == 0.0:
         raise InputError(
             "no elastic mode of the scene turns its hub or that joint; there is nothing that a "
             "turn would show."
         )
-    k = int(np.argmax(most >= SEEN * most.max()))
+    k = int(np.argmax(most >= min(SEEN * float(model.stat.extent), most.max())))
     return int(np.argmax(bent[k])), float(modes.frequency[k])
