@@ -1,11 +1,14 @@
 """How far joints move what is seen of a model, and which body is its spacecraft."""
 
+from itertools import product
+
 import numpy as np
 
 from beamchain.engine.library import mujoco
 from beamchain.ports.motions import Array
 
 SMALL = 1e-6  # rad or m: of a motion taken as linear
+CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
 
 
 def moved(model: "mujoco.MjModel", rest: Array, motion: Array) -> Array:
@@ -15,8 +18,19 @@ def moved(model: "mujoco.MjModel", rest: Array, motion: Array) -> Array:
     return out
 
 
+def corners(model: "mujoco.MjModel", data: "mujoco.MjData") -> Array:
+    """`(n, 3)` corners of the boxes around all solids but planes, which have no end [m]."""
+    solid = np.flatnonzero(model.geom_type != int(mujoco.mjtGeom.mjGEOM_PLANE))
+    box = model.geom_aabb[solid]
+    local = box[:, None, :3] + box[:, None, 3:] * CORNERS
+    turn = data.geom_xmat[solid].reshape(-1, 3, 3)
+    out: Array = data.geom_xpos[solid][:, None] + local @ turn.transpose(0, 2, 1)
+    return out.reshape(-1, 3)
+
+
 def reach(model: "mujoco.MjModel", rest: Array, motion: Array) -> float:
-    """The largest displacement of a solid's, body's or site's centre per unit of a motion [m]."""
+    """The largest displacement per unit of a motion of a solid's corner, a site or a body's centre
+    [m]."""
     largest = float(np.abs(motion).max(initial=0.0))
     if largest == 0.0:
         return 0.0
@@ -26,7 +40,7 @@ def reach(model: "mujoco.MjModel", rest: Array, motion: Array) -> float:
     for sign in (1.0, -1.0):
         data.qpos[:] = moved(model, rest, sign * small * motion)
         mujoco.mj_kinematics(model, data)
-        places.append(np.vstack([data.xipos, data.geom_xpos, data.site_xpos]))
+        places.append(np.vstack([data.xipos, data.site_xpos, corners(model, data)]))
     return float(np.linalg.norm(places[0] - places[1], axis=1).max()) / (2.0 * small)
 
 
