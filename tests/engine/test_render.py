@@ -28,6 +28,7 @@ from beamchain.steps.deployment import hinge_stages, simulate_run
 
 HUB = bc.Hub(mass=500.0, inertia=(400.0, 400.0, 500.0), offset=(1.0, 0.0, 0.0))
 ADDS_UP = 0.3  # of the most that two halves of a turn can leave behind
+BEYOND = 1.3  # of the bending in proportion to a small turn: large angles, and frames between
 LATCHED = 2e-5  # relative: Runge-Kutta's step and closed forms of a hinge on a fixed base
 TURNED = 0.02  # of the angle asked for: sampled means of the hub's ringing about it
 # of the frame's width or height: a margin of 5 per cent each side,
@@ -134,6 +135,22 @@ def test_a_full_scene_takes_no_more():
     assert small.ngeom == small.maxgeom
 
 
+def bent(model, slew):
+    """How far the last body of a branch turns out of its place on rigid appendages, at worst, in
+    each frame [rad]."""
+    leaves = sorted(set(range(1, model.nbody)) - set(model.body_parentid.tolist()))
+    data = mujoco.MjData(model)
+    out = []
+    for pair in zip(slew.shown(1.0), slew.shown(0.0), strict=True):
+        axes = []
+        for data.qpos[:] in pair:
+            mujoco.mj_kinematics(model, data)
+            axes.append(data.xmat[leaves].reshape(-1, 3, 3).copy())
+        cosine = (np.einsum("kij,kij->k", *axes) - 1.0) / 2.0
+        out.append(np.arccos(np.clip(cosine, -1.0, 1.0)).max())
+    return np.array(out)
+
+
 # -- the turn --------------------------------------------------------------------------------------
 @pytest.mark.parametrize(
     ("modes", "axis"),
@@ -149,7 +166,7 @@ def test_slew_turns_by_the_angle_and_stops(modes, axis):
     # whole periods: the ringing averages out
     last = slew.times > slew.times[-1] - 3.0 * 2.0 * np.pi / slew.omega
     assert np.mean(turned[last]) == pytest.approx(0.5, rel=TURNED)
-    assert np.abs(slew.positions[:, list(slew.elastic)]).max() < 2.0 * MOST_BENT
+    assert bent(model, slew).max() < BEYOND * MOST_BENT
     periods = slew.duration * slew.omega / (2.0 * np.pi)
     # what the halves of the turn leave behind adds up
     assert np.sin(np.pi * periods / 2.0) ** 2 > ADDS_UP
@@ -163,7 +180,7 @@ def satellite():
     return bc.embed(craft, {"left": array, "right": array})
 
 
-@pytest.mark.parametrize("degrees", [15.0, 40.0])
+@pytest.mark.parametrize("degrees", [15.0, 30.0])
 def test_a_turn_rings_a_mode_that_is_seen(degrees):
     """The lowest mode of two equal arrays bends both to the same side of the bus and does not turn
     it: the next, in which they bend against each other, rings, about the axis across them."""
@@ -171,13 +188,11 @@ def test_a_turn_rings_a_mode_that_is_seen(degrees):
     slew = simulate(model, angle=np.radians(degrees), frames=108)
     assert slew.axis == 2
     assert slew.omega == pytest.approx(bc.linearise(model).frequencies()[1], rel=READ_BACK)
-    bent = slew.positions[:, list(slew.elastic)]
-    left, right = np.split(bent, 2, axis=1)
-    np.testing.assert_allclose(left, right, atol=0.02 * MOST_BENT)  # about axes of their own
-    for part in (bent, bent[slew.times > slew.duration]):
-        assert np.abs(part).max() < 1.2 * MOST_BENT
-    assert np.abs(bent).max() > 0.8 * MOST_BENT
-    assert np.abs(bent[slew.times > slew.duration]).max() > 0.2 * MOST_BENT
+    left, right = np.split(slew.positions[:, list(slew.elastic)], 2, axis=1)
+    np.testing.assert_allclose(left, right, atol=0.01)  # rad, about axes of their own
+    turned = bent(model, slew)
+    assert 0.7 * MOST_BENT < turned.max() < BEYOND * MOST_BENT
+    assert turned[slew.times > slew.duration].max() > 0.2 * MOST_BENT
 
 
 def test_exaggeration_is_of_the_springs_alone():
@@ -570,8 +585,8 @@ def test_the_elbow_of_an_arm_turns_by_the_angle_asked_for_and_rings(arm, degrees
     after = elbow[slew.times >= slew.duration]
     # a torque of the rigid arm on a flexible one: the mean over the ringing
     assert after.mean() == pytest.approx(degrees, abs=2.0)
-    rings = slew.positions[:, list(slew.elastic)]
-    assert 0.01 < np.abs(rings[slew.times >= slew.duration]).max() < 2.0 * MOST_BENT
+    rings = bent(arm, slew)[slew.times >= slew.duration]
+    assert 0.02 < rings.max() < BEYOND * MOST_BENT
     # the bus turns the other way, as nothing pushes from outside
     assert np.sign(slew.positions[-1, 6]) == -np.sign(degrees)
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     Told = tuple[list[str], dict[str, Any]]  # sentences, and facts for --json
 
-# frames of a turn, a run and an oscillation, and how many a second; a GIF has every second one
+# frames of a turn (at least), a run and an oscillation; how many a second; a GIF has every second
 FRAMES, RUN, CYCLE, RATE = 108, 168, 48, 25.0
 SKIP = 2
 SHORTEST, LONGEST = 1e-3, 1e5  # of a run [s]
@@ -55,7 +55,7 @@ def render(
     exaggerate: Annotated[float, typer.Option(help="Factor on the elastic motion.")] = 1.0,
     angle: Annotated[
         float, typer.Option(metavar="DEG", help="Angle of the turn in degrees.")
-    ] = 40.0,
+    ] = 30.0,
     joint: Annotated[
         str | None,
         typer.Option(metavar="NAME", help="Turn this hinge of the spacecraft in place of its hub."),
@@ -241,7 +241,7 @@ def _turn(
 
     slew = simulate(model, angle=angle, frames=FRAMES, joint=joint)
     scale = "to scale" if exaggerate == 1.0 else f"x {exaggerate:g}"
-    note = f"{_rate(slew.times[-1], FRAMES)}, bending {scale}"
+    note = f"{_rate(slew.times[-1], len(slew.times))}, bending {scale}"
     film = _film(
         model,
         slew.body,

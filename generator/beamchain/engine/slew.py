@@ -2,6 +2,7 @@
 so that its appendages ring."""
 
 import copy
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -25,7 +26,8 @@ _HINGE = int(mujoco.mjtJoint.mjJNT_HINGE)
 PERIODS = (1.0, 1.1, 1.2, 1.3, 1.4, 1.5, 1.6)  # of a turn: the shortest that does not bend too far
 RINGING = 3.5  # periods of the first mode shown after the turn
 TRIAL = 0.01  # rad: a turn so small that what bends is proportional to it
-MOST_BENT = 0.22  # rad in one hinge: small enough to be believed, large enough to be seen
+FINE, MOST_FRAMES = 12, 480  # frames a period, if that is not too many
+MOST_BENT = 0.4  # rad that a link turns out of its place: to be believed, and to be seen
 FELT = 1e-7  # of a mode's largest motion: less rotation of the hub is rounding
 SEEN = 0.05  # of the spacecraft's size, per radian turned: bending of a mode that a turn shows
 ANGLES = 61  # of a hinge, at which its inertia is computed
@@ -103,9 +105,9 @@ def simulate(
         omega = _mode_to_ring(model, np.array([int(model.jnt_dofadr[number])]), start, held)[1]
         drive = _in_hinge(model, number, held, angle)
     elastic = tuple(int(model.jnt_qposadr[j]) for j in held)
-    hinged = [a for j, a in zip(held, elastic, strict=True) if int(model.jnt_type[j]) == _HINGE]
     period = 2.0 * np.pi / omega
-    duration = _long_enough(model, drive, angle, period, frames, hinged)
+    duration = _long_enough(model, drive, angle, period, frames, elastic)
+    frames = max(frames, min(math.ceil(FINE * (duration / period + RINGING)), MOST_FRAMES))
     times = np.linspace(0.0, duration + RINGING * period, frames)
     positions = _run(model, drive(angle, duration), float(times[-1]), frames)
     return Slew(
@@ -133,20 +135,35 @@ def _long_enough(
     angle: float,
     period: float,
     frames: int,
-    hinged: "list[int]",
+    elastic: tuple[int, ...],
 ) -> float:
-    """The duration of a turn [s] in which no hinge bends by more than `MOST_BENT`."""
+    """The duration of a turn [s] in which no link turns further than `MOST_BENT` out of its place
+    on a rigid appendage."""
 
     def bent(periods: float) -> float:
         end = (periods + RINGING) * period
-        trial = _run(model, drive(TRIAL, periods * period), end, frames)
-        return float(np.abs(trial[:, hinged]).max(initial=0.0)) * abs(angle) / TRIAL
+        shown = _run(model, drive(TRIAL, periods * period), end, frames)
+        rigid = shown.copy()
+        rigid[:, list(elastic)] = 0.0
+        turned = [
+            np.linalg.norm(_axes(model, a) - _axes(model, b), axis=1).max() / np.sqrt(2.0)
+            for a, b in zip(shown, rigid, strict=True)
+        ]  # |R - 1| = sqrt(2) times the angle
+        return float(np.max(turned)) * abs(angle) / TRIAL
 
     for periods in PERIODS:
         if bent(periods) <= MOST_BENT:
             return periods * period
-    halves = max(int(np.ceil(np.sqrt(bent(1.0) / MOST_BENT))), 1)
+    halves = math.ceil(np.sqrt(bent(1.0) / MOST_BENT))
     return float(halves + 1 - halves % 2) * period
+
+
+def _axes(model: "mujoco.MjModel", positions: Array) -> Array:
+    """`(nbody, 9)` axes of every body."""
+    data = mujoco.MjData(model)
+    data.qpos[:] = positions
+    mujoco.mj_kinematics(model, data)
+    return np.array(data.xmat)
 
 
 def _on_hub(model: "mujoco.MjModel", hub: int, axis: int) -> Drive:
