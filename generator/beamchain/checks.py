@@ -139,7 +139,8 @@ def _checks(struct: type) -> list[tuple[str, bool, Callable[[str, Any], object]]
     for name, hint in get_type_hints(struct).items():
         kinds = get_args(hint) if get_origin(hint) not in (None, Literal, tuple) else (hint,)
         optional = type(None) in kinds
-        words = tuple(literals(hint))
+        # a word or a truth value is left to the struct itself
+        words = () if bool in kinds else tuple(literals(hint))
         check = ((metas[name].extra or {}).get("check") if name in metas else None) or (
             partial(_each_word, words) if words else None
         )

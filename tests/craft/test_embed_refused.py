@@ -129,7 +129,7 @@ class TestRefused:
         out = tmp_path / "sub" / "out.xml"
         path.write_text(text)
         code, _, error = run(
-            ["embed", str(path), "--at", f"{at}={spec('rod')}", "-o", str(out)], capsys, monkeypatch
+            ["embed", str(path), "--at", f"{at}={spec('rod_in_boxes')}", "-o", str(out)], capsys, monkeypatch
         )
         assert code == 2
         assert error.startswith("beamchain: ")
@@ -143,10 +143,19 @@ class TestRefused:
         text = craft(before='<compiler discardvisual="true"/>')
         assert bc.embed(text, {"mount": plain}).model.ngeom == 0
 
+    def test_material_that_the_compiler_drops(self):
+        text = craft(before='<compiler discardvisual="true"/>')
+        section = bc.Rectangle(width_y=0.02, width_z=1.2)
+        material = bc.Material(youngs_modulus=2e9, density=80.0)
+        panel = bc.Segment(length=2.5, section=section, material=material)
+        with pytest.raises(bc.BeamchainError, match=re.escape("(0 of 1 are left); write discard")):
+            bc.embed(text, {"mount": bc.Spec(segment=(panel,))})
+        assert bc.embed(text, {"mount": spec("rod")}).model.nskin == 1
+
     @pytest.mark.parametrize("form", ["inline", "attach"])
     def test_the_other_way_out_of_dropped_shapes_leads_out(self, form):
         text = craft(before='<compiler discardvisual="false"/>')
-        assert bc.embed(text, {"mount": spec("rod")}, form=form).model.ngeom > 0
+        assert bc.embed(text, {"mount": spec("rod_in_boxes")}, form=form).model.ngeom > 0
 
     @pytest.mark.parametrize(
         "default",
@@ -163,14 +172,14 @@ class TestRefused:
         """The form "attach", and the attribute that the sentence names taken out; on a body, which
         a site's default does not move."""
         with pytest.raises(bc.BeamchainError) as refused:
-            bc.embed(craft(before=default), {"hub": spec("rod")})
-        clean = bc.embed(craft(), {"hub": spec("rod")}).model
+            bc.embed(craft(before=default), {"hub": spec("rod_in_boxes")})
+        clean = bc.embed(craft(), {"hub": spec("rod_in_boxes")}).model
         word = re.search(r"or take (\w+) out of", str(refused.value)).group(1)
         without = re.sub(rf'(<(?:geom|site)[^>]*?) {word}="[^"]*"', r"\1", default)
         assert without != default
         for done in (
-            bc.embed(craft(before=default), {"hub": spec("rod")}, form="attach"),
-            bc.embed(craft(before=without), {"hub": spec("rod")}),
+            bc.embed(craft(before=default), {"hub": spec("rod_in_boxes")}, form="attach"),
+            bc.embed(craft(before=without), {"hub": spec("rod_in_boxes")}),
         ):
             assert done.model.ngeom == clean.ngeom
             np.testing.assert_allclose(done.model.geom_size, clean.geom_size)
@@ -183,12 +192,12 @@ class TestRefused:
         inner = default.replace("<default>", '<default><default class="other">').replace(
             "</default>", "</default></default>"
         )
-        assert bc.embed(craft(before=inner), {"mount": spec("rod")}).model.ngeom > 0
+        assert bc.embed(craft(before=inner), {"mount": spec("rod_in_boxes")}).model.ngeom > 0
         reached = craft(before=inner).replace(
             '<body name="hub"', '<body name="hub" childclass="other"'
         )
         with pytest.raises(bc.BeamchainError, match="out of it"):
-            bc.embed(reached, {"mount": spec("rod")})
+            bc.embed(reached, {"mount": spec("rod_in_boxes")})
 
     def test_cycle_of_includes(self, tmp_path):
         (tmp_path / "a.xml").write_text('<mujocoinclude><include file="b.xml"/></mujocoinclude>')

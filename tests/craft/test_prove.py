@@ -140,7 +140,7 @@ def moved_to_another_link(root):
 def appendage_taken_out(root):
     link = next(node for node in root.iter("body") if node.get("name") == "upper_link1")
     link.getparent().remove(link)
-    for tag in ("tendon", "sensor", "contact", "keyframe"):
+    for tag in ("tendon", "sensor", "contact", "keyframe", "deformable"):
         for node in list(root.iter(tag)):
             node.getparent().remove(node)
 

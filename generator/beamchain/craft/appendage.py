@@ -104,6 +104,7 @@ def driven_too_far(model: "mujoco.MjModel", appendages: Sequence[Appendage]) -> 
 def names(appendages: Sequence[Appendage]) -> dict[str, set[str]]:
     """Names of all elements the appendages bring, per kind."""
     kinds = {"body": "body", "joint": "jnt", "geom": "geom", "site": "site", "fixed": "tendon"}
+    kinds |= {"material": "mat", "texture": "tex", "skin": "skin"}
     kinds |= dict.fromkeys(
         ("tendonpos", "tendonvel", "framepos", "framequat", "force", "torque"), "sensor"
     )
@@ -233,7 +234,7 @@ def _refuse(
     found: Difference, changed: Appendage, defaults: Mapping[str, Mapping[str, int]]
 ) -> None:
     """Say what the spacecraft would change of an appendage, and the way out that works."""
-    if found.field == "number of elements" and found.element == "geom":
+    if found.field == "number of elements" and found.element in ("geom", "mat", "tex"):
         raise InputError(
             f"the spacecraft's compiler would drop the appendage's shapes ({found.found:g} of "
             f"{found.wanted:g} are left); "

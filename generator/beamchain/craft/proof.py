@@ -22,7 +22,7 @@ from beamchain.craft.timing import attitude_warnings, without_timing
 from beamchain.engine.library import mujoco, one_thread
 from beamchain.engine.linearise import compile_model
 from beamchain.engine.operating_point import poses
-from beamchain.engine.unchanged import NAMED
+from beamchain.engine.unchanged import KINDS, NAMED
 from beamchain.errors import EngineError, InputError
 from beamchain.files import noted_inputs
 from beamchain.steps.modal import timing_marks
@@ -157,8 +157,9 @@ def _elements(
             f"joint {foreign[0]!r} was put into the appendage at {a.at} by hand, where the exact "
             f"appendage has none; {RESTORE}."
         )
-    for kind, count in (("tendon", model.ntendon), ("sensor", model.nsensor)):
-        every = (getattr(model, kind)(i).name for i in range(count))
+    for kind in ("tendon", "sensor", "mat", "tex", "skin"):
+        count = int(getattr(model, KINDS[kind]))
+        every = (getattr(model, NAMED[kind])(i).name for i in range(count))
         names[kind] = frozenset(name for name in every if name.startswith(a.prefix))
     return names
 

@@ -20,7 +20,7 @@ from beamchain.engine.library import mujoco
 from beamchain.engine.root_motion import Root
 from beamchain.errors import InputError
 from beamchain.fitting.choose import further_columns
-from beamchain.fitting.exact import kept_counts
+from beamchain.fitting.exact import kept_counts, reduced_to_kept
 from beamchain.fitting.hub import port_hub_mass
 from beamchain.fitting.result import InSpace
 from beamchain.mjcf.write import joint_name
@@ -181,7 +181,7 @@ def beam_body(model: "mujoco.MjModel", appendage: Appendage, stations: Array) ->
             fit.spec.beam,
             port,
             2 * count + EXTRA_MODES,
-            partial(_reduced, appendage, port, count),
+            partial(reduced_to_kept, fit, port, count),
             stations,
             tuple(fit.spec.further.values()),
         )
@@ -198,21 +198,6 @@ def beam_body(model: "mujoco.MjModel", appendage: Appendage, stations: Array) ->
             turn[count:, count:] = _attachment_turn(appendage, chain, port, count)
         coordinates[port] = _coordinates(model, appendage, tendons, turn, inside.frequencies)
     return BeamBody(coordinates, ports)
-
-
-def _reduced(
-    appendage: Appendage, port: str, count: int, full: PortModel, points: Sequence[int]
-) -> PortModel:
-    """From all modes of a beam to those that its file holds; `points`: numbers of its further
-    points in `tip`."""
-    if not count:
-        return full.truncated(0)
-    if points:
-        m = full.motions
-        return full.attached(count, [m * c + i for c in points for i in range(m)])
-    hub = appendage.fit.spec.root.hub
-    mass = None if hub is None else port_hub_mass(hub.mass_matrix(), port)
-    return full.for_target(appendage.fit.kept_for, count, mass)
 
 
 def _attachment_turn(appendage: Appendage, chain: Chain, port: str, count: int) -> Array:

@@ -1,14 +1,12 @@
 """How far joints move what is seen of a model, and which body is its spacecraft."""
 
-from itertools import product
-
 import numpy as np
 
+from beamchain.engine.drawn import drawn_points
 from beamchain.engine.library import mujoco
 from beamchain.ports.motions import Array
 
 SMALL = 1e-6  # rad or m: of a motion taken as linear
-CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
 
 
 def moved(model: "mujoco.MjModel", rest: Array, motion: Array) -> Array:
@@ -18,19 +16,8 @@ def moved(model: "mujoco.MjModel", rest: Array, motion: Array) -> Array:
     return out
 
 
-def corners(model: "mujoco.MjModel", data: "mujoco.MjData") -> Array:
-    """`(n, 3)` corners of the boxes around all solids but planes, which have no end [m]."""
-    solid = np.flatnonzero(model.geom_type != int(mujoco.mjtGeom.mjGEOM_PLANE))
-    box = model.geom_aabb[solid]
-    local = box[:, None, :3] + box[:, None, 3:] * CORNERS
-    turn = data.geom_xmat[solid].reshape(-1, 3, 3)
-    out: Array = data.geom_xpos[solid][:, None] + local @ turn.transpose(0, 2, 1)
-    return out.reshape(-1, 3)
-
-
 def reach(model: "mujoco.MjModel", rest: Array, motion: Array) -> float:
-    """The largest displacement per unit of a motion of a solid's corner, a site or a body's centre
-    [m]."""
+    """The largest displacement of what is drawn, a site or a body's centre per unit of a motion [m]."""
     largest = float(np.abs(motion).max(initial=0.0))
     if largest == 0.0:
         return 0.0
@@ -40,7 +27,7 @@ def reach(model: "mujoco.MjModel", rest: Array, motion: Array) -> float:
     for sign in (1.0, -1.0):
         data.qpos[:] = moved(model, rest, sign * small * motion)
         mujoco.mj_kinematics(model, data)
-        places.append(np.vstack([data.xipos, data.site_xpos, corners(model, data)]))
+        places.append(np.vstack([data.xipos, data.site_xpos, drawn_points(model, data)]))
     return float(np.linalg.norm(places[0] - places[1], axis=1).max()) / (2.0 * small)
 
 

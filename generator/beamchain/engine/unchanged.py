@@ -21,6 +21,7 @@ KINDS = {
     "mesh": "nmesh",
     "mat": "nmat",
     "tex": "ntex",
+    "skin": "nskin",
     "pair": "npair",
     "eq": "neq",
     "tendon": "ntendon",
@@ -32,6 +33,9 @@ NAMED = {
     "jnt": "joint",
     "geom": "geom",
     "site": "site",
+    "mat": "material",
+    "tex": "texture",
+    "skin": "skin",
     "tendon": "tendon",
     "sensor": "sensor",
 }

@@ -1,5 +1,7 @@
 """The written appendage: its MJCF, and its timing."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from lxml.etree import _Element as Element
 
@@ -8,21 +10,23 @@ from beamchain.engine.linearise import compile_model
 from beamchain.fitting.options import Scene
 from beamchain.fitting.spec import Spec
 from beamchain.mjcf import write
+from beamchain.mjcf.skin import Skin
 from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.retime import retime
 from beamchain.steps.retime_file import put_hinge_armature, put_time
 from beamchain.structure.mass_line import MassLine
 
 
-def appendage_tree(spec: Spec, chain: Chain, line: MassLine) -> Element:
-    """The drop-in file with the elements that the scene uses."""
+def appendage_tree(spec: Spec, chain: Chain, line: MassLine, skins: Sequence[Skin] = ()) -> Element:
+    """The drop-in file with the elements that the scene uses; `skins` in place of boxes."""
     scene = spec.scene or Scene()
     sensors = spec.sensors
     return write.appendage_document(
         chain,
         spec.name,
         beam=line,
-        visuals=scene.visuals,
+        visuals=scene.visuals is not False,
+        skins=skins,
         sites=spec.sites(line.length),
         contacts=scene.contacts,
         readings=write.Readings(sensors.modes, sensors.points, sensors.root_load),

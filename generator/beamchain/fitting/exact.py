@@ -1,13 +1,14 @@
 """The exact appendage behind a fit, in six motions: every mode of the beam,
 or of what was imported."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from beamchain.errors import InputError
+from beamchain.fitting.hub import port_hub_mass
 from beamchain.fitting.spec import Spec
 from beamchain.ports.compose import model_in_space
 from beamchain.ports.model import PortModel
@@ -32,6 +33,11 @@ class Fitted(Protocol):
     @property
     def full(self) -> Mapping[str, PortModel]:
         """Per port, all modes that were computed."""
+        ...
+
+    @property
+    def kept_for(self) -> str:
+        """The target whose modes are kept: "clamped", "free" or "hub"."""
         ...
 
     @property
@@ -91,6 +97,23 @@ def kept_counts(fit: Fitted) -> dict[str, int]:
     if not fit.spec.further:
         return {port: target.modes for port, target in fit.target.items()}
     return {port: _normal_modes(target, fit.full[port]) for port, target in fit.target.items()}
+
+
+def reduced_to_kept(
+    fit: Fitted, port: str, count: int, full: PortModel, points: Sequence[int]
+) -> PortModel:
+    """From all modes of a beam in a port to those that its file holds, of which `count` are modes.
+
+    `points`: numbers of the appendage's further points in `tip`.
+    """
+    if not count:
+        return full.truncated(0)
+    if points:
+        m = full.motions
+        return full.attached(count, [m * c + i for c in points for i in range(m)])
+    hub = fit.spec.root.hub
+    mass = None if hub is None else port_hub_mass(hub.mass_matrix(), port)
+    return full.for_target(fit.kept_for, count, mass)
 
 
 def _normal_modes(target: PortModel, exact: PortModel) -> int:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from numbers import Integral
 from typing import Annotated, Literal
 
+import msgspec
 import numpy as np
 
 from beamchain.checks import Struct, field, not_negative, one_of
@@ -19,6 +20,7 @@ DEFAULT_STEP = 0.01  # of scene.xml and of the bench, where none is stated [s]
 
 Target = Literal["clamped", "free", "hub", "auto"]
 Integrator = Literal["Euler", "RK4", "implicit", "implicitfast", "discrete"]
+VISUALS = ("skin", "boxes")
 Triple = tuple[float, float, float]
 
 
@@ -274,7 +276,14 @@ class Scene(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     tip: Annotated[
         bool, field("the motion of the tip matters too, and the tip site is written")
     ] = False
-    visuals: Annotated[bool, field("write massless shapes")] = True
+    visuals: Annotated[
+        Literal["skin", "boxes"] | bool,
+        field(
+            'how the appendage is drawn, without mass: "skin", surfaces that bend with the kept '
+            'modes (true means the same); "boxes", a rigid shape per link, for hosts that draw no '
+            "skins; false, nothing"
+        ),
+    ] = "skin"
     contacts: Annotated[bool, field("write shapes that can touch other bodies")] = False
     integrator: Annotated[
         Integrator | Literal["auto"],
@@ -304,6 +313,13 @@ class Scene(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.visuals is True:
+            msgspec.structs.force_setattr(self, "visuals", "skin")
+        if not isinstance(self.visuals, bool) and self.visuals not in VISUALS:
+            raise InputError(
+                f'visuals = {self.visuals!r:.60} must be "skin" (surfaces that bend), "boxes" (a '
+                "rigid shape per link) or false (nothing is drawn)."
+            )
         if self.integrator == "auto" and (self.rates is None or self.timestep is None):
             missing = "rates" if self.rates is None else "timestep"
             raise InputError(

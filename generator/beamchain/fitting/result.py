@@ -23,6 +23,7 @@ from beamchain.files import to_json, write_files
 from beamchain.fitting.document import appendage_tree, put_timing, safe_step
 from beamchain.fitting.exact import exact_appendage
 from beamchain.fitting.hub import Hub, default_hub
+from beamchain.fitting.look import Look, look_of
 from beamchain.fitting.needs import AXES, Choice, LeftOut
 from beamchain.fitting.options import Scene
 from beamchain.fitting.spec import Spec
@@ -352,13 +353,19 @@ class Fit:
             sprung=self.tendon_sprung,
         )
 
+    @cached_property
+    def look(self) -> Look:
+        """The drawn surfaces, and how far they miss each kept mode; no surfaces where
+        `scene.visuals` is "boxes" or false, shapes touch, or modes were imported."""
+        return look_of(self)
+
     def appendage(self, *, timed: bool = True) -> Element:
         """The drop-in MJCF as an lxml tree.
 
         Args:
             timed: exact in time for the spec's step, if it states one; False: without timing.
         """
-        tree = appendage_tree(self.spec, self.chain, self.mass_line)
+        tree = appendage_tree(self.spec, self.chain, self.mass_line, self.look.skins)
         if timed:
             put_timing(tree, self.spec, sprung=self.tendon_sprung, form=2)
         return tree

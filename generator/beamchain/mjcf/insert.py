@@ -23,6 +23,14 @@ from beamchain.ports.motions import Array
 
 FORMS = ("inline", "attach")
 
+#: Sections of an appendage's file beside its bodies, in the order in which they are put in.
+SECTIONS: Mapping[str, type[undo.SectionMark | undo.SensorMark | undo.LookMark]] = {
+    "tendon": undo.SectionMark,
+    "sensor": undo.SensorMark,
+    "asset": undo.LookMark,
+    "deformable": undo.LookMark,
+}
+
 
 @dataclass(frozen=True, eq=False)
 class Insertion:
@@ -42,10 +50,9 @@ def with_prefix(appendage: Element, name: str, prefix: str) -> Element:
     """A copy whose elements carry `prefix` instead of `name_`."""
     out = deepcopy(appendage)
     for node in out.iter():
-        for key in ("name", "joint"):
-            value = node.get(key)
-            if value is not None and value.startswith(f"{name}_"):
-                node.set(key, prefix + value[len(name) + 1 :])
+        for key, value in node.attrib.items():
+            if str(value).startswith(f"{name}_"):
+                node.set(key, prefix + str(value)[len(name) + 1 :])
     return out
 
 
@@ -82,7 +89,7 @@ def insert_appendages(
             body = write.find(tree, "worldbody/body")
             _set_frame(body, frame)
             here.append((mark, body))
-            for tag, of_section in (("tendon", undo.SectionMark), ("sensor", undo.SensorMark)):
+            for tag, of_section in SECTIONS.items():
                 section = tree.find(tag)
                 if section is not None:
                     at_end.append((of_section(at=at), section))

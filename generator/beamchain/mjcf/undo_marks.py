@@ -56,6 +56,12 @@ class SensorMark(Put, frozen=True, tag="sensor"):
     at: str
 
 
+class LookMark(Put, frozen=True, tag="look"):
+    """Surfaces of the appendage at a place, or the material that they are drawn with."""
+
+    at: str
+
+
 class ModelMark(Put, frozen=True, tag="model"):
     """The `<model>` of an attached appendage."""
 
@@ -149,6 +155,7 @@ Mark: TypeAlias = (
     AppendageMark
     | SectionMark
     | SensorMark
+    | LookMark
     | ModelMark
     | CompilerMark
     | KeyMark

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from beamchain.chain.chain import Link
 from beamchain.structure.beam import Beam
 from beamchain.structure.mass_line import MassLine
-from beamchain.structure.section import Equivalent, Rectangle, Round, Tube
+from beamchain.structure.section import Equivalent, Rectangle, Round, Section, Tube
 from beamchain.structure.segment import Lump, Segment
 
 PANEL = "0.15 0.27 0.62 1"  # the blue of a solar blanket
@@ -32,6 +32,17 @@ class Shape(NamedTuple):
     middle: float  # x from the root [m]
     half: tuple[float, float, float]  # extents along x, y, z [m]
     rgba: str
+
+
+def is_panel(section: Section) -> bool:
+    """Whether a section is drawn with solar cells."""
+    drawn = isinstance(section, Equivalent) and section.draw is not None and section.draw.panel
+    return drawn or isinstance(section, Rectangle)
+
+
+def is_truss(section: Section) -> bool:
+    """Whether a section is drawn as a lattice."""
+    return isinstance(section, Equivalent) and not is_panel(section)
 
 
 def link_shapes(link: Link, beam: MassLine | None, length: float) -> list[Shape]:
@@ -64,15 +75,13 @@ def _segment_shape(
     """The stretch `(low, high)` of a segment, as deep as it is in its middle."""
     low, high = stretch
     section = segment.section
-    is_truss = isinstance(section, Equivalent)
-    slim = (LATTICE if is_truss else SLIM) * length
+    slim = (LATTICE if isinstance(section, Equivalent) else SLIM) * length
     middle = (low + high) / 2.0
     y = beam.depth(middle, "xy") / 2.0 or slim
     z = beam.depth(middle, "xz") / 2.0 or slim
     kind = "box"
-    rgba = TRUSS if is_truss else TUBE
-    drawn_as_panel = is_truss and section.draw is not None and section.draw.panel
-    if isinstance(section, Rectangle) or drawn_as_panel:
+    rgba = TRUSS if is_truss(section) else TUBE
+    if is_panel(section):
         gap = min(GAP * length, 0.1 * (high - low))
         low += gap if low <= start else 0.0
         high -= gap if high >= start + segment.length else 0.0

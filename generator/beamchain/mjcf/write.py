@@ -13,7 +13,8 @@ from scipy.spatial.transform import Rotation
 
 from beamchain.chain.chain import Chain, Hinge, Link
 from beamchain.errors import EngineError
-from beamchain.mjcf.visuals import TUBE, Shape, link_shapes
+from beamchain.mjcf.skin import Skin
+from beamchain.mjcf.visuals import CARRIED, TRUSS, TUBE, Shape, link_shapes
 from beamchain.ports.motions import Array
 from beamchain.structure.mass_line import MassLine
 
@@ -55,6 +56,11 @@ DEEPEST = 496  # bodies nested in one MJCF file
 def number(values: float | ArrayLike) -> str:
     """17 digits, so that what MuJoCo reads is what was computed."""
     return " ".join(repr(float(v)) for v in np.atleast_1d(np.asarray(values, dtype=np.float64)))
+
+
+def short_numbers(values: ArrayLike) -> str:
+    """6 digits, of what is only drawn."""
+    return " ".join(f"{value:.6g}" for value in np.ravel(np.asarray(values)))
 
 
 def template(name: str) -> Element:
@@ -135,14 +141,16 @@ def appendage_document(
     *,
     beam: MassLine | None = None,
     visuals: bool = True,
+    skins: Sequence[Skin] = (),
     sites: Mapping[str, float] | None = None,
     contacts: bool = False,
     readings: "Readings | None" = None,
 ) -> Element:
     """The drop-in file: link bodies, nested from the root outwards; x points along the appendage.
 
-    Geoms have no mass: `visuals` looks like the `beam`, a thin bar without it; `contacts` in place
-    of them are capsules that touch other things, never each other or what carries the appendage.
+    Geoms have no mass: `visuals` looks like the `beam`, a thin bar without it, or is what `skins`
+    leave to be drawn; `contacts` in place of them are capsules that touch other things, never each
+    other or what carries the appendage.
     `sites`: x by name; the tip where left out.
     """
     _check_links(chain)
@@ -162,6 +170,8 @@ def appendage_document(
         _add_joints(body, name, index=i, hinge=hinge)
         _set_inertial(find(body, "inertial"), link, x)
         drawn = _drawn_shapes(link, beam, chain.length, contacts=contacts, visuals=visuals)
+        if skins:
+            drawn = [shape for shape in drawn if shape.rgba == CARRIED]
         _add_geoms(body, f"{name}_shape{i + 1}", drawn, x=x, length=chain.length)
         end = np.inf if i == len(chain.links) - 1 else chain.hinges[i].x
         points = {"root": 0.0} if i == 0 else {}
@@ -178,6 +188,7 @@ def appendage_document(
     _add_tendons(root, name, chain)
     if readings is not None:
         _add_sensors(root, name, chain=chain, readings=readings)
+    _add_skins(root, name, skins)
     return root
 
 
@@ -299,11 +310,47 @@ def _add_sensors(root: Element, name: str, *, chain: Chain, readings: Readings) 
         root.remove(sensor)
 
 
+def _add_skins(root: Element, name: str, skins: Sequence[Skin]) -> None:
+    """The surfaces, at the end of the file; the template's material goes where none is a panel."""
+    asset = find(root, "asset")
+    material = find(asset, "material")
+    if not any(skin.surface.look == "panel" for skin in skins):
+        root.remove(asset)
+    for tag, key in (("texture", "name"), ("material", "name"), ("material", "texture")):
+        element = find(asset, tag)
+        element.set(key, f"{name}_{element.get(key)}")
+    if not skins:
+        return
+    deformable = etree.SubElement(root, "deformable")
+    for skin in skins:
+        look, points, faces, cells = skin.surface
+        element = etree.SubElement(deformable, "skin", name=f"{name}_{look}")
+        if look == "panel":
+            element.set("material", material.get("name") or "")
+            element.set("texcoord", short_numbers(cells))
+        else:
+            element.set("rgba", TRUSS if look == "truss" else TUBE)
+        element.set("vertex", short_numbers(points))
+        element.set("face", " ".join(map(str, faces.ravel().tolist())))
+        for bone, weights in zip(skin.bones, skin.weights.T, strict=True):
+            carried = np.flatnonzero(weights)
+            if carried.size:
+                etree.SubElement(
+                    element,
+                    "bone",
+                    body=f"{name}_link{bone.link + 1}",
+                    bindpos=number(bone.bound),
+                    bindquat="1 0 0 0",
+                    vertid=" ".join(map(str, carried.tolist())),
+                    vertweight=short_numbers(weights[carried]),
+                )
+
+
 def attach_appendage(appendage_root: Element, host_root: Element, body: Element) -> None:
     """Put the appendage's bodies below `body` of `host_root`,
-    its tendons and sensors beside the host's."""
+    its tendons, sensors and surfaces beside the host's."""
     body.extend(list(deepcopy(find(appendage_root, "worldbody"))))
-    for tag in ("tendon", "sensor"):
+    for tag in ("asset", "tendon", "sensor", "deformable"):
         section = appendage_root.find(tag)
         if section is None:
             continue

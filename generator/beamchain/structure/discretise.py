@@ -23,6 +23,7 @@ LIMPEST = 1e-200  # [N m^2, N]: a smaller stiffness underflows
 FEW = 12  # pieces up to which segments alone choose the degree
 MANY = 100  # pieces beyond which the degree is raised by two at a time
 FAR = 1e-3  # relative change from which the degree is raised faster
+SAMPLED = 4  # functions between stations
 WRITTEN = 400  # coordinates beyond which the rows are not written down
 
 
@@ -81,6 +82,14 @@ def converged_model(
         coarse = fine
         least = min(change, least)
         step = min(2 * step, 8) if change > FAR else step
+
+
+def sampled_model(parts: Parts, port: str, modes: int, stations: tuple[float, ...]) -> PortModel:
+    """The beam cut at many stations, with few functions between them and no refinement.
+
+    Its lowest modes are good to some 1e-6: enough to be drawn.
+    """
+    return _discretise(parts, port, SAMPLED, wanted=max(modes, 1), stations=stations, shaped=False)
 
 
 def _largest_change(coarse: Array, fine: Array, wanted: int) -> float:

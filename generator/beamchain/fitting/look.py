@@ -1,0 +1,67 @@
+"""How a fitted appendage is drawn: surfaces that follow its kept modes."""
+
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from beamchain.chain.chain import Chain
+from beamchain.fitting.exact import Fitted, kept_counts, reduced_to_kept
+from beamchain.fitting.options import Scene
+from beamchain.mjcf.skin import ModeMotion, Skin, mode_motion, skins
+from beamchain.mjcf.surfaces import beam_surfaces, stations
+from beamchain.ports.motions import Array
+from beamchain.structure.discretise import Parts, sampled_model
+from beamchain.structure.inside import snapped
+
+EXTRA_MODES = 4  # beyond those kept, converged as well
+
+
+class Chained(Fitted, Protocol):
+    """A fit, and its chain."""
+
+    @property
+    def chain(self) -> Chain:
+        """The fitted chain."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """The drawn surfaces of an appendage.
+
+    Args:
+        skins: one per look: panels, tubes, lattices.
+        residual: per port `(n,)`: how far they miss each kept mode, relative to its largest
+            displacement.
+    """
+
+    skins: tuple[Skin, ...] = ()
+    residual: dict[str, Array] = field(default_factory=dict)
+
+
+def look_of(fit: Chained) -> Look:
+    """The surfaces of a beam, where the scene wants them; none of imported modes, whose sections
+    are not known."""
+    scene = fit.spec.scene or Scene()
+    if scene.visuals != "skin" or scene.contacts or fit.spec.imported is not None:
+        return Look()
+    beam = fit.spec.beam
+    surfaces = beam_surfaces(beam)
+    if not surfaces:
+        return Look()
+    x = stations(surfaces)
+    at = snapped(beam, x)
+    further = list(fit.spec.further.values())
+    places = np.unique(np.concatenate([at, further]))
+    columns = 1 + np.searchsorted(places, at)
+    points = 1 + np.searchsorted(places, further)
+    counts = {port: count for port, count in kept_counts(fit).items() if count}
+    parts = Parts(beam.segments, beam.joints, beam.lumps)
+    modes: list[ModeMotion] = []
+    for port, count in counts.items():
+        full = sampled_model(parts, port, 2 * count + EXTRA_MODES, tuple(places.tolist()))
+        kept = reduced_to_kept(fit, port, count, full, points.tolist()).truncated(count)
+        modes.append(mode_motion(fit.chain, port, kept, x, columns))
+    made, missed = skins(fit.chain, surfaces, modes)
+    return Look(tuple(made), dict(zip(counts, missed, strict=True)))
