@@ -17,7 +17,7 @@ def moved(model: "mujoco.MjModel", rest: Array, motion: Array) -> Array:
 
 
 def reach(model: "mujoco.MjModel", rest: Array, motion: Array) -> float:
-    """The largest displacement of what is drawn, a site or a body's centre per unit of a motion [m]."""
+    """The largest displacement of what is drawn, a site or a body per unit of a motion [m]."""
     largest = float(np.abs(motion).max(initial=0.0))
     if largest == 0.0:
         return 0.0
