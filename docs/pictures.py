@@ -17,7 +17,12 @@ from pages import pieces  # tests/support
 HERE = Path(__file__).parent
 ELSEWHERE = {"extremes.png", "house.svg"}  # by make extremes, by house.py
 JITTER = """
-budget.plot().figure.savefig("jitter.svg", bbox_inches="tight", metadata={"Date": None})
+from pathlib import Path
+
+from beamchain.report.plant_plots import pointing_figure
+from beamchain.report.svg import to_svg
+
+Path("jitter.svg").write_text(to_svg(pointing_figure(budget), "jitter"), encoding="utf-8")
 """
 
 

@@ -180,7 +180,7 @@ def satellite():
     return bc.embed(craft, {"left": array, "right": array})
 
 
-@pytest.mark.parametrize("degrees", [15.0, 30.0])
+@pytest.mark.parametrize("degrees", [10.0, 20.0, 30.0])
 def test_a_turn_rings_a_mode_that_is_seen(degrees):
     """The lowest mode of two equal arrays bends both to the same side of the bus and does not turn
     it: the next, in which they bend against each other, rings, about the axis across them."""

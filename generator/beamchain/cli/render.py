@@ -55,7 +55,7 @@ def render(
     exaggerate: Annotated[float, typer.Option(help="Factor on the elastic motion.")] = 1.0,
     angle: Annotated[
         float, typer.Option(metavar="DEG", help="Angle of the turn in degrees.")
-    ] = 30.0,
+    ] = 20.0,
     joint: Annotated[
         str | None,
         typer.Option(metavar="NAME", help="Turn this hinge of the spacecraft in place of its hub."),
