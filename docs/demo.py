@@ -23,11 +23,11 @@ def run(*words: str | Path) -> None:
 def demo(folder: Path) -> list[Path]:
     """The files worth opening first, all in `folder`."""
     run("fit", SHIPPED["seed_boom.toml"], "-o", folder)
-    flexible = folder / "satellite_flexible.xml"
+    flexible = folder / "satellite.xml"
     array = SHIPPED["array.toml"]
     places = ["--at", f"left={array}", "--at", f"right={array}"]
-    run("embed", SHIPPED["satellite.xml"], *places, "-o", flexible)
-    made = [folder / "report.html", folder / "satellite_flexible_report.html", flexible]
+    run("embed", SHIPPED["craft.xml"], *places, "-o", flexible)
+    made = [folder / "report.html", folder / "satellite_report.html", flexible]
     try:
         backend.choose()
     except EngineError as error:

@@ -129,7 +129,9 @@ class TestRefused:
         out = tmp_path / "sub" / "out.xml"
         path.write_text(text)
         code, _, error = run(
-            ["embed", str(path), "--at", f"{at}={spec('rod_in_boxes')}", "-o", str(out)], capsys, monkeypatch
+            ["embed", str(path), "--at", f"{at}={spec('rod_in_boxes')}", "-o", str(out)],
+            capsys,
+            monkeypatch,
         )
         assert code == 2
         assert error.startswith("beamchain: ")

@@ -1,10 +1,9 @@
 """Tests internals, `engine.draw`, `engine.slew`, `engine.backend`, `craft.moving_modes`,
-`steps.deployment`, `report.film`: the turn that pictures show, and the pictures.
+`report.film`: the turn that pictures show, and the pictures.
 """
 
 import json
 import os
-import re
 import struct
 import subprocess
 import sys
@@ -24,12 +23,11 @@ from beamchain.engine import backend, draw
 from beamchain.engine.draw import decorate
 from beamchain.engine.slew import MOST_BENT, simulate
 from beamchain.report import film
-from beamchain.steps.deployment import hinge_stages, simulate_run
+from turns import bent
 
 HUB = bc.Hub(mass=500.0, inertia=(400.0, 400.0, 500.0), offset=(1.0, 0.0, 0.0))
 ADDS_UP = 0.3  # of the most that two halves of a turn can leave behind
 BEYOND = 1.3  # of the bending in proportion to a small turn: large angles, and frames between
-LATCHED = 2e-5  # relative: Runge-Kutta's step and closed forms of a hinge on a fixed base
 TURNED = 0.02  # of the angle asked for: sampled means of the hub's ringing about it
 # of the frame's width or height: a margin of 5 per cent each side,
 # and thin ends that leave no pixel
@@ -69,14 +67,6 @@ def equivalent(**draw):
 
 ARRAY = bc.Beam(segments=(YOKE, PANEL, PANEL), lumps=(bc.Lump(x=6.0, mass=1.0),))
 ARRAY_SPEC = shipped.pick(shipped.examples(), "array_scene", "example").path
-
-
-RENDERERS = pytest.mark.parametrize("renderer", ["egl", "osmesa"])
-
-
-def check(renderer):
-    if not backend._works(renderer):
-        pytest.skip(f"MuJoCo cannot draw with {renderer} on this machine")
 
 
 def scene_of(model, room=2000):
@@ -135,22 +125,6 @@ def test_a_full_scene_takes_no_more():
     assert small.ngeom == small.maxgeom
 
 
-def bent(model, slew):
-    """How far the last body of a branch turns out of its place on rigid appendages, at worst, in
-    each frame [rad]."""
-    leaves = sorted(set(range(1, model.nbody)) - set(model.body_parentid.tolist()))
-    data = mujoco.MjData(model)
-    out = []
-    for pair in zip(slew.shown(1.0), slew.shown(0.0), strict=True):
-        axes = []
-        for data.qpos[:] in pair:
-            mujoco.mj_kinematics(model, data)
-            axes.append(data.xmat[leaves].reshape(-1, 3, 3).copy())
-        cosine = (np.einsum("kij,kij->k", *axes) - 1.0) / 2.0
-        out.append(np.arccos(np.clip(cosine, -1.0, 1.0)).max())
-    return np.array(out)
-
-
 # -- the turn --------------------------------------------------------------------------------------
 @pytest.mark.parametrize(
     ("modes", "axis"),
@@ -171,28 +145,6 @@ def test_slew_turns_by_the_angle_and_stops(modes, axis):
     # what the halves of the turn leave behind adds up
     assert np.sin(np.pi * periods / 2.0) ** 2 > ADDS_UP
     assert slew.loudest > 0
-
-
-def satellite():
-    """The shipped satellite with its two arrays."""
-    craft = shipped.pick(shipped.everything(), "satellite", "kind").path
-    array = shipped.pick(shipped.everything(), "array", "kind").path
-    return bc.embed(craft, {"left": array, "right": array})
-
-
-@pytest.mark.parametrize("degrees", [10.0, 20.0, 30.0])
-def test_a_turn_rings_a_mode_that_is_seen(degrees):
-    """The lowest mode of two equal arrays bends both to the same side of the bus and does not turn
-    it: the next, in which they bend against each other, rings, about the axis across them."""
-    model = satellite().model
-    slew = simulate(model, angle=np.radians(degrees), frames=108)
-    assert slew.axis == 2
-    assert slew.omega == pytest.approx(bc.linearise(model).frequencies()[1], rel=READ_BACK)
-    left, right = np.split(slew.positions[:, list(slew.elastic)], 2, axis=1)
-    np.testing.assert_allclose(left, right, atol=0.01)  # rad, about axes of their own
-    turned = bent(model, slew)
-    assert 0.7 * MOST_BENT < turned.max() < BEYOND * MOST_BENT
-    assert turned[slew.times > slew.duration].max() > 0.2 * MOST_BENT
 
 
 def test_exaggeration_is_of_the_springs_alone():
@@ -216,121 +168,6 @@ def test_scenes_that_cannot_ring_are_refused(body, word):
     model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{body}</worldbody></mujoco>")
     with pytest.raises(bc.BeamchainError, match=word):
         simulate(model, angle=0.5, frames=10)
-
-
-# -- runs ------------------------------------------------------------------------------------------
-DRIVEN = """<mujoco><option timestep="0.002" gravity="0 0 0" integrator="RK4"/><worldbody>
-<body name="bus">{}</body></worldbody>
-<keyframe><key name="folded" qpos="{}"/></keyframe></mujoco>"""
-FLAP = """<body><joint name="{}" axis="0 0 1" stiffness="2" springref="100" range="0 90"/>
-<inertial pos="1 0 0" mass="2" diaginertia=".1 .2 .2"/><geom size=".1" mass="0"/></body>"""
-SWING = np.sqrt(2.0 / (2.0 + 0.2))  # rad/s
-REACHED = np.arccos(1.0 - 90.0 / 100.0) / SWING  # s, from rest at 0 to the stop
-
-
-def flaps(*names):
-    inside = "".join(FLAP.format(name) for name in names)
-    return mujoco.MjModel.from_xml_string(DRIVEN.format(inside, " ".join("0" for _ in names)))
-
-
-def test_hinges_unfold_stage_by_stage_as_closed_forms_say():
-    model = flaps("a_left", "a_right", "b")
-    before = np.array(model.jnt_stiffness)
-    run = simulate_run(model, "folded", 5.0, 101, hinge_stages(model, ["a_*", "b"]))
-    assert [one.joint for one in run.latched] == ["a_left", "a_right", "b"]
-    assert run.waiting == ()
-    times = [one.time for one in run.latched]
-    assert times == pytest.approx([REACHED, REACHED, 2.0 * REACHED], abs=2.1 * 0.002)
-    swinging = run.times < REACHED - 0.01
-    moved = np.radians(100.0) * (1.0 - np.cos(SWING * run.times[swinging]))
-    for hinge in (0, 1):
-        np.testing.assert_allclose(run.positions[swinging, hinge], moved, atol=LATCHED)
-    np.testing.assert_allclose(run.positions[swinging, 2], 0.0, atol=1e-12)
-    held = run.positions[run.times > 2.0 * REACHED + 0.1]
-    assert np.abs(np.degrees(held) - 90.0).max() < 5.0  # they ring about their stop
-    np.testing.assert_array_equal(run.start, run.positions[[0]].repeat(101, 0))
-    np.testing.assert_array_equal(model.jnt_stiffness, before)
-
-
-def test_hinges_that_have_no_time_to_latch_are_named():
-    model = flaps("a", "b")
-    run = simulate_run(model, "folded", 1.2 * REACHED, 20, hinge_stages(model, ["a", "b"]))
-    assert [one.joint for one in run.latched] == ["a"]
-    assert run.waiting == ("b",)
-
-
-def test_the_start_of_a_run_flies_with_the_spacecraft():
-    text = """<mujoco><option gravity="0 0 0"/><worldbody><body><freejoint/><geom size=".5"/>
-    <body><joint name="hinge"/><geom pos="1 0 0" size=".1"/></body></body></worldbody>
-    <keyframe><key name="adrift" qpos="0 0 0 1 0 0 0 .5" qvel="1 0 0 0 0 0 2"/></keyframe>
-    </mujoco>"""
-    run = simulate_run(mujoco.MjModel.from_xml_string(text), "adrift", 1.0, 11)
-    assert run.positions[-1, 0] > 0.5
-    np.testing.assert_array_equal(run.start[:, :7], run.positions[:, :7])
-    np.testing.assert_array_equal(run.start[:, 7], 0.5)
-    assert run.positions[-1, 7] > 1.0
-
-
-@pytest.mark.parametrize(
-    ("patterns", "said"),
-    [
-        (["hinge*"], "hinge of --latch = 'hinge*' is unknown; choose from a, b"),
-        (["a", "?"], "--latch names 'a' twice"),
-    ],
-)
-def test_hinges_that_cannot_latch_are_told(patterns, said):
-    with pytest.raises(bc.BeamchainError, match=re.escape(said)):
-        hinge_stages(flaps("a", "b"), patterns)
-
-
-def test_an_unknown_keyframe_is_told():
-    with pytest.raises(bc.BeamchainError, match=r"--key = 'open' is unknown.*folded"):
-        simulate_run(flaps("a"), "open", 1.0, 5)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["--run", "1", "--modes", "1"], "--modes and --run are both given"),
-        (["--run", "1", "--joint", "a"], "--joint and --run are both given"),
-        (["--key", "folded"], "--key is of --run"),
-        (["--latch", "a"], "--latch is of --run"),
-        (["--run", "0"], "--run = 0 is out of range"),
-        (["--run", "nan"], "--run = nan is out of range"),
-        (["--run", "1", "--exaggerate", "2"], "a run is drawn to scale"),
-    ],
-)
-def test_options_of_a_run_are_checked(arguments, said, tmp_path):
-    out = tmp_path / "o"
-    done = CliRunner().invoke(app, ["render", "none.xml", "-o", str(out), *arguments])
-    assert isinstance(done.exception, bc.BeamchainError)
-    assert said in str(done.exception)
-    assert not out.exists()
-
-
-@pytest.mark.slow
-@RENDERERS
-def test_a_run_is_filmed(renderer, tmp_path):
-    check(renderer)
-    (tmp_path / "flaps.xml").write_text(DRIVEN.format(FLAP.format("a") + FLAP.format("b"), "0 0"))
-    arguments = ["render", "flaps.xml", "-o", "o", "--width", "200", "--height", "120", "--no-mp4"]
-    run = ["--run", "3", "--key", "folded", "--latch", "a", "--latch", "b"]
-    done = command([*arguments, *run], tmp_path, MUJOCO_GL=renderer)
-    assert done.returncode == 0, done.stderr
-    assert "simulated for 3 s from keyframe 'folded'; time x 0.45, to scale" in done.stdout
-    assert f"a latched at {REACHED:.2f}" in done.stdout
-    assert "b had not latched after 3 s" not in done.stdout
-    with Image.open(tmp_path / "o" / "flaps.gif") as moving:
-        assert moving.n_frames == 84
-        shots = [np.asarray(moving.convert("RGB")).astype(int)]
-        moving.seek(83)
-        shots.append(np.asarray(moving.convert("RGB")).astype(int))
-    assert np.abs(shots[0] - shots[1]).max() > 50  # it moves
-    short = [*arguments, "--run", "1", "--key", "folded", "--latch", "a", "--json", "--force"]
-    done = command(short, tmp_path, MUJOCO_GL=renderer)
-    told = json.loads(done.stdout)
-    assert told["run"]["waiting"] == ["a"]
-    assert "a had not latched after 1 s" in str(told["warnings"])
 
 
 # -- files -----------------------------------------------------------------------------------------
@@ -428,6 +265,14 @@ def boom(tmp_path_factory):
     folder = tmp_path_factory.mktemp("boom")
     bc.fit(seed_boom(), name="boom", modes={"xy": 2}, root=bc.Root(hub=HUB)).write(folder)
     return folder
+
+
+RENDERERS = pytest.mark.parametrize("renderer", ["egl", "osmesa"])
+
+
+def check(renderer):
+    if not backend._works(renderer):
+        pytest.skip(f"MuJoCo cannot draw with {renderer} on this machine")
 
 
 def pixels(path):

@@ -91,7 +91,6 @@ def init(
 #: of the shipped spacecraft, with what is shipped for them
 _PLACES = {
     "craft": "--at mount=array.toml",
-    "satellite": "--at left=array.toml --at right=array.toml",
     "arm": "--at shoulder=upper.toml --at forearm=fore.toml",
     "wing_unfolds": " ".join(
         [f"--at panel{k}_{side}=panel.toml" for side in ("right", "left") for k in (1, 2, 3)]

@@ -25,7 +25,6 @@ def examples() -> list[Shipped]:
 
 _SPACECRAFT = {
     "craft": "A small spacecraft (MJCF) to embed an appendage into.",
-    "satellite": "A satellite with three wheels and places for two arrays (MJCF), for array.",
     "arm": "A spacecraft with an arm of two links (MJCF), which upper and fore make flexible.",
     "wing_unfolds": "A spacecraft with three folded panels a side (MJCF), for panel.",
 }
