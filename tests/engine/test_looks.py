@@ -1,5 +1,5 @@
-"""What the thing looks like: shapes in the written files,
-which weigh nothing and change no motion."""
+"""What the thing looks like: in boxes, shapes in the written files; they weigh nothing and change
+no motion, nor do the surfaces that `tests/mjcf/test_skin.py` looks at."""
 
 import mujoco
 import numpy as np
@@ -10,6 +10,7 @@ import beamchain as bc
 from appendages import panels, seed_boom, tapered_boom
 
 HUB = bc.Hub(mass=500.0, inertia=(400.0, 400.0, 500.0), offset=(1.0, 0.0, 0.0))
+BOXES = bc.Scene(visuals="boxes")
 COVERED = 0.02  # of the length: gaps at panel edges
 #: Colours of solar panels, tubes, trusses and carried bodies.
 PANELS = "0.15 0.27 0.62 1"
@@ -49,10 +50,8 @@ ARRAY = bc.Beam(segments=(YOKE, PANEL, PANEL), lumps=(bc.Lump(x=6.0, mass=1.0),)
 
 
 def geoms(beam, **options):
-    root = etree.fromstring(
-        bc.fit(beam, modes={"xy": 2}, root=bc.Root(hub=HUB), **options).to_mjcf()
-    )
-    return list(root.iter("geom"))
+    fit = bc.fit(beam, modes={"xy": 2}, root=bc.Root(hub=HUB), scene=BOXES, **options)
+    return list(etree.fromstring(fit.to_mjcf()).iter("geom"))
 
 
 def whole_mass(model):
@@ -89,7 +88,7 @@ def test_each_section_has_its_look():
 
 @pytest.mark.parametrize("beam", [seed_boom(), ARRAY])
 def test_shapes_cover_the_appendage_and_are_as_deep(beam):
-    model = mujoco.MjModel.from_xml_string(bc.fit(beam, modes={"xy": 2}).to_mjcf())
+    model = mujoco.MjModel.from_xml_string(bc.fit(beam, modes={"xy": 2}, scene=BOXES).to_mjcf())
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     spans = []
@@ -110,7 +109,7 @@ def test_shapes_cover_the_appendage_and_are_as_deep(beam):
 
 
 def test_a_carried_body_is_drawn_once_and_where_it_is():
-    model = mujoco.MjModel.from_xml_string(bc.fit(ARRAY, modes={"xy": 3}).to_mjcf())
+    model = mujoco.MjModel.from_xml_string(bc.fit(ARRAY, modes={"xy": 3}, scene=BOXES).to_mjcf())
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     colour = [float(v) for v in CARRIED.split()[:3]]
@@ -122,19 +121,32 @@ def test_a_carried_body_is_drawn_once_and_where_it_is():
     assert at == pytest.approx([6.0])
 
 
-def test_looks_change_no_motion():
-    with_shapes = bc.fit(ARRAY, modes={"xy": 2}, scene=bc.Scene(visuals=True))
-    without = bc.fit(ARRAY, modes={"xy": 2}, scene=bc.Scene(visuals=False))
-    assert "<geom" not in without.to_mjcf()
-    one, two = (mujoco.MjModel.from_xml_string(fit.scene_mjcf()) for fit in (with_shapes, without))
+@pytest.mark.parametrize("visuals", [True, "skin", "boxes"])
+def test_looks_change_no_motion(visuals):
+    """The same masses, mass matrix and steps, to the last bit."""
+    drawn = bc.fit(ARRAY, modes={"xy": 2}, scene=bc.Scene(visuals=visuals))
+    bare = bc.fit(ARRAY, modes={"xy": 2}, scene=bc.Scene(visuals=False))
+    assert "<geom" not in bare.to_mjcf()
+    assert "<skin" not in bare.to_mjcf()
+    assert ("<skin" in drawn.to_mjcf()) == (visuals != "boxes")
+    one, two = (mujoco.MjModel.from_xml_string(fit.scene_mjcf()) for fit in (drawn, bare))
+    assert one.nv == two.nv
     np.testing.assert_array_equal(one.body_mass, two.body_mass)
     np.testing.assert_array_equal(one.body_inertia, two.body_inertia)
+    np.testing.assert_array_equal(whole_mass(one), whole_mass(two))
+    ends = []
+    for model in (one, two):
+        data = mujoco.MjData(model)
+        data.qvel[:] = np.linspace(0.1, 0.2, model.nv)
+        mujoco.mj_step(model, data, 200)
+        ends.append(np.concatenate([data.qpos, data.qvel]))
+    np.testing.assert_array_equal(*ends)
 
 
 def test_an_equivalent_section_is_as_wide_and_thick_as_it_is_drawn():
     """Soft in xz, so that the panel is thin along z."""
     model = mujoco.MjModel.from_xml_string(
-        bc.fit(equivalent(width=1.2, thickness=0.03), modes={"xz": 2}).to_mjcf()
+        bc.fit(equivalent(width=1.2, thickness=0.03), modes={"xz": 2}, scene=BOXES).to_mjcf()
     )
     blue = [
         i for i in range(model.ngeom) if " ".join(f"{v:g}" for v in model.geom_rgba[i]) == PANELS

@@ -31,25 +31,36 @@ class Look:
     """The drawn surfaces of an appendage.
 
     Args:
-        skins: one per look: panels, tubes, lattices.
+        drawn: "skin", "boxes", "contacts" (shapes that touch) or "nothing".
+        skins: one per look: panels, tubes, lattices; none but for "skin".
         residual: per port `(n,)`: how far they miss each kept mode, relative to its largest
             displacement.
     """
 
+    drawn: str
     skins: tuple[Skin, ...] = ()
     residual: dict[str, Array] = field(default_factory=dict)
 
+    @property
+    def vertices(self) -> int:
+        """How many vertices the surfaces have."""
+        return sum(len(skin.surface.points) for skin in self.skins)
+
 
 def look_of(fit: Chained) -> Look:
-    """The surfaces of a beam, where the scene wants them; none of imported modes, whose sections
-    are not known."""
+    """How an appendage is drawn: as its scene wants it, but in boxes where it has too many
+    segments, or imported modes, whose sections are not known."""
     scene = fit.spec.scene or Scene()
-    if scene.visuals != "skin" or scene.contacts or fit.spec.imported is not None:
-        return Look()
+    if scene.contacts:
+        return Look("contacts")
+    if scene.look != "skin":
+        return Look(scene.look)
+    if fit.spec.imported is not None:
+        return Look("boxes")
     beam = fit.spec.beam
     surfaces = beam_surfaces(beam)
     if not surfaces:
-        return Look()
+        return Look("boxes")
     x = stations(surfaces)
     at = snapped(beam, x)
     further = list(fit.spec.further.values())
@@ -64,4 +75,4 @@ def look_of(fit: Chained) -> Look:
         kept = reduced_to_kept(fit, port, count, full, points.tolist()).truncated(count)
         modes.append(mode_motion(fit.chain, port, kept, x, columns))
     made, missed = skins(fit.chain, surfaces, modes)
-    return Look(tuple(made), dict(zip(counts, missed, strict=True)))
+    return Look("skin", tuple(made), dict(zip(counts, missed, strict=True)))

@@ -307,6 +307,13 @@ class Scene(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     ] = None
 
     @property
+    def look(self) -> Literal["skin", "boxes", "nothing"]:
+        """How the appendage is drawn, true understood."""
+        if isinstance(self.visuals, str):
+            return self.visuals
+        return "skin" if self.visuals else "nothing"
+
+    @property
     def step(self) -> float:
         """Step of scene.xml and of the test bench [s]."""
         return DEFAULT_STEP if self.timestep is None else self.timestep

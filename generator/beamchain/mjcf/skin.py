@@ -2,11 +2,16 @@
 
 MuJoCo draws a vertex p at `sum_i w_i (x_i + R_i (p - b_i))`, where bone i stands on a body at x_i
 with attitude R_i, and b_i is the place at which it was bound. Bound at the place of its body less
-d, a bone carries the point p + d of that body. Each link has two bones, one bound at its place
-and one a length of the appendage before it; so its displacement and its rotation count by
-themselves. The weights of a vertex sum to 1 and the shifts d, weighted, to 0: a rigid motion is
-followed exactly. What else the weights can do follows from least squares: in each kept mode the
-vertex shall move as the cross-section of the elastic beam does.
+d, a bone carries the point p + d of that body. Each link has a bone that is bound at its place,
+one that is bound a length of the appendage before it, so that its displacement and its rotation
+count by themselves, and for panels one that is bound as far aside. The weights of a vertex sum to
+1 and the shifts d, weighted, to 0: a rigid motion is followed exactly. What else the weights can
+do follows from least squares: in each kept mode the vertex shall move as the cross-section of the
+elastic beam does.
+
+Whatever the bones, all that a vertex gets of the rotation w_h of hinge h at x_h is `w_h x G_h`,
+with `G_h` the sum of `w_i (p + d_i - x_h)` over the bones behind the hinge: three numbers per
+hinge. Modes that turn the same hinges, in two planes or in bending and torsion, share them.
 """
 
 from collections.abc import Sequence
@@ -23,7 +28,6 @@ from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, Array
 
 # weight of the distance from the plain weights, beside displacements relative to the largest
-
 RIDGE = 3e-3
 DIGITS = 5  # of a weight, behind the point
 
@@ -32,8 +36,8 @@ class Bone(NamedTuple):
     """A link, numbered from 0, that carries vertices."""
 
     link: int
-    bound: tuple[float, float, float]  # place at which its body is bound [m]
-    shift: tuple[float, float, float]  # place of its body less that [m]
+    bound: Array  # (3,) place at which its body is bound [m]
+    shift: Array  # (3,) place of its body less that [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +121,7 @@ def _bones(chain: Chain, points: Array, *, panel: bool) -> tuple[Bone, ...]:
     shifts = [np.zeros(3), *(chain.length * np.eye(3)[axis] for axis in axes)]
     places = [np.zeros(3), *(np.array([hinge.x, 0.0, 0.0]) for hinge in chain.hinges)]
     pairs = product(shifts, enumerate(places))
-    return tuple(Bone(i, tuple(x - shift), tuple(shift)) for shift, (i, x) in pairs)
+    return tuple(Bone(i, x - shift, shift) for shift, (i, x) in pairs)
 
 
 def _displacement(motion: Array, points: Array) -> Array:
@@ -149,7 +153,7 @@ def _plain_weights(x: Array, chain: Chain, bones: Sequence[Bone]) -> Array:
     """`(v, b)` weights without the modes: from the middle of each link over to the next."""
     middles = np.array([link.start + link.length / 2.0 for link in chain.links])
     shares = [np.interp(x, middles, unit) for unit in np.eye(middles.size)]
-    return np.stack([shares[bone.link] * (not any(bone.shift)) for bone in bones], axis=1)
+    return np.stack([shares[bone.link] * (not np.any(bone.shift)) for bone in bones], axis=1)
 
 
 def _least_squares(carried: Array, wanted: Array, plain: Array, bones: Sequence[Bone]) -> Array:

@@ -65,12 +65,11 @@ def stations(surfaces: Sequence[Surface]) -> Array:
 def _segment_surface(beam: Beam, index: int) -> Surface:
     """One segment, with gaps at its ends where it is a panel or ends at a joint."""
     segment = beam.segments[index]
-    section = segment.section
     length = beam.length
     low = beam.starts[index]
     high = low + segment.length
     inside = 1e-9 * segment.length
-    slim = (LATTICE if is_truss(section) else SLIM) * length
+    slim = (LATTICE if is_truss(segment) else SLIM) * length
 
     def half_extents(x: float) -> Array:
         """`(2,)` along y and z at `x` [m]."""
@@ -79,18 +78,18 @@ def _segment_surface(beam: Beam, index: int) -> Surface:
 
     jointed = {joint.after_segment for joint in beam.joints}
     gap = min(GAP * length, 0.1 * segment.length)
-    start = low + gap * (is_panel(section) or index in jointed)
-    stop = high - gap * (is_panel(section) or index + 1 in jointed)
+    start = low + gap * (is_panel(segment) or index in jointed)
+    stop = high - gap * (is_panel(segment) or index + 1 in jointed)
     part = (stop - start) / length
-    if is_truss(section):
+    if is_truss(segment):
         return _truss(start, stop, part, half_extents)
     x = np.linspace(start, stop, max(round(STATIONS * part), FEWEST) + 1)
     sizes = np.array([half_extents(float(at)) for at in x])
-    if isinstance(section, Round | Tube):
+    if isinstance(segment.section, Round | Tube):
         points, faces = _prism(x, sizes, ROUND, ROUND_SIDES)
     else:
         points, faces = _prism(x, sizes, SQUARE, SQUARE_SIDES)
-    if is_panel(section):
+    if is_panel(segment):
         return Surface("panel", points, faces, _cells(x, sizes))
     return Surface("tube", points, faces, np.zeros((len(points), 2)))
 

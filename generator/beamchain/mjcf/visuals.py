@@ -1,8 +1,7 @@
 """Shapes of a link: panels, tubes, trusses and what they carry, from its sections.
 
 Shapes have no mass and touch nothing; they cost MuJoCo a frame transform each, so there are as few
-as the eye needs. Cells and lattices are added where pictures are drawn (`engine/draw.py`), which
-knows panels and trusses by their colours.
+as the eye needs. In place of them, surfaces that bend: `mjcf/surfaces.py`.
 """
 
 from typing import NamedTuple
@@ -10,7 +9,7 @@ from typing import NamedTuple
 from beamchain.chain.chain import Link
 from beamchain.structure.beam import Beam
 from beamchain.structure.mass_line import MassLine
-from beamchain.structure.section import Equivalent, Rectangle, Round, Section, Tube
+from beamchain.structure.section import Equivalent, Rectangle, Round, Tube
 from beamchain.structure.segment import Lump, Segment
 
 PANEL = "0.15 0.27 0.62 1"  # the blue of a solar blanket
@@ -34,15 +33,16 @@ class Shape(NamedTuple):
     rgba: str
 
 
-def is_panel(section: Section) -> bool:
-    """Whether a section is drawn with solar cells."""
+def is_panel(segment: Segment) -> bool:
+    """Whether a segment is drawn with solar cells."""
+    section = segment.section
     drawn = isinstance(section, Equivalent) and section.draw is not None and section.draw.panel
     return drawn or isinstance(section, Rectangle)
 
 
-def is_truss(section: Section) -> bool:
-    """Whether a section is drawn as a lattice."""
-    return isinstance(section, Equivalent) and not is_panel(section)
+def is_truss(segment: Segment) -> bool:
+    """Whether a segment is drawn as a lattice."""
+    return isinstance(segment.section, Equivalent) and not is_panel(segment)
 
 
 def link_shapes(link: Link, beam: MassLine | None, length: float) -> list[Shape]:
@@ -80,8 +80,8 @@ def _segment_shape(
     y = beam.depth(middle, "xy") / 2.0 or slim
     z = beam.depth(middle, "xz") / 2.0 or slim
     kind = "box"
-    rgba = TRUSS if is_truss(section) else TUBE
-    if is_panel(section):
+    rgba = TRUSS if is_truss(segment) else TUBE
+    if is_panel(segment):
         gap = min(GAP * length, 0.1 * (high - low))
         low += gap if low <= start else 0.0
         high -= gap if high >= start + segment.length else 0.0

@@ -64,6 +64,7 @@ def fit_report(fit: "Fit") -> tuple[str, dict[str, str]]:
         steps=step_table(fit.written_limits),
         bench=fit.measured.linearisation,
         bench_modes=tables.bench_table(fit),
+        look=tables.look_table(fit),
         left_out=tables.left_out_table(fit.left_out),
     )
     return page, pictures

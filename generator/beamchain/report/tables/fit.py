@@ -385,6 +385,27 @@ def left_out_table(items: "Sequence[LeftOut]") -> Table:
     return Table("Left out", columns, (note,))
 
 
+def look_table(fit: "Fit") -> Table:
+    """How far the drawn surfaces miss each kept mode; empty where there are none."""
+    rows = [
+        (port, k, float(error))
+        for port, errors in fit.look.residual.items()
+        for k, error in enumerate(errors, 1)
+    ]
+    columns = (
+        Column("port", [port for port, _, _ in rows]),
+        Column("mode", [number for _, number, _ in rows], format=whole),
+        Column("error of the drawn surface", [error for _, _, error in rows], format=relative),
+    )
+    note = (
+        "Largest error of a vertex's displacement, relative to the largest displacement in that "
+        "mode; drawing changes no motion. All that links can do to a vertex is turn it about the "
+        "hinges: modes with different shapes about the same hinges, of two planes or of bending "
+        "and torsion, cannot all be met, and what is left is least in the sum of squares."
+    )
+    return Table("", columns, (note,))
+
+
 def kept_step_table(fit: "Fit") -> Table:
     """The largest steps that keep the scene's tolerance."""
     steps = fit.steps

@@ -110,6 +110,7 @@ def fit_record(fit: "Fit") -> dict[str, Any]:
             "turn_error": fit.turn_error,
             "modes": [asdict(row) for row in (fit.time if fit.spec.exact_step else ())],
         },
+        "look": _fields(fit.look, "drawn", "vertices", "residual"),
         "left_out": _each(fit.left_out, "what", "why", "cost"),
         "scene": _scene_record(fit),
         **warnings_record(fit.warnings),
