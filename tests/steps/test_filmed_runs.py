@@ -129,12 +129,12 @@ def test_a_run_is_filmed(renderer, tmp_path):
         pytest.skip(f"MuJoCo cannot draw with {renderer} on this machine")
     (tmp_path / "flaps.xml").write_text(DRIVEN.format(FLAP.format("a") + FLAP.format("b"), "0 0"))
     arguments = ["render", "flaps.xml", "-o", "o", "--width", "200", "--height", "120", "--no-mp4"]
-    run = ["--run", "3", "--key", "folded", "--latch", "a", "--latch", "b"]
+    run = ["--run", "4", "--key", "folded", "--latch", "a", "--latch", "b"]
     done = render([*arguments, *run], tmp_path, renderer)
     assert done.returncode == 0, done.stderr
-    assert "simulated for 3 s from keyframe 'folded'; time x 0.45, to scale" in done.stdout
+    assert "simulated for 4 s from keyframe 'folded'; time x 0.6, to scale" in done.stdout
     assert f"a latched at {REACHED:.2f}" in done.stdout
-    assert "b had not latched after 3 s" not in done.stdout
+    assert "had not latched" not in done.stdout
     with Image.open(tmp_path / "o" / "flaps.gif") as moving:
         assert moving.n_frames == 84
         shots = [np.asarray(moving.convert("RGB")).astype(int)]
