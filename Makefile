@@ -1,4 +1,4 @@
-# make demo        fit the example boom into build/demo
+# make demo        fit the example boom, and film a satellite whose arrays bend, into build/demo
 # make test        lint, types and the quick tests (about 4 minutes on 2 cores)
 # make test-full   wheel in an empty environment, notebooks, the long tests (under 50 minutes)
 # make hosts       the exported file in other simulators, each in an environment of its own; HOSTS="mjx warp newton" for more
@@ -8,7 +8,7 @@
 # make extremes    1586 extreme appendages, each checked independently; counts and a map in build/extremes
 # make notebooks   run the notebooks in place, outputs kept small
 # make docs        the documentation site into build/site; warnings are errors, nothing is fetched
-# make docs-pictures  draw the pictures that README shows
+# make docs-pictures  draw the pictures of README and docs
 # make wheel       build the distribution into dist/
 # make wheel-newest  its quick tests on the newest Python installed
 
@@ -27,7 +27,7 @@ $(VENV)/.installed: pyproject.toml
 	touch $@
 
 demo: $(VENV)/.installed
-	$(BIN)/beamchain fit generator/beamchain/examples/seed_boom.toml -o build/demo --force
+	$(BIN)/python docs/demo.py build/demo
 
 lint: $(VENV)/.installed
 	$(BIN)/ruff check
@@ -88,7 +88,7 @@ docs: $(VENV)/.docs
 	$(BIN)/python -m sphinx -q -W --keep-going -d build/doctrees docs build/site
 
 docs-pictures: $(VENV)/.installed
-	$(BIN)/python docs/pictures.py
+	PYTHONPATH=tests/support $(BIN)/python docs/pictures.py
 	$(BIN)/python docs/house.py
 
 wheel: $(VENV)/.installed

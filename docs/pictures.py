@@ -1,72 +1,67 @@
-"""Draw the pictures that README shows, into this folder: make docs-pictures."""
+"""Draw the pictures of README and docs, into this folder: make docs-pictures.
 
+The commands of gallery.md run in an empty folder, and each picture that the page shows is what they
+wrote under its name. The error over the speed of a wheel is that of jitter.md.
+"""
+
+import re
+import shlex
 import shutil
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
-import beamchain as bc
-from beamchain.cli.shipped import examples
+from pages import pieces  # tests/support
 
 HERE = Path(__file__).parent
-PATHS = {one.name: one.path for one in examples()}
+ELSEWHERE = {"extremes.png", "house.svg"}  # by make extremes, by house.py
+JITTER = """
+from pathlib import Path
+
+from beamchain.report.plant_plots import pointing_figure
+from beamchain.report.svg import to_svg
+
+Path("jitter.svg").write_text(to_svg(pointing_figure(budget), "jitter"), encoding="utf-8")
+"""
 
 
-def from_fit() -> None:
-    """The boom's accelerance and its chain, as `beamchain fit` draws them."""
-    with tempfile.TemporaryDirectory() as folder:
-        bc.fit(bc.read_spec(PATHS["seed_boom"])).write(folder)
-        shutil.copy(Path(folder) / "accelerance_xy.svg", HERE / "accelerance.svg")
-        shutil.copy(Path(folder) / "chain.svg", HERE / "chain.svg")
+def beamchain(line: str, folder: Path) -> None:
+    """A command of the package, in a folder."""
+    print(line, flush=True)  # noqa: T201
+    words = [*shlex.split(line), "--quiet"]
+    if words[1] == "render":
+        words.append("--no-mp4")  # no page shows one
+    subprocess.run([sys.executable, "-m", *words], cwd=folder, check=True)
 
 
-def run(*words: str) -> None:
-    """A command of the package; 3: written, but slower than wanted (modes at the file's step)."""
-    command = [sys.executable, "-m", "beamchain", *words, "--quiet"]
-    status = subprocess.run(command, check=False).returncode
-    if status not in (0, 3):
-        raise SystemExit(f"{' '.join(command)} ended with status {status}")
+def run_page(page: str, folder: Path, then: str = "") -> None:
+    """Files and commands of a page in a folder, and its Python where some more follows it."""
+    code = ""
+    for kind, content in pieces((HERE / page).read_text(encoding="utf-8")):
+        if kind == "python":
+            code += content
+        elif kind == "command" and not then:
+            beamchain(content, folder)
+        elif kind != "command":
+            (folder / kind).write_text(content, encoding="utf-8")
+    if then:
+        subprocess.run([sys.executable, "-c", code + then], cwd=folder, check=True)
 
 
-def rendered() -> None:
-    """The array on its satellite, turning; a mode of a satellite with two arrays;
-    the mast with its instrument."""
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        size = ["--width", "432", "--height", "243", "--no-mp4"]
-        run(
-            "render",
-            str(PATHS["array_scene"]),
-            "-o",
-            name,
-            "--width",
-            "328",
-            "--height",
-            "185",
-            "--no-mp4",
-        )
-        shutil.copy(folder / "array.gif", HERE / "slew.gif")
-        array = PATHS["array"]
-        craft = PATHS["array"].parent / "satellite.xml"
-        places = ["--at", f"left={array}", "--at", f"right={array}"]
-        run("embed", str(craft), *places, "-o", str(folder / "satellite.xml"))
-        run("render", str(folder / "satellite.xml"), "-o", name, "--modes", "2", *size)
-        shutil.copy(folder / "satellite_mode2.gif", HERE / "mode.gif")
-        run(
-            "render",
-            str(PATHS["instrument_mast"]),
-            "-o",
-            name,
-            "--width",
-            "720",
-            "--height",
-            "405",
-            "--no-mp4",
-        )
-        shutil.copy(folder / "mast.png", HERE / "mast.png")
+def shown() -> list[str]:
+    """The pictures of the gallery."""
+    text = (HERE / "gallery.md").read_text(encoding="utf-8")
+    return re.findall(r"!\[[^]]*\]\(([^)]+)\)", text)
 
 
 if __name__ == "__main__":
-    from_fit()
-    rendered()
+    with tempfile.TemporaryDirectory() as name:
+        place = Path(name)
+        run_page("gallery.md", place)
+        beamchain("beamchain init boom", place)
+        run_page("jitter.md", place, JITTER)
+        for picture in sorted(set(shown()) - ELSEWHERE):
+            (made,) = place.rglob(picture)
+            shutil.copy(made, HERE / picture)
+            print(f"{made.stat().st_size / 1e3:7.0f} kB  {picture}")  # noqa: T201

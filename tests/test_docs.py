@@ -16,12 +16,14 @@ import pytest
 import beamchain as bc
 import returned
 from command import app, main
+from pages import pieces
 
 ROOT = Path(__file__).parent.parent
 README = ROOT / "README.md"
 HOWTO = sorted((ROOT / "docs" / "howto").glob("*.md"))
 PAGES = [README, *sorted((ROOT / "docs").glob("*.md")), *HOWTO]
-EMPTY = [ROOT / "docs" / "start.md", *HOWTO]  # these pages begin in an empty folder
+# these pages begin in an empty folder
+EMPTY = [ROOT / "docs" / "start.md", ROOT / "docs" / "gallery.md", *HOWTO]
 # pages that need one
 HOSTS = {
     "basilisk": "Basilisk.simulation.mujoco",
@@ -34,7 +36,7 @@ QUICKER = {
     "--samples 1000": "--samples 8",
     "beamchain study": "beamchain study --budget 0.002 --duration 60",
 }  # minutes
-LARGEST = 150_000  # bytes of a picture
+LARGEST, FIRST, ALL = 1_000_000, 1_500_000, 8_000_000  # bytes: a picture, README's, all of them
 DONE = (0, 3)  # exit: done; done but less came out than was asked for
 
 PUBLIC = [name for name in bc.__all__ if name != "__version__"]
@@ -49,37 +51,15 @@ readme = pytest.mark.skipif(
 def test_pictures_are_small_enough_to_load():
     pictures = [path for end in ("gif", "png", "svg") for path in (ROOT / "docs").glob(f"*.{end}")]
     assert pictures
-    assert {
-        path.name: path.stat().st_size for path in pictures if path.stat().st_size > LARGEST
-    } == {}
+    sizes = {path.name: path.stat().st_size for path in pictures}
+    first = re.search(r"!\[[^]]*\]\(docs/([^)]+)\)", README.read_text(encoding="utf-8"))
+    assert first
+    assert sizes[first[1]] <= FIRST
+    assert {name: size for name, size in sizes.items() if size > LARGEST and name != first[1]} == {}
+    assert sum(sizes.values()) <= ALL
 
 
 # -- README ----------------------------------------------------------------------------------------
-def pieces(text):
-    """Python blocks, `beamchain` command lines, and files (blocks headed by their name),
-    in the order in which they stand."""
-    text = re.sub(r" *\\\n\s*", " ", text)  # lines that go on
-    found = [
-        (m.start(), "python", m[1])
-        for m in re.finditer(r"^```python\n(.*?)^```", text, re.S | re.M)
-    ]
-    outside = re.sub(
-        r"^```(?:python|toml|json|xml)\n.*?^```",
-        lambda m: "\n" * len(m[0]),
-        text,
-        flags=re.S | re.M,
-    )
-    lines = re.finditer(r"^(?: {4,6}|\$ )?(beamchain [^\n]*?)(?:\s+#[^\n]*)?$", outside, re.M)
-    found += [(m.start(), "command", m[1]) for m in lines]
-    files = re.finditer(
-        r"^```(?:toml|xml)\n(?:# |<!-- )([\w.]+\.(?:toml|xml))(?: -->)?\n(.*?)^```",
-        text,
-        re.S | re.M,
-    )
-    found += [(m.start(), m[1], m[2]) for m in files]
-    return [(kind, content) for _, kind, content in sorted(found)]
-
-
 def starting_files():
     """What README's commands may take for granted beside them: the shipped specs,
     and a spacecraft to embed into."""

@@ -1,9 +1,10 @@
 """`beamchain render` and `beamchain view`: pictures and MuJoCo's viewer."""
 
 import math
+from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
@@ -17,11 +18,14 @@ if TYPE_CHECKING:
     from beamchain.engine.library import mujoco
     from beamchain.engine.slew import Slew
     from beamchain.fitting.result import Fit
+    from beamchain.ports.motions import Array
 
-    Film = tuple[Frame, list[Frame]]  # a still, and all frames
     Told = tuple[list[str], dict[str, Any]]  # sentences, and facts for --json
 
-FRAMES, CYCLE, RATE = 108, 48, 24.0  # of a turn: four and a half seconds; of a mode: two
+# frames of a turn (at least), a run and an oscillation; how many a second; a GIF has every second
+FRAMES, RUN, CYCLE, RATE = 108, 168, 48, 25.0
+SKIP = 2
+SHORTEST, LONGEST = 1e-3, 1e5  # of a run [s]
 
 Scene = Annotated[
     Path,
@@ -51,7 +55,7 @@ def render(
     exaggerate: Annotated[float, typer.Option(help="Factor on the elastic motion.")] = 1.0,
     angle: Annotated[
         float, typer.Option(metavar="DEG", help="Angle of the turn in degrees.")
-    ] = 40.0,
+    ] = 20.0,
     joint: Annotated[
         str | None,
         typer.Option(metavar="NAME", help="Turn this hinge of the spacecraft in place of its hub."),
@@ -59,6 +63,23 @@ def render(
     modes: Annotated[
         int, typer.Option(metavar="N", help="Draw the first N coupled modes in place of a turn.")
     ] = 0,
+    run: Annotated[
+        float | None,
+        typer.Option(
+            metavar="SECONDS", help="Film a simulation of so many seconds in place of a turn."
+        ),
+    ] = None,
+    key: Annotated[
+        str | None, typer.Option(metavar="NAME", help="The keyframe with which --run starts.")
+    ] = None,
+    latch: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="HINGES",
+            help="Hinges that latch at their stops in --run: names with * and ?, separated by "
+            "commas. Given again: held until those before have latched.",
+        ),
+    ] = None,
     width: Annotated[int, typer.Option(help="Width of the pictures in pixels.")] = 640,
     height: Annotated[int, typer.Option(help="Height of the pictures in pixels.")] = 400,
     want_mp4: Annotated[
@@ -74,8 +95,10 @@ def render(
     The hub turns from rest to rest in a time that excites its first mode.
     A rigid appendage is drawn faintly for comparison.
     With --joint a hinge without a spring turns in place of the hub, such as the elbow of an arm.
-    With --modes each coupled mode of the whole spacecraft is a film of one oscillation, slow or
-    fast as it may be. Without ffmpeg there is no MP4, and the exit status is 3. Needs EGL or
+    With --modes each coupled mode of the whole spacecraft is a film of one oscillation.
+    With --run the scene is simulated as it is, from the keyframe --key, beside a faint picture of
+    its start; --latch unfolds an array panel by panel. A GIF of a turn or mode begins where the
+    appendages bend furthest. Without ffmpeg there is no MP4, and the exit status is 3. Needs EGL or
     OSMesa, but no screen.
 
     Example: beamchain render boom.toml -o pictures
@@ -85,13 +108,23 @@ def render(
     Example: beamchain render boom/scene.xml -o pictures --modes 2
 
     Example: beamchain render flexible.xml -o pictures --joint elbow --angle 90
+
+    Example: beamchain render wing.xml -o pictures --run 20 --key folded --latch "hinge1_*"
     """
-    if joint is not None and modes:
-        raise InputError("render: --joint and --modes are both given; leave one out.")
+    asked = {"--joint": joint is not None, "--modes": modes != 0, "--run": run is not None}
+    both = [option for option, is_given in asked.items() if is_given]
+    if len(both) > 1:
+        raise InputError(f"render: {both[0]} and {both[1]} are both given; leave one out.")
+    for option, is_given in (("--key", key is not None), ("--latch", bool(latch))):
+        if is_given and run is None:
+            raise InputError(f"render: {option} is of --run; give --run SECONDS too.")
+    if run is not None and exaggerate != 1.0:
+        raise InputError("render: a run is drawn to scale; leave --exaggerate out.")
     sizes = (("width", width, 64, 4096), ("height", height, 64, 4096), ("modes", modes, 0, 100))
     for name, value, low, high in (
         ("exaggerate", exaggerate, 0.0, 1e6),
         ("angle", angle, -360.0, 360.0),
+        ("run", 1.0 if run is None else run, SHORTEST, LONGEST),
         *sizes,
     ):
         if not low <= value <= high:
@@ -108,22 +141,27 @@ def render(
     name, model, fit = load(scene)
     stems = [f"{name}_mode{k}" for k in range(1, modes + 1)] or [name]
     check_outputs([output / f"{stem}.png" for stem in stems], force=force)
-    size = {"width": width, "height": height}
+    look = Look(width, height, 1 if want_mp4 else SKIP)
+    warnings: list[str] = []
     if modes:
-        films, told = _modes(model, name, modes, exaggerate, size)
-        warnings: list[str] = []
+        films, told = _modes(model, name, modes, exaggerate, look)
+    elif run is not None:
+        film, told, warnings = _run(model, run, key, latch or [], look)
+        films = {name: film}
     else:
-        film, told, slew = _turn(model, math.radians(angle), joint, exaggerate, size)
+        film, told, slew = _turn(model, math.radians(angle), joint, exaggerate, look)
         films = {name: film}
         warnings = [] if fit is None else too_far(fit, slew)
     out: dict[Path, str | bytes] = {}
-    for stem, (still, frames) in films.items():
+    for stem, film in films.items():
+        moving = film.frames[:: SKIP // look.skip]
+        first = film.first // SKIP
         out |= {
-            output / f"{stem}.png": files.png(still),
-            output / f"{stem}.gif": files.gif(frames[::2], RATE / 2.0),
+            output / f"{stem}.png": files.png(film.still),
+            output / f"{stem}.gif": files.gif(moving[first:] + moving[:first], RATE / SKIP),
         }
-        if want_mp4 and (moving := files.mp4(frames, RATE)) is not None:
-            out[output / f"{stem}.mp4"] = moving
+        if want_mp4 and (mp4 := files.mp4(film.frames, RATE)) is not None:
+            out[output / f"{stem}.mp4"] = mp4
     write_files(out, force=force)
     sentences, facts = told
     record = {"files": list(map(str, out)), "renderer": chosen, "exaggerate": exaggerate, **facts}
@@ -143,32 +181,75 @@ def render(
         raise typer.Exit(3)
 
 
+class Look(NamedTuple):
+    """Size of the pictures, and which of the frames are drawn: every `skip`th."""
+
+    width: int
+    height: int
+    skip: int
+
+
+class Film(NamedTuple):
+    """A still, and frames, of which a GIF begins with the one numbered `first` in a whole film."""
+
+    still: "Frame"
+    frames: "list[Frame]"
+    first: int = 0
+
+
+def _film(
+    model: "mujoco.MjModel",
+    body: str,
+    shown: "Array",
+    ghosts: "Array",
+    texts: Sequence[str],
+    look: Look,
+    still: int,
+) -> Film:
+    """Positions as frames with a line of text each; the one numbered `still` is the still."""
+    from beamchain.engine.draw import draw_frames
+    from beamchain.report.film import write_text
+
+    drawn = [*range(0, len(shown), look.skip), still]
+    frames = draw_frames(
+        model, body, shown[drawn], ghosts[drawn], width=look.width, height=look.height
+    )
+    told = [write_text(frame, texts[k]) for frame, k in zip(frames, drawn, strict=True)]
+    return Film(told[-1], told[:-1], still)
+
+
+def _rate(seconds: float, frames: int) -> str:
+    """How fast a film of so many frames shows what takes so long."""
+    return f"time x {seconds / (frames - 1) * RATE:.2g}"
+
+
+def _clock(times: "Array", note: str) -> list[str]:
+    """The time and a note, for every frame."""
+    digits = 0 if times[-1] >= 100 else 1
+    return [f"{t:.{digits}f} s   {note}" for t in times]
+
+
 def _turn(
     model: "mujoco.MjModel",
     angle: float,
     joint: str | None,
     exaggerate: float,
-    size: dict[str, int],
+    look: Look,
 ) -> "tuple[Film, Told, Slew]":
     """The film of a turn by `angle` [rad], of the hub or of a hinge."""
-    from beamchain.engine.draw import draw_frames
     from beamchain.engine.slew import simulate
-    from beamchain.report.film import write_text
 
     slew = simulate(model, angle=angle, frames=FRAMES, joint=joint)
-    note = f"time x {slew.times[-1] / (FRAMES - 1) * RATE:.3g}"
-    note += "" if exaggerate == 1.0 else f", elastic motion x {exaggerate:g}"
-    digits = 0 if slew.times[-1] >= 100 else 1
-    texts = [f"{t:.{digits}f} s   {note}" for t in slew.times]
-    shown = slew.shown(exaggerate)
-    rigid = slew.shown(0.0)
-    k = slew.loudest
-    frames = [
-        write_text(*pair)
-        for pair in zip(draw_frames(model, slew.body, shown, rigid, **size), texts, strict=True)
-    ]
-    still = write_text(
-        next(draw_frames(model, slew.body, shown[[k]], rigid[[k]], **size)), texts[k]
+    scale = "to scale" if exaggerate == 1.0 else f"x {exaggerate:g}"
+    note = f"{_rate(slew.times[-1], len(slew.times))}, bending {scale}"
+    film = _film(
+        model,
+        slew.body,
+        slew.shown(exaggerate),
+        slew.shown(0.0),
+        _clock(slew.times, note),
+        look,
+        slew.loudest,
     )
     axis = None if slew.joint else "xyz"[slew.axis]
     facts = {
@@ -184,30 +265,60 @@ def _turn(
         f"{f' about {axis}' if axis else ''} in "
         f"{slew.duration:.4g} s, ringing at {slew.omega:.4g} rad/s; {note}"
     )
-    return (still, frames), ([sentence], {"slew": facts}), slew
+    return film, ([sentence], {"slew": facts}), slew
+
+
+def _run(
+    model: "mujoco.MjModel", seconds: float, key: str | None, latch: list[str], look: Look
+) -> "tuple[Film, Told, list[str]]":
+    """The film of a simulated run, beside its start, and what is to be warned of."""
+    from beamchain.engine.reach import spacecraft_body
+    from beamchain.steps.deployment import hinge_stages, simulate_run
+
+    done = simulate_run(model, key, seconds, RUN, hinge_stages(model, latch))
+    body = spacecraft_body(model)
+    note = f"{_rate(seconds, RUN)}, to scale"
+    texts = _clock(done.times, note)
+    film = _film(model, body, done.positions, done.start, texts, look, RUN // 2)._replace(first=0)
+    begin = "the pose of the file" if key is None else f"keyframe {key!r}"
+    told = [f"simulated for {seconds:g} s from {begin}; {note}"]
+    told += [f"{one.joint} latched at {one.time:.3f} s" for one in done.latched]
+    facts = {
+        "key": key,
+        "seconds": seconds,
+        "latched": [{"joint": one.joint, "time": one.time} for one in done.latched],
+        "waiting": list(done.waiting),
+    }
+    late = [f"{', '.join(done.waiting)} had not latched after {seconds:g} s; give a longer --run."]
+    return film, (told, {"run": facts}), late if done.waiting else []
 
 
 def _modes(
-    model: "mujoco.MjModel", name: str, count: int, exaggerate: float, size: dict[str, int]
+    model: "mujoco.MjModel", name: str, count: int, exaggerate: float, look: Look
 ) -> "tuple[dict[str, Film], Told]":
     """A film per coupled mode, by the stem of its files."""
     from beamchain.craft.moving_modes import moving_modes
-    from beamchain.engine.draw import draw_frames
-    from beamchain.report.film import write_text
 
     films: dict[str, Film] = {}
     sentences: list[str] = []
     facts: list[dict[str, Any]] = []
     for k, mode in enumerate(moving_modes(model, count, CYCLE, exaggerate), 1):
         text = f"mode {k}, {mode.name}: {mode.omega:.4g} rad/s, {mode.omega / math.tau:.4g} Hz"
+        period = math.tau / mode.omega
+        note = f"{_rate(period * (CYCLE - 1) / CYCLE, CYCLE)}, moves {mode.swing:.2g} m at most"
         rest = mode.rest[None].repeat(CYCLE, 0)
-        frames = [
-            write_text(frame, text)
-            for frame in draw_frames(model, mode.body, mode.positions, rest, **size)
-        ]
-        films[f"{name}_mode{k}"] = frames[CYCLE // 4], frames
-        sentences.append(text)
-        facts.append({"name": mode.name, "omega": mode.omega, "hz": mode.omega / math.tau})
+        texts = [f"{text}   {note}"] * CYCLE
+        film = _film(model, mode.body, mode.positions, rest, texts, look, CYCLE // 4)
+        films[f"{name}_mode{k}"] = film
+        sentences.append(f"{text}; {note}")
+        facts.append(
+            {
+                "name": mode.name,
+                "omega": mode.omega,
+                "hz": mode.omega / math.tau,
+                "swing": mode.swing,
+            }
+        )
     return films, (sentences, {"modes": facts})
 
 

@@ -2,6 +2,7 @@
 so that its appendages ring."""
 
 import copy
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -16,16 +17,19 @@ from beamchain.engine.library import mujoco
 from beamchain.engine.linear import linear_at
 from beamchain.engine.linearise import mass_matrix
 from beamchain.engine.operating_point import quiet_copy, rest_point
+from beamchain.engine.reach import reach
 from beamchain.errors import EngineError, InputError
 from beamchain.ports.motions import Array, locked
 
 _HINGE = int(mujoco.mjtJoint.mjJNT_HINGE)
 
+PERIODS = (1.0, 1.1, 1.2, 1.3, 1.4, 1.5, 1.6)  # of a turn: the shortest that does not bend too far
 RINGING = 3.5  # periods of the first mode shown after the turn
 TRIAL = 0.01  # rad: a turn so small that what bends is proportional to it
-MOST_BENT = 0.22  # rad in one hinge: small enough to be believed, large enough to be seen
+FINE, MOST_FRAMES = 12, 480  # frames a period, if that is not too many
+MOST_BENT = 0.4  # rad that a link turns out of its place: to be believed, and to be seen
 FELT = 1e-7  # of a mode's largest motion: less rotation of the hub is rounding
-HEARD = 1e-2  # of what bends most under a torque: a mode that bends less is not looked for
+SEEN = 0.05  # of the spacecraft's size, per radian turned: bending of a mode that a turn shows
 ANGLES = 61  # of a hinge, at which its inertia is computed
 
 
@@ -76,8 +80,8 @@ def simulate(
     """Turn the spacecraft by `angle` [rad] with a torque forwards and back on its hub,
     or one of its hinges with the torque that turns the rigid spacecraft so, and let it ring.
 
-    The turn takes an odd number of periods of the mode excited,
-    so that what the two halves leave behind adds up. `most`: the largest number of steps.
+    The turn takes about a period of the mode excited, or an odd number of them: then what its two
+    halves leave behind adds up. `most`: the largest number of steps.
     """
     free = [
         j for j in range(model.njnt) if int(model.jnt_type[j]) == int(mujoco.mjtJoint.mjJNT_FREE)
@@ -98,22 +102,19 @@ def simulate(
     start = int(model.jnt_dofadr[free[0]])
     axis = 0
     if joint is None:
-        axis, omega = _lowest_turning_mode(model, np.arange(start + 3, start + 6), start)
+        axis, omega = _mode_to_ring(model, np.arange(start + 3, start + 6), start, held)
         drive = _on_hub(model, hub, axis)
     else:
         number = _hinge(model, joint, held, angle)
         model = _without_actuators(model, number)
-        omega = _lowest_turning_mode(model, np.array([int(model.jnt_dofadr[number])]), start)[1]
+        omega = _mode_to_ring(model, np.array([int(model.jnt_dofadr[number])]), start, held)[1]
         drive = _in_hinge(model, number, held, angle)
     elastic = tuple(int(model.jnt_qposadr[j]) for j in held)
-    hinged = [a for j, a in zip(held, elastic, strict=True) if int(model.jnt_type[j]) == _HINGE]
     period = 2.0 * np.pi / omega
     _check_steps(model, (1.0 + RINGING) * period, most)
-    trial = _run(model, drive(TRIAL, period), (1.0 + RINGING) * period, frames)
-    bent = float(np.abs(trial[:, hinged]).max(initial=0.0)) * abs(angle) / TRIAL
-    halves = max(int(np.ceil(np.sqrt(bent / MOST_BENT))), 1)
-    duration = (halves + 1 - halves % 2) * period
+    duration = _long_enough(model, drive, angle, period, frames, elastic)
     _check_steps(model, duration + RINGING * period, most)
+    frames = max(frames, min(math.ceil(FINE * (duration / period + RINGING)), MOST_FRAMES))
     times = np.linspace(0.0, duration + RINGING * period, frames)
     positions = _run(model, drive(angle, duration), float(times[-1]), frames)
     return Slew(
@@ -133,6 +134,43 @@ Push = Callable[
     ["mujoco.MjData", float, float], None
 ]  # forces over a step from one time to another
 Drive = Callable[[float, float], Push]  # of an angle [rad] and a duration [s]
+
+
+def _long_enough(
+    model: "mujoco.MjModel",
+    drive: Drive,
+    angle: float,
+    period: float,
+    frames: int,
+    elastic: tuple[int, ...],
+) -> float:
+    """The duration of a turn [s] in which no link turns further than `MOST_BENT` out of its place
+    on a rigid appendage."""
+
+    def bent(periods: float) -> float:
+        end = (periods + RINGING) * period
+        shown = _run(model, drive(TRIAL, periods * period), end, frames)
+        rigid = shown.copy()
+        rigid[:, list(elastic)] = 0.0
+        turned = [
+            np.linalg.norm(_axes(model, a) - _axes(model, b), axis=1).max() / np.sqrt(2.0)
+            for a, b in zip(shown, rigid, strict=True)
+        ]  # |R - 1| = sqrt(2) times the angle
+        return float(np.max(turned)) * abs(angle) / TRIAL
+
+    for periods in PERIODS:
+        if bent(periods) <= MOST_BENT:
+            return periods * period
+    halves = math.ceil(np.sqrt(bent(1.0) / MOST_BENT))
+    return float(halves + 1 - halves % 2) * period
+
+
+def _axes(model: "mujoco.MjModel", positions: Array) -> Array:
+    """`(nbody, 9)` axes of every body."""
+    data = mujoco.MjData(model)
+    data.qpos[:] = positions
+    mujoco.mj_kinematics(model, data)
+    return np.array(data.xmat)
 
 
 def _on_hub(model: "mujoco.MjModel", hub: int, axis: int) -> Drive:
@@ -254,23 +292,35 @@ def _impulse(time: float, duration: float) -> float:
     return max(min(time, duration - time), 0.0)
 
 
-def _lowest_turning_mode(
-    model: "mujoco.MjModel", turning: "NDArray[np.intp]", start: int
+def _mode_to_ring(
+    model: "mujoco.MjModel", turning: "NDArray[np.intp]", start: int, held: "list[int]"
 ) -> tuple[int, float]:
-    """Which of some degrees of freedom the lowest mode turns that a torque on them bends, and its
-    frequency [rad/s]; those of the hub begin at `start`."""
-    modes = linear_at(rest_point(quiet_copy(model))).modes()
-    turns = np.abs(modes.shapes[turning])
-    rest = np.abs(np.delete(modes.shapes, np.s_[start : start + 6], axis=0)).max(axis=0)
-    felt = turns.max(axis=0, initial=0.0)
-    # by how much a torque on what turns bends each mode
-    bends = felt * rest / modes.frequency**2
-    bends[felt <= FELT * rest] = 0.0
-    heard = np.flatnonzero(bends > HEARD * bends.max(initial=0.0))
-    if heard.size:
-        mode = int(heard[0])
-        return int(np.argmax(turns[:, mode])), float(modes.frequency[mode])
-    raise InputError(
-        "no elastic mode of the scene turns its hub or that joint; there is nothing that a turn "
-        "would show."
-    )
+    """Which of some degrees of freedom is turned, and the frequency [rad/s] of the mode that
+    rings: the lowest that bends enough to be seen, or the one that bends most.
+
+    A turn by `theta` within a period of a mode with frequency `w` and shape `phi` of unit mass
+    takes a torque of `J theta w^2/pi^2`, with J the inertia that it feels, and leaves the mode
+    ringing with an amplitude of `4 phi_turned J theta/pi^2`, whatever its frequency. The hub's
+    degrees of freedom begin at `start`.
+    """
+    point = rest_point(quiet_copy(model))
+    modes = linear_at(point).modes()
+    springs = np.isin(model.dof_jntid, held)
+    loose = np.flatnonzero(~springs)
+    rigid = np.linalg.inv(mass_matrix(model, point.qpos)[np.ix_(loose, loose)])
+    inertia = 1.0 / np.diag(rigid)[np.searchsorted(loose, turning)]
+    bent = np.zeros((modes.frequency.size, turning.size))
+    for k, shape in enumerate(modes.shapes.T):
+        turned = np.abs(shape[turning])
+        rest = np.abs(np.delete(shape, np.s_[start : start + 6]))
+        if turned.max() > FELT * rest.max():
+            bends = reach(model, point.qpos, np.where(springs, shape, 0.0))  # per unit of the mode
+            bent[k] = 4.0 * turned * inertia / np.pi**2 * bends
+    most = bent.max(axis=1, initial=0.0)
+    if most.max(initial=0.0) == 0.0:
+        raise InputError(
+            "no elastic mode of the scene turns its hub or that joint; there is nothing that a "
+            "turn would show."
+        )
+    k = int(np.argmax(most >= min(SEEN * float(model.stat.extent), most.max())))
+    return int(np.argmax(bent[k])), float(modes.frequency[k])

@@ -99,7 +99,7 @@ def _ffmpeg() -> str | None:
 def write_text(frame: Frame, text: str) -> Frame:
     """The frame with a line of text at its lower left."""
     picture = Image.fromarray(frame)
-    size = max(frame.shape[0] // 26, 11)
+    size = max(frame.shape[0] // 24, 14)
     font: Any = ImageFont.load_default(size)
     ImageDraw.Draw(picture).text(
         (size * 0.8, frame.shape[0] - size * 1.9), text, fill=(205, 212, 224), font=font

@@ -1,0 +1,116 @@
+"""A run of a spacecraft from a keyframe, with hinges that latch at their stops stage by stage, in
+positions that a film shows."""
+
+import copy
+from collections.abc import Sequence
+from fnmatch import fnmatchcase
+from typing import NamedTuple
+
+import numpy as np
+
+from beamchain.checks import unknown
+from beamchain.engine.library import mujoco
+from beamchain.engine.operating_point import keyframe_names
+from beamchain.errors import EngineError, InputError
+from beamchain.ports.motions import Array, locked
+from beamchain.steps.latch import Latched, latch, unlatch
+
+
+class Run(NamedTuple):
+    """A simulated run.
+
+    `times` `(k,)` [s]; `positions` `(k, nq)`; `start` `(k, nq)`: the shape at the start, on the
+    spacecraft where it is; `latched`: the hinges in the order in which they latched; `waiting`:
+    those that had not at the end.
+    """
+
+    times: Array
+    positions: Array
+    start: Array
+    latched: tuple[Latched, ...]
+    waiting: tuple[str, ...]
+
+
+def hinge_stages(model: "mujoco.MjModel", patterns: Sequence[str]) -> list[list[str]]:
+    """The hinges of each stage; a pattern is names with `*` and `?`, separated by commas."""
+    kind = int(mujoco.mjtJoint.mjJNT_HINGE)
+    hinges = [str(model.joint(int(j)).name) for j in np.flatnonzero(model.jnt_type == kind)]
+    stages: list[list[str]] = []
+    for pattern in patterns:
+        stage: list[str] = []
+        for part in pattern.split(","):
+            found = [name for name in hinges if name and fnmatchcase(name, part)]
+            if not found:
+                raise unknown("hinge of --latch", part, hinges)
+            stage += found
+        stages.append(stage)
+    every = [name for stage in stages for name in stage]
+    twice = sorted({name for name in every if every.count(name) > 1})
+    if twice:
+        raise InputError(f"--latch names {twice[0]!r} twice; a hinge latches once.")
+    return stages
+
+
+def simulate_run(
+    model: "mujoco.MjModel",
+    key: str | None,
+    seconds: float,
+    frames: int,
+    stages: Sequence[Sequence[str]] = (),
+) -> Run:
+    """Simulate from a keyframe (None: the pose of the file) with MuJoCo's own steps.
+
+    Args:
+        model: stays as it is.
+        key: name of the keyframe.
+        seconds: how long [s].
+        frames: how many positions are kept, evenly spaced in time.
+        stages: hinges that latch at their stops. The first stage moves from the start; the hinges
+            of later ones are held as they are until all of the stage before have latched.
+    """
+    model = copy.copy(model)
+    data = mujoco.MjData(model)
+    if key is not None:
+        names = keyframe_names(model)
+        if key not in names:
+            raise unknown("--key", key, names)
+        mujoco.mj_resetDataKeyframe(model, data, model.key(key).id)
+    mujoco.mj_forward(model, data)
+    for stage in stages[1:]:
+        for name in stage:
+            latch(model, data, name, angle=float(data.joint(name).qpos[0]))
+    ahead = [list(stage) for stage in stages]
+    latched: list[Latched] = []
+
+    def advance() -> None:
+        """One step, in which waiting hinges may latch."""
+        while ahead and not ahead[0]:
+            ahead.pop(0)
+            for name in ahead[0] if ahead else ():
+                unlatch(model, data, name)
+        for name in list(ahead[0]) if ahead else ():
+            if (done := latch(model, data, name)) is not None:
+                latched.append(done)
+                ahead[0].remove(name)
+        mujoco.mj_step(model, data)
+
+    step = float(model.opt.timestep)
+    times = np.linspace(0.0, seconds, frames)
+    start = float(data.time)
+    positions = np.empty((frames, model.nq))
+    for k, time in enumerate(start + times):
+        while data.time < time - step / 2.0:
+            before = data.time
+            advance()
+            if data.time < before:  # MuJoCo starts anew where a state is not finite
+                raise EngineError(
+                    f"the simulation is unstable at the scene's step of {step:g} s; see beamchain "
+                    "inspect for the largest one."
+                )
+        positions[k] = data.qpos
+    waiting = tuple(name for stage in ahead for name in stage)
+    shape = positions[[0]].repeat(frames, 0)
+    free = model.jnt_qposadr[model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE)]
+    base = (free[:, None] + np.arange(7)).ravel()
+    shape[:, base] = positions[:, base]
+    return Run(locked(times), locked(positions), locked(shape), tuple(latched), waiting)

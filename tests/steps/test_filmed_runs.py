@@ -1,0 +1,148 @@
+"""Tests internals, `steps.deployment`, and `beamchain render --run`: runs with hinges that latch,
+beside closed forms of a hinge on a fixed base.
+
+LATCHED: Runge-Kutta's step and frames between steps [rad].
+"""
+
+import json
+import os
+import re
+import subprocess
+import sys
+
+import mujoco
+import numpy as np
+import pytest
+from PIL import Image
+from typer.testing import CliRunner
+
+import beamchain as bc
+from beamchain.cli import app
+from beamchain.engine import backend
+from beamchain.steps.deployment import hinge_stages, simulate_run
+
+LATCHED = 2e-5
+DRIVEN = """<mujoco><option timestep="0.002" gravity="0 0 0" integrator="RK4"/><worldbody>
+<body name="bus">{}</body></worldbody>
+<keyframe><key name="folded" qpos="{}"/></keyframe></mujoco>"""
+FLAP = """<body><joint name="{}" axis="0 0 1" stiffness="2" springref="100" range="0 90"/>
+<inertial pos="1 0 0" mass="2" diaginertia=".1 .2 .2"/><geom size=".1" mass="0"/></body>"""
+SWING = np.sqrt(2.0 / (2.0 + 0.2))  # rad/s
+REACHED = np.arccos(1.0 - 90.0 / 100.0) / SWING  # s, from rest at 0 to the stop
+
+
+def flaps(*names):
+    inside = "".join(FLAP.format(name) for name in names)
+    return mujoco.MjModel.from_xml_string(DRIVEN.format(inside, " ".join("0" for _ in names)))
+
+
+def test_hinges_unfold_stage_by_stage_as_closed_forms_say():
+    model = flaps("a_left", "a_right", "b")
+    before = np.array(model.jnt_stiffness)
+    run = simulate_run(model, "folded", 5.0, 101, hinge_stages(model, ["a_*", "b"]))
+    assert [one.joint for one in run.latched] == ["a_left", "a_right", "b"]
+    assert run.waiting == ()
+    times = [one.time for one in run.latched]
+    assert times == pytest.approx([REACHED, REACHED, 2.0 * REACHED], abs=2.1 * 0.002)
+    swinging = run.times < REACHED - 0.01
+    moved = np.radians(100.0) * (1.0 - np.cos(SWING * run.times[swinging]))
+    for hinge in (0, 1):
+        np.testing.assert_allclose(run.positions[swinging, hinge], moved, atol=LATCHED)
+    np.testing.assert_allclose(run.positions[swinging, 2], 0.0, atol=1e-12)
+    held = run.positions[run.times > 2.0 * REACHED + 0.1]
+    assert np.abs(np.degrees(held) - 90.0).max() < 5.0  # they ring about their stop
+    np.testing.assert_array_equal(run.start, run.positions[[0]].repeat(101, 0))
+    np.testing.assert_array_equal(model.jnt_stiffness, before)
+
+
+def test_hinges_that_have_no_time_to_latch_are_named():
+    model = flaps("a", "b")
+    run = simulate_run(model, "folded", 1.2 * REACHED, 20, hinge_stages(model, ["a", "b"]))
+    assert [one.joint for one in run.latched] == ["a"]
+    assert run.waiting == ("b",)
+
+
+def test_the_start_of_a_run_flies_with_the_spacecraft():
+    text = """<mujoco><option gravity="0 0 0"/><worldbody><body><freejoint/><geom size=".5"/>
+    <body><joint name="hinge"/><geom pos="1 0 0" size=".1"/></body></body></worldbody>
+    <keyframe><key name="adrift" qpos="0 0 0 1 0 0 0 .5" qvel="1 0 0 0 0 0 2"/></keyframe>
+    </mujoco>"""
+    run = simulate_run(mujoco.MjModel.from_xml_string(text), "adrift", 1.0, 11)
+    assert run.positions[-1, 0] > 0.5
+    np.testing.assert_array_equal(run.start[:, :7], run.positions[:, :7])
+    np.testing.assert_array_equal(run.start[:, 7], 0.5)
+    assert run.positions[-1, 7] > 1.0
+
+
+@pytest.mark.parametrize(
+    ("patterns", "said"),
+    [
+        (["hinge*"], "hinge of --latch = 'hinge*' is unknown; choose from a, b"),
+        (["a", "?"], "--latch names 'a' twice"),
+    ],
+)
+def test_hinges_that_cannot_latch_are_told(patterns, said):
+    with pytest.raises(bc.BeamchainError, match=re.escape(said)):
+        hinge_stages(flaps("a", "b"), patterns)
+
+
+def test_an_unknown_keyframe_is_told():
+    with pytest.raises(bc.BeamchainError, match=r"--key = 'open' is unknown.*folded"):
+        simulate_run(flaps("a"), "open", 1.0, 5)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--run", "1", "--modes", "1"], "--modes and --run are both given"),
+        (["--run", "1", "--joint", "a"], "--joint and --run are both given"),
+        (["--key", "folded"], "--key is of --run"),
+        (["--latch", "a"], "--latch is of --run"),
+        (["--run", "0"], "--run = 0 is out of range"),
+        (["--run", "nan"], "--run = nan is out of range"),
+        (["--run", "1", "--exaggerate", "2"], "a run is drawn to scale"),
+    ],
+)
+def test_options_of_a_run_are_checked(arguments, said, tmp_path):
+    out = tmp_path / "o"
+    done = CliRunner().invoke(app, ["render", "none.xml", "-o", str(out), *arguments])
+    assert isinstance(done.exception, bc.BeamchainError)
+    assert said in str(done.exception)
+    assert not out.exists()
+
+
+def render(arguments, folder, renderer):
+    return subprocess.run(
+        [sys.executable, "-m", "beamchain", *arguments],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "MUJOCO_GL": renderer},
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("renderer", ["egl", "osmesa"])
+def test_a_run_is_filmed(renderer, tmp_path):
+    if not backend._works(renderer):
+        pytest.skip(f"MuJoCo cannot draw with {renderer} on this machine")
+    (tmp_path / "flaps.xml").write_text(DRIVEN.format(FLAP.format("a") + FLAP.format("b"), "0 0"))
+    arguments = ["render", "flaps.xml", "-o", "o", "--width", "200", "--height", "120", "--no-mp4"]
+    run = ["--run", "4", "--key", "folded", "--latch", "a", "--latch", "b"]
+    done = render([*arguments, *run], tmp_path, renderer)
+    assert done.returncode == 0, done.stderr
+    assert "simulated for 4 s from keyframe 'folded'; time x 0.6, to scale" in done.stdout
+    assert f"a latched at {REACHED:.2f}" in done.stdout
+    assert "had not latched" not in done.stdout
+    with Image.open(tmp_path / "o" / "flaps.gif") as moving:
+        assert moving.n_frames == 84
+        shots = [np.asarray(moving.convert("RGB")).astype(int)]
+        moving.seek(83)
+        shots.append(np.asarray(moving.convert("RGB")).astype(int))
+    assert np.abs(shots[0] - shots[1]).max() > 50  # it moves
+    short = [*arguments, "--run", "1", "--key", "folded", "--latch", "a", "--json", "--force"]
+    done = render(short, tmp_path, renderer)
+    told = json.loads(done.stdout)
+    assert told["run"]["waiting"] == ["a"]
+    assert "a had not latched after 1 s" in str(told["warnings"])
