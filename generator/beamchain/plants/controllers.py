@@ -2,7 +2,7 @@
 their responses and their states."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import reduce
 from pathlib import Path
 from typing import Annotated, Any
@@ -153,7 +153,7 @@ def read_controller(path: str | Path | Controller) -> Controller:
         InputError: the file cannot be read, or a value is not allowed.
     """
     given: object = path
-    if not isinstance(given, Controller | str | Path):
+    if isinstance(given, Mapping | control.StateSpace | control.TransferFunction):
         raise InputError(
             f"controller is a {type(given).__name__}; worst cases and bounds take continuous "
             "loops, the path of a TOML file with [[loop]] or bc.Controller. To check a sampled "
