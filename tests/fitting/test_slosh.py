@@ -161,3 +161,33 @@ class TestFlow:
 
 # of the rigid mass: what the third and further modes do, measured 8.6e-3, 3.0e-3 and 4.9e-2
 LEFT_OUT = {"half": 1e-2, "deep": 4e-3, "shallow": 6e-2}
+
+
+class TestFile:
+    @pytest.mark.parametrize("acceleration", [0.05, 0.2])
+    def test_damping_ratio_holds_at_the_stated_acceleration(self, tmp_path, acceleration):
+        """And elsewhere it goes with the inverse root of the acceleration."""
+        bench = Bench(fitted(tmp_path, 0.5, 0.8, ratio=0.02, acceleration=0.05), acceleration)
+        damping = np.diag(bench.model.dof_damping)[np.ix_(bench.inner, bench.inner)]
+        mass = np.diag(bench.mass)[bench.inner]
+        ratio = np.diag(damping) / mass / (2.0 * bench.frequencies())
+        assert ratio == pytest.approx(0.02 * np.sqrt(0.05 / acceleration), rel=DIFFERENCED)
+
+    def test_shapes_are_left_out_where_asked(self, tmp_path):
+        drawn = mujoco.MjModel.from_xml_string(fitted(tmp_path, 0.5, 0.8).to_mjcf())
+        assert sorted(drawn.geom_type.tolist()) == [2, 2, 5]  # two balls in a cylinder
+        assert 0.0 < drawn.geom_rgba[:, 3].min() < 1.0
+        file = tmp_path / "plain.toml"
+        file.write_text(tank(0.5, 0.8) + "[scene]\nvisuals = false\n")
+        plain = mujoco.MjModel.from_xml_string(bc.fit(file).to_mjcf())
+        assert plain.ngeom == 0
+        assert np.array_equal(plain.body_mass, drawn.body_mass)
+
+    def test_keyframe_of_the_scene_accelerates_as_stated(self, tmp_path):
+        model = mujoco.MjModel.from_xml_string(
+            fitted(tmp_path, 0.5, 0.8, acceleration=0.05).scene_mjcf()
+        )
+        data = mujoco.MjData(model)
+        mujoco.mj_resetDataKeyframe(model, data, model.key("burn").id)
+        mujoco.mj_forward(model, data)
+        assert data.qacc[:3] == pytest.approx([0.05, 0.0, 0.0], abs=1e-12)
