@@ -3,6 +3,8 @@
 No tolerances: words only.
 """
 
+import re
+
 import pytest
 
 import beamchain as bc
@@ -121,3 +123,15 @@ def test_a_wide_panel_is_no_slip():
 
 def test_timoshenko_answers_the_question():
     assert "deep" not in said(length=0.1, theory="timoshenko")
+
+
+@pytest.mark.parametrize(("typed", "meant"), [(90.0, 9e10), (70000.0, 7e10)])
+def test_a_modulus_in_the_wrong_unit_is_refused_where_a_band_chooses_the_modes(typed, meant):
+    """A band of hundreds of modes would be searched; with their number typed it is a warning."""
+    material = bc.Material(youngs_modulus=typed, density=1600.0)
+    section = bc.Tube(outer_diameter=0.12, wall=0.003)
+    segment = bc.Segment(length=7.0, section=section, material=material)
+    with pytest.raises(bc.InputError, match=re.escape(f"write {meant:g}")) as said:
+        bc.Spec(segment=(segment,), scene=bc.Scene(bandwidth=12.0))
+    assert f"youngs_modulus = {typed:g}" in str(said.value)
+    assert bc.Spec(segment=(segment,), modes=bc.Modes(xy=2)).segment

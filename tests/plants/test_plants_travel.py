@@ -2,6 +2,7 @@
 
 import copy
 import pickle
+from importlib.resources import files
 
 import numpy as np
 import pytest
@@ -72,3 +73,20 @@ def test_an_embedded_craft_and_its_fits_travel(made):
     fit = made.appendages[0].fit
     assert pickled(fit).to_mjcf() == fit.to_mjcf()
     assert copy.deepcopy(fit).scene_mjcf() == fit.scene_mjcf()
+
+
+def test_a_tree_travels_whatever_was_computed_of_it(tmp_path):
+    """Its exact poses hold responses; so do those under a load."""
+    shipped = files("beamchain") / "examples"
+    places = {"shoulder": shipped / "upper.toml", "forearm": shipped / "fore.toml"}
+    arm = bc.embed(shipped / "arm.xml", places, retime=False)
+    for name in ("assembly", "promise", "sampled_poses", "time_error", "composite", "largest_step"):
+        getattr(arm, name)
+    arm.modes_at("square")
+    other = pickled(arm)
+    assert other.promise.poses == arm.promise.poses
+    assert other.headline == arm.headline
+    plant = bc.plant(arm, ["elbow_motor"], ["attitude"], at="square")
+    again = pickled(plant).truncation(OMEGA)
+    for channel, found in plant.truncation(OMEGA).items():
+        np.testing.assert_array_equal(again[channel], found)

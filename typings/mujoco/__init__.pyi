@@ -43,6 +43,7 @@ class mjtObj:
     mjOBJ_JOINT: mjtObj
     mjOBJ_XBODY: mjtObj
     mjOBJ_SITE: mjtObj
+    mjOBJ_TENDON: mjtObj
     def __int__(self) -> int: ...
 
 class mjtDisableBit:

@@ -34,7 +34,7 @@ from beamchain.engine.operating_point import (
     rest_point,
     still_copy,
 )
-from beamchain.engine.partial_fractions import MOST, accelerance_of
+from beamchain.engine.partial_fractions import MOST, Accelerance, accelerance_of
 from beamchain.errors import InputError
 from beamchain.ports.compare import (
     DEFAULT_RATIO,
@@ -401,14 +401,13 @@ class Pose:
         if self.carrying is None:
             return partial(self.response, models)
         hub = self.craft.picked(inputs=self.motions, outputs=self.motions)
-        return self._by_poles(
-            together, lambda omega: hub.response(omega, models, self.jacobians, self.carrying)
-        )
+        plain = partial(hub.response, models=models, roots=self.jacobians, carrying=self.carrying)
+        return self._by_poles(together, plain)
 
     def _by_poles(self, craft: Linear, plain: Response | None = None) -> Response:
         hub = craft.picked(inputs=self.motions, outputs=self.motions)
         accelerance = accelerance_of(hub, self.band, plain or hub.response)
-        return lambda omega: np.moveaxis(accelerance(omega), -1, 0) * self.scale
+        return partial(_scaled, accelerance, self.scale)
 
     def of_mujoco(self, model: "mujoco.MjModel", qpos: Array, body: int) -> float:
         """In-band error of the compiled `model` at `qpos`, where the base is its `body`."""
@@ -443,6 +442,11 @@ class Pose:
 
         values = np.concatenate([relative_error(response(omega), exact, self.frozen), curve(more)])
         return maximum_of(curve, np.concatenate([omega, more]), values, tolerance)
+
+
+def _scaled(accelerance: Accelerance, scale: Array, omega: Array) -> NDArray[np.complex128]:
+    """`(k, m, m)` accelerance, dimensionless."""
+    return np.moveaxis(accelerance(omega), -1, 0) * scale
 
 
 def root_of(craft: "mujoco.MjModel", data: "mujoco.MjData", item: Carried) -> Root:

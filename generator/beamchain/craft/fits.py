@@ -11,7 +11,7 @@ from beamchain.caution import Caution
 from beamchain.caution import at as said_of
 from beamchain.craft.appendage import Appendage, rigid_mass
 from beamchain.craft.documents import Wish
-from beamchain.craft.loads import Item, loads_of
+from beamchain.craft.loads import Item, hanging_notes, loads_of
 from beamchain.craft.promise import keep_promise
 from beamchain.engine import mount as mounting
 from beamchain.engine.library import mujoco, one_thread, rest
@@ -25,6 +25,12 @@ from beamchain.structure.modal_data import ModalData
 
 SAME_HUB = 1e-12  # relative: hubs that are one
 CLOSE = 1e-3  # of its length: where an appendage starts at the centre of mass
+#: how the fit takes a joint behind an appendage, by what holds it
+TAKEN = {
+    "servo": ("locked, since its servo holds it", "locked, since their servos hold them"),
+    "spring": ("locked, since its spring holds it", "locked, since their springs hold them"),
+    "": ("free, since nothing holds it", "free, since nothing holds them"),
+}
 RIGID = 1e-6  # relative: a hub that differs from a rigid body by more has loose joints
 
 
@@ -73,6 +79,7 @@ def fit_all(
                 f"mass: does the x axis of {name} point outwards?"
             )
             warnings.append(Caution("points-inward", text))
+        warnings += hanging_notes(model, place, Item(place.body, spec, carries))
         result = fits.ready.get(name)
         if result is None or not _same_hub(result, hub):
             result = fits(name, spec, Root(target=spec.root.target, hub=hub))
@@ -114,7 +121,8 @@ def fit_all(
 def _points_inward(model: "mujoco.MjModel", place: mounting.Mount, spec: Spec) -> bool:
     """Whether an appendage starts towards the centre of mass of what it stands on, passes it
     closely, and ends behind it."""
-    if spec.imported is not None or not model.body_rootid[place.body]:
+    is_beam = spec.imported is None and spec.slosh is None
+    if not is_beam or not model.body_rootid[place.body]:
         return False
     centre = rest(model).subtree_com[model.body_rootid[place.body]]
     way = np.asarray(centre - place.origin, dtype=np.float64)
@@ -125,16 +133,22 @@ def _points_inward(model: "mujoco.MjModel", place: mounting.Mount, spec: Spec) -
 
 def _notes(name: str, spec: Spec, place: mounting.Mount, hub: Hub) -> Iterator[str]:
     """What the spacecraft makes of an appendage that its spec does not say."""
-    for joint in place.joints:
-        taken = (
-            "locked, since a spring holds it" if joint.sprung else "free, since no spring holds it"
+    behind = [joint for joint in place.joints if not joint.own]
+    if behind:
+        taken = {
+            words: [joint.name for joint in behind if joint.holder == holder]
+            for holder, words in TAKEN.items()
+        }
+        fitted = "; ".join(
+            f"{', '.join(joints)} as {words[len(joints) > 1]}"
+            for words, joints in taken.items()
+            if joints
         )
-        if not joint.own:
-            yield Caution(
-                "joints-behind",
-                f"{name}: stands behind the {joint.words}; {hub.mass:.6g} kg are rigidly "
-                f"behind its root. The fit takes that joint as {taken}.",
-            )
+        yield Caution(
+            "joints-behind",
+            f"{name}: stands behind the {', the '.join(joint.words for joint in behind)}; "
+            f"{hub.mass:.6g} kg are rigidly behind its root. The fit takes {fitted}.",
+        )
     if held := place.held(spec.kept):
         yield Caution(
             "held-ports",

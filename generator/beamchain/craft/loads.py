@@ -15,15 +15,20 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import block_diag
 
+from beamchain.caution import Caution
 from beamchain.checks import list_of_names, of_type
-from beamchain.engine.library import hangs_on, mujoco
+from beamchain.engine.library import hangs_on, mujoco, rest
 from beamchain.engine.linear import Carrying
+from beamchain.engine.mount import Mount
 from beamchain.errors import InputError
 from beamchain.fitting.choose import further_columns
 from beamchain.fitting.spec import Spec
 from beamchain.mjcf.craft import Craft
 from beamchain.mjcf.place import Target
 from beamchain.ports.motions import Array, offset_matrix
+
+THERE = 1e-3  # of an appendage's length: so near stands a body that is meant to hang there
+APART = 0.02  # of it: so far stands one that hangs on a bracket
 
 Carries = Mapping[str, tuple[str, ...]]  # names of bodies by port
 
@@ -130,6 +135,49 @@ def checked_carry(carry: object) -> dict[str, tuple[str, ...]]:
         names = [bodies] if isinstance(bodies, str) else list_of_names(f"carry[{key!r}]", bodies)
         out[str(key)] = tuple(names)
     return out
+
+
+def hanging_notes(model: "mujoco.MjModel", mount: Mount, item: Item) -> Iterator[str]:
+    """Warnings about bodies of the bare spacecraft that stand where an appendage ends and do not
+    hang there, and about those that hang across a gap."""
+    at, spec = mount.at, item.spec
+    if spec.imported is not None:
+        return
+    data = rest(model)
+    length = spec.beam.length
+    points = {**spec.further, **({} if length in spec.further.values() else {"": length})}
+    carried = {name: port for port, names in item.carries.items() for name in names}
+    beside = [
+        (name, np.array(data.xpos[body]))
+        for body in np.flatnonzero(np.array(model.body_parentid) == mount.body)
+        for name in [str(model.body(body).name)]
+        if name and np.any(mount.origin != data.xpos[body])
+    ]
+    for port, x in points.items():
+        end = mount.origin + x * mount.axes[:, 0]
+        for name, place in beside:
+            gap = float(np.linalg.norm(place - end))
+            if name not in carried and gap < THERE * length:
+                where = f"port {port!r}" if port else "the end"
+                cure = (
+                    f'carries = ["{name}"]'
+                    if port
+                    else (f'[[port]] name = "end", x = {x:g}, carries = ["{name}"]')
+                )
+                yield Caution(
+                    "not-carried",
+                    f"{at}: body {name!r} stands at {where} of the appendage and does not hang on "
+                    f"it, so that it stays rigidly where it is: write {cure}, if the appendage is "
+                    "meant to carry it.",
+                )
+            elif carried.get(name) == port and gap > APART * length:
+                yield Caution(
+                    "carried-apart",
+                    f"{at}: body {name!r} stands {gap:.3g} m from port {port!r}, which carries it; "
+                    f"the gap is rigid. If none is meant, give the port the x of the body "
+                    f"({float((place - mount.origin) @ mount.axes[:, 0]):.6g} m), and the "
+                    "appendage that length.",
+                )
 
 
 def check_carries(

@@ -21,7 +21,7 @@ from beamchain.craft.promise import joint_request
 from beamchain.craft.timing import without_timing
 from beamchain.engine.driven_hinge import Drive, Run, Seen, Turn, drive_of, run, seen
 from beamchain.engine.library import hangs_on, mujoco
-from beamchain.engine.linearise import NUMBERS, compile_model
+from beamchain.engine.linearise import INTEGRATORS, NUMBERS, compile_model
 from beamchain.engine.operating_point import base_body, quiet_copy
 from beamchain.errors import BeamchainError, EngineError, InputError
 from beamchain.fitting.options import Modes
@@ -29,6 +29,7 @@ from beamchain.fitting.spec import Spec
 from beamchain.mjcf.relocate import relocate
 from beamchain.ports.motions import PORTS, Array
 from beamchain.steps.budget import linear_model
+from beamchain.steps.culprit import culprit
 from beamchain.steps.limits import step_limits
 from beamchain.steps.modal import timing_marks
 from beamchain.steps.retime import retime
@@ -43,13 +44,14 @@ FINE = 1600  # steps per period of the slowest mode, at least, under RK4
 DIVIDED = 3  # times as many modes has a finely divided appendage, per port,
 FINEST = 6  # but at most so many: chains of more are no better in large motion
 SHARE_OF_LIMIT = 0.7  # of RK4's stability limit: a step up to which no mode is slowed for it
+COARSE_SHARE = 0.98  # of that limit: of the longer step by which its error is judged
 MOST_STEPS = 400_000  # of one simulation
 MOST_HINGES = 6
 NOTHING = 1e-9  # rad and m: less elastic motion has no share to speak of
 TRIALS = 4  # of the largest slew that the step's error allows
 ASIDE = 0.95  # of the angle at which an error in proportion would meet the tolerance
 CLOSE = 0.8  # of the tolerance: from here on a trial is taken
-ORDER = 15.0  # by this much falls RK4's error with half the step, less 1
+ORDER = 4  # of RK4's error in the step
 
 
 @dataclass(frozen=True)
@@ -166,19 +168,28 @@ class _Model(NamedTuple):
     model: "mujoco.MjModel"
     joints: list[int]
     bodies: list[int]
-    limit: float  # of RK4 [s]
 
-    def under_rk4(self, timestep: float) -> "tuple[mujoco.MjModel, float]":
+    def under_rk4(self, timestep: float, share: float) -> "tuple[mujoco.MjModel, float]":
         """A copy to be run with RK4 at a step, modes too fast for it slowed, and the step; a
-        shorter one where nothing can be slowed."""
+        shorter one, a `share` of what is stable, where something else is too fast for it."""
         model = copy.copy(self.model)
-        stable = SHARE_OF_LIMIT * self.limit
-        if timestep > stable:
-            try:
-                retime(model, timestep, "RK4")
-            except InputError:
-                return model, stable
-        return model, timestep
+        stable = share * _rk4_limit(model)
+        if timestep <= stable:
+            return model, timestep
+        try:
+            retime(model, timestep, "RK4")
+        except InputError:  # nothing can be slowed
+            return model, stable
+        slowed = share * _rk4_limit(model)
+        if timestep <= slowed:
+            return model, timestep
+        retime(model, slowed, "RK4")
+        return model, slowed
+
+
+def _rk4_limit(model: "mujoco.MjModel") -> float:
+    """The largest stable step of RK4 [s]."""
+    return float(step_limits(linear_model(model)).largest_step["RK4"]) if model.nv else np.inf
 
 
 def slews(path: Path, model: "mujoco.MjModel", slowest: float, say: Say = lambda _: None) -> Slews:
@@ -306,12 +317,17 @@ class _Scene:
         self.own = quiet_copy(model)
         self.has_tendons = bool(timing_marks(model))
         finer = 2.0 if self.integrator == "RK4" else 1.0  # it is no judge of itself
-        self.step = min(self.timestep / finer, period / FINE)
+        wanted = min(self.timestep / finer, period / FINE)
         fine = marked.with_specs({a.at: _divided(a) for a in marked.appendages})
         self.file = self._placed(marked, without_timing(model))
         self.fine = self._placed(fine, fine.compiled())
         rigid = marked.as_rigid()
         self.twin = self._placed(rigid, rigid.compiled())
+        models = (self.file, self.fine)
+        #: of RK4 [s]: stable, and a longer one by which its error is judged
+        self.step = min(placed.under_rk4(wanted, SHARE_OF_LIMIT)[1] for placed in models)
+        self.coarse = self.file.under_rk4(2.0 * self.step, COARSE_SHARE)[1]
+        self.slowed_by = _rk4_words(self.file, wanted) if self.step < wanted else ""
         self.held = [
             j
             for j in range(self.bare.njnt)
@@ -339,9 +355,7 @@ class _Scene:
                 f"the file has {len(elements['jnt'])} joints that are no appendage's, by its marks "
                 f"{self.bare.njnt}."
             )
-        quiet = quiet_copy(model)
-        limit = step_limits(linear_model(quiet)).largest_step["RK4"] if model.nv else np.inf
-        return _Model(quiet, elements["jnt"], elements["body"], float(limit))
+        return _Model(quiet_copy(model), elements["jnt"], elements["body"])
 
     def _seen_bodies(self, marked: Marked) -> list[int]:
         """Numbers of the bare craft's bodies that are looked at, the base first: what is carried,
@@ -356,8 +370,11 @@ class _Scene:
     def slew(self, joint: int, name: str, turn: Turn) -> SlewRow:
         """One slew in all models."""
         trial = self._trial(joint, turn)
-        fine = self._run(self.fine, joint, trial.drive, self.period / FINE, "RK4")
-        coarse = self._run(self.file, joint, trial.drive, 2.0 * self.step, "RK4")
+        divided = max(self.step, self.period / FINE)
+        fine = self._run(self.fine, joint, trial.drive, divided, "RK4")
+        coarse = self._run(self.file, joint, trial.drive, self.coarse, "RK4")
+        parts_of_sample = [_parts(trial.drive.spacing, h) for h in (self.step, self.coarse)]
+        longer = parts_of_sample[0] / parts_of_sample[1]
         parts = (
             _apart(trial.file, trial.twin),
             _apart(trial.file, fine),
@@ -382,7 +399,7 @@ class _Scene:
             momentum_rk4=_drift(trial.file) if is_free else None,
             energy=_largest(trial.own.energy - trial.file.energy) / _largest(trial.file.energy),
             step_rk4=self.step,
-            error_rk4=float(np.max(_apart(coarse, trial.file)[0])) / ORDER,
+            error_rk4=float(np.max(_apart(coarse, trial.file)[0])) / (longer**ORDER - 1.0),
         )
 
     def with_largest(self, joint: int, rows: list[SlewRow]) -> list[SlewRow]:
@@ -442,12 +459,13 @@ class _Scene:
         is_own = placed.model is self.own
         model = copy.copy(placed.model)
         if not is_own:
-            model, step = placed.under_rk4(drive.spacing / _parts(drive.spacing, step))
+            share = SHARE_OF_LIMIT if step <= self.step else COARSE_SHARE
+            model, step = placed.under_rk4(drive.spacing / _parts(drive.spacing, step), share)
         per_sample = _parts(drive.spacing, step)
         if (drive.samples - 1) * per_sample > MOST_STEPS:
             raise EngineError(
                 f"a slew of {drive.turn.duration:.4g} s takes more than {MOST_STEPS} steps of "
-                f"{step:.3g} s; it was not simulated."
+                f"{step:.3g} s{self.slowed_by}; it was not simulated."
             )
         states = run(
             model,
@@ -475,6 +493,15 @@ class _Trial(NamedTuple):
     twin: Seen
     file: Seen
     own: Seen
+
+
+def _rk4_words(placed: _Model, timestep: float) -> str:
+    """What keeps RK4 from a step [s] at which no mode of an appendage does."""
+    model, _ = placed.under_rk4(timestep, SHARE_OF_LIMIT)
+    model.opt.integrator, model.opt.timestep = INTEGRATORS["RK4"], timestep
+    found = culprit(model, np.array(model.qpos0))
+    by = f"the kv of {found.words}" if found.damps and found.kind == "servo" else found.words
+    return f" (RK4 is stable up to {_rk4_limit(model):.2g} s: {by})"
 
 
 def _parts(whole: float, step: float) -> int:

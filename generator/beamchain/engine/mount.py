@@ -19,12 +19,18 @@ RANK = 1e-9  # relative singular value below which a motion of the port is held
 
 
 class Carrier(NamedTuple):
-    """A joint between port and world; `own`: it carries the whole spacecraft."""
+    """A joint between port and world; `own`: it carries the whole spacecraft; `holder`: "spring"
+    or "servo", empty where it is loose."""
 
     name: str
     kind: str
     own: bool
-    sprung: bool
+    holder: str
+
+    @property
+    def sprung(self) -> bool:
+        """Whether a spring or a position servo holds it."""
+        return bool(self.holder)
 
     @property
     def words(self) -> str:
@@ -132,19 +138,21 @@ def _carriers(model: "mujoco.MjModel", top: int) -> tuple[Carrier, ...]:
         first = int(model.body_jntadr[top])
         for j in range(first, first + int(model.body_jntnum[top])):
             name = model.joint(j).name or f"joint {j}"
-            out.append(Carrier(name, JOINT_KINDS[int(model.jnt_type[j])], parent == 0, j in held))
+            out.append(
+                Carrier(name, JOINT_KINDS[int(model.jnt_type[j])], parent == 0, held.get(j, ""))
+            )
         top = parent
     return tuple(out)
 
 
-def held_joints(model: "mujoco.MjModel") -> set[int]:
-    """Joints that a spring or a position servo holds."""
+def held_joints(model: "mujoco.MjModel") -> dict[int, str]:
+    """Joints that a "servo" or a "spring" holds."""
     servos = (model.actuator_trntype == int(mujoco.mjtTrn.mjTRN_JOINT)) & (
         model.actuator_biasprm[:, 1] < 0.0
     )
     return {
-        *np.flatnonzero(model.jnt_stiffness > 0.0).tolist(),
-        *model.actuator_trnid[servos, 0].tolist(),
+        **dict.fromkeys(model.actuator_trnid[servos, 0].tolist(), "servo"),
+        **dict.fromkeys(np.flatnonzero(model.jnt_stiffness > 0.0).tolist(), "spring"),
     }
 
 

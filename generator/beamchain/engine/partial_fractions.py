@@ -11,6 +11,7 @@ which is first order in `(W^-1 x, mu x)` with the matrix `[[0, W^-1], [-W^-1, -C
 """
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,12 +74,19 @@ def _fractions(linear: Linear) -> Accelerance | None:
     read = (seen[:, moving] - seen[:, still] @ by_moving) @ shapes @ vectors[moving.size :]
     products = read.T[:, :, None] * given[:, None, :]
 
-    def accelerance(omega: Array) -> NDArray[np.complex128]:
-        s = 1j * np.asarray(omega, dtype=np.float64)
-        weight = s[:, None] ** 2 / (1.0 - s[:, None] * poles)
-        size = products.shape[1:]
-        table = products.reshape(poles.size, size[0] * size[1])  # a rigid craft has no poles
-        elastic = (weight @ table).reshape(s.size, *size)
-        return np.moveaxis(constant + elastic, 0, -1)
+    return partial(_accelerance, poles, products, constant)
 
-    return accelerance
+
+def _accelerance(
+    poles: NDArray[np.complex128],
+    products: NDArray[np.complex128],
+    constant: Array,
+    omega: Array,
+) -> NDArray[np.complex128]:
+    """The sum at frequencies `(k,)` [rad/s]."""
+    s = 1j * np.asarray(omega, dtype=np.float64)
+    weight = s[:, None] ** 2 / (1.0 - s[:, None] * poles)
+    size = products.shape[1:]
+    table = products.reshape(poles.size, size[0] * size[1])  # a rigid craft has no poles
+    elastic = (weight @ table).reshape(s.size, *size)
+    return np.moveaxis(constant + elastic, 0, -1)

@@ -28,6 +28,7 @@ from beamchain.fitting.uncertain import Uncertain
 from beamchain.ports.model import PortModel
 from beamchain.structure.beam import Beam
 from beamchain.structure.readers.imported import Imported
+from beamchain.structure.section import SOFT, soft_modulus
 from beamchain.structure.segment import Joint, Lump, Segment, check_carried_body, expand_repeats
 from beamchain.structure.slosh import Slosh
 
@@ -131,6 +132,7 @@ class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
                 "remove [modes]."
             )
         self._check_points()
+        self._check_stiff()
 
     def replace(self, **changes: Any) -> "Spec":
         """A copy of the specification with some values replaced.
@@ -173,6 +175,18 @@ class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             step = number("timestep", given.pop("timestep"), "s")
             given["fit"] = msgspec.structs.replace(options, timestep=step)
         return msgspec.structs.replace(self, **given) if given else self
+
+    def _check_stiff(self) -> None:
+        """A modulus that is a slip of units puts hundreds of modes into a band."""
+        for i, segment in enumerate(self.segment):
+            material = segment.material
+            chosen = self.chooses and self.modes is None
+            if chosen and material is not None and material.youngs_modulus < SOFT:
+                raise InputError(
+                    f"segment[{i}].material: {soft_modulus(material.youngs_modulus)}. For a "
+                    "material as soft as that, type the number of modes ([modes] xy = 2) in place "
+                    "of scene.bandwidth."
+                )
 
     def _check_points(self) -> None:
         """Check that cuts, ports and sensors are on the appendage."""

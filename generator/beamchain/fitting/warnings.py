@@ -14,10 +14,9 @@ from beamchain.ports.model import PortModel
 from beamchain.steps.integrators import apparent_pole, step_pole
 from beamchain.steps.limits import StepChoice, StepLimits
 from beamchain.structure.modal_data import ModalData
-from beamchain.structure.section import Custom, Equivalent
+from beamchain.structure.section import SOFT, Custom, Equivalent, soft_modulus
 from beamchain.structure.segment import Segment
 
-SOFT = 1e6  # N/m^2: rubber has more
 LIGHT = 5.0  # kg/m^3: a foam has more
 # of the appendage's length: a section as wide, and wider than 1 m, is likelier one in mm
 HUGE = 0.25
@@ -166,10 +165,7 @@ def doubtful(
         where = f"segment[{i}]"
         material = segment.material
         if material is not None and (e := material.youngs_modulus) < SOFT:
-            out["soft-material"] = (
-                f"{where}: youngs_modulus = {e:g} N/m^2 is softer than rubber; if GPa were meant, "
-                f"write {e * 1e9:g}."
-            )
+            out["soft-material"] = f"{where}: {soft_modulus(e)}."
         if material is not None and (rho := material.density) < LIGHT:
             out["light-material"] = (
                 f"{where}: density = {rho:g} kg/m^3 is lighter than foam; if g/cm^3 were meant, "

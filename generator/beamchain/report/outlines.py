@@ -187,7 +187,7 @@ def _ribbon(model: "mujoco.MjModel", a: Appendage, stations: int) -> Ribbon:
     for port, coordinates in body.coordinates.items():
         own = np.einsum("im,nsm->sin", PORT_MOTION[port], body.ports[port].motion)
         motion = np.concatenate([motion, own], axis=2)
-        rows = np.vstack([rows, coordinates.amplitudes(np.eye(model.nq)).T])
+        rows = np.vstack([rows, coordinates.amplitudes(model, np.eye(model.nq)).T])
     finer: list[Array] = []
     moved: list[Array] = []
     pieces: list[tuple[int, int]] = []

@@ -16,6 +16,9 @@ from beamchain.ports.motions import Array
 
 ZETA_5 = 1.03692775514337  # Riemann's zeta at 5
 
+SOFT = 1e6  #: modulus [N/m^2]: rubber has more
+IN_MEGA = 1e3  # a modulus from here on that is soft was meant in MPa, below in GPa
+
 
 class Material(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Isotropic linear elastic material.
@@ -70,6 +73,15 @@ class Material(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         if self.shear_modulus is not None:
             return self.shear_modulus
         return self.youngs_modulus / (2.0 * (1.0 + self.nu))
+
+
+def soft_modulus(modulus: float) -> str:
+    """What is odd about a modulus below `SOFT`, and what was probably meant."""
+    unit, factor = ("MPa", 1e6) if modulus >= IN_MEGA else ("GPa", 1e9)
+    return (
+        f"youngs_modulus = {modulus:g} N/m^2 is softer than rubber; if {unit} were meant, write "
+        f"{modulus * factor:g}"
+    )
 
 
 class Geometry(NamedTuple):
