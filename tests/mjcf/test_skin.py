@@ -452,16 +452,18 @@ data = mujoco.MjData(model)
 camera = mujoco.MjvCamera()
 camera.lookat[:] = given["lookat"]
 camera.distance, camera.azimuth, camera.elevation = given["distance"], 90.0, -90.0
+option = mujoco.MjvOption()
+option.sitegroup[:] = 0
 renderer = mujoco.Renderer(model, 480, 640)
 out = []
 for positions in given["positions"]:
     data.qpos[:] = positions
     mujoco.mj_forward(model, data)
-    renderer.update_scene(data, camera)
+    renderer.update_scene(data, camera, option)
     picture = renderer.render().astype(int)
-    lit = picture.max(axis=-1) > 60  # against a black background
+    lit = picture.max(axis=-1) > 20  # against a black background
     last = np.flatnonzero(lit.any(axis=0))[-1]
-    rows = np.flatnonzero(lit[:, last - 2 : last + 1].any(axis=1))
+    rows = np.flatnonzero(lit[:, last - 6 : last + 1].any(axis=1))
     out.append([[int(rows.min()), int(rows.max())], renderer.scene.skinvert.ravel().tolist()])
 json.dump(out, sys.stdout)
 renderer.close()

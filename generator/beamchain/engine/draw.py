@@ -51,8 +51,8 @@ def stage(source: str | Path) -> "mujoco.MjModel":
     if not spec.lights:
         sun = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
         spec.worldbody.add_light(type=sun, dir=(-0.3, 0.4, -1.0), diffuse=(0.6, 0.6, 0.6))
-        lamp = spec.visual.headlight
-        lamp.ambient, lamp.diffuse = (0.35, 0.35, 0.38), (0.5, 0.5, 0.5)
+    lamp = spec.visual.headlight
+    lamp.ambient, lamp.diffuse = np.maximum(lamp.ambient, 0.35), np.maximum(lamp.diffuse, 0.5)
     return spec.compile()
 
 
