@@ -32,7 +32,9 @@ def beamchain(line: str, folder: Path) -> None:
     words = [*shlex.split(line), "--quiet"]
     if words[1] == "render":
         words.append("--no-mp4")  # no page shows one
-    subprocess.run([sys.executable, "-m", *words], cwd=folder, check=True)
+    done = subprocess.run([sys.executable, "-m", *words], cwd=folder, check=False)
+    if done.returncode not in (0, 3):  # 3: less came out than was asked for
+        raise SystemExit(f"{line} ended with status {done.returncode}")
 
 
 def run_page(page: str, folder: Path, then: str = "") -> None:

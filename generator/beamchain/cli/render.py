@@ -303,14 +303,15 @@ def _modes(
     sentences: list[str] = []
     facts: list[dict[str, Any]] = []
     for k, mode in enumerate(moving_modes(model, count, CYCLE, exaggerate), 1):
-        text = f"mode {k}, {mode.name}: {mode.omega:.4g} rad/s, {mode.omega / math.tau:.4g} Hz"
+        text = f"mode {k}, {mode.name}: "
+        hz = f"{mode.omega / math.tau:.4g} Hz"
         period = math.tau / mode.omega
         note = f"{_rate(period * (CYCLE - 1) / CYCLE, CYCLE)}, moves {mode.swing:.2g} m at most"
         rest = mode.rest[None].repeat(CYCLE, 0)
-        texts = [f"{text}   {note}"] * CYCLE
+        texts = [f"{text}{hz}   {note}"] * CYCLE
         film = _film(model, mode.body, mode.positions, rest, texts, look, CYCLE // 4)
         films[f"{name}_mode{k}"] = film
-        sentences.append(f"{text}; {note}")
+        sentences.append(f"{text}{mode.omega:.4g} rad/s, {hz}; {note}")
         facts.append(
             {
                 "name": mode.name,

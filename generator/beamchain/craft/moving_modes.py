@@ -7,11 +7,12 @@ import numpy as np
 
 from beamchain.craft.linear_craft import linear_craft
 from beamchain.engine.library import mujoco
-from beamchain.engine.reach import moved, reach, spacecraft_body
+from beamchain.engine.reach import moved, reach, spacecraft_body, turn
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array, locked
 
 SWING = 0.05  # of the size that MuJoCo gives the spacecraft: the largest displacement shown
+MOST_TURNED = 0.4  # rad of a link, beyond which a mode's shape would not be that of small motion
 
 
 class MovingMode(NamedTuple):
@@ -47,8 +48,8 @@ def moving_modes(
     out: list[MovingMode] = []
     for k in range(count):
         shape = modes.shapes[:, k]
-        most = exaggerate * SWING * float(model.stat.extent)
-        size = most / reach(model, rest, shape)
+        moves, turns = reach(model, rest, shape), turn(model, rest, shape)
+        size = exaggerate * min(SWING * float(model.stat.extent) / moves, MOST_TURNED / turns)
         positions = np.array([moved(model, rest, size * s * shape) for s in swing])
         out.append(
             MovingMode(
@@ -57,7 +58,7 @@ def moving_modes(
                 locked(positions),
                 locked(rest),
                 body,
-                most,
+                size * moves,
             )
         )
     return out

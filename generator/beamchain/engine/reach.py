@@ -1,5 +1,7 @@
 """How far joints move what is seen of a model, and which body is its spacecraft."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from beamchain.engine.drawn import drawn_points
@@ -18,17 +20,37 @@ def moved(model: "mujoco.MjModel", rest: Array, motion: Array) -> Array:
 
 def reach(model: "mujoco.MjModel", rest: Array, motion: Array) -> float:
     """The largest displacement of what is drawn, a site or a body per unit of a motion [m]."""
+    return _largest(model, rest, motion, _places)
+
+
+def turn(model: "mujoco.MjModel", rest: Array, motion: Array) -> float:
+    """The largest rotation of a body per unit of a motion [rad]."""
+    # of axes that turn by a small angle, |R - 1| = sqrt(2) times the angle
+    return _largest(model, rest, motion, lambda _, data: data.xmat) / np.sqrt(2.0)
+
+
+def _places(model: "mujoco.MjModel", data: "mujoco.MjData") -> Array:
+    return np.vstack([data.xipos, data.site_xpos, drawn_points(model, data)])
+
+
+def _largest(
+    model: "mujoco.MjModel",
+    rest: Array,
+    motion: Array,
+    rows: Callable[["mujoco.MjModel", "mujoco.MjData"], Array],
+) -> float:
+    """The largest change of a row per unit of a motion."""
     largest = float(np.abs(motion).max(initial=0.0))
     if largest == 0.0:
         return 0.0
     data = mujoco.MjData(model)
     small = SMALL / largest
-    places: list[Array] = []
+    found: list[Array] = []
     for sign in (1.0, -1.0):
         data.qpos[:] = moved(model, rest, sign * small * motion)
         mujoco.mj_kinematics(model, data)
-        places.append(np.vstack([data.xipos, data.site_xpos, drawn_points(model, data)]))
-    return float(np.linalg.norm(places[0] - places[1], axis=1).max()) / (2.0 * small)
+        found.append(np.array(rows(model, data)))
+    return float(np.linalg.norm(found[0] - found[1], axis=1).max()) / (2.0 * small)
 
 
 def spacecraft_body(model: "mujoco.MjModel") -> str:

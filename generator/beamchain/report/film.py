@@ -97,10 +97,13 @@ def _ffmpeg() -> str | None:
 
 
 def write_text(frame: Frame, text: str) -> Frame:
-    """The frame with a line of text at its lower left."""
+    """The frame with a line of text at its lower left, small enough to be read to its end."""
     picture = Image.fromarray(frame)
     size = max(frame.shape[0] // 24, 14)
     font: Any = ImageFont.load_default(size)
+    room = frame.shape[1] - 1.6 * size
+    if (length := font.getlength(text)) > room:
+        font = ImageFont.load_default(size * room / length)
     ImageDraw.Draw(picture).text(
         (size * 0.8, frame.shape[0] - size * 1.9), text, fill=(205, 212, 224), font=font
     )
