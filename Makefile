@@ -16,7 +16,8 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 WORKERS ?= 2
-PYTEST := pytest --timeout 900 -n $(WORKERS)
+# a worker begins with tests that stand together, whose fixtures it makes once, and takes over others' at the end
+PYTEST := pytest --timeout 900 -n $(WORKERS) --dist worksteal
 
 .PHONY: demo test quick test-full hosts bench bench-peers notebooks docs docs-pictures wheel wheel-test wheel-newest lint clean fuzz extremes
 
@@ -34,7 +35,10 @@ lint: $(VENV)/.installed
 	$(BIN)/ruff format --check
 	$(BIN)/basedpyright
 
-test: lint quick
+# the type checker, which has one thread, beside the tests; what each says stays together, and either failing fails both
+test: $(VENV)/.installed
+	@echo "lint and tests run side by side; what each says is shown when it ends"
+	@$(MAKE) --jobs 2 --output-sync=recurse --no-print-directory lint quick
 
 quick: $(VENV)/.installed
 	$(BIN)/$(PYTEST) -m "not slow and not host"
