@@ -52,7 +52,8 @@ def stage(source: str | Path) -> "mujoco.MjModel":
         sun = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
         spec.worldbody.add_light(type=sun, dir=(-0.3, 0.4, -1.0), diffuse=(0.6, 0.6, 0.6))
     lamp = spec.visual.headlight
-    lamp.ambient, lamp.diffuse = np.maximum(lamp.ambient, 0.35), np.maximum(lamp.diffuse, 0.5)
+    lamp.ambient = np.maximum(lamp.ambient, (0.35, 0.35, 0.38))
+    lamp.diffuse = np.maximum(lamp.diffuse, 0.5)
     return spec.compile()
 
 
@@ -122,7 +123,9 @@ def _camera(
 ) -> tuple[Any, float]:
     """The camera that sees all `points` `(n, 3)` of a spacecraft whose body is at `place` `(3,)`,
     and the width of what it sees [m]."""
-    out = points.mean(axis=0) - place
+    flat = (points - place)[:, :2]
+    out = np.linalg.eigh(flat.T @ flat)[1][:, -1]  # the direction of arrays on both sides too
+    out = out if out @ flat.mean(axis=0) >= 0.0 else -out
     camera: Any = mujoco.MjvCamera()
     camera.azimuth = float(np.degrees(np.arctan2(out[1], out[0]))) + AZIMUTH
     camera.elevation = ELEVATION
