@@ -111,7 +111,8 @@ def time_notes(
         return [Caution("exact-in-time", text)]
     text = (
         f"the appendages have timing for {step} ({reason}), which does not keep every pole: "
-        f"{with_timing.words}; without timing {without_timing.words}; {mean} {time_cure(name)}"
+        f"{with_timing.words}; without timing {without_timing.words}; {mean} "
+        f"{time_cure(with_timing)}"
     )
     return [Caution("time-error", text)]
 
