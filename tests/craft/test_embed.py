@@ -620,13 +620,13 @@ class TestCommand:
         assert not out.exists()
 
 
-def slender(length, **more):
-    segment = bc.Segment(
-        length=length,
-        section=bc.Tube(outer_diameter=0.1, wall=0.003),
-        material=bc.Material(youngs_modulus=7e10, density=2700.0),
+def slender(length, port=""):
+    return (
+        f"[[segment]]\nlength = {length}\n"
+        "section = { shape = 'tube', outer_diameter = 0.1, wall = 0.003 }\n"
+        "material = { youngs_modulus = 7e10, density = 2700.0 }\n"
+        f"[modes]\nxy = 1\nxz = 1\n{port}"
     )
-    return bc.Spec(segment=(segment,), modes=bc.Modes(xy=1, xz=1), **more)
 
 
 HAND = """<mujoco><option gravity="0 0 0"/><worldbody><body name="bus"><freejoint/>
@@ -646,22 +646,26 @@ HAND = """<mujoco><option gravity="0 0 0"/><worldbody><body name="bus"><freejoin
         (4.0, 4.0, (), "", ""),
     ],
 )
-def test_a_body_that_does_not_hang_where_it_stands_is_named(length, x, carries, code, words):
+def test_a_body_that_does_not_hang_where_it_stands_is_named(
+    length, x, carries, code, words, tmp_path
+):
     """Forgotten `carries`, and a length that ends before the body; brackets are left alone."""
-    spec = slender(length, port=(bc.FurtherPoint(name="end", x=x, carries=carries),))
-    made = bc.embed(HAND, {"mount": spec}, retime=False)
+    port = f"[[port]]\nname = 'end'\nx = {x}\ncarries = {list(carries)}\n"
+    (tmp_path / "spec.toml").write_text(slender(length, port))
+    made = bc.embed(HAND, {"mount": tmp_path / "spec.toml"}, retime=False)
     said = [w for w in made.warnings if w.code in ("not-carried", "carried-apart")]
     assert [w.code for w in said] == ([code] if code else [])
     assert all(words in w for w in said)
 
 
-def test_joints_behind_are_named_together_with_what_holds_them():
+def test_joints_behind_are_named_together_with_what_holds_them(tmp_path):
     text = HAND.replace('<joint axis="0 0 1"/>', '<joint name="free_one" axis="0 0 1"/>').replace(
         "</body></body></worldbody>",
         '<body name="next" pos="0.1 0 0"><joint name="driven" axis="0 1 0"/>'
         '<inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/><site name="far"/></body>'
         '</body></body></worldbody><actuator><position joint="driven" kp="1e4"/></actuator>',
     )
-    made = bc.embed(text, {"far": slender(3.0)}, retime=False)
+    (tmp_path / "spec.toml").write_text(slender(3.0))
+    made = bc.embed(text, {"far": tmp_path / "spec.toml"}, retime=False)
     [said] = [w for w in made.warnings if w.code == "joints-behind"]
     assert "driven as locked, since its servo holds it; free_one as free" in said

@@ -170,3 +170,27 @@ def test_a_sampled_plant_names_the_servo_that_is_unstable():
     assert plant.time_error.step == step
     assert plant.sampled_error > 0.0
     assert bc.plant(made, ["torque:bus"], ["attitude"]).time_error is None
+
+
+@pytest.mark.parametrize("damper", ['damping="400"', ""])
+def test_a_pole_that_a_drive_damps_is_named_and_euler_is_not_advised(damper):
+    """Its error is that of the drive's damper, taken at the end of the step: no timing of the
+    appendage mends it, and with kv in place of damping Euler would be unstable."""
+    servo = "" if damper else ' kv="400"'
+    text = (
+        '<mujoco><option gravity="0 0 0" timestep="0.005" integrator="implicitfast"/><worldbody>'
+        '<body name="bus"><freejoint/><inertial pos="0 0 0" mass="200" diaginertia="60 80 100"/>'
+        '<body name="drum" pos="0.5 0 0">'
+        f'<joint name="drive" axis="0 0 1" {damper}/>'
+        '<inertial pos="0 0 0" mass="1" diaginertia="0.02 0.02 0.02"/><site name="a"/></body>'
+        '</body></worldbody><actuator><position joint="drive" kp="500"'
+        f"{servo}/></actuator></mujoco>"
+    )
+    made = bc.embed(text, {"a": boom("boom", 0.01)}, retime=True)
+    (said,) = [w for w in made.warnings if w.code == "time-error"]
+    assert "damped by 'drive'" in said
+    assert "joint 'drive' damps it" in said
+    assert "Euler" not in said
+    assert made.time_error.damped_by == "drive"
+    (slowed,) = bc.retime(made.model, 0.1, "implicitfast").slowed
+    assert "joint 'drive' damps it" in slowed

@@ -180,11 +180,11 @@ class _Model(NamedTuple):
             retime(model, timestep, "RK4")
         except InputError:  # nothing can be slowed
             return model, stable
-        slowed = share * _rk4_limit(model)
-        if timestep <= slowed:
+        limit = _rk4_limit(model)  # of modes that are slowed: 1.4 steps
+        if timestep <= COARSE_SHARE * limit:
             return model, timestep
-        retime(model, slowed, "RK4")
-        return model, slowed
+        retime(model, share * limit, "RK4")
+        return model, share * limit
 
 
 def _rk4_limit(model: "mujoco.MjModel") -> float:

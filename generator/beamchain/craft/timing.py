@@ -114,7 +114,7 @@ def time_notes(
             f"{with_timing.error:.1e}); {mean}"
         )
         return [Caution("exact-in-time", text)]
-    cure = time_cure(name)
+    cure = time_cure(with_timing)
     text = (
         f"{cure[0].lower()}{cure[1:]} The appendages have timing for {step} ({reason}), which does "
         "not keep every pole. Worst of those up to the highest mode kept, with timing: "

@@ -5,12 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from beamchain.engine.forces import along
 from beamchain.engine.library import mujoco
-from beamchain.engine.linearise import NUMBERS
 from beamchain.ports.motions import Array
-from beamchain.steps.integrators import SCHEMES
-from beamchain.steps.modal import modal_tendons
+from beamchain.steps.elements import Element, elements
 from beamchain.steps.step_map import motion_at
 
 SAFE = 0.9  # of a largest stable step
@@ -53,14 +50,14 @@ def culprit(model: "mujoco.MjModel", qpos: Array) -> Culprit:
     found = [
         (
             element.stiffness * np.abs(element.row @ shape) ** 2,
-            h * element.damping * np.abs(element.row @ rate) ** 2,
+            h * element.explicit * element.damping * np.abs(element.row @ rate) ** 2,
             element,
         )
-        for element in _elements(model, qpos)
+        for element in elements(model, qpos)
     ]
     total = max(sum(spring + damper for spring, damper, _ in found), 1e-300)
-    nothing = _Element(
-        np.zeros(model.nv), 0.0, 0.0, "of the spacecraft", "spring", "the spacecraft"
+    nothing = Element(
+        np.zeros(model.nv), 0.0, 0.0, 0.0, "of the spacecraft", "spring", "the spacecraft"
     )
     spring, damper, element = max(
         found, key=lambda part: part[0] + part[1], default=(0.0, 0.0, nothing)
@@ -104,66 +101,3 @@ def _inertia(model: "mujoco.MjModel", dof: int, value: float) -> str:
     """An inertia that a degree of freedom moves, in words."""
     kind = int(model.jnt_type[int(model.dof_jntid[dof])])
     return f"{value:.3g} {'kg' if kind == int(mujoco.mjtJoint.mjJNT_SLIDE) else 'kg m^2'}"
-
-
-class _Element(NamedTuple):
-    """What holds or damps: row `(nv,)`, stiffness, the damping that acts at the start of a step,
-    name, kind and words."""
-
-    row: Array
-    stiffness: float
-    damping: float
-    name: str
-    kind: str
-    words: str
-
-
-def _elements(model: "mujoco.MjModel", qpos: Array) -> list[_Element]:
-    """Everything that holds or damps."""
-    out: list[_Element] = []
-    data = mujoco.MjData(model)
-    data.qpos[:] = qpos
-    mujoco.mj_forward(model, data)
-    integrator = NUMBERS[int(model.opt.integrator)]
-    at_start = 0.0 if SCHEMES[integrator].implicit_damping else 1.0
-    off = int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
-    of_joints = at_start if integrator != "Euler" or off else 0.0
-    for j in range(model.njnt):
-        dof = int(model.jnt_dofadr[j])
-        joint = str(model.joint(j).name) or f"joint {j}"
-        stiffness = float(model.jnt_stiffness[j])
-        damping = float(model.dof_damping[dof])
-        if int(model.jnt_type[j]) > 1 and (stiffness > 0.0 or damping > 0.0):
-            row = np.eye(model.nv)[dof]
-            words = f"the {'spring' if stiffness > 0.0 else 'damping'} of joint {joint!r}"
-            out.append(_Element(row, stiffness, of_joints * damping, joint, "spring", words))
-    modal = set(modal_tendons(model).index.tolist())
-    for i in range(model.ntendon):
-        name = str(model.tendon(i).name)
-        kind = "appendage" if i in modal else "spring"
-        words = f"the modal tendon {name!r}" if i in modal else f"the spring of tendon {name!r}"
-        stiffness = float(model.tendon_stiffness[i])
-        damping = at_start * float(model.tendon_damping[i])
-        out.append(_Element(along(model, i), stiffness, damping, name, kind, words))
-    moment = _moments(model, data)
-    for i in range(model.nu):
-        kp, kv = -float(model.actuator_biasprm[i, 1]), -float(model.actuator_biasprm[i, 2])
-        if kp > 0.0 or kv > 0.0:
-            servo = str(model.actuator(i).name) or f"actuator {i}"
-            held = int(model.actuator_trnid[i, 0])
-            on_joint = int(model.actuator_trntype[i]) == int(mujoco.mjtTrn.mjTRN_JOINT)
-            joint = (str(model.joint(held).name) or servo) if on_joint else servo
-            words = f"the servo {servo!r}" + (f" of joint {joint!r}" if on_joint else "")
-            damping = at_start * max(kv, 0.0)
-            out.append(_Element(moment[i], max(kp, 0.0), damping, joint, "servo", words))
-    return out
-
-
-def _moments(model: "mujoco.MjModel", data: "mujoco.MjData") -> Array:
-    """`(nu, nv)` of actuators."""
-    out = np.zeros((model.nu, model.nv))
-    if model.nu:
-        mujoco.mju_sparse2dense(
-            out, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind
-        )
-    return out

@@ -41,7 +41,7 @@ from beamchain.steps.modal import (
     foreign,
     modal_tendons,
 )
-from beamchain.steps.step_map import GROWN, TimeError, motion_for, time_error, wrong_from
+from beamchain.steps.step_map import GROWN, TimeError, lowest_wrong, motion_for, time_error
 from beamchain.steps.tree_time import appendages_alone, tree_form, tuned_poses, turned_poses
 
 UNIT_MASS = 1e-4  # by which the modal mass of a tendon of ours may miss 1
@@ -103,14 +103,18 @@ class Retimed:
         slow = [mode for mode in self.modes if mode.slowed]
         if not slow or self.model is None:
             return []
-        first = wrong_from(self.model, _without_timing(self.model), self.qpos)
-        felt = (
-            "no pole of the spacecraft is off by more than 1e-3"
-            if first == float("inf")
-            else f"from {first:.4g} rad/s on (a coupled frequency, read back) a pole of the "
-            "spacecraft is off by more than 1e-3, and what it does there and above is not "
-            "right"
-        )
+        first = lowest_wrong(self.model, _without_timing(self.model), self.qpos)
+        felt = "no pole of the spacecraft is off by more than 1e-3"
+        if first is not None:
+            felt = (
+                f"from {first.frequency:.4g} rad/s on (a coupled frequency, read back) a pole of "
+                f"the spacecraft is off by more than 1e-3, that one by {first.error:.2g} of |z - 1|"
+            )
+        if first is not None and first.damped_by:
+            felt += (
+                f" (joint {first.damped_by!r} damps it, whose damper or servo has the step's own "
+                "error)"
+            )
         text = (
             f"{len(slow)} of {len(self.modes)} appendage modes are too fast for {self.integrator} "
             f"at {self.timestep:g} s on this spacecraft and were slowed; {felt}. Take a shorter "
@@ -307,16 +311,21 @@ def time_sentence(off: TimeError) -> str:
     and the cure."""
     return (
         f"{off.integrator} at {off.step:g} s does not keep every pole of this spacecraft: "
-        f"{off.words}. {time_cure(off.integrator)}"
+        f"{off.words}. {time_cure(off)}"
     )
 
 
-def time_cure(integrator: str) -> str:
+def time_cure(off: TimeError) -> str:
     """What helps where poles are off."""
-    if integrator in ("implicit", "implicitfast"):
+    if off.damped_by:
         return (
-            f"Take Euler, or a shorter step: {integrator} cannot give modes with a damping ratio "
-            "above omega h/12 their own pole; Euler can."
+            f"Take a shorter step where that matters: joint {off.damped_by!r} damps it, and no "
+            "timing of appendages mends the error that its damper or servo has at the step."
+        )
+    if off.integrator in ("implicit", "implicitfast"):
+        return (
+            f"Take Euler, or a shorter step: {off.integrator} cannot give modes with a damping "
+            "ratio above omega h/12 their own pole; Euler can."
         )
     return "Take a shorter step where that matters."
 

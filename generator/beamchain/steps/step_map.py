@@ -22,6 +22,7 @@ from beamchain.engine.linear import STENCIL, linear_at
 from beamchain.engine.linearise import INTEGRATORS, NUMBERS
 from beamchain.engine.operating_point import rest_point, still_copy
 from beamchain.ports.motions import Array
+from beamchain.steps.elements import elements
 from beamchain.steps.integrators import PHASE, SCHEMES, Complex
 from beamchain.steps.modal import FILLER, modal_tendons
 
@@ -284,6 +285,8 @@ class TimeError:
         pose: "rest" or a keyframe.
         step: [s].
         integrator: MuJoCo's name.
+        damped_by: the joint of the spacecraft whose damper or servo takes most of the energy that
+            the pole loses; empty where the appendages do.
     """
 
     error: float
@@ -291,6 +294,7 @@ class TimeError:
     pose: str
     step: float
     integrator: str
+    damped_by: str = ""
 
     @property
     def exact(self) -> bool:
@@ -304,8 +308,9 @@ class TimeError:
             return "no pole lies in the band"
         pose = "the rest pose" if self.pose == "rest" else f"the pose {self.pose!r}"
         return (
-            f"the pole at {self.frequency:.4g} rad/s is off by {self.error:.2g} of |z - 1| in "
-            f"{pose}"
+            f"the pole at {self.frequency:.4g} rad/s"
+            f"{', damped by ' + repr(self.damped_by) + ',' if self.damped_by else ''} is off by "
+            f"{self.error:.2g} of |z - 1| in {pose}"
         )
 
     def as_dict(self) -> dict[str, Any]:
@@ -338,8 +343,56 @@ def time_error(
             continue
         k = int(inside[np.argmax(pairs.error[inside])])
         if float(pairs.error[k]) > worst.error:
-            worst = TimeError(float(pairs.error[k]), float(np.abs(pairs.wanted[k])), pose, h, name)
+            wanted = complex(pairs.wanted[k])
+            by = damped_by(plain, qpos, still, wanted)
+            worst = TimeError(float(pairs.error[k]), abs(wanted), pose, h, name, by)
     return worst
+
+
+def damped_by(model: "mujoco.MjModel", qpos: Array, motion: Motion, pole: complex) -> str:
+    """The joint whose damper or servo takes more than half of the energy that a pole [1/s] of the
+    continuous motion loses; empty where the appendages do, or nothing does."""
+    values, vectors = np.linalg.eig(motion.flow())
+    k = int(np.argmin(np.abs(values / motion.timestep - pole)))
+    rate = motion.shapes @ vectors[motion.squares.size :, k]
+    lost = [
+        (one.damping * np.abs(one.row @ rate) ** 2, "" if one.kind == "appendage" else one.name)
+        for one in elements(model, qpos)
+    ]
+    total = sum(power for power, _ in lost)
+    name = max(lost, default=(0.0, ""))[1]
+    return name if total > 0.0 and sum(p for p, n in lost if n == name) > MOSTLY * total else ""
+
+
+@dataclass(frozen=True)
+class WrongPole:
+    """A pole that a step has off by more than 1e-3.
+
+    Args:
+        frequency: its `|s|` [rad/s].
+        error: `|z - exp(s h)| / |exp(s h) - 1|`.
+        damped_by: as of `TimeError`.
+    """
+
+    frequency: float
+    error: float
+    damped_by: str
+
+
+def lowest_wrong(
+    model: "mujoco.MjModel", plain: "mujoco.MjModel", qpos: Array | None = None
+) -> WrongPole | None:
+    """The lowest coupled pole that the step has off by more than 1e-3; None without one."""
+    still = motion_at(at_step_of(plain, model), qpos)
+    pairs = pole_pairs(motion_at(model, qpos), still)
+    wrong = np.flatnonzero(pairs.error > WRONG)
+    if not wrong.size:
+        return None
+    k = int(wrong[np.argmin(np.abs(pairs.wanted[wrong]))])
+    pose = np.array(model.qpos0) if qpos is None else qpos
+    wanted = complex(pairs.wanted[k])
+    by = damped_by(plain, pose, still, wanted)
+    return WrongPole(abs(wanted), float(pairs.error[k]), by)
 
 
 def wrong_from(
@@ -347,8 +400,8 @@ def wrong_from(
 ) -> float:
     """The lowest coupled frequency whose pole the step has off by more than 1e-3 [rad/s];
     infinity without one."""
-    pairs = pole_pairs(motion_at(model, qpos), motion_at(at_step_of(plain, model), qpos))
-    return float(np.min(np.abs(pairs.wanted[pairs.error > WRONG]), initial=np.inf))
+    found = lowest_wrong(model, plain, qpos)
+    return np.inf if found is None else found.frequency
 
 
 def at_step_of(plain: "mujoco.MjModel", model: "mujoco.MjModel") -> "mujoco.MjModel":
