@@ -74,7 +74,7 @@ def _fractions(linear: Linear) -> Accelerance | None:
     read = (seen[:, moving] - seen[:, still] @ by_moving) @ shapes @ vectors[moving.size :]
     products = read.T[:, :, None] * given[:, None, :]
 
-    return partial(_accelerance, poles, products, constant)
+    return partial(_accelerance, poles, products.astype(np.complex128), constant)
 
 
 def _accelerance(
