@@ -128,7 +128,7 @@ def scene_replays(fit: "Fit") -> list[Replay]:
         return []
     scene = compile_model(fit.scene_mjcf())
     model = without_timing(scene)
-    place = mount(model, "mount", "site", "mount")
+    place = mount(model, "mount", "site", "mount", turn=fit.spec.turn)
     prefix = f"{fit.spec.name}_"
     appendage = Appendage("mount", prefix, mount=place, hub=fit.hub, spec=fit.spec, fit=fit)
     outlines = Outlines(model, [appendage])
