@@ -123,12 +123,13 @@ def craft_replays(embedded: "Embedded") -> list[Replay]:
 
 
 def scene_replays(fit: "Fit") -> list[Replay]:
-    """Of the modes of a fit's scene, the appendage on its hub, and of a turn of it."""
-    if not fit.chain.hinges:
+    """Of the modes of a fit's scene, the appendage on its hub, and of a turn of it; none of a
+    liquid, which hangs limp there."""
+    if not fit.chain.hinges or fit.chain.hung:
         return []
     scene = compile_model(fit.scene_mjcf())
     model = without_timing(scene)
-    place = mount(model, "mount", "site", "mount", turn=fit.spec.turn)
+    place = mount(model, "mount", "site", "mount")
     prefix = f"{fit.spec.name}_"
     appendage = Appendage("mount", prefix, mount=place, hub=fit.hub, spec=fit.spec, fit=fit)
     outlines = Outlines(model, [appendage])
