@@ -34,11 +34,12 @@ def craft(thrust=0.0, gravity="0 0 0", joint="<freejoint/>", axes=UP):
     return CRAFT.format(thrust=float(thrust), gravity=gravity, joint=joint, axes=axes)
 
 
-def tank(acceleration, modes=None, scene=""):
+def tank(acceleration, modes=None, scene="", axis=None):
+    along = "" if axis is None else f"axis = {axis!r}\n"
     many = "" if modes is None else f"modes = {modes}\n"
     return (
         f'name = "tank"\n[slosh]\nshape = "cylinder"\nradius = {RADIUS}\nheight = {HEIGHT}\n'
-        f"density = {DENSITY}\nratio = {RATIO}\nacceleration = {acceleration}\n{many}{scene}"
+        f"density = {DENSITY}\nratio = {RATIO}\nacceleration = {acceleration}\n{along}{many}{scene}"
     )
 
 
@@ -284,9 +285,177 @@ class TestSaid:
             bc.plant(result, ["torque:bus"], ["attitude"], "burn", discrete=0.02, loaded=True)
 
 
+#: The place by the axis that it gives the tank, for one and the same tank.
+PLACES = {
+    "x": UP,
+    "y": "-1 0 0 0 0 1",
+    "z": "0 1 0 -1 0 0",
+    "-x": "0 0 -1 0 -1 0",
+    "-y": "-1 0 0 0 0 -1",
+    "-z": "0 -1 0 -1 0 0",
+}
+ROUNDING = 1e-12  # relative
+SWUNG = 0.1  # rad
+BURN = 0.05 * (BUS + LIQUID)  # N
+
+
+class TestAxis:
+    """A tank whose axis is another one of its place's is the tank on a place that is turned."""
+
+    def spec(self, folder, axis, scene=""):
+        file = folder / f"{axis}.toml"
+        file.write_text(tank(0.05, axis=axis, scene=scene))
+        return file
+
+    def craft(self, axis):
+        return craft(BURN, axes=PLACES[axis])
+
+    def numbers(self, model):
+        """Of the pendulums swung aside: the mass matrix, the accelerations under thrust, and the
+        frequencies with all else held, in a field along the thrust's back."""
+        names = [model.joint(int(j)).name for j in model.dof_jntid]
+        inner = [i for i, name in enumerate(names) if name.startswith("tank_hinge")]
+        data = mujoco.MjData(model)
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+        data.qpos[[model.jnt_qposadr[model.dof_jntid[i]] for i in inner]] = [0.1, -0.2, 0.3, 0.15]
+        mujoco.mj_forward(model, data)
+        mass = np.zeros((model.nv, model.nv))
+        mujoco.mj_fullM(model, data, mass)
+        moved, at = np.array(data.qacc), np.array(data.xipos)
+        field = np.array(model.opt.gravity)
+        model.opt.gravity[:] = [0.0, 0.0, -0.05]
+        squares = []
+        for i in inner:
+            data.qpos[:] = model.qpos0
+            data.qpos[model.jnt_qposadr[model.dof_jntid[i]]] = SWUNG
+            data.qvel[:] = 0.0
+            mujoco.mj_forward(model, data)
+            own = np.zeros((model.nv, model.nv))
+            mujoco.mj_fullM(model, data, own)
+            squares.append(data.qfrc_bias[i] / np.sin(SWUNG) / own[i, i])
+        model.opt.gravity[:] = field
+        return mass, moved, at, np.sqrt(squares)
+
+    def assert_same(self, model, axis):
+        """As the tank on a place whose x is its axis; the flow has the frequencies too."""
+        del axis
+        found, wanted = self.numbers(model), self.numbers(self.plain)
+        for one, other in zip(found, wanted, strict=True):
+            assert np.max(np.abs(one - other)) < ROUNDING * np.max(np.abs(other))
+        kappa, _, _ = Flow(RADIUS, HEIGHT).modes(2)
+        assert found[-1] == pytest.approx(np.repeat(np.sqrt(0.05 * kappa), 2), rel=1e-9)
+
+    @pytest.fixture(autouse=True)
+    def along_x(self, tmp_path):
+        """The tank without the key, on a place whose x is its axis."""
+        self.along = bc.embed(
+            self.craft("x"), {"tank": self.spec(tmp_path, None)}, loaded=True, retime=False
+        )
+        self.plain = self.along.model
+
+    @pytest.mark.parametrize("form", ["inline", "attach"])
+    @pytest.mark.parametrize("axis", PLACES)
+    def test_embedded_in_a_file(self, tmp_path, axis, form):
+        at = {"tank": self.spec(tmp_path, axis)}
+        result = bc.embed(self.craft(axis), at, form=form, loaded=True, retime=False)
+        assert result.craft_error == pytest.approx(self.along.craft_error, rel=ROUNDING)
+        result.write(tmp_path / "flexible.xml")
+        self.assert_same(mujoco.MjModel.from_xml_path(str(tmp_path / "flexible.xml")), axis)
+        proof = bc.prove(tmp_path / "flexible.xml", loaded=True)
+        assert proof.craft_error == pytest.approx(self.along.craft_error, rel=ROUNDING)
+        plants = [
+            bc.plant(one, ["torque:bus"], ["attitude"], at="burn", loaded=True)
+            for one in (result, self.along)
+        ]
+        for response in ("__call__", "exact"):
+            one, other = (getattr(plant, response)(0.3j)[0, 0] for plant in plants)
+            assert one == pytest.approx(other, rel=SAME)
+
+    @pytest.mark.parametrize("axis", PLACES)
+    def test_attached_by_mujoco(self, tmp_path, axis):
+        """The file of the tank alone on a site, and in a frame of the file of the spacecraft."""
+        fit = bc.fit(self.spec(tmp_path, axis))
+        spec = mujoco.MjSpec.from_string(self.craft(axis))
+        fit.attach(spec, "tank")
+        # MuJoCo extends keyframes itself
+        self.assert_same(spec.compile(), axis)
+        (tmp_path / "appendage.xml").write_text(fit.to_mjcf().replace('"tank_', '"'))
+        model = f'<asset><model name="tank" file="{tmp_path}/appendage.xml"/></asset>'
+        frame = (
+            f'<frame pos="0 0 -0.4" xyaxes="{PLACES[axis]}">'
+            '<attach model="tank" body="link1" prefix="tank_"/></frame></body></worldbody>'
+        )
+        text = self.craft(axis).replace("</body></worldbody>", frame)
+        text = text.replace("<worldbody>", f"{model}<worldbody>")
+        self.assert_same(mujoco.MjModel.from_xml_string(text), axis)
+
+    def test_embedded_in_an_mjspec(self, tmp_path):
+        spec = mujoco.MjSpec.from_string(self.craft("z"))
+        bc.embed(spec, {"tank": self.spec(tmp_path, "z")}, retime=False)
+        self.assert_same(spec.compile(), "z")
+
+    def test_on_a_body(self, tmp_path):
+        """The axes of a body are those of the place."""
+        turned = f'<body name="bottom" pos="0 0 -0.4" xyaxes="{PLACES["-y"]}"/></body></worldbody>'
+        text = self.craft("x").replace("</body></worldbody>", turned)
+        at = {"body:bottom": self.spec(tmp_path, "-y")}
+        result = bc.embed(text, at, loaded=True, retime=False)
+        assert result.craft_error == pytest.approx(self.along.craft_error, rel=ROUNDING)
+        for one, other in zip(
+            self.numbers(result.model)[::3], self.numbers(self.plain)[::3], strict=True
+        ):
+            assert np.max(np.abs(one - other)) < ROUNDING * np.max(np.abs(other))
+
+    def test_scene_has_the_hub_in_axes_of_the_place(self, tmp_path):
+        hub = (
+            "[root]\nhub = { mass = 100.0, inertia = [10.0, 20.0, 25.0], products = "
+            "[1.0, 2.0, 3.0], offset = [0.3, 0.2, 0.1] }\n"
+        )
+        models = []
+        for axis in ("x", "z"):
+            scene = bc.fit(self.spec(tmp_path, axis, hub)).scene_mjcf()
+            models.append(mujoco.MjModel.from_xml_string(scene))
+        found = []
+        for model in models:
+            data = mujoco.MjData(model)
+            mujoco.mj_resetDataKeyframe(model, data, model.key("burn").id)
+            mujoco.mj_forward(model, data)
+            mass = np.zeros((model.nv, model.nv))
+            mujoco.mj_fullM(model, data, mass)
+            found.append((mass, np.array(data.qacc)))
+        turn = np.eye(models[0].nv)
+        turn[:3, :3] = turn[3:6, 3:6] = [[0, 1, 0], [0, 0, 1], [1, 0, 0]]  # x of the tank is z
+        (mass, moved), (own_mass, own_moved) = found
+        assert np.max(np.abs(own_mass - turn @ mass @ turn.T)) < ROUNDING * np.max(mass)
+        assert own_moved == pytest.approx(turn @ moved, abs=ROUNDING * np.max(np.abs(moved)))
+
+    def test_load_recovered_at_the_root_is_what_the_sensor_reads(self, tmp_path):
+        """`sensors.root_load` reads in the tank's axes: under thrust the liquid pushes along -x."""
+        at = {"tank": self.spec(tmp_path, "z", "[sensors]\nroot_load = true\n")}
+        model = bc.embed(self.craft("z"), at, retime=False).model
+        data = mujoco.MjData(model)
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+        mujoco.mj_forward(model, data)
+        force = data.sensor("tank_root_force").data
+        assert force == pytest.approx([-0.05 * LIQUID, 0.0, 0.0], rel=1e-9, abs=1e-9)
+
+    @pytest.mark.parametrize("form", ["inline", "attach"])
+    def test_commands(self, tmp_path, monkeypatch, form):
+        monkeypatch.chdir(tmp_path)
+        (tmp_path / "craft.xml").write_text(self.craft("z"))
+        before = (tmp_path / "craft.xml").read_bytes()
+        self.spec(tmp_path, "z")
+        at = ("--at", "tank=z.toml", "--form", form, "--loaded")
+        assert call("embed", "craft.xml", *at, "-o", "flexible.xml").status == 0
+        assert call("inspect", "flexible.xml", "--prove", "--loaded").status == 0
+        told = call("embed", "flexible.xml", "--remove", "tank", "-o", "back.xml")
+        assert told.status == 0, told.err
+        assert (tmp_path / "back.xml").read_bytes() == before
+
+
 def test_commands(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "craft.xml").write_text(craft((BUS + LIQUID) * 0.05))
+    (tmp_path / "craft.xml").write_text(craft((BUS + LIQUID) * 0.05, axes=PLACES["z"]))
     assert call("init", "tank").status == 0
     assert call("fit", "tank.toml", "-o", "out").status == 0
     at = ("--at", "tank=tank.toml")

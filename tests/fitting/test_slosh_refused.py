@@ -32,6 +32,11 @@ CHANGED = {
     "flat": ("height = 0.8", "height = 0.001", "0.002 times the radius"),
     "long": ("height = 0.8", "height = 80.0", "160 times the radius"),
     "unknown key": ("ratio = 0.01", "ratio = 0.01\nfill = 0.5", "unknown key 'fill'"),
+    "axis": (
+        "ratio = 0.01",
+        'ratio = 0.01\naxis = "up"',
+        "slosh.axis = 'up' is not allowed; choose one of x, y, z, -x, -y, -z",
+    ),
     "no pendulum": ("ratio = 0.01", "ratio = 0.01\nmodes = 0", "modes = 0"),
     "many": ("ratio = 0.01", "ratio = 0.01\nmodes = 7", "modes = 7"),
 }

@@ -31,7 +31,7 @@ from beamchain.fitting.hub import Hub
 from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec
 from beamchain.mjcf import compatibility, insert, write
-from beamchain.ports.motions import Array
+from beamchain.ports.motions import UPRIGHT, Array
 from beamchain.steps.budget import linear_model, preload
 from beamchain.steps.driven import keyframes, limit_sentences
 from beamchain.steps.large_motion import LargeMotion
@@ -78,8 +78,10 @@ class Appendage:
     elements: Mapping[str, frozenset[str]] | None = None
 
     def element(self) -> Element:
-        """Its drop-in MJCF, exact in time where the spacecraft is."""
+        """Its drop-in MJCF, exact in time where the spacecraft is; that the root is turned on its
+        place is left to the mount."""
         tree = self.fit.appendage(timed=False)
+        write.turn_root(write.find(tree, "worldbody/body"), UPRIGHT)
         name = self.fit.spec.name
         if self.timed is not None:
             put_time(tree, self.timed, lambda word: self.prefix + word.removeprefix(f"{name}_"))

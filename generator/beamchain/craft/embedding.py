@@ -344,7 +344,9 @@ def _fit_on_craft(
     check_carries(bare, targets, carries)
     craft = compile_model(with_probes(bare, targets).text)
     mounts = {
-        at: mounting.mount(craft, at, t.kind, t.name, reach=_reach(at, wanted))
+        at: mounting.mount(
+            craft, at, t.kind, t.name, reach=_reach(at, wanted), turn=wanted[at].spec.turn
+        )
         for at, t in targets.items()
     }
     return craft, *fit_all(craft, mounts, wanted, most, fits, rigid)
@@ -428,7 +430,10 @@ def _embed_in_spec(
     except ValueError as error:
         raise EngineError(f"MuJoCo refuses the spacecraft: {error}") from None
     check_model(plain, "the spacecraft")
-    mounts = {at: mounting.mount(craft, at, kind, name) for at, (kind, name) in places.items()}
+    mounts = {
+        at: mounting.mount(craft, at, kind, name, turn=wanted[at].spec.turn)
+        for at, (kind, name) in places.items()
+    }
     appendages, warnings, steps = fit_all(craft, mounts, wanted, most, fits, rigid)
     warnings += moved_by_load(plain, craft)
     check_flags(craft)

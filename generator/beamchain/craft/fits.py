@@ -109,9 +109,10 @@ def fit_all(
             warnings.append(Caution("fit-missed", f"{a.at}: {a.fit.status.message}"))
         # the craft's integrator judges tendons
         hinged = a.spec.damping is not None and a.spec.damping.form == "hinge"
+        is_imported = a.fit.space is not None and a.spec.slosh is None
         found = (
             a.fit.cautions
-            if hinged or a.fit.space is not None
+            if hinged or is_imported
             else doubtful(a.spec.segment, a.spec.damping, a.fit.target)
         )
         warnings += [said_of(a.at, warning) for warning in found]

@@ -64,8 +64,8 @@ def _tilt(item: Carried, axes: Array, pose: str, loading: Loading) -> list[str]:
     if along <= 0.0:
         raise InputError(
             f"{at}: the load ({loading.words}) presses the liquid away from the tank's bottom, "
-            f"{along:.4g} m/s^2 along its axis, where no pendulum hangs; turn the place so that "
-            "its x axis points along the thrust."
+            f"{along:.4g} m/s^2 along its axis, where no pendulum hangs; turn the place, or "
+            "give another slosh.axis, so that the tank's axis points along the thrust."
         )
     angle = float(np.degrees(np.arccos(min(along / size, 1.0))))
     if angle <= TILTED:

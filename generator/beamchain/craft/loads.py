@@ -141,7 +141,7 @@ def hanging_notes(model: "mujoco.MjModel", mount: Mount, item: Item) -> Iterator
     """Warnings about bodies of the bare spacecraft that stand where an appendage ends and do not
     hang there, and about those that hang across a gap."""
     at, spec = mount.at, item.spec
-    if spec.imported is not None:
+    if not spec.is_beam:
         return
     data = rest(model)
     length = spec.beam.length

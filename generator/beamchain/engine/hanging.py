@@ -13,12 +13,14 @@ from beamchain.ports.motions import Array
 
 
 def sprung_by_acceleration(appendage: Element, acceleration: float) -> Element:
-    """A drop-in element whose hinges have springs as stiff as MuJoCo's gravity along -x makes them
-    with the root held [m/s^2]."""
+    """A drop-in element whose hinges have springs as stiff as MuJoCo's gravity against the x axis
+    of the root makes them with the root held [m/s^2]."""
     out = deepcopy(appendage)
     model = compile_model(write.document_text(deepcopy(appendage)))
-    model.opt.gravity[:] = [-acceleration, 0.0, 0.0]
     data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    root = write.find(appendage, "worldbody/body").get("name") or ""
+    model.opt.gravity[:] = -acceleration * data.body(root).xmat.reshape(3, 3)[:, 0]
 
     def force(i: int, by: float) -> Array:
         data.qpos[:] = model.qpos0

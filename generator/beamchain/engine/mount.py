@@ -11,7 +11,14 @@ from beamchain.engine.bench import frozen_mass, mass_of_bodies
 from beamchain.engine.library import hangs_on, mujoco, rest
 from beamchain.engine.linearise import mass_matrix
 from beamchain.errors import InputError
-from beamchain.ports.motions import PORT_MOTION, PORTS, Array, offset_matrix
+from beamchain.ports.motions import (
+    PORT_MOTION,
+    PORTS,
+    UPRIGHT,
+    Array,
+    Quaternion,
+    offset_matrix,
+)
 
 JOINT_KINDS = {0: "free", 1: "ball", 2: "slide", 3: "hinge"}
 HELD = 1e9  # mass of a motion that is held, relative to the largest that is not
@@ -74,9 +81,24 @@ class Mount:
         return there.T @ offset_matrix(other.origin - self.origin) @ here
 
 
-def mount(model: "mujoco.MjModel", at: str, kind: str, name: str, reach: float = 0.0) -> Mount:
-    """Read a mount, a "site" or "body", from a compiled spacecraft; `reach`: the port lies so far
-    out along its x axis [m], at the end of another appendage."""
+def mount(
+    model: "mujoco.MjModel",
+    at: str,
+    kind: str,
+    name: str,
+    *,
+    reach: float = 0.0,
+    turn: Quaternion = UPRIGHT,
+) -> Mount:
+    """Read a mount, a "site" or "body", from a compiled spacecraft.
+
+    Args:
+        model: the bare spacecraft.
+        at, kind, name: the place, as it was given, and what it is.
+        reach: the port lies so far out along the place's x axis [m], at the end of another
+            appendage.
+        turn: attitude of the appendage's root on the place.
+    """
     data = rest(model)
     place = int(mujoco.mj_name2id(model, getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), name))
     if place < 0:
@@ -96,10 +118,12 @@ def mount(model: "mujoco.MjModel", at: str, kind: str, name: str, reach: float =
         quaternion = np.array([1.0, 0.0, 0.0, 0.0])
         origin = data.xpos[body].copy()
         axes = data.xmat[body].reshape(3, 3).copy()
-    turn = np.zeros(9)
-    mujoco.mju_quat2Mat(turn, quaternion / np.linalg.norm(quaternion))
     origin = origin + reach * axes[:, 0]
-    position = position + reach * turn.reshape(3, 3)[:, 0]
+    position = position + reach * _matrix(quaternion)[:, 0]
+    if turn != UPRIGHT:
+        axes = axes @ _matrix(np.array(turn))
+        given = quaternion.copy()
+        mujoco.mju_mulQuat(quaternion, given, np.array(turn))
     top = int(model.body_weldid[body])
     if top == 0:
         raise InputError(
@@ -213,7 +237,13 @@ def apparent_hubs(
 
 def root_frame(mount: Mount, data: "mujoco.MjData") -> tuple[Array, Array]:
     """Origin `(3,)` and axes `(3, 3)`, in columns, of an appendage's root in the world."""
-    turn = np.zeros(9)
-    mujoco.mju_quat2Mat(turn, mount.quaternion / np.linalg.norm(mount.quaternion))
     frame = data.xmat[mount.body].reshape(3, 3)
-    return data.xpos[mount.body] + frame @ mount.position, frame @ turn.reshape(3, 3)
+    origin = data.xpos[mount.body] + frame @ mount.position
+    return origin, frame @ _matrix(mount.quaternion)
+
+
+def _matrix(quaternion: Array) -> Array:
+    """`(3, 3)` of a quaternion of any length."""
+    out = np.zeros(9)
+    mujoco.mju_quat2Mat(out, quaternion / np.linalg.norm(quaternion))
+    return out.reshape(3, 3)

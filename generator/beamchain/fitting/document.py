@@ -22,7 +22,7 @@ def appendage_tree(spec: Spec, chain: Chain, line: MassLine, skins: Sequence[Ski
     """The drop-in file with the elements that the scene uses; `skins` in place of boxes."""
     scene = spec.scene or Scene()
     sensors = spec.sensors
-    return write.appendage_document(
+    tree = write.appendage_document(
         chain,
         spec.name,
         beam=line,
@@ -33,6 +33,8 @@ def appendage_tree(spec: Spec, chain: Chain, line: MassLine, skins: Sequence[Ski
         readings=write.Readings(sensors.modes, sensors.points, sensors.root_load),
         shapes=None if spec.slosh is None else tank_shapes(spec.slosh, chain),
     )
+    write.turn_root(write.find(tree, "worldbody/body"), spec.turn)
+    return tree
 
 
 def put_timing(tree: Element, spec: Spec, *, sprung: bool, form: int) -> None:

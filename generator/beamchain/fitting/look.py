@@ -49,13 +49,13 @@ class Look:
 
 def look_of(fit: Chained) -> Look:
     """How an appendage is drawn: as its scene wants it, but in boxes where it has too many
-    segments, or imported modes, whose sections are not known."""
+    segments, and imported modes and liquids, which have no sections."""
     scene = fit.spec.scene or Scene()
     if scene.contacts:
         return Look("contacts")
     if scene.look != "skin":
         return Look(scene.look)
-    if fit.spec.imported is not None:
+    if not fit.spec.is_beam:
         return Look("boxes")
     beam = fit.spec.beam
     surfaces = beam_surfaces(beam)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from lxml.etree import _Element as Element
+from scipy.spatial.transform import Rotation
 
 from beamchain import report
 from beamchain.caution import Caution
@@ -506,19 +507,21 @@ class Fit:
         timestep = self.spec.exact_step or (
             scene.step if self.spec.scene else safe_step(self.limits.largest_step[scene.integrator])
         )
+        # the hub is given in the appendage's axes; in the scene its axes are those of the place
+        turn = Rotation.from_quat(self.spec.turn, scalar_first=True).as_matrix()
         root = write.scene_document(
             self.appendage(timed=False),
             self.spec.name,
             mass=hub.mass,
-            inertia=hub.inertia_matrix(),
-            offset=hub.offset,
+            inertia=turn @ hub.inertia_matrix() @ turn.T,
+            offset=turn @ hub.offset,
             timestep=timestep,
             integrator=scene.integrator,
             contacts=scene.contacts,
         )
         if self.spec.slosh is not None:
             mass = hub.mass + float(self.chain.mass)
-            write.add_burn(root, mass * self.spec.slosh.acceleration)
+            write.add_burn(root, mass * self.spec.slosh.acceleration, turn[:, 0])
         return root
 
     def bench_mjcf(self) -> str:
@@ -533,7 +536,8 @@ class Fit:
 
         Args:
             spec: the spacecraft, an `mujoco.MjSpec`; changed in place.
-            site: name of one of its sites, whose x axis points outwards.
+            site: name of one of its sites, whose x axis points outwards (of a tank, the axis that
+                `slosh.axis` names).
 
         Raises:
             InputError: `spec` is not an `MjSpec`, has no such site, or already has the appendage.

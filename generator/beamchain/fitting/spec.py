@@ -26,6 +26,7 @@ from beamchain.fitting.options import (
 from beamchain.fitting.toml_files import convert, read_tables
 from beamchain.fitting.uncertain import Uncertain
 from beamchain.ports.model import PortModel
+from beamchain.ports.motions import UPRIGHT, Quaternion
 from beamchain.structure.beam import Beam
 from beamchain.structure.readers.imported import Imported
 from beamchain.structure.section import SOFT, soft_modulus
@@ -294,6 +295,11 @@ class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     def is_beam(self) -> bool:
         """Whether the appendage is described as a beam, not by modes or as a liquid."""
         return self.imported is None and self.slosh is None
+
+    @property
+    def turn(self) -> Quaternion:
+        """Attitude of the appendage's root on its place."""
+        return UPRIGHT if self.slosh is None else self.slosh.turn
 
     def _check_slosh(self) -> None:
         """Check that nothing is given with [slosh] that a liquid does not have."""

@@ -15,7 +15,7 @@ from beamchain.chain.chain import Chain, Hinge, Link
 from beamchain.errors import EngineError
 from beamchain.mjcf.skin import Skin
 from beamchain.mjcf.visuals import CARRIED, TRUSS, TUBE, Shape, link_shapes
-from beamchain.ports.motions import Array
+from beamchain.ports.motions import UPRIGHT, Array, Quaternion
 from beamchain.structure.mass_line import MassLine
 
 _PACKAGED = Path(__file__).parent.parent / "mjcf_templates"
@@ -356,6 +356,14 @@ def _add_skins(root: Element, name: str, skins: Sequence[Skin]) -> None:
                 )
 
 
+def turn_root(body: Element, turn: Quaternion) -> None:
+    """Set the attitude on its place of an appendage's first body."""
+    if turn == UPRIGHT:
+        body.attrib.pop("quat", None)
+    else:
+        set_attributes(body, quat=turn)
+
+
 def attach_appendage(appendage_root: Element, host_root: Element, body: Element) -> None:
     """Put the appendage's bodies below `body` of `host_root`,
     its tendons, sensors and surfaces beside the host's."""
@@ -397,6 +405,7 @@ def bench_document(
     else:
         set_attributes(inertial, mass=ballast[0], diaginertia=ballast[1:])
     attach_appendage(appendage_root, root, body)
+    turn_root(find(body, "body"), UPRIGHT)  # its motions are told in its own axes
     return root
 
 
@@ -414,7 +423,7 @@ def scene_document(
     """A free-flying hub with the appendage on its `mount`, ready to simulate.
 
     `inertia` `(3,)` or `(3, 3)` of the hub about its centre [kg m^2]; `offset` `(3,)` from there to
-    the root [m]; `contacts` leaves contacts and constraints on.
+    the root [m], both in the hub's axes; `contacts` leaves contacts and constraints on.
     """
     root = template("scene")
     root.set("model", f"{name}_scene")
@@ -445,12 +454,13 @@ def scene_document(
     return root
 
 
-def add_burn(scene: Element, force: float) -> None:
-    """Give a scene's hub a thrust along the x axis of its `mount` [N], which the keyframe `burn`
-    switches on."""
+def add_burn(scene: Element, force: float, along: Array) -> None:
+    """Give a scene's hub a thrust [N] along a direction `(3,)` in the axes of its `mount`, which
+    the keyframe `burn` switches on."""
     actuator = scene.find("actuator")
     if actuator is None:
         actuator = etree.SubElement(scene, "actuator")
-    etree.SubElement(actuator, "motor", name="thrust", site="mount", gear="1 0 0 0 0 0")
+    gear = short_numbers([*along, 0.0, 0.0, 0.0])
+    etree.SubElement(actuator, "motor", name="thrust", site="mount", gear=gear)
     keyframe = etree.SubElement(scene, "keyframe")
     set_attributes(etree.SubElement(keyframe, "key", name="burn"), ctrl=force)

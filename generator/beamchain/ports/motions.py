@@ -4,6 +4,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
+Quaternion = tuple[float, float, float, float]  # scalar first
+
+UPRIGHT: Quaternion = (1.0, 0.0, 0.0, 0.0)  # not turned
 
 PORTS = ("xy", "xz", "torsion", "axial")
 

@@ -123,8 +123,9 @@ def craft_replays(embedded: "Embedded") -> list[Replay]:
 
 
 def scene_replays(fit: "Fit") -> list[Replay]:
-    """Of the modes of a fit's scene, the appendage on its hub, and of a turn of it."""
-    if not fit.chain.hinges:
+    """Of the modes of a fit's scene, the appendage on its hub, and of a turn of it; none of a
+    liquid, which hangs limp there."""
+    if not fit.chain.hinges or fit.chain.hung:
         return []
     scene = compile_model(fit.scene_mjcf())
     model = without_timing(scene)

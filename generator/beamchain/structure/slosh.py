@@ -29,7 +29,7 @@ from scipy.special import jnp_zeros
 
 from beamchain.checks import Struct, field
 from beamchain.errors import InputError
-from beamchain.ports.motions import Array, body_mass_matrix, locked
+from beamchain.ports.motions import UPRIGHT, Array, Quaternion, body_mass_matrix, locked
 from beamchain.structure.mass_line import MassPiece, SpreadMass
 from beamchain.structure.modal_data import ModalData
 
@@ -39,9 +39,24 @@ KNOWN = 12  # that the reference has
 TERMS = 1000  # of the series of the inertia: the rest is below 1e-15 of its sum
 
 
+#: Attitude of the tank on its place, as a quaternion, by the axis of the place that the tank's x
+#: is: x, y and z of the tank are z, x and y of the place, say; against an axis y is reversed too.
+TURNS = {
+    "x": UPRIGHT,
+    "y": (0.5, 0.5, 0.5, 0.5),
+    "z": (0.5, -0.5, -0.5, -0.5),
+    "-x": (0.0, 0.0, 0.0, 1.0),
+    "-y": (0.5, -0.5, 0.5, -0.5),
+    "-z": (0.5, -0.5, 0.5, 0.5),
+}
+
+
 class Slosh(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The liquid in a tank, in place of [[segment]]: the tank's bottom is at the root, its axis is
-    x, and an acceleration along +x presses the liquid onto the bottom."""
+    """The liquid in a tank, in place of [[segment]]: the root is the centre of the tank's bottom.
+
+    In the appendage's own axes x is the axis of the tank, and an acceleration along +x presses the
+    liquid onto the bottom; `axis` says which axis of the place that is.
+    """
 
     shape: Annotated[Literal["cylinder"], field("shape of the tank")]
     radius: Annotated[float, field("radius of the tank", "m", above=0.0)]
@@ -59,6 +74,12 @@ class Slosh(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             above=0.0,
         ),
     ]
+    axis: Annotated[
+        Literal["x", "y", "z", "-x", "-y", "-z"],
+        field(
+            "axis of the place, a site or body, that points from the tank's bottom to the surface"
+        ),
+    ] = "x"
     modes: Annotated[
         int | None,
         field(
@@ -88,6 +109,11 @@ class Slosh(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     def kept(self) -> int:
         """Lateral modes of each plane that become pendulums."""
         return FEWEST if self.modes is None else self.modes
+
+    @property
+    def turn(self) -> Quaternion:
+        """Attitude of the tank, x along its axis, on its place: a quaternion."""
+        return TURNS[self.axis]
 
     @property
     def mass(self) -> float:
