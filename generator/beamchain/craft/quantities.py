@@ -315,12 +315,6 @@ def _body(
     out: list[Quantity] = []
     for kind, value in nominal.items():
         how: Uncertainty | None = getattr(given, kind)
-        if how is not None and value == 0.0 and held_joints(model).get(joint) == "servo":
-            raise InputError(
-                f"joint {name!r} has no {kind} of its own, and what its servo has is not drawn "
-                "here: leave it out, or give bc.worlds the arrays actuator_gainprm and "
-                "actuator_biasprm."
-            )
         if how is None:
             continue
         if kind != "mass" and model.body_simple[body]:
