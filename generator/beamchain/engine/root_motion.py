@@ -99,7 +99,7 @@ class _Step:
         mujoco.mj_getState(self._model, data, self._state, STATE)
         mujoco.mj_setState(self._model, ours, self._state, STATE)
         rates = np.array(data.qvel)
-        ours.qfrc_applied -= self._rows.T @ (self._damping * (self._rows @ rates))
+        ours.qfrc_applied[:] -= self._rows.T @ (self._damping * (self._rows @ rates))
         before = int(np.sum(ours.warning.number))
         with quiet():
             mujoco.mj_step(self._model, ours)
