@@ -261,3 +261,19 @@ def test_marks_that_lead_nowhere_leave_the_step_limits(tmp_path):
     assert study.rows
     assert study.slews == []
     assert [one.code for one in study.warnings] == ["large-motion-unknown"]
+
+
+@pytest.mark.slow
+def test_a_servo_whose_kv_limits_rk4_is_slewed_at_a_step_that_it_leaves(tmp_path):
+    """RK4 is stable to 2.785 I/kv of the servo, here below a sixteen
+    hundredth of a period; file and finely divided chains are slewed all the same."""
+    servo = '<actuator><position joint="drive" kp="4e4" kv="8e3"/></actuator>'
+    path = driven(tmp_path, "", more=servo, by="implicitfast", step="0.002")
+    study = bc.stability(path)
+    assert not [w for w in study.warnings if "unstable" in w]
+    assert study.slews
+    limit = next(row.predicted for row in study.rows if row.integrator == "RK4")
+    assert all(row.step_rk4 < limit for row in study.slews)
+    assert limit < study.slews[0].duration / 5.0 / 1600.0
+    assert max(row.momentum_rk4 for row in study.slews) < 1e-5  # 4e-6, near the limit
+    assert max(row.error_rk4 for row in study.slews) < 1e-6

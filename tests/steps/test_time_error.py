@@ -46,7 +46,8 @@ def test_the_error_of_the_response_is_that_of_the_run(both):
     assert made.met is (1.01 * made.sampled_error <= 0.01)
     record = made.as_dict()
     assert (record["sampled_error"], record["met"]) == (made.sampled_error, made.met)
-    assert set(record["time_error"]) == {"error", "frequency", "pose", "step", "integrator"}
+    keys = {"error", "frequency", "pose", "step", "integrator", "damped_by"}
+    assert set(record["time_error"]) == keys
 
 
 def test_nothing_grows(both):

@@ -258,7 +258,7 @@ def _show(result: "Embedded") -> None:
         out.print(line, markup=False)
     print_table(appendage_table(result))
     print_table(coupled_table(assembly))
-    if result.loaded:
+    if result.loaded or (result.by_step and len(result.promise.poses) > 1):
         print_table(pose_table(result))
     out.print(assembly.worst_told)
     for item in result.appendages:

@@ -139,7 +139,7 @@ def check_names(craft: "mujoco.MjModel", appendages: Sequence[Appendage]) -> Non
             name = getattr(craft, word)(taken[kind][0]).name
             raise InputError(
                 f"the spacecraft already has a {word} {name!r}; give the appendage another "
-                "--prefix."
+                f"--prefix{_named_so(appendages, name)}."
             )
     prefixes = [a.prefix for a in appendages]
     for i, prefix in enumerate(prefixes):
@@ -147,6 +147,14 @@ def check_names(craft: "mujoco.MjModel", appendages: Sequence[Appendage]) -> Non
             raise InputError(
                 f"two appendages have the prefix {prefix!r}; give each its own --prefix."
             )
+
+
+def _named_so(appendages: Sequence[Appendage], name: str) -> str:
+    """Names that an appendage makes with the prefix of a name, in brackets."""
+    for a in appendages:
+        if name.startswith(a.prefix):
+            return f" (names of {a.spec.name!r} are {a.prefix}root, {a.prefix}link1, ...)"
+    return ""
 
 
 def check_craft_unchanged(

@@ -11,6 +11,7 @@ from scipy.linalg import eig, eigh
 from scipy.optimize import linear_sum_assignment
 
 from beamchain.craft.error import RANK, Pose
+from beamchain.engine.forces import along_all
 from beamchain.engine.linear import Linear
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, PORTS, Array, square_root
@@ -178,13 +179,26 @@ def mode_words(pose: Pose, shape: Array) -> str:
         names = " and ".join(pose.carried[i].mount.at for i in moving)
         parts.append(f"{names}{_phase(momenta)}, {WORDS[port]}")
     if own_energy > SHARE * total:
-        parts.append("springs of the spacecraft")
+        parts.append(f"{_holders(pose, shape[:nv])} of the spacecraft")
     # motion of the base body times the square root of the inertia that it feels
     felt = np.diag(np.linalg.pinv(pose.rigid_accelerance, rcond=RANK, hermitian=True))
     bus = np.sqrt(felt.clip(0.0)) * (pose.bare.outputs.acceleration @ shape[:nv])
     k = int(np.argmax(np.abs(bus)))
     parts.append(f"bus {AXIS[k]}" if float(np.sum(bus**2)) > STILL else "bus still")
     return "; ".join(parts)
+
+
+def _holders(pose: Pose, shape: Array) -> str:
+    """What of the spacecraft itself holds a shape `(nv,)`: springs, servos, or both."""
+    model = pose.bare_model
+    dofs = model.jnt_dofadr[model.jnt_stiffness > 0.0]
+    by_joints = float(np.sum(model.jnt_stiffness[model.jnt_stiffness > 0.0] * shape[dofs] ** 2))
+    lengths = along_all(model) @ shape
+    springs = by_joints + float(np.sum(model.tendon_stiffness * lengths**2))
+    servos = float(shape @ pose.bare.stiffness @ shape) - springs
+    most = max(springs, servos)
+    kinds = (("springs", springs), ("servos", servos))
+    return " and ".join(word for word, energy in kinds if energy > SHARE * most)
 
 
 def _momentum(model: PortModel, coordinates: Array, port: str) -> Array:

@@ -280,13 +280,14 @@ class Embedded:
     @property
     def _decisive(self) -> float:
         """The error that a tolerance is held against."""
-        if not self._by_step:
+        if not self.by_step:
             return self.craft_error
         # that at the step is without the load
         return max(self.sampled_error, self.craft_error if self.loaded else 0.0)
 
     @property
-    def _by_step(self) -> bool:
+    def by_step(self) -> bool:
+        """Whether the error that counts is that of the file as MuJoCo steps it."""
         return self.stepped and not any(a.rigid for a in self.appendages)
 
     @cached_property
@@ -294,7 +295,7 @@ class Embedded:
     def largest_step(self) -> float | None:
         """The largest step with which timing would keep the tolerance [s], to 9 %; None where the
         model's own step keeps it, where none would, or without a tolerance."""
-        if self.tolerance is None or self.met or not self._by_step:
+        if self.tolerance is None or self.met or not self.by_step:
             return None
         band = self._asked.band
         return largest_step(self.craft, self.untimed, self._exact_poses, self.tolerance, band)
@@ -317,7 +318,7 @@ class Embedded:
             )
         if self.loaded:
             said += f" {self._load_words}"
-        if self._by_step:
+        if self.by_step:
             option = self.model.opt
             step = f"{NUMBERS[int(option.integrator)]} at {float(option.timestep):g} s"
             said += f"; stepped by {step} {off_by(self.sampled_error)}"

@@ -305,6 +305,11 @@ class Pose:
         bases = self.bare.mass.shape[0] + np.cumsum([0, *counts])[:-1]
         return self._tree.loaded(craft, bases.tolist(), self.band)
 
+    @property
+    def bare_model(self) -> "mujoco.MjModel":
+        """The bare craft, compiled."""
+        return self._model
+
     @cached_property
     def models(self) -> list[PortModel]:
         """The exact appendages: all their modes or, under a load, those that feel it."""

@@ -11,6 +11,7 @@ import numpy as np
 
 from beamchain.checks import unknown
 from beamchain.engine.library import mujoco
+from beamchain.engine.mount import held_joints
 from beamchain.errors import InputError
 from beamchain.fitting.uncertain import (
     CUT,
@@ -366,6 +367,12 @@ def _joint(model: "mujoco.MjModel", name: str, given: UncertainJoint) -> list[Qu
     out: list[Quantity] = []
     for kind, unit, value in zip(("stiffness", "damping"), units, values, strict=True):
         how: Uncertainty | None = getattr(given, kind)
+        if how is not None and value == 0.0 and held_joints(model).get(joint) == "servo":
+            raise InputError(
+                f"joint {name!r} has no {kind} of its own, and what its servo has is not drawn "
+                "here: leave it out, or give bc.worlds the arrays actuator_gainprm and "
+                "actuator_biasprm."
+            )
         if how is not None:
             full = f"{name}.{kind}"
             out.append(_in_range(Quantity(full, unit, value, how, joint, how.group or full)))

@@ -62,10 +62,10 @@ class Coordinates:
         changes it.
         """
         stiffness = self.squares.copy()
+        numbers = {str(model.tendon(i).name): i for i in range(model.ntendon)}
         for k, name in enumerate(self.tendons):
-            tendon = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TENDON, name)
-            if tendon >= 0:
-                stiffness[k] = model.tendon_stiffness[tendon]
+            if name in numbers:
+                stiffness[k] = model.tendon_stiffness[numbers[name]]
         force = qpos[:, self.qpos] @ self.rows.T * stiffness
         return force @ self.turn.T / self.frequencies**2
 

@@ -44,7 +44,7 @@ FINE = 1600  # steps per period of the slowest mode, at least, under RK4
 DIVIDED = 3  # times as many modes has a finely divided appendage, per port,
 FINEST = 6  # but at most so many: chains of more are no better in large motion
 SHARE_OF_LIMIT = 0.7  # of RK4's stability limit: a step up to which no mode is slowed for it
-COARSE_SHARE = 0.98  # of that limit: of the longer step by which its error is judged
+MOST_OF_LIMIT = 0.98  # of that limit: stable still
 MOST_STEPS = 400_000  # of one simulation
 MOST_HINGES = 6
 NOTHING = 1e-9  # rad and m: less elastic motion has no share to speak of
@@ -162,6 +162,18 @@ class Slews:
     advice: str = ""
 
 
+class _Reference(NamedTuple):
+    """A model to be run with RK4, the step, and the largest that is stable [s]."""
+
+    model: "mujoco.MjModel"
+    step: float
+    limit: float
+
+    def coarser(self) -> "_Reference":
+        """The same at twice the step, or nearly the largest."""
+        return self._replace(step=min(2.0 * self.step, MOST_OF_LIMIT * self.limit))
+
+
 class _Model(NamedTuple):
     """A model of the craft, and where the bare craft's joints and bodies are in it."""
 
@@ -169,22 +181,20 @@ class _Model(NamedTuple):
     joints: list[int]
     bodies: list[int]
 
-    def under_rk4(self, timestep: float, share: float) -> "tuple[mujoco.MjModel, float]":
-        """A copy to be run with RK4 at a step, modes too fast for it slowed, and the step; a
-        shorter one, a `share` of what is stable, where something else is too fast for it."""
+    def under_rk4(self, timestep: float) -> _Reference:
+        """It is run with RK4 at a step, modes too fast for it slowed; at a shorter one where
+        something else, such as the kv of a servo, is too fast for it."""
         model = copy.copy(self.model)
-        stable = share * _rk4_limit(model)
-        if timestep <= stable:
-            return model, timestep
+        limit = _rk4_limit(model)
+        if timestep <= SHARE_OF_LIMIT * limit:
+            return _Reference(model, timestep, limit)
         try:
             retime(model, timestep, "RK4")
         except InputError:  # nothing can be slowed
-            return model, stable
+            return _Reference(model, SHARE_OF_LIMIT * limit, limit)
         limit = _rk4_limit(model)  # of modes that are slowed: 1.4 steps
-        if timestep <= COARSE_SHARE * limit:
-            return model, timestep
-        retime(model, share * limit, "RK4")
-        return model, share * limit
+        stable = timestep <= MOST_OF_LIMIT * limit
+        return _Reference(model, timestep if stable else SHARE_OF_LIMIT * limit, limit)
 
 
 def _rk4_limit(model: "mujoco.MjModel") -> float:
@@ -229,10 +239,9 @@ def slews(path: Path, model: "mujoco.MjModel", slowest: float, say: Say = lambda
                 angle = np.degrees(turn.angle)
                 say(f"slewing {name} by {angle:.0f} degrees in {turn.duration:.3g} s")
                 own.append(scene.slew(joint, name, turn))
-            own = scene.with_largest(joint, own)
         except BeamchainError as error:
             warnings.append(Caution("large-motion-unknown", f"slew of {name}: {error}"))
-        rows += own
+        rows += scene.with_largest(joint, own)
     if left := hinges[MOST_HINGES:]:
         names = ", ".join(scene.bare.joint(j).name for j in left)
         text = f"only the first {MOST_HINGES} hinges were slewed, not {names}."
@@ -323,11 +332,13 @@ class _Scene:
         self.fine = self._placed(fine, fine.compiled())
         rigid = marked.as_rigid()
         self.twin = self._placed(rigid, rigid.compiled())
-        models = (self.file, self.fine)
-        #: of RK4 [s]: stable, and a longer one by which its error is judged
-        self.step = min(placed.under_rk4(wanted, SHARE_OF_LIMIT)[1] for placed in models)
-        self.coarse = self.file.under_rk4(2.0 * self.step, COARSE_SHARE)[1]
-        self.slowed_by = _rk4_words(self.file, wanted) if self.step < wanted else ""
+        self.reference = self.file.under_rk4(wanted)
+        self.divided = self.fine.under_rk4(period / FINE)
+        self.step = self.reference.step
+        self.coarse = self.reference.coarser()
+        if self.step == wanted:
+            self.coarse = self.file.under_rk4(2.0 * wanted)
+        self.limited = _rk4_words(self.divided) if self.divided.step < period / FINE else ""
         self.held = [
             j
             for j in range(self.bare.njnt)
@@ -369,12 +380,12 @@ class _Scene:
 
     def slew(self, joint: int, name: str, turn: Turn) -> SlewRow:
         """One slew in all models."""
+        self._check_length(turn)
         trial = self._trial(joint, turn)
-        divided = max(self.step, self.period / FINE)
-        fine = self._run(self.fine, joint, trial.drive, divided, "RK4")
-        coarse = self._run(self.file, joint, trial.drive, self.coarse, "RK4")
-        parts_of_sample = [_parts(trial.drive.spacing, h) for h in (self.step, self.coarse)]
-        longer = parts_of_sample[0] / parts_of_sample[1]
+        fine = self._run_rk4(self.fine, joint, trial.drive, self.divided)
+        coarse = self._run_rk4(self.file, joint, trial.drive, self.coarse)
+        spacing = trial.drive.spacing
+        longer = _parts(spacing, self.step) / _parts(spacing, self.coarse.step)
         parts = (
             _apart(trial.file, trial.twin),
             _apart(trial.file, fine),
@@ -401,6 +412,16 @@ class _Scene:
             step_rk4=self.step,
             error_rk4=float(np.max(_apart(coarse, trial.file)[0])) / (longer**ORDER - 1.0),
         )
+
+    def _check_length(self, turn: Turn) -> None:
+        """Refuse a slew of more steps than are made."""
+        end = turn.duration + RINGING * self.period
+        step = min(self.step, self.divided.step, self.timestep)
+        if end / step > MOST_STEPS:
+            raise EngineError(
+                f"a slew of {turn.duration:.4g} s takes more than {MOST_STEPS} steps of "
+                f"{step:.3g} s{self.limited}; it was not simulated."
+            )
 
     def with_largest(self, joint: int, rows: list[SlewRow]) -> list[SlewRow]:
         """The slews of a hinge, the one with the worst error of the step with the largest angle
@@ -450,23 +471,19 @@ class _Scene:
         return _Trial(
             drive,
             self._look(self.twin, joint, states),
-            self._run(self.file, joint, drive, self.step, "RK4"),
+            self._run_rk4(self.file, joint, drive, self.reference),
             self._run(own, joint, drive, self.timestep, self.integrator),
         )
+
+    def _run_rk4(self, placed: _Model, joint: int, drive: Drive, reference: _Reference) -> Seen:
+        prepared = placed._replace(model=reference.model)
+        return self._run(prepared, joint, drive, reference.step, "RK4")
 
     def _run(self, placed: _Model, joint: int, drive: Drive, step: float, integrator: str) -> Seen:
         """A model under the torques of a drive, seen from outside."""
         is_own = placed.model is self.own
         model = copy.copy(placed.model)
-        if not is_own:
-            share = SHARE_OF_LIMIT if step <= self.step else COARSE_SHARE
-            model, step = placed.under_rk4(drive.spacing / _parts(drive.spacing, step), share)
         per_sample = _parts(drive.spacing, step)
-        if (drive.samples - 1) * per_sample > MOST_STEPS:
-            raise EngineError(
-                f"a slew of {drive.turn.duration:.4g} s takes more than {MOST_STEPS} steps of "
-                f"{step:.3g} s{self.slowed_by}; it was not simulated."
-            )
         states = run(
             model,
             [placed.joints[j] for j in self.held],
@@ -495,13 +512,13 @@ class _Trial(NamedTuple):
     own: Seen
 
 
-def _rk4_words(placed: _Model, timestep: float) -> str:
-    """What keeps RK4 from a step [s] at which no mode of an appendage does."""
-    model, _ = placed.under_rk4(timestep, SHARE_OF_LIMIT)
-    model.opt.integrator, model.opt.timestep = INTEGRATORS["RK4"], timestep
+def _rk4_words(reference: _Reference) -> str:
+    """What keeps RK4 from a step at which no mode of an appendage does."""
+    model = copy.copy(reference.model)
+    model.opt.integrator, model.opt.timestep = INTEGRATORS["RK4"], 1.1 * reference.limit
     found = culprit(model, np.array(model.qpos0))
     by = f"the kv of {found.words}" if found.damps and found.kind == "servo" else found.words
-    return f" (RK4 is stable up to {_rk4_limit(model):.2g} s: {by})"
+    return f" (RK4 is stable up to {reference.limit:.2g} s: {by})"
 
 
 def _parts(whole: float, step: float) -> int:

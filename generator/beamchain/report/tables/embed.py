@@ -118,12 +118,12 @@ def coupled_table(assembly: "Assembly") -> Table:
         Column("kept", [mode.kept for mode in modes], key="kept", place="record"),
         Column("what moves", [mode.words for mode in modes], key="moving"),
     )
-    return Table("Coupled modes of the whole spacecraft", columns)
+    return Table("Coupled modes of the whole spacecraft, without damping", columns)
 
 
 def keyframe_table(modes: "Sequence[Mode]", key: str) -> Table:
     """The coupled modes at a keyframe."""
-    return Table(f"Coupled modes at keyframe {key}", _frequency_columns(modes))
+    return Table(f"Coupled modes at keyframe {key}, without damping", _frequency_columns(modes))
 
 
 def pose_table(embedded: "Embedded") -> Table:
