@@ -260,9 +260,15 @@ class TestSaid:
         tilted = embedded(tmp_path, 0.05, axes="0 0.4 1 0 1 -0.4")
         assert self.codes(tilted) == ["slosh-weightless", "slosh-tilt"]
 
-    def test_thrust_against_the_axis(self, tmp_path):
-        with pytest.raises(bc.InputError, match="away from the tank's bottom"):
-            embedded(tmp_path, 0.05, axes="0 0 -1 0 1 0")
+    @pytest.mark.parametrize("axes", ["0 0 -1 0 1 0", "1 0 0 0 1 0", "0 1 0 0 0 1"])
+    def test_thrust_against_or_across_the_axis(self, tmp_path, axes):
+        with pytest.raises(bc.InputError, match="not press the liquid onto.*another slosh.axis"):
+            embedded(tmp_path, 0.05, axes=axes)
+
+    def test_thrust_across_the_axis_but_for_rounding(self, tmp_path):
+        (tmp_path / "tank.toml").write_text(tank(0.05, axis="z"))
+        with pytest.raises(bc.InputError, match="not press the liquid onto"):
+            bc.embed(craft(BURN), {"tank": tmp_path / "tank.toml"}, loaded=True)
 
     def test_carrying(self, tmp_path):
         (tmp_path / "tank.toml").write_text(tank(0.05))

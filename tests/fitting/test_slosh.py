@@ -1,11 +1,14 @@
 """The liquid of a tank against potential flow by polynomials (tests/support/flow.py), read back
 from the written file by plain MuJoCo."""
 
+import json
+
 import mujoco
 import numpy as np
 import pytest
 
 import beamchain as bc
+from command import call
 from flow import Flow
 
 CLOSED = 1e-9  # of closed forms, which MuJoCo's numbers hold but for differences
@@ -191,3 +194,31 @@ class TestFile:
         mujoco.mj_resetDataKeyframe(model, data, model.key("burn").id)
         mujoco.mj_forward(model, data)
         assert data.qacc[:3] == pytest.approx([0.05, 0.0, 0.0], abs=1e-12)
+
+    @pytest.mark.parametrize(
+        ("axis", "along"), [("y", [0, 1, 0]), ("z", [0, 0, 1]), ("-x", [-1, 0, 0])]
+    )
+    def test_another_axis_of_the_place(self, tmp_path, axis, along):
+        """The file, its balls and its thrust point along it; what is read back is not changed."""
+        fits = [fitted(tmp_path, 0.5, 0.8, acceleration=0.05, axis=one) for one in ("x", axis)]
+        rows, expected = (
+            [(row.port, row.achieved_rad_s) for row in fit.modes] for fit in reversed(fits)
+        )
+        assert [port for port, _ in rows] == [port for port, _ in expected]
+        for (_, found), (_, wanted) in zip(rows, expected, strict=True):
+            assert found == pytest.approx(wanted, rel=1e-12)
+        model = mujoco.MjModel.from_xml_string(fits[1].to_mjcf())
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        balls = data.geom_xpos[model.geom_type == mujoco.mjtGeom.mjGEOM_SPHERE]
+        assert balls @ along == pytest.approx(np.linalg.norm(balls, axis=1), rel=1e-12)
+        scene = mujoco.MjModel.from_xml_string(fits[1].scene_mjcf())
+        data = mujoco.MjData(scene)
+        mujoco.mj_resetDataKeyframe(scene, data, scene.key("burn").id)
+        mujoco.mj_forward(scene, data)
+        assert data.qacc[:3] == pytest.approx(0.05 * np.array(along), abs=1e-12)
+
+    def test_schema_names_the_axes(self):
+        key = json.loads(call("schema").out)["$defs"]["Slosh"]["properties"]["axis"]
+        assert set(key["enum"]) == {"x", "y", "z", "-x", "-y", "-z"}
+        assert key["default"] == "x"

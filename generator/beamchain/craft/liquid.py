@@ -19,6 +19,7 @@ from beamchain.errors import InputError
 from beamchain.fitting.slosh import weightless
 from beamchain.ports.motions import Array
 
+ACROSS = 1e-9  # of a field: less of it along the axis is rounding
 TILTED = 10.0  # degrees between field and axis, beyond which a liquid is no pendulum
 
 
@@ -61,9 +62,9 @@ def _tilt(item: Carried, axes: Array, pose: str, loading: Loading) -> list[str]:
     along = float(-loading.field @ axes[:, 0])
     size = float(np.linalg.norm(loading.field))
     at = f"{item.mount.at} at {pose}"
-    if along <= 0.0:
+    if along <= ACROSS * size:
         raise InputError(
-            f"{at}: the load ({loading.words}) presses the liquid away from the tank's bottom, "
+            f"{at}: the load ({loading.words}) does not press the liquid onto the tank's bottom, "
             f"{along:.4g} m/s^2 along its axis, where no pendulum hangs; turn the place, or "
             "give another slosh.axis, so that the tank's axis points along the thrust."
         )
