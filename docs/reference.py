@@ -87,6 +87,7 @@ PARTS = {
     ),
     "Fit": (
         "chain.build.Status",
+        "fitting.look.Look",
         "fitting.result.ModeRow",
         "fitting.needs.Choice",
         "fitting.needs.LeftOut",

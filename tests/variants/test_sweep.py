@@ -39,7 +39,7 @@ def variants():
         ({"stiffness": {}}, "either relative or absolute"),
         ({"stiffness": {"relative": 0.1, "absolute": 1.0}}, "either relative or absolute"),
         ({"density": {"absolute": 1.0}}, "relative only"),
-        ({"damping": {"relative": 1.5}}, "less than 1"),
+        ({"damping": {"relative": 1.5}}, "a fraction below 1"),
         ({"lump": {"relative": 0.1, "each": True, "group": "a"}}, "contradict"),
         ({"damping": {"relative": 0.1, "distribution": "beta"}}, "distribution"),
         ({"stifness": {"relative": 0.1}}, "did you mean 'stiffness'"),

@@ -359,12 +359,15 @@ class Linear:
         )
 
     def condensed(self, above: float) -> "Linear":
-        """The same in fewer coordinates: its rigid motions, its normal modes up to a frequency
-        [rad/s], and the static shapes, under its inputs, of all modes beyond.
+        """The same in fewer coordinates: its rigid motions, its normal modes up to a frequency, and
+        the static shapes, under its inputs and of what its outputs see, of all modes beyond.
 
         The modes are those of the whole, so that none in question moves. The static response to the
         inputs, and what they and the outputs have to do with the modes up to there, stays exact
         (attachment modes; R. R. Craig, Structural Dynamics, 1981).
+
+        Args:
+            above: the frequency [rad/s].
         """
         modes = self.modes()
         low = modes.frequency <= above
