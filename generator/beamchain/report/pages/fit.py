@@ -209,7 +209,8 @@ def _structure(fit: "Fit") -> str:
     if (liquid := fit.spec.slosh) is not None:
         return (
             f"liquid of {liquid.density:g} kg/m³ in a cylinder of {liquid.radius:g} m radius; "
-            f"modes at {liquid.acceleration:g} m/s² along its axis"
+            f"modes at {liquid.acceleration:g} m/s² along its axis, "
+            f"{liquid.axis} of its place"
         )
     imported = fit.spec.imported
     if not isinstance(beam, Beam):
