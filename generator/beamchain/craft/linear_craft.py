@@ -37,7 +37,7 @@ from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, PORTS, Array
 
 MODES = 40  # of every port of a beam, those of the exact plant
-FAR = 25.0  # times the highest kept frequency: modes beyond are gathered with their static response
+FAR = 100.0  # times the highest kept frequency: modes beyond are gathered with their static response
 
 
 @dataclass(frozen=True, eq=False)
