@@ -50,6 +50,7 @@ if TYPE_CHECKING:
 # of the way from one pose to the next, where timing is read back between them: it is chosen at
 # halves, thirds, quarters, ... of the way
 BETWEEN = 0.3
+CENTRED = 1e-12  # of the largest coordinate of a mass centre: rounding
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -247,7 +248,9 @@ class Embedded:
             # m [c x] is the block below the mass
             centre = np.array([mass[1, 5], mass[2, 3], mass[0, 4]]) / mass[0, 0]
             place = a.mount.origin + a.mount.axes @ centre
-            out[a.at] = (place - data.xpos[base]) @ data.xmat[base].reshape(3, 3)
+            centre = (place - data.xpos[base]) @ data.xmat[base].reshape(3, 3)
+            centre[np.abs(centre) < CENTRED * np.abs(centre).max()] = 0.0
+            out[a.at] = centre
         return out
 
     @property
