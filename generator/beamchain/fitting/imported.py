@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from msgspec import structs
 
+from beamchain.caution import Caution
 from beamchain.chain.build import Built, Status, Wishes, build_exact, cut_chain
 from beamchain.chain.chain import Chain
 from beamchain.chain.cut import MOST_ADDED
@@ -328,7 +329,17 @@ def _build(case: ImportedCase, *, coupled: bool) -> tuple[Built, MassLine]:
         except InputError:
             if power == 0:
                 raise
-    raise reasons[MOST_ADDED]
+    departing = next((step for step in case.data.steps if _departs(step)), None)
+    if departing is None:
+        raise reasons[MOST_ADDED]
+    raise RealisationError(
+        f"{reasons[MOST_ADDED]} Note that {departing}; mend that first."
+    ) from None
+
+
+def _departs(step: str) -> bool:
+    """Whether a reader's step says that the rigid mass is almost that of a body."""
+    return isinstance(step, Caution) and step.code == "almost-rigid"
 
 
 def _roomy(line: MassLine, kept: ModalData) -> MassLine:

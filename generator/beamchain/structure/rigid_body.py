@@ -16,7 +16,26 @@ def nearest_body(mass: Array) -> Array:
 def body_departure(mass: Array) -> float:
     """How far a mass matrix `(6, 6)` is from a rigid body's: the largest entry of the difference,
     relative to the diagonal."""
+    scale = _scale(mass)
+    return float(np.max(np.abs((mass - nearest_body(mass)) / np.outer(scale, scale))))
+
+
+def body_above(mass: Array) -> Array:
+    """The mass matrix `(6, 6)` of a rigid body near to a symmetric one, and nowhere below it, so
+    that it leaves modes their effective masses.
+
+    The nearest body takes away up to `e` of the diagonal somewhere; a body on the root that has
+    `e` of the diagonal gives it back.
+    """
+    scale = _scale(mass)
+    nearest = nearest_body(mass)
+    change = (nearest - mass) / np.outer(scale, scale)
+    lacking = max(0.0, -float(np.linalg.eigvalsh(change)[0]))
+    return nearest + lacking * np.diag(np.diag(nearest))
+
+
+def _scale(mass: Array) -> Array:
+    """`(6,)` square roots of the masses that make motions comparable."""
     mean = float(np.trace(mass[:3, :3])) / 3.0
     turning = np.diag(mass)[3:]
-    scale = np.sqrt(np.concatenate([[mean] * 3, np.where(turning > 0.0, turning, mean)]))
-    return float(np.max(np.abs((mass - nearest_body(mass)) / np.outer(scale, scale))))
+    return np.sqrt(np.concatenate([[mean] * 3, np.where(turning > 0.0, turning, mean)]))

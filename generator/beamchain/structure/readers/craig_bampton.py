@@ -18,7 +18,7 @@ from beamchain.errors import InputError
 from beamchain.ports.motions import Array
 from beamchain.structure.modal_data import FurtherPoint, ModalData
 from beamchain.structure.readers.bounded import check_size, mat_arrays, npz_arrays
-from beamchain.structure.rigid_body import body_departure, nearest_body
+from beamchain.structure.rigid_body import body_above, body_departure
 
 LARGEST = 4000  # freedoms; beyond that reduce in the program that made the model
 MOST = 200  # modes handed on, the lowest
@@ -169,7 +169,7 @@ def from_matrices(
         and body_departure(m_bb) < body_departure(rigid)
     ):
         follow, rigid = np.zeros_like(follow), m_bb
-    rigid, precision, departure = _almost_body(rigid, precision)
+    rigid, departure = _almost_body(rigid, precision)
     # for 1/w^2: massless freedoms do no harm, low modes keep their digits
     inverse, shapes = linalg.eigh(m_ii, k_ii)
     order = np.argsort(inverse)[::-1]
@@ -216,22 +216,21 @@ def from_matrices(
     )
 
 
-def _almost_body(rigid: Array, precision: float) -> tuple[Array, float, str]:
-    """The rigid mass `(6, 6)` as that of the nearest rigid body where it is almost that of one, the
-    precision to which it then is that of the file, and a sentence where that is worth a word."""
+def _almost_body(rigid: Array, precision: float) -> tuple[Array, str]:
+    """The rigid mass `(6, 6)` as that of a rigid body where it is almost that of one, and a
+    sentence where the departure is worth a word."""
     departure = body_departure(rigid)
     if departure > ALMOST_BODY:
-        return rigid, precision, ""  # refused where it matters: independent ports have no such body
-    rigid = nearest_body(rigid)
+        return rigid, ""  # refused where it matters: independent ports need no such body
     if departure <= max(EXACT_BODY, ROUNDED * precision):
-        return rigid, max(precision, departure if departure > EXACT_BODY else 0.0), ""
+        return body_above(rigid), ""
     text = (
-        f"the rigid mass that follows from mass and stiffness departs from a rigid body's by "
-        f"{departure:.1e}, and the nearest rigid body's is taken (up to {ALMOST_BODY:.0e} is); "
+        "the rigid mass that follows from mass and stiffness departs from a rigid body's by "
+        f"{departure:.1e} (that of a rigid body is taken; up to {ALMOST_BODY:.0e} is accepted); "
         "usual causes: grids in the .asm rounded to 8 characters, a stiffness between interface "
         "and modes that is not zero, an a-set that leaves freedoms out"
     )
-    return rigid, max(precision, departure), Caution("almost-rigid", text)
+    return body_above(rigid), Caution("almost-rigid", text)
 
 
 def _check_boundary(boundary: Sequence[int], d: int, name: str) -> None:
