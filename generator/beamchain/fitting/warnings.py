@@ -138,8 +138,8 @@ def step_warnings(scene: Scene, limits: StepLimits, steps: Sequence[StepChoice])
         yield Caution(
             "inaccurate-step",
             f"scene.xml takes {taken}, whose own error is above the tolerance {scene.tolerance:g}: "
-            f"it keeps that up to {kept.step:.3g} s, {best.integrator} up to {best.step:.3g} s with "
-            "the chain made anew for it; give scene.integrator and scene.timestep, or "
+            f"it keeps that up to {kept.step:.3g} s, {best.integrator} up to {best.step:.3g} s "
+            "with the chain made anew for it; give scene.integrator and scene.timestep, or "
             "fit.timestep for a chain made for its step.",
         )
 

@@ -9,7 +9,7 @@ from beamchain.report.table import Column, Table
 if TYPE_CHECKING:
     from beamchain.craft.inspect import Inspection
 
-# of slide joints and of tendons over points or slide joints; or of hinges and of tendons over hinges
+# of slide joints, and of tendons over points or slide joints; of hinges, and of tendons over them
 STIFFNESS = "N/m or N m/rad"
 DAMPING = "N s/m or N m s/rad"
 ARMATURE = "kg or kg m^2"
