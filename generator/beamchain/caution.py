@@ -9,6 +9,7 @@ CODES = {
     "dry-friction": "dry friction in joints of the spacecraft is left out",
     "limits": "a joint of the spacecraft stands outside its range",
     "other-bases": "other bodies of the file move by themselves and carry no appendage",
+    "almost-rigid": "the rigid mass of imported matrices departs slightly from a rigid body's",
     "alignfree": "MuJoCo defines a body's frame differently as soon as the body carries an "
     "appendage",
     "allocation-matrix": "the matrix of an allocation does not give the torque that is commanded",
@@ -18,6 +19,7 @@ CODES = {
     "collisions": "shapes of the appendages collide",
     "discrete-damping": "the integrator discrete damps the kept modes more than the structure does",
     "file-units": "an imported file is probably in other units than stated",
+    "half-units": "only one of the units of an imported file is stated",
     "equality": "equality constraints of the spacecraft are left out of the verification",
     "exact-in-time": "the appendages were made exact in time for the spacecraft's own step",
     "fit-missed": "the fit of an appendage missed a requirement",
@@ -55,6 +57,7 @@ CODES = {
     "stocky-beam": "Euler's beam theory is used for an appendage so short that shear matters",
     "tendon-damping": "Euler treats the damping of tendons explicitly",
     "imbalance": "a wheel's imbalance is so large that its unit is probably wrong",
+    "ignored-damping": "an imported file holds damping, which is ignored, and none is stated",
     "impact-on-flexible": "a hinge was stopped at once beside a flexible body",
     "time-error": "the poles of a model at its step are not those of exact motion",
     "turn-error": "the step's error in the rotation of the rigid spacecraft exceeds the tolerance",

@@ -360,3 +360,19 @@ def test_init_writes_a_delivery_that_fits(tmp_path, monkeypatch):
     assert "rigid body by" not in said  # 1e-12 of rounding is not worth a sentence
     assert "grids 1, 2 of wing.asm held as one rigid body" in said
     assert "(800, -900, 350): place the spacecraft's site there" in said
+
+
+def test_feet_lack_the_centrifugal_force_of_a_spin(folder):
+    """By m w x (w x c) of the mesh about the root, in the first instant of a spin of 0.1 rad/s."""
+    flexible = bc.embed(CRAFT, {"mount": wing()})
+    data = mujoco.MjData(flexible.model)
+    data.qvel[5] = 0.1  # rad/s about z, which is the appendage's z as well
+    found = flexible.recover(data, rows=foot_rows())
+    feet = found.rows[0, :12]
+    force = (feet[:3] + feet[6:9] @ se.FEET_TURN) @ AXES.T
+    mass = rigid_mass()
+    # first moment of the block m [c x], t mm in basic axes
+    moment = AXES @ [-mass[4, 2], mass[3, 2], -mass[3, 1]]
+    lacking = 0.1**2 * moment * [1.0, 1.0, 0.0]  # t mm/s^2 = N
+    assert lacking[0] > 0.03
+    assert found.root_force[0] - force == pytest.approx(lacking, abs=1e-6 * lacking[0])

@@ -418,3 +418,121 @@ def test_a_port_carries_nothing(with_port):
         bc.embed(craft, {"mount": spec}, carry={"mount:mast": ["dish"]})
     with pytest.raises(bc.InputError, match=r"ports: 'Mast' must start with a small letter"):
         spec_of({"imported": {**imported, "ports": {"Mast": 45}}})
+
+
+# -- rounding of a delivery ------------------------------------------------------------------------
+SHIPPED = se.wing_on_two_feet(se.SHIPPED)
+UPRIGHT = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
+
+
+def shipped(folder, change=0.0, others=None, units=UNITS, **document):
+    """The fit of the shipped wing, of stiffness that is `change`d [N/mm, N, N mm]."""
+    (folder / "wing.asm").write_text(se.feet_text(document.pop("places", se.FEET), modes=8))
+    both = {"KAA": SHIPPED.stiffness + change, "MAA": document.pop("mass", SHIPPED.mass)}
+    (folder / "wing.op4").write_bytes(se.op4_binary(both | (others or {})))
+    imported = {"file": str(folder / "wing.op4"), "axes": UPRIGHT, "units": units}
+    return bc.fit(spec_of({"name": "wing", "imported": imported, **document}))
+
+
+def codes_of(result):
+    return {warning.code: str(warning) for warning in result.warnings}
+
+
+def true_mass():
+    """Of the whole mesh, held rigidly about the mean of its feet, in SI and the wing's axes."""
+    mean = np.mean(list(se.FEET.values()), axis=0)
+    motion = []
+    for x, y, z in np.array(SHIPPED.nodes) - mean:
+        turned = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
+        motion.append(np.block([[np.eye(3), turned], [np.zeros((3, 3)), np.eye(3)]]))
+    metre = np.diag([1e3] * 3 + [1.0] * 3)
+    rigid = np.vstack(motion) @ np.kron(np.eye(2), np.array(UPRIGHT).T) @ metre
+    return 1e-3 * rigid.T @ SHIPPED.mesh_mass @ rigid  # 1 t mm^2 = 1e-3 kg m^2
+
+
+def mass_error(data):
+    """Of the rigid mass against the mesh's, relative."""
+    scale = np.sqrt(np.diag(true_mass()))
+    return np.max(np.abs((data.rigid_mass - true_mass()) / np.outer(scale, scale)))
+
+
+@pytest.mark.parametrize("size", [1e-8, 1e-7, 1e-6])
+def test_rounding_between_interface_and_modes_is_no_coupling(size, tmp_path):
+    """Noise in KAA[b, q] beside entries of 5e4 leaves modes and mass where they are."""
+    drawn = size * np.random.default_rng(0).standard_normal((12, 8))
+    change = np.zeros_like(SHIPPED.stiffness)
+    change[:12, 12:], change[12:, :12] = drawn, drawn.T
+    result = shipped(tmp_path, change)
+    assert result.status.ok
+    assert "almost-rigid" not in codes_of(result)
+    assert mass_error(result.space.data) < EXACT
+    frequencies = bc.read_modes(tmp_path / "wing.op4").frequencies[:8]
+    assert result.space.achieved.frequencies[:8] == pytest.approx(frequencies, rel=MUJOCO)
+
+
+@pytest.mark.parametrize(
+    ("shift", "spoken"), [((1e-7, 0, 0), False), ((0.05, 0, 0), True), ((0, 0.1, 0), True)]
+)
+def test_a_grid_that_is_off_by_what_the_strain_check_takes_is_fitted(shift, spoken, tmp_path):
+    """The same delivery is not refused later; what it departs by is said, and bounds its error."""
+    places = {**se.FEET, 1: tuple(np.add(se.FEET[1], shift))}
+    result = shipped(tmp_path, places=places)
+    assert result.status.ok
+    said = codes_of(result).get("almost-rigid", "")
+    assert bool(said) == spoken
+    assert mass_error(result.space.data) < 3e-4  # the root moves with the grid as well
+    if spoken:
+        assert re.search(
+            r"^wing.op4: the rigid mass that follows from mass and stiffness departs from a rigid "
+            r"body's by [23678]\.\de-0[56].*grids in the .asm rounded to 8 characters.*a-set",
+            said,
+        )
+
+
+@pytest.mark.parametrize("digits", [5, 8, 10])
+def test_matrices_of_few_digits_are_fitted(digits, tmp_path):
+    """As DMIG writes them; every number of mass and stiffness rounded by itself."""
+
+    def printed(values):
+        return np.vectorize(lambda value: float(f"{value:.{digits - 1}e}"))(values)
+
+    change = printed(SHIPPED.stiffness) - SHIPPED.stiffness
+    if digits < 8:  # too few for the stiffness, whose forces cancel
+        change = np.zeros_like(change)
+    result = shipped(tmp_path, change, mass=printed(SHIPPED.mass))
+    assert result.status.ok
+    assert mass_error(result.space.data) < 10.0 ** (2 - digits)
+
+
+@pytest.mark.parametrize("change", ["direction", "freedom"])
+def test_a_mass_that_is_no_body_s_is_refused_still(change, tmp_path):
+    """Half a per cent more in one direction; or a mass without what moves in one component."""
+    mass = SHIPPED.mass.copy()
+    if change == "direction":
+        mass[0, 0] *= 1.005
+        mass[0, 0] += 0.005 * 3.066e-3
+    else:
+        mass[2, :] = mass[:, 2] = 0.0
+    with pytest.raises(bc.BeamchainError, match="from a rigid body's .*a-set holds") as caught:
+        shipped(tmp_path, mass=mass)
+    assert "weight generator" not in str(caught.value)
+
+
+@pytest.mark.parametrize("names", [("K4AA", "BAA"), ("BAA",)])
+def test_damping_that_is_ignored_is_named(names, tmp_path):
+    others = dict.fromkeys(names, 0.02 * SHIPPED.stiffness)
+    said = codes_of(shipped(tmp_path, others=others))["ignored-damping"]
+    verb = "are" if len(names) == 2 else "is"
+    assert said == (
+        f"wing.op4 holds {' and '.join(names)}, which {verb} ignored; [damping] is not given: the "
+        "modes are undamped."
+    )
+    stated = shipped(tmp_path, others=others, damping={"ratio": 0.01})
+    assert "ignored-damping" not in codes_of(stated)
+
+
+def test_one_unit_alone_is_asked_about(tmp_path):
+    said = codes_of(shipped(tmp_path, units={"length": 1e-3}))["half-units"]
+    assert said.startswith("imported.units gives length = 0.001 alone, so that mass is taken in kg")
+    for units in ({"length": 1e-3, "mass": 1.0}, UNITS, {}):
+        assert "half-units" not in codes_of(shipped(tmp_path, units=units))

@@ -806,7 +806,8 @@ def _of_imported(
         row_names = rows.names
         # coordinates of the file's own units: energy is M L^2 / T^2 there
         units = imported.units if imported is not None else None
-        size = 1.0 if units is None else 1.0 / (units.length * np.sqrt(units.mass))
+        metres, kilograms = (1.0, 1.0) if units is None else units.si
+        size = 1.0 / (metres * np.sqrt(kilograms))
         by_amplitude = size * rows.modes @ body.kept.T
         by_acceleration = size * rows.accelerations @ body.kept.T
         values = modes.amplitudes @ by_amplitude.T + modes.accelerations @ by_acceleration.T

@@ -140,7 +140,7 @@ def fit_spec(spec: Spec, data: ModalData | None = None) -> Fit:
             return _fit(_with_integrator(on_modes(spec), data.rigid_mass), data)
         except EngineError as error:
             units = imported.units
-            cure = f"Check imported.units (length = {units.length:g}, mass = {units.mass:g})."
+            cure = "Check imported.units (length = {:g}, mass = {:g}).".format(*units.si)
             raise EngineError(str(error).replace(UNITS, cure)) from None
 
 

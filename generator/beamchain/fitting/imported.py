@@ -4,10 +4,12 @@ else with one cut for all."""
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 from msgspec import structs
 
+from beamchain.caution import Caution
 from beamchain.chain.build import Built, Status, Wishes, build_exact, cut_chain
 from beamchain.chain.chain import Chain
 from beamchain.chain.cut import MOST_ADDED
@@ -30,7 +32,10 @@ from beamchain.steps.limits import StepLimits
 from beamchain.structure import planes
 from beamchain.structure.mass_line import MassLine, SpreadMass
 from beamchain.structure.modal_data import ModalData
+from beamchain.structure.readers import MATRICES
+from beamchain.structure.readers.craig_bampton import ALMOST_BODY, EXACT_BODY
 from beamchain.structure.readers.imported import with_length
+from beamchain.structure.rigid_body import body_departure
 
 SLIGHT = 1e-6  # part of a mode in a port up to which the port's table leaves it out
 ROUNDING = 1e-11  # relative: a residual mass below zero by less is zero
@@ -42,7 +47,6 @@ ENTRIES = (
     # with half as much to spare
     3.0
 )
-EXACT_BODY = 1e-9  # relative, how far a rigid mass matrix of all digits may be from a rigid body's
 
 
 # -- what a fit starts from ------------------------------------------------------------------------
@@ -225,9 +229,11 @@ class ImportedCase:
     ) -> tuple[str, ...]:
         """Damping and units that are probably a slip."""
         del measured, targets, chain, limits
+        imported = self.spec.imported
+        units = None if imported is None else imported.units
         return (
             *doubtful((), self.spec.damping),
-            *imported_warnings(self.data, self.numbers, self.spec.damping),
+            *imported_warnings(self.data, self.numbers, self.spec.damping, units),
         )
 
 
@@ -323,7 +329,17 @@ def _build(case: ImportedCase, *, coupled: bool) -> tuple[Built, MassLine]:
         except InputError:
             if power == 0:
                 raise
-    raise reasons[MOST_ADDED]
+    departing = next((step for step in case.data.steps if _departs(step)), None)
+    if departing is None:
+        raise reasons[MOST_ADDED]
+    raise RealisationError(
+        f"{reasons[MOST_ADDED]} Note that {departing}; mend that first."
+    ) from None
+
+
+def _departs(step: str) -> bool:
+    """Whether a reader's step says that the rigid mass is almost that of a body."""
+    return isinstance(step, Caution) and step.code == "almost-rigid"
 
 
 def _roomy(line: MassLine, kept: ModalData) -> MassLine:
@@ -451,30 +467,21 @@ def _couple_ports(case: ImportedCase, line: MassLine, most_added: int) -> Built:
 
 def _check_body(data: ModalData) -> None:
     """The rigid mass matrix is a rigid body's, to the precision of the print."""
-    mass = data.rigid_mass
-    mean = float(np.trace(mass[:3, :3])) / 3.0
-    scale = np.sqrt(np.where(np.diag(mass) > 0.0, np.diag(mass), 1.0))
-    off = (mass - np.diag(np.diag(mass)))[:3, :3]
-    cross = mass[3:, :3]
-    miss = np.max(
-        np.abs(
-            np.concatenate(
-                [
-                    ((np.diag(mass)[:3] - mean) / mean),
-                    (off / mean).ravel(),
-                    ((cross + cross.T) / np.outer(scale[3:], scale[:3])).ravel(),
-                ]
-            )
-        )
-    )
+    miss = body_departure(data.rigid_mass)
     # `settle_rigid_mass` moves an entry and an eigenvalue by up to `least` each; a comparison has
     # two entries
     least = min(planes.ROUNDING * data.precision, planes.PRINTED)
     if miss > max(ENTRIES * data.precision + 4.0 * least, EXACT_BODY):
+        matrices = Path(data.source).suffix.lower() in MATRICES
+        cure = (
+            f"up to {ALMOST_BODY:.0e} is taken for rounding: check that the a-set holds all six "
+            "freedoms of every interface grid and that mass and stiffness are of the same freedoms"
+            if matrices
+            else "give the mass of the grid point weight generator"
+        )
         raise RealisationError(
             f"the rigid mass matrix differs by {miss:.1e} from a rigid body's (its mass depends on "
-            "the direction, as when an a-set leaves freedoms out), which no set of bodies can be; "
-            "give the mass of the grid point weight generator."
+            f"the direction), which no set of bodies can be; {cure}."
         )
 
 

@@ -14,6 +14,7 @@ from beamchain.ports.model import PortModel
 from beamchain.steps.integrators import apparent_pole, step_pole
 from beamchain.steps.limits import StepChoice, StepLimits
 from beamchain.structure.modal_data import ModalData
+from beamchain.structure.readers.imported import Units
 from beamchain.structure.section import SOFT, Custom, Equivalent, soft_modulus
 from beamchain.structure.segment import Segment
 
@@ -137,9 +138,9 @@ def step_warnings(scene: Scene, limits: StepLimits, steps: Sequence[StepChoice])
         yield Caution(
             "inaccurate-step",
             f"scene.xml takes {taken}, whose own error is above the tolerance {scene.tolerance:g}: "
-            f"it keeps that up to {kept.step:.3g} s, {best.integrator} up to {best.step:.3g} s; "
-            "give scene.integrator and scene.timestep, or fit.timestep for a chain made for its "
-            "step.",
+            f"it keeps that up to {kept.step:.3g} s, {best.integrator} up to {best.step:.3g} s "
+            "with the chain made anew for it; give scene.integrator and scene.timestep, or "
+            "fit.timestep for a chain made for its step.",
         )
 
 
@@ -203,11 +204,33 @@ def doubtful(
 
 
 def imported_warnings(
-    data: ModalData, numbers: Sequence[int], damping: Damping | None = None
+    data: ModalData,
+    numbers: Sequence[int],
+    damping: Damping | None = None,
+    units: Units | None = None,
 ) -> list[str]:
-    """Warnings about a file of modes: forgotten units, and a table of damping that leaves out kept
-    modes (`numbers`, from 1)."""
+    """Warnings about a file of modes: what its reader noted, forgotten units, and a table of
+    damping that leaves out kept modes (`numbers`, from 1)."""
     out: list[str] = []
+    for step in data.steps:
+        if not isinstance(step, Caution):
+            continue
+        if step.code != "ignored-damping":
+            out.append(Caution(step.code, f"{data.source}: {step}."))
+        elif damping is None and not np.any(data.damping > 0.0):
+            said = f"{step}; [damping] is not given: the modes are undamped."
+            out.append(Caution("ignored-damping", said))
+    if units is not None and (units.length is None) != (units.mass is None):
+        given = f"length = {units.length:g}" if units.mass is None else f"mass = {units.mass:g}"
+        missing, unit = ("mass", "kg") if units.mass is None else ("length", "m")
+        out.append(
+            Caution(
+                "half-units",
+                f"imported.units gives {given} alone, so that {missing} is taken in {unit}; "
+                "Nastran models in mm and tonne need units = { length = 1e-3, mass = 1e3 }. If "
+                f"{missing} is in {unit}, write {missing} = 1.0 beside it.",
+            )
+        )
     mass = float(data.rigid_mass[0, 0])
     length = data.length or 0.0
     if length > LONG or mass < THREAD * length:

@@ -9,6 +9,11 @@ from beamchain.report.table import Column, Table
 if TYPE_CHECKING:
     from beamchain.craft.inspect import Inspection
 
+# of slide joints, and of tendons over points or slide joints; of hinges, and of tendons over them
+STIFFNESS = "N/m or N m/rad"
+DAMPING = "N s/m or N m s/rad"
+ARMATURE = "kg or kg m^2"
+
 
 def mode_table(inspection: "Inspection") -> Table:
     """The oscillating modes about the rest pose."""
@@ -32,8 +37,8 @@ def spring_table(inspection: "Inspection") -> Table:
     damping = [value for _, _, value in inspection.springs]
     columns = (
         Column("joint", names, key="joint"),
-        Column("stiffness", stiffness, format=number, key="stiffness"),
-        Column("damping", damping, format=number, key="damping"),
+        Column("stiffness", stiffness, STIFFNESS, number, key="stiffness"),
+        Column("damping", damping, DAMPING, number, key="damping"),
     )
     return Table("Sprung joints", columns)
 
@@ -43,8 +48,8 @@ def tendon_table(inspection: "Inspection") -> Table:
     tendons = inspection.tendons
     columns = (
         Column("tendon", [name for name, _, _, _ in tendons], key="tendon"),
-        Column("stiffness", [value for _, value, _, _ in tendons], format=number, key="stiffness"),
-        Column("damping", [value for _, _, value, _ in tendons], format=number, key="damping"),
-        Column("armature", [value for _, _, _, value in tendons], format=number, key="armature"),
+        Column("stiffness", [k for _, k, _, _ in tendons], STIFFNESS, number, key="stiffness"),
+        Column("damping", [d for _, _, d, _ in tendons], DAMPING, number, key="damping"),
+        Column("armature", [a for _, _, _, a in tendons], ARMATURE, number, key="armature"),
     )
     return Table("Sprung tendons", columns)

@@ -13,10 +13,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import linalg
 
+from beamchain.caution import Caution
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
 from beamchain.structure.modal_data import FurtherPoint, ModalData
 from beamchain.structure.readers.bounded import check_size, mat_arrays, npz_arrays
+from beamchain.structure.rigid_body import body_above, body_departure
 
 LARGEST = 4000  # freedoms; beyond that reduce in the program that made the model
 MOST = 200  # modes handed on, the lowest
@@ -27,6 +29,10 @@ NOISE = 1e-2  # of a freedom's own scale, below which a sum of terms is rounding
 SOFTEST = 1e-10  # of the stiffest freedom of its kind: stiffness that is rounding (a drilling one)
 ROUNDED = 100.0  # precisions of the numbers that rounding may leave of such forces
 FULL = 1e-12  # relative precision of matrices of all digits
+# relative, most by which a rigid mass may depart from a rigid body's: grids that are off move it by
+# up to 3 times what they strain the structure, so that what is taken there is taken here
+ALMOST_BODY = 10.0 * STRAINED
+EXACT_BODY = 1e-9  # relative: a departure of numbers of all digits that needs no word
 LOOSE = 1e-13  # pivot over diagonal entry below which a freedom is not held
 NAMES = {
     "mass": ("mass", "M", "m", "MAA", "maa"),
@@ -154,6 +160,16 @@ def from_matrices(
     follow, strained = _rigid_motion(stiffness, inner, boundary, name, precision)
     # M_rigid = M_bb + G^T M_ib + M_ib^T G + G^T M_ii G
     rigid = m_bb + follow.T @ m_ib + m_ib.T @ follow + follow.T @ m_ii @ follow
+    k_ib = stiffness[np.ix_(inner, outer)] @ boundary.motion
+    size = np.sqrt(np.abs(np.diag(rigid))).clip(1e-300)
+    if (
+        # modes with the grids held do not follow the grids: then K_ib is zero but for rounding
+        np.max(np.abs(k_ib) / _largest_inner(stiffness, inner, boundary)) <= STRAINED * NOISE
+        and np.max(np.abs(rigid - m_bb) / np.outer(size, size)) <= ALMOST_BODY
+        and body_departure(m_bb) < body_departure(rigid)
+    ):
+        follow, rigid = np.zeros_like(follow), m_bb
+    rigid, departure = _almost_body(rigid, precision)
     # for 1/w^2: massless freedoms do no harm, low modes keep their digits
     inverse, shapes = linalg.eigh(m_ii, k_ii)
     order = np.argsort(inverse)[::-1]
@@ -186,6 +202,8 @@ def from_matrices(
             f"rigid-body check: forces of {strained:.1e} of the terms they are the sum of, where "
             f"{max(STRAINED, ROUNDED * precision):.0e} is taken"
         )
+    if departure:
+        steps.append(departure)
     return ModalData(
         rigid,
         w,
@@ -196,6 +214,23 @@ def from_matrices(
         further=further,
         origin=normal,
     )
+
+
+def _almost_body(rigid: Array, precision: float) -> tuple[Array, str]:
+    """The rigid mass `(6, 6)` as that of a rigid body where it is almost that of one, and a
+    sentence where the departure is worth a word."""
+    departure = body_departure(rigid)
+    if departure > ALMOST_BODY:
+        return rigid, ""  # refused where it matters: independent ports need no such body
+    if departure <= max(EXACT_BODY, ROUNDED * precision):
+        return body_above(rigid), ""
+    text = (
+        "the rigid mass that follows from mass and stiffness departs from a rigid body's by "
+        f"{departure:.1e} (that of a rigid body is taken; up to {ALMOST_BODY:.0e} is accepted); "
+        "usual causes: grids in the .asm rounded to 8 characters, a stiffness between interface "
+        "and modes that is not zero, an a-set that leaves freedoms out"
+    )
+    return body_above(rigid), Caution("almost-rigid", text)
 
 
 def _check_boundary(boundary: Sequence[int], d: int, name: str) -> None:
@@ -290,4 +325,13 @@ def _largest_forces(stiffness: Array, motion: Array) -> Array:
         if np.any(kind):
             own[kind] = np.maximum(own[kind], SOFTEST * np.max(own[kind]))
     energy = np.sum(diagonal[:, None] * motion**2, axis=0)  # R^T diag(K) R
+    return np.sqrt(np.outer(own, energy)) + 1e-300
+
+
+def _largest_inner(stiffness: Array, inner: list[int], boundary: Boundary) -> Array:
+    """`(n, 6)` forces that no inner freedom exceeds under a motion of the port, by
+    Cauchy-Schwarz as for the port's own."""
+    own = np.diag(stiffness)[inner].clip(0.0)
+    diagonal = np.diag(stiffness)[list(boundary.rows)].clip(0.0)
+    energy = np.sum(diagonal[:, None] * boundary.motion**2, axis=0)  # R^T diag(K) R
     return np.sqrt(np.outer(own, energy)) + 1e-300

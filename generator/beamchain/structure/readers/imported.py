@@ -24,8 +24,22 @@ CENTRED = 1e-9  # of the radius of gyration: a mass centre on the root, but for 
 class Units(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Units of the file."""
 
-    length: Annotated[float, field("metres per unit of length; 1e-3 for mm", "m", above=0.0)] = 1.0
-    mass: Annotated[float, field("kilograms per unit of mass; 1e3 for t", "kg", above=0.0)] = 1.0
+    length: Annotated[
+        float | None,
+        field("metres per unit of length, 1e-3 for mm; 1 where left out", "m", above=0.0),
+    ] = None
+    mass: Annotated[
+        float | None,
+        field("kilograms per unit of mass, 1e3 for t; 1 where left out", "kg", above=0.0),
+    ] = None
+
+    @property
+    def si(self) -> tuple[float, float]:
+        """Metres and kilograms per unit; 1 where left out."""
+        return (
+            1.0 if self.length is None else self.length,
+            1.0 if self.mass is None else self.mass,
+        )
 
 
 class Imported(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -119,11 +133,12 @@ class Imported(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     def read(self) -> ModalData:
         """All modes of the file, in SI, appendage axes, about the port;
         `modes` is not applied yet."""
+        metres, kilograms = self.units.si
         data = read_modes(
             self.file,
             reference=self.reference,
             axes=np.array(self.axes),
-            units={"length": self.units.length, "mass": self.units.mass},
+            units={"length": metres, "mass": kilograms},
             subcase=self.subcase,
             asm=self.asm,
             grids=self.grids,

@@ -120,8 +120,11 @@ def _check_header(header: Header, path: Path) -> None:
         )
 
 
-def read_op4(path: Path, wanted: Collection[str]) -> dict[str, Matrix]:
-    """The wanted matrices of an OUTPUT4 file, by name in capitals.
+def read_op4(
+    path: Path, wanted: Collection[str], others: set[str] | None = None
+) -> dict[str, Matrix]:
+    """The wanted matrices of an OUTPUT4 file, by name in capitals; the names of those that are
+    passed over are added to `others`.
 
     Raises:
         InputError: the file is cut or spoilt, or a wanted matrix is complex, too large, or stands
@@ -133,6 +136,10 @@ def read_op4(path: Path, wanted: Collection[str]) -> dict[str, Matrix]:
         with path.open("rb") as stream:
             binary = _integer_size(stream.read(4)) is not None
         for name, matrix in (_binary if binary else _text)(path, wanted):
+            if matrix is None:
+                if others is not None:
+                    others.add(name)
+                continue
             if name in matrices:
                 raise InputError(
                     f"file {str(path)!r} holds {name} more than once; write the superelement that "
@@ -183,7 +190,7 @@ def _records(content: memoryview, order: str) -> Iterator[memoryview]:
         at = end + 4
 
 
-def _binary(path: Path, wanted: Collection[str]) -> Iterator[tuple[str, Matrix]]:
+def _binary(path: Path, wanted: Collection[str]) -> Iterator[tuple[str, Matrix | None]]:
     content = memoryview(path.read_bytes())
     kind = _integer_size(bytes(content[:4]))
     assert kind is not None
@@ -214,7 +221,9 @@ def _binary(path: Path, wanted: Collection[str]) -> Iterator[tuple[str, Matrix]]
                 _put_strings(target, used, integer, number)
         else:
             raise ValueError(f"it ends within {header.name}")
-        if target.values is not None:
+        if target.values is None:
+            yield header.name, None
+        else:
             yield header.name, Matrix(target.values, DOUBLE if double else SINGLE)
 
 
@@ -299,7 +308,7 @@ def fortran_number(text: str) -> float:
     return float(BARE_EXPONENT.sub("E", text.strip().upper().replace("D", "E")))
 
 
-def _text(path: Path, wanted: Collection[str]) -> Iterator[tuple[str, Matrix]]:
+def _text(path: Path, wanted: Collection[str]) -> Iterator[tuple[str, Matrix | None]]:
     lines = bounded.lines(path, smaller=SMALLER, no_text=NEITHER)
     count = 0
     for line in lines:
@@ -321,7 +330,9 @@ def _text(path: Path, wanted: Collection[str]) -> Iterator[tuple[str, Matrix]]:
                 _take(target, layout, lines, row, count)
             else:
                 _take_strings(target, layout, lines, count)
-        if target.values is not None:
+        if target.values is None:
+            yield header.name, None
+        else:
             printed = max(5.0 * 10.0**-layout.digits, SINGLE if header.words == 1 else DOUBLE)
             yield header.name, Matrix(target.values, printed)
 

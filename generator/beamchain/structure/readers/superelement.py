@@ -3,7 +3,7 @@ grids, each in its own axes, and of modes; reduced to one port by holding the gr
 body.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from dataclasses import field as field_of
 from pathlib import Path
@@ -11,6 +11,7 @@ from typing import Annotated
 
 import numpy as np
 
+from beamchain.caution import Caution
 from beamchain.checks import Struct, field
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array, offset_matrix
@@ -34,6 +35,7 @@ from beamchain.structure.readers.nastran_op4 import Matrix, read_op4
 #: Names under which mass and stiffness are delivered, the likeliest first.
 MASS = ("MXX", "MAAX", "MAA", "M", "MASS")
 STIFFNESS = ("KXX", "KAAX", "KAA", "K", "STIFF")
+DAMPING = ("K4XX", "K4AAX", "K4AA", "BXX", "BAAX", "BAA")  # structural and viscous, not read
 FREE = (
     "Free-free modes without interface grids cannot be read: ask for a fixed-interface "
     "(Craig-Bampton) run with the interface in the a-set."
@@ -112,7 +114,8 @@ def read(path: Path, subcase: int | None, interface: Interface) -> ModalData:
         return _from_punch(path, interface)
     if kind in (".npz", ".mat"):
         return _from_arrays(path, interface)
-    matrices = read_op4(path, {*MASS, *STIFFNESS})
+    others: set[str] = set()
+    matrices = read_op4(path, {*MASS, *STIFFNESS}, others)
     mass, stiffness = _chosen(path, matrices)
     size = mass.values.shape[0]
     if interface.grids:
@@ -129,7 +132,18 @@ def read(path: Path, subcase: int | None, interface: Interface) -> ModalData:
                 f"grids. {FREE}"
             )
         rows, points = _rows_of(order, bulk.grids), bulk.grids
-    return _modal_data(path, (mass, stiffness), rows, points, source, interface.ports)
+    data = _modal_data(path, (mass, stiffness), rows, points, source, interface.ports)
+    return _ignoring(data, others)
+
+
+def _ignoring(data: ModalData, others: Collection[str]) -> ModalData:
+    """The data, with a word on the matrices of damping that the file holds beside."""
+    names = [name for name in DAMPING if name in others]
+    if not names:
+        return data
+    verb = "which is" if len(names) == 1 else "which are"
+    text = f"{data.source} holds {' and '.join(names)}, {verb} ignored"
+    return replace(data, steps=(*data.steps, Caution("ignored-damping", text)))
 
 
 def _from_punch(path: Path, interface: Interface) -> ModalData:
@@ -152,7 +166,8 @@ def _from_punch(path: Path, interface: Interface) -> ModalData:
             "give asm, or grids."
         )
     rows = _rows_of(freedoms, points)
-    return _modal_data(path, (mass, stiffness), rows, points, source, interface.ports)
+    data = _modal_data(path, (mass, stiffness), rows, points, source, interface.ports)
+    return _ignoring(data, bulk.dmig)
 
 
 def _from_arrays(path: Path, interface: Interface) -> ModalData:
