@@ -196,8 +196,8 @@ class Embedded:
 
     @one_thread()
     def modes_at(self, key: str) -> tuple[Mode, ...]:
-        """Coupled modes in the band at the keyframe `key` ("rest": the rest pose),
-        exact and from MuJoCo.
+        """Coupled modes up to the end of the band or the highest mode kept, at the keyframe `key`
+        ("rest": the rest pose), exact and from MuJoCo.
 
         Raises:
             InputError: the spacecraft has no such keyframe.
@@ -324,7 +324,7 @@ class Embedded:
             said += f"; stepped by {step} {off_by(self.sampled_error)}"
             said += " without the load" if self.loaded else ""
         if tolerance is None:
-            return f"{said}; no tolerance is asked for."
+            return f"{said}; no tolerance was requested."
         return f"{said}, {tolerance_statement(self._decisive, tolerance)}."
 
     @property
