@@ -22,8 +22,8 @@ CODES = {
     "exact-in-time": "the appendages were made exact in time for the spacecraft's own step",
     "fit-missed": "the fit of an appendage missed a requirement",
     "gravity": "gravity acts on the spacecraft",
-    "heavy-liquid": "the liquid of a tank outweighs the spacecraft many times over, probably because "
-    "of a wrong unit",
+    "heavy-liquid": "the liquid of a tank outweighs the spacecraft many times over, probably "
+    "because of a wrong unit",
     "high-damping": "a damping ratio of 0.1 or more is stated",
     "hinge-damping": "plain joint damping cannot give every mode its damping ratio",
     "huge-section": "a section is very wide for the appendage's length, probably because of a "

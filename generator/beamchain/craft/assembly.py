@@ -146,11 +146,12 @@ def modes_at_pose(
     key: str,
     own: Sequence[int] | None = None,
     loaded: Pose | None = None,
+    *,
+    beyond: bool = False,
 ) -> tuple[Mode, ...]:
-    """Coupled modes up to `band` [rad/s] or the highest mode kept at a keyframe, exact and
-    MuJoCo's.
+    """Coupled modes up to `band` [rad/s] at a keyframe, exact and MuJoCo's.
 
-    `loaded`: the pose under its load.
+    `loaded`: the pose under its load; `beyond`: up to the highest mode kept, where that is more.
     """
     craft = quiet_copy(craft)
     model = quiet_copy(model)
@@ -164,7 +165,7 @@ def modes_at_pose(
     body = counterpart(craft, model, pose.body)
     modes = coupled_modes(pose, pose.compiled(model, poses(model)[key], body), band)
     exact = [(mode, mode.exact) for mode in modes if mode.exact is not None]
-    top = max([band, *(omega for mode, omega in exact if mode.kept)])
+    top = max([band, *(omega for mode, omega in exact if mode.kept and beyond)])
     return tuple(mode for mode, omega in exact if omega <= top)
 
 

@@ -1,8 +1,8 @@
 """A spacecraft under a load that does not change: gravity where it is held, or a constant thrust.
 
-A free spacecraft is pushed by the field of its own acceleration: its motion is expressed in axes that
-accelerate with it, in which an accelerometer on it reads. Its joints stay where the pose has them, and
-what holds them is taken as in balance; its appendages sag.
+A free spacecraft is pushed by the field of its own acceleration: its motion is expressed in axes
+that accelerate with it, in which an accelerometer on it reads. Its joints stay where the pose has
+them, and what holds them is taken as in balance; its appendages sag.
 """
 
 import copy

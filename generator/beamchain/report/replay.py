@@ -128,7 +128,9 @@ def scene_replays(fit: "Fit") -> list[Replay]:
     if not fit.chain.hinges:
         return []
     if fit.chain.hung:
-        return [Replay("", "No mode is drawn: nothing accelerates the liquid in scene.xml at rest.")]
+        return [
+            Replay("", "No mode is drawn: nothing accelerates the liquid in scene.xml at rest.")
+        ]
     scene = compile_model(fit.scene_mjcf())
     model = without_timing(scene)
     place = mount(model, "mount", "site", "mount")
