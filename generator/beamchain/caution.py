@@ -24,6 +24,8 @@ CODES = {
     "exact-in-time": "the appendages were made exact in time for the spacecraft's own step",
     "fit-missed": "the fit of an appendage missed a requirement",
     "gravity": "gravity acts on the spacecraft",
+    "heavy-liquid": "the liquid of a tank outweighs the spacecraft many times over, probably "
+    "because of a wrong unit",
     "high-damping": "a damping ratio of 0.1 or more is stated",
     "hinge-damping": "plain joint damping cannot give every mode its damping ratio",
     "huge-section": "a section is very wide for the appendage's length, probably because of a "
@@ -59,6 +61,7 @@ CODES = {
     "imbalance": "a wheel's imbalance is so large that its unit is probably wrong",
     "ignored-damping": "an imported file holds damping, which is ignored, and none is stated",
     "impact-on-flexible": "a hinge was stopped at once beside a flexible body",
+    "thrust-offset": "a thrust passes beside the centre of mass; its moment is taken as balanced",
     "time-error": "the poles of a model at its step are not those of exact motion",
     "turn-error": "the step's error in the rotation of the rigid spacecraft exceeds the tolerance",
     "undamped-modes": "a table of damping ratios leaves imported modes undamped",

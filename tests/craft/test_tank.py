@@ -290,6 +290,94 @@ class TestSaid:
         with pytest.raises(bc.InputError, match="leave discrete out"):
             bc.plant(result, ["torque:bus"], ["attitude"], "burn", discrete=0.02, loaded=True)
 
+    @pytest.mark.parametrize("held", [False, True])
+    @pytest.mark.parametrize("retime", [None, True])
+    def test_a_tank_alone_has_no_timing(self, tmp_path, retime, held):
+        """Though its damper is felt at the step, and in gravity its frequencies are too."""
+        (tmp_path / "tank.toml").write_text(tank(0.05).replace("0.01", "0.2"))
+        pin = '<joint axis="1 0 0" stiffness="2e4"/>'
+        fixed = {"joint": pin, "gravity": "0 0 -9.80665"} if held else {}
+        text = craft(**fixed).replace("timestep", 'integrator="implicitfast" timestep')
+        result = bc.embed(text, {"tank": tmp_path / "tank.toml"}, retime=retime)
+        assert result.appendages[0].timed is None
+        assert not {"exact-in-time", "time-error"} & {w.code for w in result.warnings}
+
+    def test_embed_speaks_of_no_scene(self, tmp_path):
+        for loaded in (False, True):
+            result = embedded(tmp_path, 0.05, loaded=loaded)
+            assert not any("scene.xml" in w for w in result.warnings)
+        assert any("scene.xml" in w for w in bc.fit(tmp_path / "tank.toml").warnings)
+
+    def test_a_liquid_is_not_varied(self, tmp_path):
+        embedded(tmp_path, 0.05).write(tmp_path / "flexible.xml")
+        (tmp_path / "u.toml").write_text("[appendage.tank_]\nfrequency = { relative = 0.1 }\n")
+        (tmp_path / "loops.toml").write_text(
+            '[[loop]]\ninput = "torque_x"\noutput = "attitude_x"\nnumerator = [400.0, 60.0]\n'
+            "denominator = [0.05, 1.0]\n"
+        )
+        told = call(
+            *("plant", tmp_path / "flexible.xml", "--input", "torque:bus", "--output", "attitude"),
+            *("--controller", tmp_path / "loops.toml", "--uncertain", tmp_path / "u.toml"),
+            *("--pose", "burn", "-o", tmp_path / "plant.mat"),
+        )
+        assert told.status == 2
+        assert (
+            "'tank_' is the liquid of a tank, which is not varied; vary the thrust (+-20 % is "
+            "+-10 % in frequency)"
+        ) in " ".join(told.err.split())
+        assert not (tmp_path / "plant.mat").exists()
+
+    @pytest.mark.parametrize("turned", [False, True])
+    def test_thrust_beside_the_centre_of_mass(self, tmp_path, turned):
+        """The bus turns away by the moment that is told, as plain MuJoCo has it."""
+        text = craft(BURN).replace('"nozzle" pos="0 0 -0.8"', '"nozzle" pos="0.014 0 -0.8"')
+        if turned:  # the moment is told in no axes
+            text = text.replace('<body name="bus">', '<body name="bus" quat="0.6 0 0.8 0">')
+        (tmp_path / "tank.toml").write_text(tank(0.05))
+        result = bc.embed(text, {"tank": tmp_path / "tank.toml"}, loaded=True, retime=False)
+        (said,) = [w for w in result.warnings if w.code == "thrust-offset"]
+        moment = 0.014 * BURN
+        assert said.startswith(
+            f"the thrust at burn passes 14 mm beside the centre of mass: {moment:.3g} N m"
+        )
+        model, data = result.model, mujoco.MjData(result.model)
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+        mujoco.mj_forward(model, data)
+        data.subtree_angmom[:] = 0.0
+        mujoco.mj_step(model, data)
+        mujoco.mj_forward(model, data)
+        mujoco.mj_subtreeVel(model, data)
+        gained = np.linalg.norm(data.subtree_angmom[model.body("bus").id]) / model.opt.timestep
+        assert gained == pytest.approx(moment, rel=1e-3)
+        plant = bc.plant(result, ["torque:bus"], ["attitude"], at="burn", loaded=True)
+        assert said in plant.warnings
+
+    def test_thrust_through_the_centre_of_mass(self, tmp_path):
+        result = embedded(tmp_path, 0.05)
+        plant = bc.plant(result, ["torque:bus"], ["attitude"], at="burn", loaded=True)
+        said = [*result.warnings, *plant.warnings]
+        assert "thrust-offset" not in {w.code for w in said}
+
+    def test_a_liquid_that_outweighs_the_spacecraft(self, tmp_path):
+        text = tank(0.05).replace("0.5", "5.0").replace("0.8", "8.0")  # 1,058 times the bus
+        (tmp_path / "tank.toml").write_text(text)
+        result = bc.embed(craft(), {"tank": tmp_path / "tank.toml"}, retime=False)
+        (said,) = [w for w in result.warnings if w.code == "heavy-liquid"]
+        assert "1.06e+03 times the 600 kg that carry it" in said
+        usual = embedded(tmp_path, 0.05).warnings
+        assert "heavy-liquid" not in {w.code for w in usual}
+
+    def test_key_lists_every_kept_mode(self, tmp_path):
+        embedded(tmp_path, 0.05)
+        (tmp_path / "craft.xml").write_text(craft(BURN))
+        told = call(
+            *("embed", tmp_path / "craft.xml", "--at", f"tank={tmp_path / 'tank.toml'}"),
+            *("--loaded", "--key", "burn", "--json", "-o", tmp_path / "flexible.xml"),
+        )
+        rows = told.record["modes_at"]["burn"]
+        assert len(rows) == len(told.record["modes"]) == 4
+        assert all(row["kept"] and abs(row["error"]) < HELD for row in rows)
+
 
 #: The place by the axis of it that is the tank's, for one and the same tank: its x, y and z are the
 #: bus's z, x and y. The quaternions of these attitudes hold no rounding.

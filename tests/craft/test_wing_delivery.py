@@ -329,7 +329,7 @@ def test_a_step_that_misses_poles_says_first_what_helps(folder):
     craft = CRAFT.replace('timestep="0.001"', 'timestep="0.02" integrator="implicitfast"')
     flexible = bc.embed(craft, {"mount": wing()}, retime=True)
     (note,) = [w for w in flexible.warnings if w.code == "time-error"]
-    assert note.startswith("take Euler, or a shorter step")
+    assert note.startswith("use Euler, or a shorter step")
     assert "in the rest pose" in note
     flexible.write("flexible.xml")
     status, out, _ = call("inspect", "flexible.xml")

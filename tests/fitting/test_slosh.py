@@ -222,3 +222,22 @@ class TestFile:
         key = json.loads(call("schema").out)["$defs"]["Slosh"]["properties"]["axis"]
         assert set(key["enum"]) == {"x", "y", "z", "-x", "-y", "-z"}
         assert key["default"] == "x"
+
+
+class TestPage:
+    @pytest.mark.parametrize("visuals", ["true", '"boxes"', "false"])
+    def test_the_page_says_that_no_mode_is_drawn(self, tmp_path, visuals):
+        file = tmp_path / "tank.toml"
+        file.write_text(tank(0.5, 0.8) + f"[scene]\nvisuals = {visuals}\n")
+        told = call("fit", file, "-o", tmp_path / "out")
+        assert told.status == 0
+        assert "No mode is drawn: nothing accelerates" in (tmp_path / "out/report.html").read_text()
+
+
+class TestUnits:
+    def test_a_tank_in_millimetres(self, tmp_path):
+        fit = fitted(tmp_path, 600.0, 450.0)
+        (said,) = [w for w in fit.warnings if w.code == "heavy-liquid"]
+        assert "has 5.14e+11 kg; if mm were meant, write radius = 0.6 and height = 0.45" in said
+        usual = fitted(tmp_path, 0.6, 0.45).warnings
+        assert "heavy-liquid" not in {w.code for w in usual}

@@ -146,7 +146,7 @@ def embed(
                 loaded=loaded,
             )
             _prove(result)
-            at_key = () if key is None else result.modes_at(key)
+            at_key = () if key is None else result.modes_at(key, beyond=True)
     drawings = {} if plot is None else {plot: result.picture()}
     if page is not None:
         drawings[page] = result.report(craft.name, output.name)
@@ -234,7 +234,9 @@ def _record(result: "Embedded", key: str | None, at_key: "Sequence[Mode]") -> di
     """What --json prints."""
     record = result.as_dict()
     if key is not None:
-        modes = [{"exact": m.exact, "mujoco": m.mujoco, "error": m.error} for m in at_key]
+        modes = [
+            {"exact": m.exact, "mujoco": m.mujoco, "error": m.error, "kept": m.kept} for m in at_key
+        ]
         record["modes_at"] = {key: modes}
     return record
 
@@ -281,7 +283,7 @@ def _show_details(
     from beamchain.report.tables.embed import keyframe_table
 
     if key is not None:
-        print_table(keyframe_table(at_key, key))
+        print_table(keyframe_table(result.assembly, at_key, key))
     if explain:
         for line in result.steps or ("no mode was added for the craft as a whole",):
             console().print(line, markup=False)

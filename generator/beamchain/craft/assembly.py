@@ -146,10 +146,12 @@ def modes_at_pose(
     key: str,
     own: Sequence[int] | None = None,
     loaded: Pose | None = None,
+    *,
+    beyond: bool = False,
 ) -> tuple[Mode, ...]:
     """Coupled modes up to `band` [rad/s] at a keyframe, exact and MuJoCo's.
 
-    `loaded`: the pose under its load.
+    `loaded`: the pose under its load; `beyond`: up to the highest mode kept, where that is more.
     """
     craft = quiet_copy(craft)
     model = quiet_copy(model)
@@ -162,7 +164,9 @@ def modes_at_pose(
     pose = loaded or Pose(craft, known[key], carried, band, range(6), own)
     body = counterpart(craft, model, pose.body)
     modes = coupled_modes(pose, pose.compiled(model, poses(model)[key], body), band)
-    return tuple(mode for mode in modes if mode.exact is not None and mode.exact <= band)
+    exact = [(mode, mode.exact) for mode in modes if mode.exact is not None]
+    top = max([band, *(omega for mode, omega in exact if mode.kept and beyond)])
+    return tuple(mode for mode, omega in exact if omega <= top)
 
 
 def _transition(model: "mujoco.MjModel", body: int) -> Linear:

@@ -196,16 +196,22 @@ class Embedded:
         return max(found.error for found in self.sampled_poses.values())
 
     @one_thread()
-    def modes_at(self, key: str) -> tuple[Mode, ...]:
+    def modes_at(self, key: str, *, beyond: bool = False) -> tuple[Mode, ...]:
         """Coupled modes in the band at the keyframe `key` ("rest": the rest pose),
         exact and from MuJoCo.
+
+        Args:
+            key: name of the keyframe.
+            beyond: whether to list those up to the highest mode kept, beyond the band.
 
         Raises:
             InputError: the spacecraft has no such keyframe.
         """
         exact = carried(self.model, self.appendages)
         pose = self._exact_poses.get(key, [None])[0] if self.loaded else None
-        return modes_at_pose(self.craft, self.untimed, exact, self.band, key, self._own, pose)
+        craft, model, band = self.craft, self.untimed, self.band
+        beyond = true_or_false("beyond", beyond)
+        return modes_at_pose(craft, model, exact, band, key, self._own, pose, beyond=beyond)
 
     @one_thread()
     def shapes_at(self, key: str) -> tuple[Array, Array]:
@@ -327,7 +333,7 @@ class Embedded:
             said += f"; stepped by {step} {off_by(self.sampled_error)}"
             said += " without the load" if self.loaded else ""
         if tolerance is None:
-            return f"{said}; no tolerance is asked for."
+            return f"{said}; no tolerance was requested."
         return f"{said}, {tolerance_statement(self._decisive, tolerance)}."
 
     @property

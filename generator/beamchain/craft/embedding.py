@@ -33,7 +33,7 @@ from beamchain.craft.documents import (
     with_probes,
 )
 from beamchain.craft.embedded import Embedded
-from beamchain.craft.error import loadings_of
+from beamchain.craft.error import counterpart, loadings_of
 from beamchain.craft.fits import Fits, fit_all
 from beamchain.craft.liquid import liquid_cautions
 from beamchain.craft.loads import (
@@ -56,6 +56,8 @@ from beamchain.engine import mount as mounting
 from beamchain.engine.door import check_model
 from beamchain.engine.library import mujoco, one_thread
 from beamchain.engine.linearise import compile_model
+from beamchain.engine.loaded import offset_cautions
+from beamchain.engine.operating_point import poses
 from beamchain.errors import EngineError, InputError
 from beamchain.files import noted_inputs
 from beamchain.fitting.fit import as_spec
@@ -157,7 +159,13 @@ def load_warnings(result: Embedded) -> list[str]:
     loadings = loadings_of(result.craft, items) if result.loaded else None
     if any(a.rigid for a in result.appendages):
         return []
-    return liquid_cautions(result.craft, items, loadings)
+    found = liquid_cautions(result.craft, items, loadings)
+    places = poses(result.model)
+    for name, body in loadings or ():
+        key = None if name == "rest" else list(places).index(name) - 1
+        base = counterpart(result.craft, result.model, body)
+        found += offset_cautions(result.model, key, base, places[name], name)
+    return found
 
 
 def _embed(

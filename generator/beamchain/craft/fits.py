@@ -19,6 +19,7 @@ from beamchain.fitting.fit import fit_spec
 from beamchain.fitting.hub import Hub
 from beamchain.fitting.options import Root, Target
 from beamchain.fitting.result import Fit
+from beamchain.fitting.slosh import heavy
 from beamchain.fitting.spec import Spec
 from beamchain.fitting.warnings import doubtful, rigid_plane
 from beamchain.structure.modal_data import ModalData
@@ -115,6 +116,8 @@ def fit_all(
             if hinged or is_imported
             else doubtful(a.spec.segment, a.spec.damping, a.fit.target)
         )
+        if a.spec.slosh is not None:
+            found = heavy(a.spec.slosh, a.hub.mass)
         warnings += [said_of(a.at, warning) for warning in found]
     return appendages, warnings, steps
 

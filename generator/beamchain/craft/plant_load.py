@@ -1,6 +1,7 @@
 """A linear craft under its own load: gravity where its base is held, or the `ctrl` of a keyframe
-that accelerates it. Its motion is told in axes that a free base takes along."""
+that accelerates it. Its motion is expressed in axes that accelerate with a free base."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,8 +10,14 @@ from beamchain.craft.linear_craft import LinearCraft, internal_stiffness
 from beamchain.craft.mode_names import HINGE, cantilever_names
 from beamchain.engine.forces import sprung
 from beamchain.engine.library import mujoco
-from beamchain.engine.loaded import Loading, load_at, loaded_linear
-from beamchain.engine.operating_point import At, base_body
+from beamchain.engine.loaded import (
+    Loading,
+    key_number,
+    load_at,
+    loaded_linear,
+    offset_cautions,
+)
+from beamchain.engine.operating_point import At, base_body, keyframe_names
 from beamchain.errors import InputError
 from beamchain.fitting.slosh import weightless
 from beamchain.ports.motions import Array
@@ -31,9 +38,14 @@ def limp_hinges(model: "mujoco.MjModel") -> list[str]:
     return [str(model.joint(j).name) for j in joints if j not in held]
 
 
+def liquid_prefixes(model: "mujoco.MjModel") -> list[str]:
+    """Prefixes of the liquids of a model."""
+    return sorted({name.rpartition("hinge")[0] for name in limp_hinges(model)})
+
+
 def limp_cautions(model: "mujoco.MjModel") -> list[str]:
     """That the liquids of a model hang limp in a plant without a load."""
-    tanks = sorted({name.split("_hinge")[0] for name in limp_hinges(model)})
+    tanks = [prefix.removesuffix("_") for prefix in liquid_prefixes(model)]
     if not tanks:
         return []
     where = f"{', '.join(tanks)}: the plant is one in free fall (loaded=True: under its load)"
@@ -43,13 +55,7 @@ def limp_cautions(model: "mujoco.MjModel") -> list[str]:
 def under_load(craft: LinearCraft, model: "mujoco.MjModel", at: At) -> tuple[LinearCraft, Loading]:
     """A craft of a compiled `model` at a pose under its own load, and that load."""
     dofs = hinge_dofs(model)
-    bases = {base_body(model, int(model.dof_bodyid[i])) for i in dofs}
-    if len(bases) != 1:
-        raise InputError(
-            f"loaded: the model has {len(bases) or 'no'} bases that carry appendages; a load is "
-            "known on one: put appendages on one body with bc.embed."
-        )
-    base = bases.pop()
+    base = _base(model, dofs)
     load = load_at(model, at, base, float(model.body_subtreemass[base]))
     linear = loaded_linear(craft.linear, craft.point.model, craft.point.qpos, dofs, load)
     internal = internal_stiffness(linear.stiffness, load)
@@ -57,6 +63,26 @@ def under_load(craft: LinearCraft, model: "mujoco.MjModel", at: At) -> tuple[Lin
     names, rows = cantilever_names(craft.point.model, linear.mass, internal)
     changed = replace(craft, linear=linear, names=tuple(names), rows=rows, internal=internal)
     return changed, load
+
+
+def thrust_cautions(model: "mujoco.MjModel", at: At) -> list[str]:
+    """That the thrust of a compiled `model` at a pose passes beside its centre of mass."""
+    key = key_number(model, at)
+    if key is None:
+        return []
+    base = _base(model, hinge_dofs(model))
+    return offset_cautions(model, key, base, model.key_qpos[key], keyframe_names(model)[key])
+
+
+def _base(model: "mujoco.MjModel", dofs: Sequence[int]) -> int:
+    """The body that carries the appendages, of which these are degrees of freedom."""
+    bases = {base_body(model, int(model.dof_bodyid[i])) for i in dofs}
+    if len(bases) != 1:
+        raise InputError(
+            f"loaded: the model has {len(bases) or 'no'} bases that carry appendages; a load is "
+            "known on one: put appendages on one body with bc.embed."
+        )
+    return bases.pop()
 
 
 def check_standing(stiffness: Array, load: Loading) -> None:

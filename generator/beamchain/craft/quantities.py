@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from beamchain.checks import unknown
+from beamchain.craft.plant_load import liquid_prefixes
 from beamchain.engine.library import mujoco
 from beamchain.engine.mount import held_joints
 from beamchain.errors import InputError
@@ -217,6 +218,11 @@ def _modes(
     kept = _kept_modes(model)
     out: list[Quantity] = []
     for prefix, uncertain in given.items():
+        if prefix not in kept and prefix in liquid_prefixes(model):
+            raise InputError(
+                f"{prefix!r} is the liquid of a tank, which is not varied; vary the thrust "
+                "(+-20 % is +-10 % in frequency)."
+            )
         if prefix not in kept:
             cure = (
                 "Appendages are named by their prefix, and must have springs on modal tendons "

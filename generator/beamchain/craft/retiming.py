@@ -122,7 +122,7 @@ class RetimedCraft:
             return f"{sentence}; the error of the response is not known, for {self.unknown}."
         sentence += f"; motion off {off_by(self.sampled_error)}"
         if self.tolerance is None:
-            return f"{sentence}; no tolerance is asked for."
+            return f"{sentence}; no tolerance was requested."
         side = "within" if self.met else "above"
         sentence += f", {side} the tolerance {self.tolerance:g}"
         if self.largest_step is not None:

@@ -68,11 +68,11 @@ def decide_timing(
     model: "mujoco.MjModel", appendages: Sequence[Appendage], wanted: bool | None
 ) -> TimingDecision:
     """Whether to make the appendages exact in time; `wanted`: what the user asked for;
-    None: by the step's error."""
+    None: by the step's error. Liquids have no timing."""
     name = NUMBERS[int(model.opt.integrator)]
     step = f"{name} at {float(model.opt.timestep):g} s"
     scheme = SCHEMES[name]
-    if wanted is False or not any(a.fit.chain.hinges for a in appendages):
+    if wanted is False or all(a.fit.chain.hung or not a.fit.chain.hinges for a in appendages):
         return TimingDecision(False)
     if not scheme.exact and name != "RK4":
         text = (

@@ -1,8 +1,8 @@
 """A spacecraft under a load that does not change: gravity where it is held, or a constant thrust.
 
-A free spacecraft is pushed by the field of its own acceleration: its motion is told in axes that
-it takes along, in which an accelerometer on it reads. Its joints stay where the pose has them, and
-what holds them is taken as in balance; its appendages sag.
+A free spacecraft is pushed by the field of its own acceleration: its motion is expressed in axes
+that accelerate with it, in which an accelerometer on it reads. Its joints stay where the pose has
+them, and what holds them is taken as in balance; its appendages sag.
 """
 
 import copy
@@ -12,6 +12,8 @@ from functools import partial
 
 import numpy as np
 
+from beamchain.caution import Caution
+from beamchain.engine.bench import composite
 from beamchain.engine.library import mujoco
 from beamchain.engine.linear import POSITION, Linear, slopes
 from beamchain.engine.linearise import dense_mass
@@ -22,6 +24,7 @@ from beamchain.ports.motions import Array
 ROUNDS = 30  # of the search for the sag
 SETTLED = 1e-12  # rad: a change of the sag that is rounding
 NOTHING = 1e-12  # m/s^2
+BESIDE = 1e-3  # of the radius of gyration: a thrust nearer to the centre of mass is not told
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,31 +92,79 @@ def loading_at(
     is_free = joint >= 0 and int(craft.jnt_type[joint]) == int(mujoco.mjtJoint.mjJNT_FREE)
     free = int(craft.jnt_dofadr[joint]) if is_free else None
     data = mujoco.MjData(still)
-
-    def force(at: Array, push: Array, state: Array) -> Array:
-        data.qpos[:], data.ctrl[:], data.act[:] = at, push, state
-        mujoco.mj_fwdPosition(still, data)
-        mujoco.mj_fwdVelocity(still, data)
-        mujoco.mj_fwdActuation(still, data)
-        return np.array(data.qfrc_actuator)
-
+    push = partial(_push, still, data, ctrl, act)
     pushes = bool(np.any(ctrl != 0.0) or np.any(act != 0.0))
     pushed = np.zeros((still.nv, still.nv))
     field = gravity
     if free is not None:
-        thrust = force(qpos, ctrl, act) - force(qpos, 0.0 * ctrl, 0.0 * act)
+        thrust = push(qpos)
         field = -thrust[free : free + 3] / mass
     if pushes:
 
         def moved(i: int, by: float) -> Array:
             at = qpos.copy()
             mujoco.mj_integratePos(still, at, np.eye(still.nv)[i], by)
-            return force(at, ctrl, act) - force(at, 0.0 * ctrl, 0.0 * act)
+            return push(at)
 
         pushed = -slopes(moved, still.nv, POSITION)
     if np.linalg.norm(field) <= NOTHING and np.max(np.abs(pushed), initial=0.0) <= NOTHING:
         return None
     return Loading(gravity, ctrl, act, field, free, pushed)
+
+
+def _push(
+    still: "mujoco.MjModel", data: "mujoco.MjData", ctrl: Array, act: Array, qpos: Array
+) -> Array:
+    """`(nv,)` what actuators push with at positions `(nq,)` beyond what they do without ctrl and
+    act."""
+    forces: list[Array] = []
+    for part in (1.0, 0.0):
+        data.qpos[:], data.ctrl[:], data.act[:] = qpos, part * ctrl, part * act
+        mujoco.mj_fwdPosition(still, data)
+        mujoco.mj_fwdVelocity(still, data)
+        mujoco.mj_fwdActuation(still, data)
+        forces.append(np.array(data.qfrc_actuator))
+    return forces[0] - forces[1]
+
+
+def offset_cautions(
+    model: "mujoco.MjModel", key: int | None, body: int, qpos: Array, name: str
+) -> list[str]:
+    """That the thrust at a keyframe passes beside the centre of mass, by more than a thousandth of
+    the radius of gyration.
+
+    Args:
+        model: the spacecraft with its appendages, unbent.
+        key: number of the keyframe; None: no thrust.
+        body: the base.
+        qpos: `(nq,)` the pose.
+        name: of the pose.
+    """
+    joint = int(model.body_jntadr[body])
+    if key is None or joint < 0 or int(model.jnt_type[joint]) != int(mujoco.mjtJoint.mjJNT_FREE):
+        return []
+    still = still_copy(model)
+    data = mujoco.MjData(still)
+    free = int(model.jnt_dofadr[joint])
+    wrench = _push(still, data, model.key_ctrl[key], model.key_act[key], qpos)[free : free + 6]
+    thrust = wrench[:3]
+    size = float(np.linalg.norm(thrust))
+    mass = float(model.body_subtreemass[body])
+    if size <= NOTHING * mass:
+        return []
+    mujoco.mj_comPos(still, data)
+    # a free joint's torque is in the axes of the body, about its origin
+    arm = data.subtree_com[body] - data.xpos[body]
+    moment = data.xmat[body].reshape(3, 3) @ wrench[3:] - np.cross(arm, thrust)
+    beside = float(np.linalg.norm(np.cross(thrust, moment))) / size**2
+    gyration = float(np.sqrt(np.trace(composite(model, body).inertia) / 2.0 / mass))
+    if beside <= BESIDE * gyration:
+        return []
+    text = (
+        f"the thrust at {name} passes {beside * 1e3:.3g} mm beside the centre of mass: "
+        f"{beside * size:.3g} N m, which is taken as balanced; cancel it in a run."
+    )
+    return [Caution("thrust-offset", text)]
 
 
 def key_number(model: "mujoco.MjModel", at: At) -> int | None:

@@ -23,6 +23,8 @@ BALL = 1e-3  # of a pendulum's length: by as much its mass centre is nearer to t
 # of a pendulum's inertia across the axis, that about it: a moving body has some in MuJoCo
 ROLL = 1e-6
 LEAST = 2e-15  # kg m^2, above MuJoCo's mjMINVAL
+HEAVIEST = 1e7  # kg: more is in no tank
+MANY = 100.0  # times the mass of the spacecraft that carries it
 PLANES = ("xy", "xz")
 
 
@@ -63,10 +65,29 @@ class SloshCase(ImportedCase):
         chain: Chain,
         limits: StepLimits,
     ) -> tuple[str, ...]:
-        """Where nothing accelerates the tank its pendulums stay where they are."""
+        """Where nothing accelerates the tank its pendulums stay where they are; and a liquid as
+        heavy as no tank holds."""
         del measured, targets, chain, limits
+        hub = self.spec.root.hub
         where = "nothing but the keyframe `burn` of scene.xml accelerates the tank"
-        return (weightless(where),)
+        return (weightless(where), *heavy(self.liquid, None if hub is None else hub.mass))
+
+
+def heavy(liquid: Slosh, base: float | None) -> list[str]:
+    """The warning for a liquid that is probably in other units.
+
+    `base`: mass of the rigid spacecraft that carries it [kg]; None where none is known.
+    """
+    mass = float(liquid.rigid_mass()[0, 0])
+    many = "" if base is None else f", {mass / base:.3g} times the {base:.4g} kg that carry it"
+    if mass <= HEAVIEST and (base is None or mass <= MANY * base):
+        return []
+    text = (
+        f"the liquid of slosh.radius = {liquid.radius:g} m and slosh.height = {liquid.height:g} m "
+        f"has {mass:.3g} kg{many}; if mm were meant, write radius = {liquid.radius * 1e-3:g} and "
+        f"height = {liquid.height * 1e-3:g}."
+    )
+    return [Caution("heavy-liquid", text)]
 
 
 def weightless(where: str) -> Caution:

@@ -12,7 +12,7 @@ from beamchain.checks import positive, true_or_false
 from beamchain.craft.embedded import Embedded
 from beamchain.craft.linear_craft import LinearCraft, exact_craft, linear_craft
 from beamchain.craft.modal_form import ModalForm
-from beamchain.craft.plant_load import limp_cautions, under_load
+from beamchain.craft.plant_load import limp_cautions, thrust_cautions, under_load
 from beamchain.craft.poses import Poses, pose_label, poses_of
 from beamchain.craft.source import compiled_model, linear_omissions
 from beamchain.craft.timing import without_timing
@@ -95,8 +95,9 @@ def plant(
         loaded: whether the craft is linear under its own load at `at`: the gravity of its
             `<option>`, where its base is held, and the `ctrl` of the keyframe that `at` names, such
             as a constant thrust that accelerates a free base. Appendages are bent and stiffened by
-            it, and the liquids of tanks swing by it; attitude and rate are told in axes that the
-            accelerated craft takes along. Without it a liquid hangs limp.
+            it, and the liquids of tanks swing by it; attitude and rate are expressed in axes that
+            accelerate with the craft. Without it the pendulums of a liquid have no restoring
+            force. The moment of the thrust about the centre of mass is taken as balanced.
 
     Returns:
         A `Plant`: `frequency`, `damping_ratio`, `gain` of its modes, `exact`,
@@ -198,6 +199,7 @@ class _Given:
         craft = linear_craft(model, at, self.rates, self.inputs, self.outputs)
         if self.loaded:
             craft, _ = under_load(craft, model, at)
+            said = [*said, *thrust_cautions(model, at)]
         if not craft.modes.frequency.size:
             raise InputError(
                 "the model has no flexible mode, for no spring holds anything in it; put "

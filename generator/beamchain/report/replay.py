@@ -123,10 +123,14 @@ def craft_replays(embedded: "Embedded") -> list[Replay]:
 
 
 def scene_replays(fit: "Fit") -> list[Replay]:
-    """Of the modes of a fit's scene, the appendage on its hub, and of a turn of it; none of a
-    liquid, which hangs limp there."""
-    if not fit.chain.hinges or fit.chain.hung:
+    """Of the modes of a fit's scene, the appendage on its hub, and of a turn of it; of a liquid
+    the sentence that it has no mode there."""
+    if not fit.chain.hinges:
         return []
+    if fit.chain.hung:
+        return [
+            Replay("", "No mode is drawn: nothing accelerates the liquid in scene.xml at rest.")
+        ]
     scene = compile_model(fit.scene_mjcf())
     model = without_timing(scene)
     place = mount(model, "mount", "site", "mount")
@@ -179,6 +183,8 @@ def _named(model: "mujoco.MjModel", qpos: Array, frequencies: Array, shapes: Arr
 def _mode_replay(
     outlines: Outlines, qpos: Array, modes: Sequence[Moving], where: str, of: int
 ) -> Replay:
+    if not modes:
+        return Replay("", f"{where}: there is nothing to draw.")
     origin, turn = outlines.frame(qpos)
 
     def in_base(drawn: Drawn) -> Drawn:

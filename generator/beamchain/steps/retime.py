@@ -324,7 +324,7 @@ def time_cure(off: TimeError) -> str:
         )
     if off.integrator in ("implicit", "implicitfast"):
         return (
-            f"Take Euler, or a shorter step: {off.integrator} cannot give modes with a damping "
+            f"Use Euler, or a shorter step: {off.integrator} cannot give modes with a damping "
             "ratio above omega h/12 their own pole; Euler can."
         )
     return "Take a shorter step where that matters."

@@ -121,9 +121,11 @@ def coupled_table(assembly: "Assembly") -> Table:
     return Table("Coupled modes of the whole spacecraft, without damping", columns)
 
 
-def keyframe_table(modes: "Sequence[Mode]", key: str) -> Table:
+def keyframe_table(assembly: "Assembly", modes: "Sequence[Mode]", key: str) -> Table:
     """The coupled modes at a keyframe."""
-    return Table(f"Coupled modes at keyframe {key}, without damping", _frequency_columns(modes))
+    words = [kept_word(assembly, mode) for mode in modes]
+    columns = (*_frequency_columns(modes), Column("kept", words))
+    return Table(f"Coupled modes at keyframe {key}, without damping", columns)
 
 
 def pose_table(embedded: "Embedded") -> Table:
@@ -143,7 +145,7 @@ def pose_table(embedded: "Embedded") -> Table:
 
 def kept_word(assembly: "Assembly", mode: "Mode") -> str:
     """Whether a coupled mode is judged: yes, no, or kept but beyond the band."""
-    if mode in assembly.judged:
+    if mode.kept and mode.exact is not None and mode.exact <= assembly.band:
         return "yes"
     return "beyond the band" if mode.kept else "no"
 
