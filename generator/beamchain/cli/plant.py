@@ -365,8 +365,8 @@ def _show_reasons(margins_by_plant: "list[Margins]") -> None:
     """Why loops are unstable, and which of them are so by others."""
     for margins in margins_by_plant:
         pose = f"{margins.pose}: " if margins.pose else ""
-        for one in margins.instabilities:
-            console().print(f"{pose}{one.sentence}")
+        for said in margins.reasons:
+            console().print(f"{pose}{said}")
         others = [loop.name for loop in margins.loops if not (loop.stable or loop.causes)]
         if others:
             console().print(f"{pose}unstable by others: {', '.join(others)}")
