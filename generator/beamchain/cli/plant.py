@@ -151,6 +151,7 @@ def plant(
 
     Example: beamchain plant flexible.xml --disturbances jitter.toml -o plant.npz
     """
+    from beamchain.cli.poses import doubtful
     from beamchain.craft.source import compiled_model
     from beamchain.files import beside, check_outputs
     from beamchain.plants.controllers import read_controller, signals_with, takes_time
@@ -212,6 +213,7 @@ def plant(
             pages[page] = plant_report(result, margins_by_plant, model.name, cases, budget)
     files = [result.write(output, force=force, also=pages or None), *pages]
     warnings = margin_warnings(plants, margins_by_plant)
+    warnings = [*doubtful(compiled, poses or [], angle), *warnings]
     tell(
         lambda: _record(result, plants[0], margins_by_plant, cases, warnings, budget),
         lambda: _show(plants, labels, margins_by_plant, cases, warnings, budget, is_shown=is_shown),
