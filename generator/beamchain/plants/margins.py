@@ -210,11 +210,7 @@ class Margins:
 
     def __repr__(self) -> str:
         when = f", sampled at {self.timestep:g} s" if self.timestep else ""
-        what = "; ".join(
-            [repr(loop)[1:-1] for loop in self.loops]
-            if self.stable
-            else self.reasons
-        )
+        what = "; ".join([repr(loop)[1:-1] for loop in self.loops] if self.stable else self.reasons)
         return f"<Margins{f' at {self.pose}' if self.pose else ''}{when}: {what or 'UNSTABLE'}>"
 
     @property
