@@ -46,6 +46,7 @@ CODES = {
     "overdamped": "nothing oscillates in a model; its step limits are left out",
     "long-delay": "a dead time is longer than a period of its loop",
     "points-inward": "an appendage runs through the spacecraft's centre of mass",
+    "pose-in-radians": "the pose of a hinge, in degrees, is a common angle in radians",
     "ports-coupled": "two ports that should be independent are coupled in the compiled model",
     "preloaded-spring": "a spring of the spacecraft is preloaded at rest",
     "raised-inertia": "the polar inertia of very thin links was raised to MuJoCo's minimum",

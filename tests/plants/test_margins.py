@@ -599,7 +599,7 @@ def test_the_loop_to_blame_is_named(plant):
     for factor, grows in ((0.999, False), (1.001, True)):
         poles = closed_poles(plant, factor * one.gain * factors)
         assert (poles.real.max() > 1e-7) == grows
-    assert "the loop torque_z alone makes it so, from 0.5 of its gain on" in one.sentence
+    assert "the loop torque_z alone makes it so, at gains above 0.5 of the nominal" in one.sentence
     assert [loop.causes for loop in found.loops] == [False, True]
     assert all(np.isnan(loop.gain) for loop in found.loops)
     rows = {row[0]: row[2] for row in found.table.rows}
@@ -698,6 +698,92 @@ def test_poles_that_pass_each_other_keep_their_crossings(lags):
         np.testing.assert_allclose(one.crossing, crossing, rtol=1e-5, atol=1e-12)
 
 
+def three_axes(inertias, gains, delay=0.0):
+    """Three rigid axes `1/(J s^2)` and PD loops of a bandwidth in proportion to their inertia, with
+    a lag each; plant and the loops of every axis."""
+    j = np.asarray(inertias)
+    a = np.block([[np.zeros((3, 3)), np.eye(3)], [np.zeros((3, 6))]])
+    plant = control.ss(
+        a, np.vstack([np.zeros((3, 3)), np.diag(1.0 / j)]), np.eye(3, 6), np.zeros((3, 3))
+    )
+    dead = control.tf(*control.pade(delay, 4)) if delay else control.tf(1.0, 1.0)
+    lag = control.tf([0.5, 0.05], np.polymul([1.0, 1.0], [0.4, 1.0]))
+    return plant, [gain * inertia * lag * dead for gain, inertia in zip(gains, j, strict=True)]
+
+
+@pytest.mark.parametrize("delay", [0.0, 3.0], ids=["gain", "delay"])
+@pytest.mark.parametrize(
+    "inertias", [(100.0, 100.0, 100.0), (100.0, 120.0, 150.0)], ids=["equal", "scaled"]
+)
+@pytest.mark.parametrize(
+    "spread", [0.0, 1e-9, 1e-6, 1e-3, 0.02], ids=["none", "1e-9", "1e-6", "1e-3", "0.02"]
+)
+def test_axes_of_one_design_are_blamed_for_their_own_poles(inertias, spread, delay):
+    """Each loop alone, by python-control, says how many poles of its own grow and where."""
+    gains = 30.0 * (1.0 + spread * np.array([0.0, 1.0, -0.7]))
+    plant, loops = three_axes(inertias, gains, delay)
+    found = bc.margins(plant, {(f"u[{i}]", f"y[{i}]"): loops[i] for i in range(3)})
+    assert not found.stable
+    for i in range(3):
+        poles = control.feedback(plant[i, i], control.ss(loops[i])).poles()
+        growing = poles[(poles.real > 1e-6) & (poles.imag >= 0.0)]
+        assert growing.size
+        own = [one for one in found.instabilities if f"u[{i}]" in one.alone]
+        assert all(list(one.alone) == one_name(i) for one in own)
+        assert all(list(one.stable_without) == one_name(i) for one in own)
+        np.testing.assert_allclose(
+            np.sort_complex([one.pole for one in own]), np.sort_complex(growing), rtol=1e-5
+        )
+        for one in own:
+            words = f"the loop u[{i}] alone makes it so, at "
+            assert words in one.sentence
+            # rigid motion of this axis, or its controller's own poles
+            named = set(re.findall(r"x\[(\d)\]", one.origin))
+            assert named <= {str(i), str(i + 3)}, one.sentence
+            for factor, grows in ((0.99, False), (1.01, True)):
+                k = factor * one.alone[f"u[{i}]"]
+                if k > 0.0:
+                    poles = control.feedback(plant[i, i], k * control.ss(loops[i])).poles()
+                    at = np.abs(poles - 1j * one.crossing).min()
+                    near = poles[np.abs(poles - 1j * one.crossing) == at]
+                    assert (near.real.max() > 0.0) == grows
+    assert sum(len(one.alone) for one in found.instabilities) == len(found.instabilities)
+
+
+def one_name(i):
+    return [f"u[{i}]"]
+
+
+def test_wrong_signs_are_asked_for_once_and_first():
+    plant, loops = three_axes((100.0, 100.0, 100.0), (1.0, 1.0, 1.0))
+    found = bc.margins(plant, {(f"u[{i}]", f"y[{i}]"): -loops[i] for i in range(3)})
+    question = "Is the sign of the numerators on u[0], u[1] and u[2] right?"
+    assert found.reasons[0].startswith(question)
+    assert len(found.reasons) == 1 + len(found.instabilities)
+    assert sum("sign" in said for said in found.reasons) == 1
+    assert found.table.notes[0] == found.reasons[0]
+    right = bc.margins(plant, {(f"u[{i}]", f"y[{i}]"): 30.0 * loops[i] for i in range(3)})
+    assert not any("sign" in said for said in right.reasons)
+
+
+def test_one_mode_that_several_loops_drive_is_said_once():
+    """Two loops on one oscillator, each of which makes it grow alone: its damping, 0.1, less 0.2
+    and less 0.4 of gain."""
+    plant = control.ss(
+        [[0.0, 1.0], [-4.0, -0.1]], [[0.0, 0.0], [1.0, 1.0]], [[0.0, 1.0], [0.0, 1.0]], 0.0
+    )
+    (one,) = bc.margins(plant, {("u[0]", "y[0]"): -0.2, ("u[1]", "y[1]"): -0.2}).instabilities
+    assert (
+        "each of the loops u[0], u[1] alone makes it so, at gains above 0.5 of the nominal"
+        in one.sentence
+    )
+    (one,) = bc.margins(plant, {("u[0]", "y[0]"): -0.2, ("u[1]", "y[1]"): -0.4}).instabilities
+    assert (
+        "each of the loops u[0] (at gains above 0.5 of the nominal), u[1] (at gains above 0.25 of "
+        "the nominal) alone makes it so" in one.sentence
+    )
+
+
 def test_what_no_loop_does_alone():
     """Two channels that are stable alone at any gain, and not together: L = [0 k; k 0]/(s + 1),
     whose poles are -1 +- k."""
@@ -708,7 +794,8 @@ def test_what_no_loop_does_alone():
     np.testing.assert_allclose(one.gain, 0.5, rtol=1e-6)  # it crosses at rest, seen to 1e-7
     assert dict(one.alone) == {}
     assert one.stable_without == ("u[0]", "u[1]")
-    assert "no loop alone makes it so, all together do, from 0.5 of their gains on" in one.sentence
+    words = "no loop alone makes it so, all together do, at gains above 0.5 of the nominal"
+    assert words in one.sentence
 
 
 def many_modes(number, count=40):

@@ -197,6 +197,24 @@ def test_poses_are_given_in_degrees_and_metres(place, capsys, monkeypatch):
     assert np.load(place / "p.npz")["A"].ndim == 2
 
 
+def test_radians_typed_for_degrees_are_noted(place, capsys, monkeypatch):
+    """A slide's metres and plain degrees are not."""
+
+    def noted(*words):
+        code, out, _ = asked(place, capsys, monkeypatch, *words, "--json")
+        assert code == 0
+        found = json.loads(out)["warning_codes"]
+        return [each["text"] for each in found if each["code"] == "pose-in-radians"]
+
+    for word, degrees in {"1.5708": 90, "-0.7854": -45, "3.1416": 180, "0.5236": 30}.items():
+        (text,) = noted("--pose", f"turn={word}")
+        assert f"--pose turn={word}: poses are in degrees" in text
+        assert f"give turn={degrees}" in text
+    assert len(noted("--angle", "drive=0,0.785,1.5708")) == 2
+    assert noted("--pose", "drive=1.56,reach=0.5236") == []
+    assert noted("--pose", "drive", "--pose", "turn=45") == []
+
+
 def test_angle_and_at_are_other_words_for_it(place, capsys, monkeypatch):
     code, out, _ = asked(place, capsys, monkeypatch, "--angle", "drive=0,45", "--json")
     record = json.loads(out)

@@ -171,6 +171,26 @@ def test_a_pose_of_several_stands_in_a_column(embedded):
     ]
 
 
+def test_all_loops_at_once_are_never_better_than_one(embedded, plant):
+    """The nominal figures are those of `bc.margins`, for one loop alone too."""
+    uncertain = plant.uncertain(
+        bc.UncertainCraft(body={"bus": bc.UncertainBody(mass=bc.Uncertainty(relative=0.05))})
+    )
+    for gains in ({"x": 1.0}, {"x": 1.0, "z": 1.0}, {"x": 1.2, "y": 0.9, "z": 1.0}):
+        loops = controller(**gains)
+        found = uncertain.worst_margins(loops, samples=2)
+        known = bc.margins(plant, loops)
+        disks = [row for row in found.margins if row.kind == "disk" and row.at != found[-1].at]
+        assert len(disks) == len(gains)
+        at_once = found.all_at_once
+        assert at_once.nominal <= min(row.nominal for row in disks)
+        assert at_once.worst <= min(row.worst for row in disks)
+        np.testing.assert_allclose(at_once.nominal, known.all_at_once.value, rtol=1e-6)
+        np.testing.assert_allclose(
+            [row.nominal for row in disks], [loop.disk for loop in known.loops], rtol=1e-6
+        )
+
+
 def test_worst_margins_of_poses_name_the_worst(embedded):
     poses = [{"north": np.radians(a), "south": np.radians(-a)} for a in (0.0, 60.0)]
     plants = bc.plant(embedded, ["torque:bus"], ["attitude"], at=poses)

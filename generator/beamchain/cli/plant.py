@@ -151,6 +151,7 @@ def plant(
 
     Example: beamchain plant flexible.xml --disturbances jitter.toml -o plant.npz
     """
+    from beamchain.cli.poses import doubtful
     from beamchain.craft.source import compiled_model
     from beamchain.files import beside, check_outputs
     from beamchain.plants.controllers import read_controller, signals_with, takes_time
@@ -212,6 +213,7 @@ def plant(
             pages[page] = plant_report(result, margins_by_plant, model.name, cases, budget)
     files = [result.write(output, force=force, also=pages or None), *pages]
     warnings = margin_warnings(plants, margins_by_plant)
+    warnings = [*doubtful(compiled, poses or [], angle), *warnings]
     tell(
         lambda: _record(result, plants[0], margins_by_plant, cases, warnings, budget),
         lambda: _show(plants, labels, margins_by_plant, cases, warnings, budget, is_shown=is_shown),
@@ -365,8 +367,8 @@ def _show_reasons(margins_by_plant: "list[Margins]") -> None:
     """Why loops are unstable, and which of them are so by others."""
     for margins in margins_by_plant:
         pose = f"{margins.pose}: " if margins.pose else ""
-        for one in margins.instabilities:
-            console().print(f"{pose}{one.sentence}")
+        for said in margins.reasons:
+            console().print(f"{pose}{said}")
         others = [loop.name for loop in margins.loops if not (loop.stable or loop.causes)]
         if others:
             console().print(f"{pose}unstable by others: {', '.join(others)}")

@@ -4,6 +4,7 @@ keyframe's name."""
 import math
 from typing import TYPE_CHECKING
 
+from beamchain.caution import Caution
 from beamchain.checks import number, unknown
 from beamchain.engine.library import mujoco
 from beamchain.engine.operating_point import is_slide, keyframe_names, single_joints
@@ -12,6 +13,9 @@ from beamchain.errors import InputError
 if TYPE_CHECKING:
     from beamchain.engine.operating_point import At
 
+# 30, 45, 90 and 180 degrees [rad], and how near to them a pose in degrees is doubtful
+COMMON = (math.pi / 6.0, math.pi / 4.0, math.pi / 2.0, math.pi)
+NEAR = 1e-3
 FORMS = {
     "--pose": "JOINT=POSITION,... or a keyframe; for example --pose north=45,south=-45, degrees of "
     "hinges and metres of slides",
@@ -45,6 +49,33 @@ def grid_of(model: "mujoco.MjModel", text: str) -> "At":
     """What `at` of `bc.plant` takes for the text of --angle: a joint and its positions."""
     joint, _, words = text.partition("=")
     return {joint: _positions(model, "--angle", text, joint, words.split(","))}
+
+
+def doubtful(model: "mujoco.MjModel", poses: list[str], angle: str | None) -> list[str]:
+    """Cautions of --pose and --angle on hinges whose degrees are a common angle in radians."""
+    given = [
+        ("--pose", part.partition("="))
+        for text in poses
+        if text not in keyframe_names(model)
+        for part in text.split(",")
+    ]
+    if angle is not None:
+        joint, _, words = angle.partition("=")
+        given += [("--angle", (joint, "=", word)) for word in words.split(",")]
+    out: list[str] = []
+    for option, (joint, _, word) in given:
+        value = float(word)
+        near = [turn for turn in COMMON if abs(abs(value) - turn) <= NEAR]
+        if near and not is_slide(model, single_joints(model)[joint]):
+            turned = math.copysign(math.degrees(near[0]), value)
+            out.append(
+                Caution(
+                    "pose-in-radians",
+                    f"{option} {joint}={word}: poses are in degrees, and this is {turned:g} "
+                    f"degrees in radians; for these give {joint}={turned:g}.",
+                )
+            )
+    return list(dict.fromkeys(out))
 
 
 def _positions(

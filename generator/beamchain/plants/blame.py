@@ -1,11 +1,17 @@
 """Why a closed loop is unstable: its growing poles followed back to the open loop, with all loops
-and with some of them."""
+and with some of them.
+
+Where axes have the same design, growing poles of several loops lie together, their eigenvectors are
+any in the space that they span, and no way of one of them says whose it is. There every loop is
+closed alone, and each pole is that of the loop which has one there by itself.
+"""
 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import block_diag
+from scipy.optimize import linear_sum_assignment
 
 from beamchain.plants.closed_loop import ClosedLoop
 from beamchain.plants.instability import WORDS, Instability, Kind
@@ -14,6 +20,9 @@ from beamchain.plants.systems import Complex
 from beamchain.ports.motions import Array
 
 ALIKE = 1e-6  # relative, of shares of states in a pole that are one
+TOGETHER = 0.05  # relative distance of growing poles within which their ways are not told apart
+OWN = 0.2  # of a pole's growth: distance to the pole that one loop alone has there
+SAME = 1e-3  # of it, where the other loops do nothing to it
 ORDER = ("mode", "rigid", "state", "controller")  # in which two origins are named
 Progress = Callable[[int, int], None]
 
@@ -35,22 +44,32 @@ def instabilities(closed: ClosedLoop, tell: Progress = no_progress) -> tuple[Ins
     `tell`: is told how many of them have been followed, and of how many.
     """
     every = np.ones(len(closed.inputs))
-    values, vectors = np.linalg.eig(closed.closed(1.0, every))
-    s = closed.to_s(values.astype(np.complex128))
-    upper = s.imag >= -1e-9 * np.abs(s)
-    numbers = np.flatnonzero((closed.growth(values.astype(np.complex128)) > 0.0) & upper).tolist()
-    numbers.sort(key=lambda number: -float(s[number].real))
+    values, vectors = _growing(closed, every)
+    s = closed.to_s(values)
+    numbers = np.argsort(-s.real, kind="stable").tolist()
     start = _start(closed)
+    owners = _owners(closed, s[numbers], start)
     out: list[Instability] = []
-    for number in numbers:
+    for number, owner in zip(numbers, owners, strict=True):
         tell(len(out), len(numbers))
-        value, right = complex(values[number]), vectors[:, number].astype(np.complex128)
+        value, right = complex(values[number]), vectors[:, number]
         pole = pole_of(lambda gain: closed.closed(gain, every), 1.0, value, right)
-        whole = _from_open(closed, every, pole, start)
-        gain, at = crossing(whole.closed, whole.poles, closed.growth, closed.rounding)
-        blames = [_Blame(closed, i, pole, start) for i in range(len(closed.inputs))]
+        if owner is None:
+            whole = _from_open(closed, every, pole, start)
+            gain, at = crossing(whole.closed, whole.poles, closed.growth, closed.rounding)
+            blames = [_Blame(closed, i, pole, start) for i in range(len(closed.inputs))]
+            alone = {blame.input: blame.alone() for blame in blames}
+            without = tuple(blame.input for blame in blames if blame.ends_without())
+        else:
+            whole = owner.way
+            factor, at = crossing(whole.closed, whole.poles, closed.growth, closed.rounding)
+            alone = {owner.input: factor}
+            gain = factor
+            if not owner.is_same:
+                both = _from_open(closed, every, pole, start)
+                gain, at = crossing(both.closed, both.poles, closed.growth, closed.rounding)
+            without = (owner.input,) if owner.ends_without else ()
         origin = whole.origin(start)
-        alone = {blame.input: blame.alone() for blame in blames}
         out.append(
             Instability(
                 pole=complex(s[number]),
@@ -59,7 +78,7 @@ def instabilities(closed: ClosedLoop, tell: Progress = no_progress) -> tuple[Ins
                 gain=gain,
                 crossing=_frequency(closed, at),
                 alone={name: factor for name, factor in alone.items() if factor is not None},
-                stable_without=tuple(blame.input for blame in blames if blame.ends_without()),
+                stable_without=without,
                 timestep=closed.step,
             )
         )
@@ -114,9 +133,84 @@ def _from_open(closed: ClosedLoop, loops: Array, pole: Pole, start: _Start) -> _
     if path.partner is not None:
         smallest.append(follow(matrix, path.partner, 0.0).poles[-1])
     opened = start.poles, start.vectors
-    numbers = [open_pole(matrix, one, opened) for one in smallest]
+    numbers = [_own_direction(start, open_pole(matrix, one, opened), one) for one in smallest]
     first = pole_of(matrix, 0.0, complex(start.poles[numbers[0]]), start.vectors[:, numbers[0]])
     return _Way(matrix, [first, *reversed(path.poles)], numbers)
+
+
+def _own_direction(start: _Start, number: int, pole: Pole) -> int:
+    """Of open poles of one kind that are one, as rigid motions at zero, the one in whose direction
+    a pole leaves."""
+    far = np.abs(start.poles - start.poles[number])
+    size = float(np.abs(start.poles).max(initial=1e-300))
+    one = far <= ALIKE * (np.abs(start.poles[number]) + 1e-3 * size)
+    kind = start.origins[number].kind
+    one &= np.array([origin.kind == kind for origin in start.origins])
+    overlap = np.where(one, np.abs(pole.right.conj() @ start.vectors), -1.0)
+    # both of a double pole have the same direction
+    return number if overlap[number] > (1.0 - ALIKE) * overlap.max() else int(overlap.argmax())
+
+
+class _Owner(NamedTuple):
+    """The loop that has a growing pole by itself.
+
+    Args:
+        input: of the loop.
+        way: of its pole, all others open.
+        is_same: whether the others do nothing to the pole.
+        ends_without: whether fewer poles grow with this loop open.
+    """
+
+    input: str
+    way: _Way
+    is_same: bool
+    ends_without: bool
+
+
+def _owners(closed: ClosedLoop, poles: Complex, start: _Start) -> list[_Owner | None]:
+    """Of growing poles s `(k,)` that lie together, the loop of each; None of those that are told
+    apart by their ways, and of those that no loop alone has."""
+    out: list[_Owner | None] = [None] * poles.size
+    apart = np.abs(poles[:, None] - poles) / np.abs(poles)[:, None]
+    np.fill_diagonal(apart, np.inf)
+    together = np.flatnonzero(apart.min(axis=1, initial=np.inf) <= TOGETHER)
+    if not together.size:
+        return out
+    loops = np.eye(len(closed.inputs))
+    found = [(i, pole) for i in range(len(loops)) for pole in _new_poles(closed, loops[i], start)]
+    if not found:
+        return out
+    single = closed.to_s(np.array([pole.value for _, pole in found], dtype=np.complex128))
+    distance = np.abs(poles[together, None] - single) / poles[together, None].real
+    rows, columns = linear_sum_assignment(np.minimum(distance, OWN))
+    for row, column in zip(rows.tolist(), columns.tolist(), strict=True):
+        if distance[row, column] >= OWN:
+            continue
+        i, pole = found[column]
+        way = _from_open(closed, loops[i], pole, start)
+        is_same = bool(distance[row, column] <= SAME)
+        left = _growing(closed, 1.0 - loops[i])[0].size
+        out[int(together[row])] = _Owner(closed.inputs[i], way, is_same, left < poles.size)
+    return out
+
+
+def _growing(closed: ClosedLoop, loops: Array) -> tuple[Complex, Complex]:
+    """Growing poles, one of each pair, and their eigenvectors, with some of the loops closed."""
+    found, vectors = np.linalg.eig(closed.closed(1.0, loops))
+    values = found.astype(np.complex128)
+    s = closed.to_s(values)
+    upper = (closed.growth(values) > 0.0) & (s.imag >= -1e-9 * np.abs(s))
+    return values[upper], vectors[:, upper].astype(np.complex128)
+
+
+def _new_poles(closed: ClosedLoop, loops: Array, start: _Start) -> list[Pole]:
+    """Growing poles that are none of the open loop's, with some of the loops closed."""
+    values, vectors = _growing(closed, loops)
+    return [
+        pole_of(lambda gain: closed.closed(gain, loops), 1.0, complex(value), vectors[:, k])
+        for k, value in enumerate(values)
+        if np.abs(start.poles - value).min(initial=np.inf) > ALIKE * abs(value)
+    ]
 
 
 class _Blame:

@@ -2,7 +2,7 @@
 blame."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Literal
@@ -77,17 +77,30 @@ class Instability:
         return tuple(self.alone) or self.stable_without
 
     @property
+    def pushed(self) -> bool:
+        """Whether it grows without oscillation at any gain, as where a sign is wrong."""
+        return not self._rings and 0.0 in (self.gain, *self.alone.values())
+
+    @property
     def sentence(self) -> str:
         """All of it in words."""
-        rings = abs(self.pole.imag) > 1e-9 * abs(self.pole)
-        how = f"{self.hertz:.3g} Hz, {self.frequency:.4g} rad/s" if rings else "without oscillation"
-        pushed = not rings and 0.0 in (self.gain, *self.alone.values())
-        sign = "; is the sign of the numerators right?" if pushed else "."
+        return self.finding + ("; is the sign of the numerators right?" if self.pushed else ".")
+
+    @property
+    def finding(self) -> str:
+        """The same without a question on the signs, and without the full stop."""
+        how = "without oscillation"
+        if self._rings:
+            how = f"{self.hertz:.3g} Hz, {self.frequency:.4g} rad/s"
         what = f"{WORDS[self.kind]}{self.origin}"
         return (
             f"UNSTABLE: {what} ({how}) grows with time constant {self.time_constant:.3g} s; "
-            f"{self._blame()}{self._endless()}{sign}"
+            f"{self._blame()}{self._endless()}"
         )
+
+    @property
+    def _rings(self) -> bool:
+        return abs(self.pole.imag) > 1e-9 * abs(self.pole)
 
     def _endless(self) -> str:
         if self.crossing < math.inf:
@@ -99,11 +112,7 @@ class Instability:
 
     def _blame(self) -> str:
         if self.alone:
-            each = [
-                f"the loop {name} alone makes it so, {_since(factor, 'its gain')}"
-                for name, factor in self.alone.items()
-            ]
-            return " and ".join(each)
+            return _alone(self.alone)
         text = f"no loop alone makes it so, all together do, {_since(self.gain, 'their gains')}"
         if self.stable_without:
             text += f", and not without {' or '.join(self.stable_without)}"
@@ -127,5 +136,42 @@ class Instability:
         }
 
 
+def sentences(several: Sequence[Instability]) -> list[str]:
+    """Why a loop is unstable in words; where several poles ask for the sign, the question stands
+    first and once.
+
+    Args:
+        several: all growing poles of a closed loop.
+    """
+    pushed = [one for one in several if one.pushed]
+    if len(pushed) < 2:
+        return [one.sentence for one in several]
+    names = sorted({name for one in pushed for name in one.causes})
+    whose = f"the numerators on {_listed(names)}" if names else "the numerators"
+    question = (
+        f"Is the sign of {whose} right? {len(pushed)} poles grow without oscillation at any gain."
+    )
+    return [question, *(f"{one.finding}." for one in several)]
+
+
+def _alone(factors: Mapping[str, float]) -> str:
+    """Which loops are to blame alone, and from which gains on."""
+    names = list(factors)
+    since = [_since(factor, "its gain") for factor in factors.values()]
+    if len(names) == 1:
+        return f"the loop {names[0]} alone makes it so, {since[0]}"
+    if len(set(since)) == 1:
+        return f"each of the loops {', '.join(names)} alone makes it so, {since[0]}"
+    each = [f"{name} ({when})" for name, when in zip(names, since, strict=True)]
+    return f"each of the loops {', '.join(each)} alone makes it so"
+
+
+def _listed(names: Sequence[str]) -> str:
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+
+
 def _since(factor: float, what: str) -> str:
-    return f"from {factor:.2g} of {what} on" if factor > 0.0 else f"at any part of {what}"
+    """From which factor of the nominal gain on."""
+    if factor > 0.0:
+        return f"at gains above {factor:.2g} of the nominal"
+    return f"at any part of {what}"

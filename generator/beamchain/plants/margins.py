@@ -17,7 +17,7 @@ from beamchain.plants.closed_loop import ClosedLoop, close
 from beamchain.plants.controllers import Response
 from beamchain.plants.crossings import crossing
 from beamchain.plants.feedback import Given
-from beamchain.plants.instability import Instability
+from beamchain.plants.instability import Instability, sentences
 from beamchain.plants.realisation import Plant
 from beamchain.plants.scheduled import ScheduledPlant
 from beamchain.plants.structured import balanced_bounds, bound
@@ -210,12 +210,14 @@ class Margins:
 
     def __repr__(self) -> str:
         when = f", sampled at {self.timestep:g} s" if self.timestep else ""
-        what = "; ".join(
-            [repr(loop)[1:-1] for loop in self.loops]
-            if self.stable
-            else [one.sentence for one in self.instabilities]
-        )
+        what = "; ".join([repr(loop)[1:-1] for loop in self.loops] if self.stable else self.reasons)
         return f"<Margins{f' at {self.pose}' if self.pose else ''}{when}: {what or 'UNSTABLE'}>"
+
+    @property
+    def reasons(self) -> list[str]:
+        """Why it is unstable in words: a question on signs before all where several poles ask it,
+        then a sentence per growing pole."""
+        return sentences(self.instabilities)
 
     @property
     def table(self) -> "report.Table":

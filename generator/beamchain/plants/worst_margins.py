@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
 
 from beamchain import report
 from beamchain.plants.bounds import GainBound
@@ -26,8 +27,7 @@ READ = "total of "  # before the name of an input: an output that reads it, cont
 DISK, GAIN, LESS, PHASE = "disk", "gain up, factor", "gain down, factor", "phase"
 ALL = "all loops at once"
 PATTERN = (1.0, 0.5, 0.25)  # steps of the local search for gain and phase, from the least
-# times the frequency of a peak, where a mu is looked at besides
-NEARBY = np.linspace(0.97, 1.03, 13)
+PLACED = 1e-7  # relative, of the frequency of the largest mu
 
 
 class LeastMargin(NamedTuple):
@@ -277,14 +277,31 @@ class SampleLoops:
 
     def at_once(self, deltas: Array) -> tuple[float, float]:
         """Disk margin of simultaneous changes at all inputs, and its frequency [rad/s]."""
-        if not self.disks[0].peak(deltas).stable:
+        single = [disk.peak(deltas) for disk in self.disks]
+        if not single[0].stable:
             return 0.0, float("nan")
         half = np.eye(len(self.names)) / 2.0
         omega = self.disks[0].frequencies(deltas)
         rough = balanced_bounds(self.sensitivity(deltas, omega) - half)
-        near = omega[np.argmax(rough)] * NEARBY
-        sizes = np.array([bound(each) for each in self.sensitivity(deltas, near) - half])
-        return float(1.0 / sizes.max()), float(near[np.argmax(sizes)])
+
+        def size(w: float) -> float:
+            return bound(self.sensitivity(deltas, np.array([w]))[0] - half)
+
+        starts = [float(omega[np.argmax(rough)]), *(peak.omega for peak in single)]
+        start = max(starts, key=size)
+        k = int(np.searchsorted(omega, start))
+        low, high = float(omega[max(k - 1, 0)]), float(omega[min(k + 1, omega.size - 1)])
+        best = minimize_scalar(
+            lambda w: -size(float(w)),
+            bounds=(low, high),
+            method="bounded",
+            options={"xatol": PLACED * high},
+        )
+        # mu is at least every element of the diagonal, which is the size of a single loop's
+        found = [(-float(best.fun), float(best.x)), (size(start), start)]
+        found += [(peak.gain, peak.omega) for peak in single]
+        largest, at = max(found)
+        return 1.0 / largest, at
 
 
 def _with_totals(

@@ -73,7 +73,7 @@ def _verdict(plant: Plant, of_loops: Sequence[Margins], of_samples: Sequence[Wor
     if not of_loops:
         return Verdict(True, f"{size}; no controller was given.")
     if unstable := [margins for margins in of_loops if not margins.stable]:
-        why = " ".join(one.sentence for one in unstable[0].instabilities)
+        why = " ".join(unstable[0].reasons)
         named = "; ".join(margins.pose for margins in unstable if margins.pose)
         where = f" at {named}" if named else ""
         if len(unstable) > 1 and why:

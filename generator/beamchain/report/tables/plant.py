@@ -117,9 +117,9 @@ def margin_table(several: "Sequence[Margins]") -> Table:
     a closed loop is unstable in its notes."""
     loops = [(margins.pose, loop) for margins in several for loop in margins.loops]
     notes = [
-        f"{margins.pose}: {one.sentence}" if margins.pose else one.sentence
+        f"{margins.pose}: {said}" if margins.pose else said
         for margins in several
-        for one in margins.instabilities
+        for said in margins.reasons
     ]
     if any(margins.timestep for margins in several):
         notes.append("Sampled: all figures hold at the samples, up to pi/T.")
