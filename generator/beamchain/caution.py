@@ -70,6 +70,7 @@ CODES = {
     "coloured-residuals": "what an identified model leaves of a log is not white",
     "delay": "torques of a log act later or earlier than the log says",
     "log-gaps": "a log has gaps",
+    "modes-refused": "[imported] refuses the modes that were identified",
     "model-order": "a log supports another number of modes than was asked for",
     "proportional-torques": "the torques of a log are multiples of each other",
     "prior-contradicted": "a log contradicts what was believed before",

@@ -86,6 +86,16 @@ def test_wheels_keep_to_their_limits():
     assert seen[5] < -1e-4  # the bus goes the other way
 
 
+def test_a_torque_beyond_the_motor_is_the_motors_own():
+    def flown(torque: float, action: float) -> np.ndarray:
+        env = gymnasium.make(ID, torque=torque, noise=(0.0, 0.0), variants=None).unwrapped
+        env.reset(seed=0, options={"turn": [0.0, 0.0, 0.1]})
+        seen = [env.step(np.array([0.0, 0.0, a])) for a in (action, action, 0.0, 0.0)]
+        return np.array([observed for observed, *_ in seen])
+
+    np.testing.assert_allclose(flown(5.0, 1.0), flown(0.5, 1.0), rtol=0.0, atol=ROUNDING)
+
+
 def test_a_diverged_satellite_ends_its_episode():
     env = gymnasium.make(ID, **JOBS)
     env.reset(seed=0)

@@ -146,6 +146,35 @@ def test_an_input_over_several_steps_is_halved_once(craft):
     np.testing.assert_allclose(seen[0], turn / 1.0, atol=1e-12)  # 4 steps of 0.25 s
 
 
+@pytest.mark.parametrize("before_3_17", [False, True])
+def test_a_command_beyond_its_range_is_its_end(before_3_17, monkeypatch):
+    if before_3_17:
+        monkeypatch.setattr("beamchain.fleet.hosts.has_batch", lambda: False)
+    model = copy.copy(flexible(retime=True).model)
+    model.actuator_ctrllimited[:2] = 1  # the third has no range
+    model.actuator_ctrlrange[:2] = 0.4
+    model.actuator_ctrlrange[:2, 0] *= -1.0
+    wide = model.actuator_ctrlrange * [[[1.0]], [[1.0]], [[2.0]]]
+    many = bc.worlds(model, {"actuator_ctrlrange": wide})
+    on = np.where(np.arange(12) % 6 < 3, 1.0, 0.0)[:, None] * [0.4, -0.4, 0.1]
+    far = on * [100.0, 100.0, 1.0]
+    held = bc.HeldInput(model=model)
+    data = mujoco.MjData(model)
+    for low, high in zip(on, far, strict=True):
+        many.step([low, high, high])
+        data.ctrl[:] = held(high)
+        mujoco.mj_step(model, data)
+    truth = Alone(model, on).qpos[-1]  # within the range, where nothing is cut
+    for i in range(2):
+        np.testing.assert_allclose(many.qpos[i], truth, rtol=0.0, atol=1e-14)
+    np.testing.assert_array_equal(data.qpos, truth)
+    assert np.abs(many.qpos[2] - truth).max() > 1e-6  # a world of another range
+    with pytest.raises(bc.InputError, match="3 actuators"):
+        held([1.0, 2.0])
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL)
+    assert bc.HeldInput(model=model)([40.0, 0.0, 0.0])[0] == 20.0  # nothing is cut there
+
+
 def test_a_sensor_does_not_take_the_name_of_what_is_observed(craft):
     section = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
     spec = bc.Spec(
@@ -256,6 +285,38 @@ def test_variants_are_made_exact_each_for_itself(craft):
                 "body_inertia": model.body_inertia * factor[:, :, None],
             },
         )
+
+
+@pytest.mark.parametrize("quantity", ["mass", "mass and modes"])
+@pytest.mark.parametrize("option", ["", 'integrator="implicitfast"'])
+def test_a_sweep_of_bodies_on_a_craft_that_is_exact_in_time(quantity, option, tmp_path):
+    file = tmp_path / "flexible.xml"
+    flexible(option, retime=True).write(file)
+    uncertain = tmp_path / "uncertain.toml"
+    text = "[body.bus]\nmass = { relative = 0.2 }\ninertia_zz = { relative = 0.1 }\n"
+    if quantity == "mass and modes":
+        text += "[appendage.other_]\nfrequency = { relative = 0.05 }\n"
+    uncertain.write_text(text, encoding="utf-8")
+    swept = bc.sweep(file, 4, uncertain=uncertain)
+    many = bc.worlds(file, swept, count=6)
+    model = mujoco.MjModel.from_xml_path(str(file))
+    given = np.random.default_rng(0).uniform(-1.0, 1.0, (40, 3))
+    for ctrl in given:
+        many.step(ctrl)
+    for i in range(6):
+        one = copy.copy(model)
+        for name, values in swept.fields.items():
+            getattr(one, name)[:] = values[i % 4]
+        mujoco.mj_setConst(one, mujoco.MjData(one))
+        np.testing.assert_allclose(many.qpos[i], Alone(one, given).qpos[-1], atol=SAME)
+    assert np.ptp(many.qpos[:4, 6]) > 1e-6
+    many.retime(0.1)  # each for its own mass
+    one = many.model_of(1)
+    bc.retime(one, 0.0)
+    bc.retime(one, 0.1, form=2)
+    np.testing.assert_allclose(
+        many.model_of(1).tendon_armature, one.tendon_armature, rtol=1e-9, atol=DRAWN
+    )
 
 
 def test_seeds_and_resets(craft):

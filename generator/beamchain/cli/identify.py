@@ -56,7 +56,8 @@ def identify(
     """Identify an appendage's modes from logs of the spacecraft's motion, with their covariance.
 
     Writes MODES.toml, which \\[imported] of a specification reads,
-    its report MODES_report.html and record MODES.json.
+    its report MODES_report.html and record MODES.json. Exit status 3: the files were written, but
+    \\[imported] refuses the modes.
 
     Example: beamchain identify log.csv --craft craft.xml --at mount --prior
     array.toml -o modes.toml
@@ -83,6 +84,8 @@ def identify(
         )
         files = found.write(output, force=force)
     tell(found.as_dict, lambda: _show(found), files, as_json, quiet)
+    if found.refused:
+        raise typer.Exit(3)
 
 
 def _column_names(names: list[str] | None) -> dict[str, str]:

@@ -20,7 +20,7 @@ from beamchain.errors import InputError
 from beamchain.ports.motions import Array
 from beamchain.steps.forms import form2_many
 from beamchain.steps.integrators import SCHEMES
-from beamchain.steps.modal import Ints, MadeFor, Modal, foreign, modal_tendons
+from beamchain.steps.modal import Ints, MadeFor, Modal, foreign, modal_tendons, timing_marks
 from beamchain.steps.retime import carries_bodies, coupled_mass, retime
 from beamchain.steps.tree_draws import TreeDraws
 
@@ -161,6 +161,9 @@ class Table:
         nominal = without_timing(base)
         is_tree = carries_bodies(nominal, modal_tendons(nominal), None)
         marks = self._rows.get("tendon_solimp_lim")
+        if marks is None and "tendon_armature" in self._rows and any(timing_marks(base)):
+            # armatures on a timed model hold its timing, and its marks are those of every variant
+            marks = np.repeat(np.asarray(base.tendon_solimp_lim)[None], self.size, axis=0)
         if timestep is not None and marks is None:
             base = without_timing(base)
         elif marks is not None and np.all(marks[:, modal_tendons(base).index, 0] == timestep):

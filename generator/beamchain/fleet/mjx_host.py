@@ -19,6 +19,7 @@ from beamchain.ports.motions import Array
 from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.modal import foreign, modal_tendons
 from beamchain.steps.retime import carries_bodies, retime
+from beamchain.steps.start import ctrl_bounds
 
 jax: Any = import_module("jax")
 jnp: Any = import_module("jax.numpy")
@@ -159,6 +160,7 @@ def response(
     base = _model_in_jax(plain)
     start = _start_of(plain)
     tendons = {field: jnp.asarray(getattr(plain, field)) for field in TENDONS[:3]}
+    bounds = [jnp.asarray(ends) for ends in ctrl_bounds(plain)]
     nominal = jnp.asarray(modal.frequency), jnp.asarray(modal.damping / (2.0 * modal.frequency))
 
     def respond(ctrl: Any, frequency: Any = None, damping: Any = None) -> dict[str, Any]:
@@ -179,7 +181,7 @@ def response(
             data = mjx.step(here, data.replace(ctrl=(now + before) / 2.0 if exact else now))
             return (data, now), (data.qpos, data.qvel)
 
-        ctrl = jnp.asarray(ctrl, start.qpos.dtype)
+        ctrl = jnp.clip(jnp.asarray(ctrl, start.qpos.dtype), *bounds)
         _, (qpos, qvel) = jax.lax.scan(advance, (start, jnp.zeros_like(ctrl[0])), ctrl)
         return read(qpos, qvel)
 

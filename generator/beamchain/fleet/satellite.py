@@ -51,7 +51,8 @@ class Satellite(gymnasium.Env[Array, Array]):
         timestep: of the simulation [s]; default: half the period.
         episode: [s].
         slew: largest angle of a turn [rad]; the smallest is half of it.
-        torque: largest of each wheel [N m]; default: from the motors' `ctrlrange`.
+        torque: largest of each wheel [N m]; default: from the motors' `ctrlrange`, which cuts what
+            lies beyond it.
         momentum: largest of each wheel [N m s].
         noise: standard deviations of the star tracker [rad] and of the mean rate [rad/s].
     """
@@ -120,10 +121,13 @@ class Satellite(gymnasium.Env[Array, Array]):
         spin = made.jnt_dofadr[made.actuator_trnid[wheels, 0]]
         self._inertia = np.diag(mass_matrix(made))[spin]  # of each wheel about its axis [kg m^2]
         allowed = np.abs(made.actuator_ctrlrange[wheels] * self._gear[:, None]).min(axis=1)
-        limits = np.where(made.actuator_ctrllimited[wheels], allowed, TORQUE)
+        limited = made.actuator_ctrllimited[wheels]
+        limits = np.where(limited, allowed, TORQUE)
         self.torque: Array = (
             limits if torque is None else np.full(len(spin), positive("torque", torque, "N m"))
         )
+        #: what a motor lets through [N m], where `torque` asks for more
+        self._passed = np.where(limited, np.minimum(allowed, self.torque), self.torque)
         self._torque = np.zeros(len(spin))  # held over the last period
         self._target = np.array([1.0, 0.0, 0.0, 0.0])
         self._age = 0
@@ -151,7 +155,7 @@ class Satellite(gymnasium.Env[Array, Array]):
         filled = np.clip(
             wanted, (-self.momentum - stored) / self.period, (self.momentum - stored) / self.period
         )
-        self._torque = np.clip(filled, -self.torque, self.torque)
+        self._torque = np.clip(filled, -self._passed, self._passed)
         ctrl = np.zeros((1, self.worlds.model.nu))
         ctrl[0, self.worlds.wheels] = self._torque / self._gear
         seen = self.worlds.step(ctrl, self._substeps)

@@ -30,6 +30,7 @@ from beamchain.steps.latch import (
 )
 from beamchain.steps.modal import modal_tendons, timing_marks
 from beamchain.steps.retime import retime
+from beamchain.steps.start import ctrl_bounds
 
 MOST = 10**12  # worlds that are counted; memory ends long before
 MOST_SEED = 2**128  # of NumPy's generator
@@ -209,12 +210,14 @@ class Worlds:
     # -- running -----------------------------------------------------------------------------------
     def step(self, ctrl: ArrayLike, nstep: int = 1) -> dict[str, Array]:
         """Hold an input `ctrl` `(count, nu)`, or `(nu,)` for all worlds, over `nstep` steps.
-        Returns what `observe` does.
+        Returns what `observe` does. An input beyond `ctrlrange` counts as the end of the range.
 
         Raises:
             InputError: the input has another shape, or is not finite.
         """
-        now = _for_worlds("ctrl", ctrl, (self.count, self.model.nu))
+        given = _for_worlds("ctrl", ctrl, (self.count, self.model.nu))
+        # cut before the mean is formed: MuJoCo itself would cut the mean
+        now = np.clip(given, *self._bounds)
         nstep = whole_number("nstep", nstep, 1, MOST)
         first = (now + self._before) / 2.0 if self._half else now
         bad = self._host.step(first, now, nstep)
@@ -458,6 +461,7 @@ class Worlds:
         self._host = host_of(host, self.model, self.count, threads, self._observer.stage)
         #: by name of MuJoCo's field that differs between worlds, `(count, ...)`
         self.fields: Fields = {}
+        self._bounds = ctrl_bounds(self.model)
         self._before = np.zeros((self.count, self.model.nu))
         self._attitude = np.zeros((self.count, 4))
         self._rate = np.zeros((self.count, 3))
@@ -474,6 +478,8 @@ class Worlds:
             if name not in self.fields:
                 self.fields[name] = np.empty((self.count, *values.shape[1:]), values.dtype)
             self.fields[name][which] = values
+        if "actuator_ctrlrange" in new:
+            self._bounds = ctrl_bounds(self.model, self.fields["actuator_ctrlrange"])
         if "wrap_prm" in new:
             self._observer.follow(self.fields["wrap_prm"])
         self._host.write_fields(new, which)

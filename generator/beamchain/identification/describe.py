@@ -27,6 +27,7 @@ FROM_LOG = 0.5  # of the prior's width: what the log narrows less comes from the
 SURPRISE = 3.0  # widths of the prior
 TWO = 5.0  # half widths of a resonance, within which the next mode makes it doubtful
 CLOSE = 3.0  # half widths, of two resonances that the log may not tell apart
+NO_INERTIA = 1e-12  # of a correlation of the rigid mass: no motion has so little
 SPECTRUM = 2048  # samples of a stretch
 MOVED = ("mass", "mass centre", "inertia", "inertia", "inertia")  # by the parameters of a `Body`
 
@@ -348,17 +349,16 @@ class Estimate:
 
     def _unseen_modes(self, prior: Prior, pairs: Match) -> list[IdentifiedMode]:
         """Modes of the prior that do not turn the craft about a driven axis,
-        scaled with the rigid mass; sentences on them."""
+        scaled with the rigid mass so that their residual mass stays positive; sentences on
+        them."""
         known = prior.parts
         top = float(self.parts.frequencies.max(initial=0.0))
-        before, now = (
-            np.sqrt(np.maximum(np.diag(m), 1e-300)) for m in (known.rigid, self.parts.rigid)
-        )
+        scaling = _root(known.rigid, -0.5) @ _root(self.parts.rigid, 0.5)
         out = list[IdentifiedMode]()
         for j in pairs.unseen:
             w = float(known.frequencies[j])
             z = float(known.damping[j])
-            row = known.participation[j] * (now / before)
+            row = known.participation[j] @ scaling
             if w <= top or prior.chosen is not None:
                 widths = w * prior.widths[0], z * prior.widths[1], np.abs(row) * prior.widths[2]
                 remark = "the log does not excite it: all of it comes from the prior"
@@ -447,3 +447,18 @@ def advice(
             "prior, a thruster's force, or a test with the root held does."
         )
     return tuple(out)
+
+
+def _root(rigid: Array, power: float) -> Array:
+    """A root `S`, `S^T S = rigid` (6, 6), or for the power -1/2 its inverse, zero where nothing
+    has inertia.
+
+    `S = C^(1/2) D` with the correlation C and the roots D of the diagonal, so that units do not
+    mix, and masses of the same C differ by a factor per motion.
+    """
+    scale = np.sqrt(np.maximum(np.diag(rigid), 0.0))
+    inverse = np.divide(1.0, scale, out=np.zeros_like(scale), where=scale > 0.0)
+    values, vectors = np.linalg.eigh(rigid * np.outer(inverse, inverse))
+    there = values > NO_INERTIA
+    root = (vectors[:, there] * values[there] ** power) @ vectors[:, there].T
+    return root * scale if power > 0.0 else inverse[:, None] * root

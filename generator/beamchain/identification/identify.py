@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from beamchain.caution import Caution
 from beamchain.checks import list_of_names, number, of_type, one_of, whole_number
 from beamchain.dropped import answers_dropped
 from beamchain.engine.library import one_thread
@@ -126,7 +127,23 @@ def _identify(
         if times
         else spectral_channels(spectra, known, wanted, before)
     )
-    return Run(data, known, before, modes, held).result(at)
+    return _with_refusal(Run(data, known, before, modes, held).result(at))
+
+
+def _with_refusal(found: Identification) -> Identification:
+    """The result with a warning where `[imported]` refuses its modes."""
+    if not found.massive:  # the record says already that it needs a mass
+        return found
+    try:
+        found.data()
+    except InputError as error:
+        text = (
+            f"the modes found cannot be made into an appendage, and [imported] refuses their file: "
+            f"{error} Look first at the torques' axes (those of the hub's body), at other "
+            "appendages that the craft carries, and at the prior's mass."
+        )
+        return replace(found, warnings=(*found.warnings, Caution("modes-refused", text)))
+    return found
 
 
 def _axes(axes: str | Sequence[str] | None) -> tuple[str, ...]:

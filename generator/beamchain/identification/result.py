@@ -170,6 +170,11 @@ class Identification:
         return abs(self.delay) <= INTERVAL * self.delay_std
 
     @property
+    def refused(self) -> bool:
+        """Whether `[imported]` refuses the modes; a warning says why."""
+        return any(getattr(said, "code", "") == "modes-refused" for said in self.warnings)
+
+    @property
     def timing(self) -> str:
         """A sentence on the delay."""
         interval = f"{self.delay:.4g} s ± {INTERVAL * self.delay_std:.2g} s (95 %)"

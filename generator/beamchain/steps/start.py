@@ -72,6 +72,18 @@ def start_velocity(model: "mujoco.MjModel", qpos: Array, qvel: Array) -> Array:
     return out + follow @ (y @ (mean - rate))
 
 
+def ctrl_bounds(model: "mujoco.MjModel", ranges: Array | None = None) -> tuple[Array, Array]:
+    """Least and largest `ctrl` `(..., nu)` that MuJoCo does not cut, infinite without a range.
+
+    `ranges`: `(..., nu, 2)` in place of the model's `actuator_ctrlrange`.
+    """
+    ranges = np.asarray(model.actuator_ctrlrange if ranges is None else ranges)
+    cut = np.asarray(model.actuator_ctrllimited, dtype=np.bool_)
+    if int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL):
+        cut = np.zeros_like(cut)
+    return np.where(cut, ranges[..., 0], -np.inf), np.where(cut, ranges[..., 1], np.inf)
+
+
 class HeldInput:
     """Mean of the current and the previous input, `ctrl = (u_k + u_(k-1))/2`.
 
@@ -82,6 +94,12 @@ class HeldInput:
 
     Args:
         before: input held before t = 0; zero where left out.
+        model: compiled; inputs are then its `ctrl` `(..., nu)`, and what lies beyond `ctrlrange` is
+            cut before the mean is formed. MuJoCo alone would cut the mean, which is late by a
+            step's share of what lies beyond.
+
+    Raises:
+        InputError: `before` is not finite, or `model` is no compiled model.
 
     Example:
         >>> import beamchain as bc
@@ -90,8 +108,14 @@ class HeldInput:
         [1.0, 2.0, 1.0, 0.0]
     """
 
-    def __init__(self, before: ArrayLike | None = None) -> None:
-        self._first = None if before is None else finite_array("before", before)
+    def __init__(
+        self, before: ArrayLike | None = None, *, model: "mujoco.MjModel | None" = None
+    ) -> None:
+        self._bounds: tuple[Array, Array] | None = None
+        if model is not None:
+            of_type("model", model, mujoco.MjModel, "a compiled mujoco.MjModel")
+            self._bounds = ctrl_bounds(model)
+        self._first = None if before is None else self._cut("before", before)
         self._previous = self._first
 
     def __call__(self, now: ArrayLike) -> Array:
@@ -101,7 +125,7 @@ class HeldInput:
         Raises:
             InputError: a number is not finite, or the shape differs from that of the input before.
         """
-        value = finite_array("now", now)
+        value = self._cut("now", now)
         before = np.zeros_like(value) if self._previous is None else self._previous
         if before.shape not in ((), value.shape) and value.shape:
             raise InputError(
@@ -114,3 +138,16 @@ class HeldInput:
     def reset(self) -> None:
         """Back to the input before t = 0."""
         self._previous = self._first
+
+    def _cut(self, name: str, given: ArrayLike) -> Array:
+        """Finite numbers, within the range of the model's actuators."""
+        value = finite_array(name, given)
+        if self._bounds is None:
+            return value
+        size = self._bounds[0].size
+        if value.ndim and value.shape[-1] != size:
+            raise InputError(
+                f"{name} has the shape {value.shape}, and the model {size} actuators; give one "
+                f"number for each, (..., {size})."
+            )
+        return np.clip(value, *self._bounds)
