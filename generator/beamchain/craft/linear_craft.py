@@ -37,7 +37,8 @@ from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, PORTS, Array
 
 MODES = 40  # of every port of a beam, those of the exact plant
-FAR = 100.0  # times the highest kept frequency: modes beyond are gathered with their static response
+# times the highest kept frequency: modes beyond are gathered with their static response
+FAR = 100.0
 
 
 @dataclass(frozen=True, eq=False)
