@@ -7,6 +7,7 @@ the tendons. DRAWN: numbers of tendons that are computed for all worlds at once,
 
 import copy
 import gc
+import pickle
 import re
 import sys
 import tracemalloc
@@ -452,6 +453,27 @@ def test_what_does_not_fit_in_memory_is_refused_with_its_size(craft):
 def test_bad_input_is_answered(craft, given, said):
     with pytest.raises(bc.InputError, match=said):
         bc.worlds(craft, **{"count": 2, **given})
+
+
+def test_worlds_are_neither_pickled_nor_copied(craft):
+    many = bc.worlds(craft, count=2)
+    for attempt in (pickle.dumps, copy.deepcopy, copy.copy):
+        with pytest.raises(TypeError, match=r"inside each process, and keep state\(\)"):
+            attempt(many)
+    kept = pickle.loads(pickle.dumps(many.state()))
+    many.step([1.0, 0.0, 0.0])
+    after = many.qpos
+    many.restore(kept)
+    many.step([1.0, 0.0, 0.0])
+    np.testing.assert_array_equal(many.qpos, after)
+
+
+def test_a_quaternion_of_zeros_and_a_field_that_is_none_are_refused(craft):
+    many = bc.worlds(craft, count=2)
+    with pytest.raises(bc.InputError, match=r"quaternion .*qpos\[3:7\].* 1, 0, 0, 0"):
+        many.reset(qpos=np.zeros(many.model.nq))
+    with pytest.raises(bc.InputError, match="'freq', .*'body_mass'.*'frequency' and 'damping'"):
+        bc.worlds(craft, {"freq": 0.1}, count=2)
 
 
 def test_bad_input_to_worlds_is_answered(craft):

@@ -495,7 +495,7 @@ def _time_and_check(
         final, slowed = with_timing(model, band, joints=joints)
         with_error = craft_time_error(final, model, appendages, band)
         without_error = craft_time_error(model, model, appendages, band)
-        warnings += time_notes(final, decision.reason, with_error, without_error)
+        warnings += time_notes(final, model, decision.reason, with_error, without_error)
         warnings += slowed
     check_craft_unchanged(craft, model, appendages)
     check_appendages_unchanged(model, appendages, found or {})

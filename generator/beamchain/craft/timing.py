@@ -97,9 +97,13 @@ def decide_timing(
 
 
 def time_notes(
-    model: "mujoco.MjModel", reason: str, with_timing: TimeError, without_timing: TimeError
+    model: "mujoco.MjModel",
+    untimed: "mujoco.MjModel",
+    reason: str,
+    with_timing: TimeError,
+    without_timing: TimeError,
 ) -> list[str]:
-    """What timing did to a craft: exact, or by how much each pole is off at most,
+    """What timing did to a craft, `untimed` before: exact, or by how much each pole is off at most,
     with timing and without."""
     name = NUMBERS[int(model.opt.integrator)]
     step = f"{name} at {float(model.opt.timestep):g} s"
@@ -115,10 +119,13 @@ def time_notes(
         )
         return [Caution("exact-in-time", text)]
     cure = time_cure(with_timing)
+    without = without_timing.words
+    if motion_at(untimed).growth > 1.0 + GROWN:
+        without = "unstable at this step"
     text = (
         f"{cure[0].lower()}{cure[1:]} The appendages have timing for {step} ({reason}), which does "
         "not keep every pole. Worst of those up to the highest mode kept, with timing: "
-        f"{with_timing.words}; without: {without_timing.words}. Inputs: {mean}"
+        f"{with_timing.words}; without: {without}. Inputs: {mean}"
     )
     return [Caution("time-error", text)]
 

@@ -123,7 +123,7 @@ class Table:
                 raise InputError(
                     f"variants have the field {name!r}, which MuJoCo's model does not have as an "
                     "array; masses, for example, are 'body_mass'. bc.sweep makes such arrays of a "
-                    "spacecraft."
+                    f"spacecraft; ranges on its modes are {' and '.join(map(repr, RANGES))}."
                 )
             given = np.asarray(values)
             fits = given.shape == (self.size, *shape) and self.size > 0

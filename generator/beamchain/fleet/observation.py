@@ -21,6 +21,7 @@ QUATERNION = {FREE: (3, 3), BALL: (0, 0)}
 JOINT = 0  # mjTRN_JOINT
 CYCLE: NDArray[np.intp] = np.array([1, 2, 0])
 BACK: NDArray[np.intp] = np.array([2, 0, 1])
+LEAST = 1e-10  # size of a quaternion that MuJoCo normalises
 
 
 class Observer:
@@ -85,6 +86,16 @@ class Observer:
         for wrap, hinge, mode in self._wraps:
             rows[:, hinge, mode] = coefficients[:, wrap]
         self._rows = rows
+
+    def check_places(self, qpos: Array) -> None:
+        """Refuse positions `(k, nq)` whose quaternion of the base has no size."""
+        if self._turn is not None and np.any(np.linalg.norm(self.attitude(qpos), axis=1) < LEAST):
+            place, _ = self._turn
+            raise InputError(
+                f"qpos has zeros for the quaternion of the spacecraft (qpos[{place}:{place + 4}]), "
+                "which is no attitude; 1, 0, 0, 0 is that of rest, and many.model.qpos0 the "
+                "model's own positions."
+            )
 
     def attitude(self, qpos: Array) -> Array:
         """`(k, 4)` quaternion of the base, scalar first; of none where nothing turns freely."""

@@ -4,7 +4,7 @@ stepped together."""
 from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -186,6 +186,13 @@ class Worlds:
         self._keys = source.keys(count, self.rng, first=True) if source else np.zeros((count, 0))
         self._build()
 
+    def __reduce__(self) -> NoReturn:
+        """Worlds hold threads and a simulation; what can be kept is `state()`."""
+        raise TypeError(
+            "worlds cannot be pickled or copied; make them with bc.worlds inside each process, and "
+            "keep state(), arrays that restore() of such worlds takes."
+        )
+
     @property
     def timestep(self) -> float:
         """[s]."""
@@ -268,6 +275,7 @@ class Worlds:
         start = self.model.qpos0 if qpos is None else qpos
         moving = np.zeros(self.model.nv) if qvel is None else qvel
         place = _for_worlds("qpos", start, (which.size, self.model.nq))
+        self._observer.check_places(place)
         rate = _for_worlds("qvel", moving, (which.size, self.model.nv))
         if seed is not None:
             self.rng = np.random.default_rng(whole_number("seed", seed, 0, MOST_SEED))
