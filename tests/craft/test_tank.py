@@ -309,7 +309,7 @@ class TestSaid:
         assert any("scene.xml" in w for w in bc.fit(tmp_path / "tank.toml").warnings)
 
     def test_a_liquid_is_not_varied(self, tmp_path):
-        embedded(tmp_path, 0.05).write(tmp_path / "flexible.xml")
+        embedded(tmp_path, 0.05, arrays=True).write(tmp_path / "flexible.xml")
         (tmp_path / "u.toml").write_text("[appendage.tank_]\nfrequency = { relative = 0.1 }\n")
         (tmp_path / "loops.toml").write_text(
             '[[loop]]\ninput = "torque_x"\noutput = "attitude_x"\nnumerator = [400.0, 60.0]\n'
