@@ -38,7 +38,7 @@ from beamchain.ports.motions import PORT_MOTION, PORTS, Array
 
 MODES = 40  # of every port of a beam, those of the exact plant
 # times the highest kept frequency: modes beyond are gathered with their static response
-FAR = 100.0
+FAR = 25.0
 
 
 @dataclass(frozen=True, eq=False)
