@@ -15,7 +15,9 @@ def nearest_body(mass: Array) -> Array:
 
 def body_departure(mass: Array) -> float:
     """How far a mass matrix `(6, 6)` is from a rigid body's: the largest entry of the difference,
-    relative to the diagonal."""
+    relative to the diagonal; infinite without mass."""
+    if np.trace(mass[:3, :3]) <= 0.0:
+        return float("inf")
     scale = _scale(mass)
     return float(np.max(np.abs((mass - nearest_body(mass)) / np.outer(scale, scale))))
 

@@ -161,13 +161,11 @@ def from_matrices(
     # M_rigid = M_bb + G^T M_ib + M_ib^T G + G^T M_ii G
     rigid = m_bb + follow.T @ m_ib + m_ib.T @ follow + follow.T @ m_ii @ follow
     k_ib = stiffness[np.ix_(inner, outer)] @ boundary.motion
-    size = np.sqrt(np.abs(np.diag(rigid))).clip(1e-300)
-    if (
-        # modes with the grids held do not follow the grids: then K_ib is zero but for rounding
-        np.max(np.abs(k_ib) / _largest_inner(stiffness, inner, boundary)) <= STRAINED * NOISE
-        and np.max(np.abs(rigid - m_bb) / np.outer(size, size)) <= ALMOST_BODY
-        and body_departure(m_bb) < body_departure(rigid)
-    ):
+    # modes with the grids held do not follow the grids: then K_ib is zero but for rounding
+    is_rounding = np.abs(k_ib) <= STRAINED * NOISE * _largest_inner(stiffness, inner, boundary)
+    size = np.sqrt(np.abs(np.diag(rigid)))
+    is_near = np.abs(rigid - m_bb) <= ALMOST_BODY * np.outer(size, size)
+    if is_rounding.all() and is_near.all() and body_departure(m_bb) < body_departure(rigid):
         follow, rigid = np.zeros_like(follow), m_bb
     rigid, departure = _almost_body(rigid, precision)
     # for 1/w^2: massless freedoms do no harm, low modes keep their digits
