@@ -16,7 +16,7 @@ from beamchain.plants.controllers import ORDER, Controller
 from beamchain.plants.feedback import Feedback, Given, Signals, feedback
 from beamchain.plants.realisation import Plant
 from beamchain.plants.sampling import sampled
-from beamchain.plants.systems import Complex, System, close_loop, linking, response, with_states
+from beamchain.plants.systems import Complex, System, linking, response, with_states
 from beamchain.ports.motions import Array
 
 GROWS = 1e-9  # growth of a pole relative to the fastest one, below which it is rounding
@@ -82,9 +82,17 @@ class ClosedLoop:
         a, b, c, d = self.controller
         # K = g C (s - A)^-1 B + g D, in equal parts on B and C: without gain nothing is coupled
         root = np.sqrt(gain)
-        scaled = a, root * b, root * loops[:, None] * c, gain * loops[:, None] * d
-        every = [list(range(count)) for count in self.plant[3].shape]
-        return close_loop(self.plant, scaled, *every)[0]
+        b, c, d = root * b, root * loops[:, None] * c, gain * loops[:, None] * d
+        plant_a, plant_b, plant_c, plant_d = self.plant
+        # u = -(C_K x_K + D_K y) with y = C x + D u
+        left = np.linalg.inv(np.eye(d.shape[0]) + d @ plant_d)
+        by_plant, by_controller = -left @ d @ plant_c, -left @ c
+        return np.block(
+            [
+                [plant_a + plant_b @ by_plant, plant_b @ by_controller],
+                [b @ (plant_c + plant_d @ by_plant), a + b @ plant_d @ by_controller],
+            ]
+        )
 
     @cached_property
     def eigenvalues(self) -> Complex:

@@ -8,6 +8,7 @@ eigenvectors.
 """
 
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -64,6 +65,7 @@ def pole_of(closed: Closed, gain: float, value: complex, right: Complex) -> Pole
 
 def follow(closed: Closed, pole: Pole, end: float) -> Path:
     """A pole on its way to another gain; near 0 it ends at the smallest gain above it."""
+    closed = lru_cache(maxsize=2)(closed)  # a step begins where the last one ended
     down = end < pole.gain
     end = max(end, FIRST) if down else end
     poles, partner = [pole], None
