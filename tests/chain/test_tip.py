@@ -65,6 +65,7 @@ def test_root_and_tip_are_exact_for_every_mode(make, n):
     # two attachment modes follow, which are no modes of the beam
     assert result.tip_error["xy"].size == n + 2
     assert np.max(np.abs(result.tip_error["xy"][:n])) < TIP
+    assert result.tip_told is None
     reading = rb.read(result.to_mjcf())
     assert reading.frequencies[:n] == close(wanted.frequencies, rel=ROOT)
     motion = reading.site("boom_tip")[:n]

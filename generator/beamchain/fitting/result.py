@@ -342,7 +342,7 @@ class Fit:
         off = {
             (p, k + 1): float(e)
             for p, errors in self.tip_error.items()
-            for k, e in enumerate(errors)
+            for k, e in enumerate(errors[: len(self.readback_error[p].matches)])
         }
         worst = max(off, key=lambda k: abs(off[k]), default=None)
         if worst is None or abs(off[worst]) <= TIP_TOLD:
@@ -354,7 +354,8 @@ class Fit:
 
     @property
     def tip_error(self) -> dict[str, Array]:
-        """Per port `(n,)`: relative error of the tip displacement (or angle) in each kept mode."""
+        """Per port `(n,)`: relative error of the tip displacement (or angle) in each kept mode, and
+        behind them in the static shapes of further points."""
         out: dict[str, Array] = {}
         for port, target in self.target.items():
             ours = self.chain.port(port)
