@@ -108,7 +108,7 @@ class SlewRow:
         momentum_rk4: the same under RK4.
         energy: largest error of the energy at the own step, over its largest value.
         step_rk4: of RK4 [s].
-        error_rk4: its own error in attitude, of the worst body, from twice the step [rad].
+        error_rk4: its own error in attitude, of the worst body, from twice or half the step [rad].
         holds_to: angle [rad] up to which the own step's error stays within the scenes' tolerance
             in a slew of this duration, at most the slew's own; looked for in the worst slew of a
             hinge, None in others, where none was found, and where no scene states a tolerance.
@@ -169,9 +169,11 @@ class _Reference(NamedTuple):
     step: float
     limit: float
 
-    def coarser(self) -> "_Reference":
-        """The same at twice the step, or nearly the largest."""
-        return self._replace(step=min(2.0 * self.step, MOST_OF_LIMIT * self.limit))
+    def compared(self) -> "_Reference":
+        """The same at twice the step, or at half of it where twice is near the largest: there the
+        error does not yet fall with the fourth power of the step."""
+        is_far = 2.0 * self.step <= SHARE_OF_LIMIT * self.limit
+        return self._replace(step=self.step * (2.0 if is_far else 0.5))
 
 
 class _Model(NamedTuple):
@@ -335,9 +337,9 @@ class _Scene:
         self.reference = self.file.under_rk4(wanted)
         self.divided = self.fine.under_rk4(period / FINE)
         self.step = self.reference.step
-        self.coarse = self.reference.coarser()
+        self.other = self.reference.compared()
         if self.step == wanted:
-            self.coarse = self.file.under_rk4(2.0 * wanted)
+            self.other = self.file.under_rk4(2.0 * wanted)
         self.limited = _rk4_words(self.divided) if self.divided.step < period / FINE else ""
         self.held = [
             j
@@ -383,9 +385,9 @@ class _Scene:
         self._check_length(turn)
         trial = self._trial(joint, turn)
         fine = self._run_rk4(self.fine, joint, trial.drive, self.divided)
-        coarse = self._run_rk4(self.file, joint, trial.drive, self.coarse)
+        other = self._run_rk4(self.file, joint, trial.drive, self.other)
         spacing = trial.drive.spacing
-        longer = _parts(spacing, self.step) / _parts(spacing, self.coarse.step)
+        longer = _parts(spacing, self.step) / _parts(spacing, self.other.step)
         parts = (
             _apart(trial.file, trial.twin),
             _apart(trial.file, fine),
@@ -410,7 +412,7 @@ class _Scene:
             momentum_rk4=_drift(trial.file) if is_free else None,
             energy=_largest(trial.own.energy - trial.file.energy) / _largest(trial.file.energy),
             step_rk4=self.step,
-            error_rk4=float(np.max(_apart(coarse, trial.file)[0])) / (longer**ORDER - 1.0),
+            error_rk4=float(np.max(_apart(other, trial.file)[0])) / abs(longer**ORDER - 1.0),
         )
 
     def _check_length(self, turn: Turn) -> None:
