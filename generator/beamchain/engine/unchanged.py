@@ -70,6 +70,8 @@ DERIVED = (
     "pathadr",
     "cranklength",
 )
+#: of the parts of all skins together, whose number may be that of the skins by chance
+PARTS = ("skin_bone", "skin_face", "skin_texcoord", "skin_vert")
 
 
 class Difference(NamedTuple):
@@ -196,6 +198,7 @@ def _fields(model: "mujoco.MjModel", kind: str) -> list[str]:
         if (
             not field.startswith(f"{kind}_")
             or field.endswith(INDEXED)
+            or field.startswith(PARTS)
             or any(word in field for word in DERIVED)
         ):
             continue
