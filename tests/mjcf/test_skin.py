@@ -416,6 +416,21 @@ def test_attach_twice_with_prefixes():
     assert model.body(model.skin_bonebodyid[-1]).name.startswith("right_wing_link")
 
 
+def test_a_rigid_tube_beside_a_bending_one_is_not_taken_for_changed():
+    """A rigid appendage has as many bones as surfaces, one, and bones are numbered through."""
+    tube = bc.Segment(
+        length=5.0,
+        section=bc.Tube(outer_diameter=0.1, wall=0.002),
+        material=bc.Material(youngs_modulus=7e10, density=2700.0),
+    )
+    bending = bc.Spec(name="long", segment=(tube,), modes=bc.Modes(xy=2, xz=2))
+    slow = bc.Scene(bandwidth=1e-6, axes=("z",))
+    rigid = bc.Spec(name="stub", segment=(tube,), scene=slow)
+    places = [site.name for site in mujoco.MjSpec.from_string(CRAFT).sites][:2]
+    craft = bc.embed(CRAFT, dict(zip(places, (bending, rigid), strict=True)))
+    assert craft.model.nskin == 2
+
+
 @pytest.mark.parametrize("form", ["inline", "attach"])
 def test_embedded_twice_and_taken_out_again(form, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
