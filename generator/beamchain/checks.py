@@ -217,7 +217,7 @@ def meant(word: object, words: Iterable[str]) -> str:
     """The question whether the nearest of `words` was meant, with a space behind it;
     empty where none is near."""
     words = list(words)
-    near = difflib.get_close_matches(str(word), list(words), n=len(words) or 1)
+    near = difflib.get_close_matches(str(word), words, n=len(words) or 1)
     if not near:
         return ""
     best = max(near, key=lambda each: _likeness(str(word), each))

@@ -14,7 +14,7 @@ from beamchain.engine.constraints import (
     with_dry_friction,
 )
 from beamchain.engine.library import mujoco
-from beamchain.engine.linearise import NUMBERS
+from beamchain.engine.linearise import NUMBERS, euler_damps_implicitly
 from beamchain.engine.operating_point import base_body, quiet_copy
 from beamchain.errors import InputError
 from beamchain.steps.culprit import Culprit, culprit
@@ -185,7 +185,7 @@ def _integration(
                 f"a timestep below {_round_down(allowed * 2.0 / fastest):g} s.",
             )
     has_tendon_damping = bool(model.ntendon) and bool(np.any(np.asarray(model.tendon_damping) > 0))
-    is_explicit = bool(int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP))
+    is_explicit = not euler_damps_implicitly(model)
     if integrator == "Euler" and (has_tendon_damping or is_explicit) and zeta > 0.0:
         yield Caution(
             "tendon-damping", f"{TENDON_DAMPING}, which shifts it by about w h; take implicitfast."

@@ -39,7 +39,7 @@ from beamchain.files import check_name, write_files
 from beamchain.fitting.needs import AXES
 from beamchain.mjcf.craft import Craft
 from beamchain.ports.compare import keeps_tolerance, tolerance_statement
-from beamchain.ports.motions import Array
+from beamchain.ports.motions import Array, first_moment
 from beamchain.steps.sampled import SampledError, off_by
 from beamchain.steps.step_map import TimeError
 from beamchain.structure.recovery_rows import RecoveryRows
@@ -208,7 +208,7 @@ class Embedded:
             InputError: the spacecraft has no such keyframe.
         """
         exact = carried(self.model, self.appendages)
-        pose = self._exact_poses.get(key, [None])[0] if self.loaded else None
+        pose = self._loaded_pose(key)
         craft, model, band = self.craft, self.untimed, self.band
         beyond = true_or_false("beyond", beyond)
         return modes_at_pose(craft, model, exact, band, key, self._own, pose, beyond=beyond)
@@ -227,13 +227,17 @@ class Embedded:
         model = quiet_copy(self.untimed)
         known = poses(model)
         one_of("key", key, known)
-        pose = self._exact_poses.get(key, [None])[0] if self.loaded else None
+        pose = self._loaded_pose(key)
         if pose is None:
             linear = linear_at(rest_point(model, known[key]))
         else:
             body = counterpart(self.craft, model, pose.body)
             linear = pose.compiled(model, known[key], body)
         return slow_modes(linear, self.band)
+
+    def _loaded_pose(self, key: str) -> Pose | None:
+        """The exact spacecraft at a keyframe under its load; None where the proof is without."""
+        return self._exact_poses.get(key, [None])[0] if self.loaded else None
 
     @cached_property
     def composite(self) -> Composite:
@@ -251,9 +255,7 @@ class Embedded:
         for a in self.appendages:
             base = base_body(self.craft, a.mount.body)
             mass = a.fit.measured.rigid_mass
-            # m [c x] is the block below the mass
-            centre = np.array([mass[1, 5], mass[2, 3], mass[0, 4]]) / mass[0, 0]
-            place = a.mount.origin + a.mount.axes @ centre
+            place = a.mount.origin + a.mount.axes @ first_moment(mass) / mass[0, 0]
             centre = (place - data.xpos[base]) @ data.xmat[base].reshape(3, 3)
             centre[np.abs(centre) < CENTRED * np.abs(centre).max()] = 0.0
             out[a.at] = centre

@@ -110,14 +110,12 @@ def fit_all(
             warnings.append(Caution("fit-missed", f"{a.at}: {a.fit.status.message}"))
         # the craft's integrator judges tendons
         hinged = a.spec.damping is not None and a.spec.damping.form == "hinge"
-        is_imported = a.fit.space is not None and a.spec.slosh is None
-        found = (
-            a.fit.cautions
-            if hinged or is_imported
-            else doubtful(a.spec.segment, a.spec.damping, a.fit.target)
-        )
         if a.spec.slosh is not None:
             found = heavy(a.spec.slosh, a.hub.mass)
+        elif hinged or a.fit.space is not None:
+            found = a.fit.cautions
+        else:
+            found = doubtful(a.spec.segment, a.spec.damping, a.fit.target)
         warnings += [said_of(a.at, warning) for warning in found]
     return appendages, warnings, steps
 
@@ -125,8 +123,7 @@ def fit_all(
 def _points_inward(model: "mujoco.MjModel", place: mounting.Mount, spec: Spec) -> bool:
     """Whether an appendage starts towards the centre of mass of what it stands on, passes it
     closely, and ends behind it."""
-    is_beam = spec.imported is None and spec.slosh is None
-    if not is_beam or not model.body_rootid[place.body]:
+    if not spec.is_beam or not model.body_rootid[place.body]:
         return False
     centre = rest(model).subtree_com[model.body_rootid[place.body]]
     way = np.asarray(centre - place.origin, dtype=np.float64)

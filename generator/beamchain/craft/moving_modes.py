@@ -7,7 +7,7 @@ import numpy as np
 
 from beamchain.craft.linear_craft import linear_craft
 from beamchain.engine.library import mujoco
-from beamchain.engine.reach import moved, reach, spacecraft_body, turn
+from beamchain.engine.reach import moved_positions, reach, spacecraft_body, turn
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array, locked
 
@@ -50,7 +50,7 @@ def moving_modes(
         shape = modes.shapes[:, k]
         moves, turns = reach(model, rest, shape), turn(model, rest, shape)
         size = exaggerate * min(SWING * float(model.stat.extent) / moves, MOST_TURNED / turns)
-        positions = np.array([moved(model, rest, size * s * shape) for s in swing])
+        positions = np.array([moved_positions(model, rest, size * s * shape) for s in swing])
         out.append(
             MovingMode(
                 craft.mode_names[k],

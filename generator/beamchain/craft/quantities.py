@@ -11,7 +11,7 @@ import numpy as np
 
 from beamchain.checks import unknown
 from beamchain.craft.plant_load import liquid_prefixes
-from beamchain.engine.library import mujoco
+from beamchain.engine.library import mujoco, rotation_matrix
 from beamchain.engine.mount import held_joints
 from beamchain.errors import InputError
 from beamchain.fitting.uncertain import (
@@ -166,9 +166,7 @@ def draws(
 
 def inertia_matrix(model: "mujoco.MjModel", body: int) -> Array:
     """`(3, 3)` inertia of a body about its mass centre, in the body's axes [kg m^2]."""
-    axes = np.zeros(9)
-    mujoco.mju_quat2Mat(axes, model.body_iquat[body])
-    turn = axes.reshape(3, 3)
+    turn = rotation_matrix(model.body_iquat[body])
     return np.asarray(turn @ np.diag(model.body_inertia[body]) @ turn.T, dtype=np.float64)
 
 

@@ -20,7 +20,7 @@ from beamchain.engine.library import mujoco
 from beamchain.engine.root_motion import Root
 from beamchain.errors import InputError
 from beamchain.fitting.choose import further_columns
-from beamchain.fitting.exact import kept_counts, reduced_to_kept
+from beamchain.fitting.exact import SHAPED, kept_counts, reduced_to_kept
 from beamchain.fitting.hub import port_hub_mass
 from beamchain.fitting.result import InSpace
 from beamchain.mjcf.write import joint_name
@@ -29,7 +29,6 @@ from beamchain.ports.motions import PORTS, Array
 from beamchain.structure.inside import Inside, inside_beam
 
 SAME = 1e-5  # relative: frequencies of the modes as kept, and as found again
-EXTRA_MODES = 4  # beyond twice the kept ones that are converged, as in a fit
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,7 +191,7 @@ def beam_body(model: "mujoco.MjModel", appendage: Appendage, stations: Array) ->
         inside = inside_beam(
             fit.spec.beam,
             port,
-            2 * count + EXTRA_MODES,
+            2 * count + SHAPED,
             partial(reduced_to_kept, fit, port, count),
             stations,
             tuple(fit.spec.further.values()),

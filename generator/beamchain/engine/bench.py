@@ -19,7 +19,13 @@ from beamchain.mjcf import write
 from beamchain.ports.compose import joined
 from beamchain.ports.coupled import CoupledPort
 from beamchain.ports.model import PortModel
-from beamchain.ports.motions import PORT_MOTION, Array, body_mass_matrix, offset_matrix
+from beamchain.ports.motions import (
+    PORT_MOTION,
+    Array,
+    body_mass_matrix,
+    first_moment,
+    offset_matrix,
+)
 from beamchain.structure.planes import near_groups, turn_into_planes
 
 STRAIGHT = 1e-8  # perturbation: of a straight chain at rest only curvature is lost
@@ -364,7 +370,7 @@ def composite(model: "mujoco.MjModel", body: int) -> Composite:
     data = rest(model)
     matrix = frozen_mass(model, data, body, data.xpos[body], data.xmat[body].reshape(3, 3))
     mass = float(np.trace(matrix[:3, :3])) / 3.0
-    centre = np.array([matrix[1, 5], matrix[2, 3], matrix[0, 4]]) / max(mass, 1e-300)
+    centre = first_moment(matrix) / max(mass, 1e-300)
     cross = offset_matrix(centre)[:3, 3:]
     inertia = matrix[3:, 3:] + mass * cross @ cross
     return Composite(

@@ -4,7 +4,7 @@ from itertools import product
 
 import numpy as np
 
-from beamchain.engine.library import mujoco
+from beamchain.engine.library import mujoco, rotation_matrix
 from beamchain.ports.motions import Array
 
 CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
@@ -30,16 +30,15 @@ def skin_vertices(model: "mujoco.MjModel", data: "mujoco.MjData", skin: int) -> 
     bound = np.array(model.skin_vert[first : first + int(model.skin_vertnum[skin])], np.float64)
     vertices = np.zeros_like(bound)
     bones = int(model.skin_boneadr[skin]) + np.arange(int(model.skin_bonenum[skin]))
-    turn = np.empty(9)
     for bone in bones.tolist():
         start = int(model.skin_bonevertadr[bone])
         carried = slice(start, start + int(model.skin_bonevertnum[bone]))
         ids = model.skin_bonevertid[carried]
         weights = np.asarray(model.skin_bonevertweight[carried], dtype=np.float64)
         body = int(model.skin_bonebodyid[bone])
-        mujoco.mju_quat2Mat(turn, np.array(model.skin_bonebindquat[bone], dtype=np.float64))
+        turn = rotation_matrix(np.array(model.skin_bonebindquat[bone], dtype=np.float64))
         # from the body's frame where it was bound, to where it is
-        inside = (bound[ids] - model.skin_bonebindpos[bone]) @ turn.reshape(3, 3)
+        inside = (bound[ids] - model.skin_bonebindpos[bone]) @ turn
         placed = data.xpos[body] + inside @ data.xmat[body].reshape(3, 3).T
         vertices[ids] += weights[:, None] * placed
     return vertices

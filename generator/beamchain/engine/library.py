@@ -71,6 +71,13 @@ def rest(model: "mujoco.MjModel", qpos: NDArray[np.float64] | None = None) -> "m
     return data
 
 
+def rotation_matrix(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
+    """`(3, 3)` of a quaternion `(4,)`, scalar first, of any length."""
+    out = np.zeros(9)
+    mujoco.mju_quat2Mat(out, quaternion / np.linalg.norm(quaternion))
+    return out.reshape(3, 3)
+
+
 def hangs_on(model: "mujoco.MjModel", body: int, top: int) -> bool:
     """Whether a body is `top` or is carried by it."""
     while body not in (0, top):

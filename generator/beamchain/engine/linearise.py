@@ -44,6 +44,12 @@ INTEGRATORS = {
 NUMBERS = {number: name for name, number in INTEGRATORS.items()}
 
 
+def euler_damps_implicitly(model: "mujoco.MjModel") -> bool:
+    """Whether Euler takes the dampers of joints at the end of the step, as it does unless the flag
+    `eulerdamp` switches that off."""
+    return not int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
+
+
 def compile_model(source: "mujoco.MjModel | str | Path") -> "mujoco.MjModel":
     """A compiled model from a model, MJCF text or a path; what it asks for is bounded first,
     its numbers afterwards."""

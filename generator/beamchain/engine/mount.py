@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from beamchain.engine.bench import frozen_mass, mass_of_bodies
-from beamchain.engine.library import hangs_on, mujoco, rest
+from beamchain.engine.library import hangs_on, mujoco, rest, rotation_matrix
 from beamchain.engine.linearise import mass_matrix
 from beamchain.errors import InputError
 from beamchain.ports.motions import (
@@ -119,9 +119,9 @@ def mount(
         origin = data.xpos[body].copy()
         axes = data.xmat[body].reshape(3, 3).copy()
     origin = origin + reach * axes[:, 0]
-    position = position + reach * _matrix(quaternion)[:, 0]
+    position = position + reach * rotation_matrix(quaternion)[:, 0]
     if turn != UPRIGHT:
-        axes = axes @ _matrix(np.array(turn))
+        axes = axes @ rotation_matrix(np.array(turn))
         given = quaternion.copy()
         mujoco.mju_mulQuat(quaternion, given, np.array(turn))
     top = int(model.body_weldid[body])
@@ -239,11 +239,4 @@ def root_frame(mount: Mount, data: "mujoco.MjData") -> tuple[Array, Array]:
     """Origin `(3,)` and axes `(3, 3)`, in columns, of an appendage's root in the world."""
     frame = data.xmat[mount.body].reshape(3, 3)
     origin = data.xpos[mount.body] + frame @ mount.position
-    return origin, frame @ _matrix(mount.quaternion)
-
-
-def _matrix(quaternion: Array) -> Array:
-    """`(3, 3)` of a quaternion of any length."""
-    out = np.zeros(9)
-    mujoco.mju_quat2Mat(out, quaternion / np.linalg.norm(quaternion))
-    return out.reshape(3, 3)
+    return origin, frame @ rotation_matrix(mount.quaternion)

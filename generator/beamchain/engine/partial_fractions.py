@@ -79,7 +79,7 @@ def _fractions(linear: Linear) -> Accelerance | None:
 
 def _accelerance(
     poles: NDArray[np.complex128],
-    products: NDArray[np.complex128] | Array,
+    products: NDArray[np.complex128],
     constant: Array,
     omega: Array,
 ) -> NDArray[np.complex128]:

@@ -11,7 +11,7 @@ from beamchain.ports.motions import Array
 SMALL = 1e-6  # rad or m: of a motion taken as linear
 
 
-def moved(model: "mujoco.MjModel", rest: Array, motion: Array) -> Array:
+def moved_positions(model: "mujoco.MjModel", rest: Array, motion: Array) -> Array:
     """`(nq,)` positions a motion `(nv,)` away from others."""
     out = rest.copy()
     mujoco.mj_integratePos(model, out, motion, 1.0)
@@ -47,7 +47,7 @@ def _largest(
     small = SMALL / largest
     found: list[Array] = []
     for sign in (1.0, -1.0):
-        data.qpos[:] = moved(model, rest, sign * small * motion)
+        data.qpos[:] = moved_positions(model, rest, sign * small * motion)
         mujoco.mj_kinematics(model, data)
         found.append(np.array(rows(model, data)))
     return float(np.linalg.norm(found[0] - found[1], axis=1).max()) / (2.0 * small)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from beamchain.engine.forces import along_all
 from beamchain.engine.library import mujoco, quiet
-from beamchain.engine.linearise import NUMBERS
+from beamchain.engine.linearise import NUMBERS, euler_damps_implicitly
 from beamchain.ports.motions import Array
 
 #: what makes up a state of a run: all that the next step and the accelerations follow from
@@ -112,8 +112,7 @@ def _takes_dampers_implicitly(model: "mujoco.MjModel") -> bool:
     """Whether a step differs from the equations of motion."""
     integrator = NUMBERS[int(model.opt.integrator)]
     if integrator == "Euler":
-        off = int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
-        return not off and bool(np.any(model.dof_damping))
+        return euler_damps_implicitly(model) and bool(np.any(model.dof_damping))
     return integrator != "RK4"
 
 

@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline
 from beamchain.checks import unknown
 from beamchain.engine.bench import rigid_mass
 from beamchain.engine.forces import sprung
-from beamchain.engine.library import mujoco
+from beamchain.engine.library import mujoco, rest
 from beamchain.engine.linear import linear_at
 from beamchain.engine.linearise import mass_matrix
 from beamchain.engine.operating_point import quiet_copy, rest_point
@@ -153,7 +153,7 @@ def _long_enough(
         rigid = shown.copy()
         rigid[:, list(elastic)] = 0.0
         turned = [
-            np.linalg.norm(_axes(model, a) - _axes(model, b), axis=1).max() / np.sqrt(2.0)
+            np.linalg.norm(rest(model, a).xmat - rest(model, b).xmat, axis=1).max() / np.sqrt(2.0)
             for a, b in zip(shown, rigid, strict=True)
         ]  # |R - 1| = sqrt(2) times the angle
         return float(np.max(turned)) * abs(angle) / TRIAL
@@ -163,14 +163,6 @@ def _long_enough(
             return periods * period
     halves = math.ceil(np.sqrt(bent(1.0) / MOST_BENT))
     return float(halves + 1 - halves % 2) * period
-
-
-def _axes(model: "mujoco.MjModel", positions: Array) -> Array:
-    """`(nbody, 9)` axes of every body."""
-    data = mujoco.MjData(model)
-    data.qpos[:] = positions
-    mujoco.mj_kinematics(model, data)
-    return np.array(data.xmat)
 
 
 def _on_hub(model: "mujoco.MjModel", hub: int, axis: int) -> Drive:

@@ -14,6 +14,7 @@ from beamchain.ports.compose import model_in_space
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORTS, Array
 
+SHAPED = 4  # beyond twice the kept ones, that are converged where shapes of the kept are wanted
 EXTRA_MODES = 6  # of each port beyond the kept ones that the reference is converged for
 
 

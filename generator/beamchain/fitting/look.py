@@ -6,15 +6,13 @@ from typing import Protocol
 import numpy as np
 
 from beamchain.chain.chain import Chain
-from beamchain.fitting.exact import Fitted, kept_counts, reduced_to_kept
+from beamchain.fitting.exact import SHAPED, Fitted, kept_counts, reduced_to_kept
 from beamchain.fitting.options import Scene
 from beamchain.mjcf.skin import ModeMotion, Skin, mode_motion, skins
 from beamchain.mjcf.surfaces import beam_surfaces, stations
 from beamchain.ports.motions import Array
 from beamchain.structure.discretise import Parts, sampled_model
 from beamchain.structure.inside import snapped
-
-EXTRA_MODES = 4  # beyond those kept, converged as well
 
 
 class Chained(Fitted, Protocol):
@@ -71,7 +69,7 @@ def look_of(fit: Chained) -> Look:
     parts = Parts(beam.segments, beam.joints, beam.lumps)
     modes: list[ModeMotion] = []
     for port, count in counts.items():
-        full = sampled_model(parts, port, 2 * count + EXTRA_MODES, tuple(places.tolist()))
+        full = sampled_model(parts, port, 2 * count + SHAPED, tuple(places.tolist()))
         kept = reduced_to_kept(fit, port, count, full, points.tolist()).truncated(count)
         modes.append(mode_motion(fit.chain, port, kept, x, columns))
     made, missed = skins(fit.chain, surfaces, modes)

@@ -42,7 +42,7 @@ from beamchain.steps.modal import timing_marks
 from beamchain.steps.poles import PoleRow, pole_rows
 from beamchain.steps.retime import time_sentence
 from beamchain.steps.sampled import sampled_error
-from beamchain.steps.step_map import WRONG, TimeError, motion_at, time_error, wrong_from
+from beamchain.steps.step_map import WRONG, TimeError, lowest_wrong, motion_at, time_error
 from beamchain.steps.turn import central_inertia, turn_error
 from beamchain.structure.mass_line import MassLine
 from beamchain.structure.modal_data import ModalData
@@ -228,11 +228,11 @@ class Fit:
         # RK4 is not made exact
         if off is None or off.exact or (off.integrator == "RK4" and off.error < WRONG):
             return []
-        first = wrong_from(written, plain)
+        first = lowest_wrong(written, plain)
         more = (
             ""
-            if first == float("inf")
-            else f" From {first:.4g} rad/s on, poles are off by more than 1e-3."
+            if first is None
+            else f" From {first.frequency:.4g} rad/s on, poles are off by more than 1e-3."
         )
         return [Caution("time-error", f"scene.xml: {time_sentence(off)}{more}")]
 
@@ -329,11 +329,8 @@ class Fit:
             said += ", rigid" if port is None else " of what the scene asks for"
         else:
             said = f"in-band error {error:.2e} up to {self.bandwidth[port]:.4g} rad/s ({port}"
-            said += (
-                f", worst of {len(self.readback_error)} ports)"
-                if len(self.readback_error) > 1
-                else ")"
-            )
+            ports = len(self.readback_error)
+            said += f", worst of {ports} ports)" if ports > 1 else ")"
         return said if self.tip_told is None else f"{said}; {self.tip_told}"
 
     @property

@@ -39,14 +39,9 @@ def sentence(message: str, data: Mapping[str, Any], root: type) -> str:
     if unknown:
         struct = _struct_at(root, path, data)
         gone = None if struct is None else DROPPED.get(f"{struct.__name__}({unknown[1]})")
-        hint = None if struct is None else SOUGHT.get(f"{struct.__name__}({unknown[1]})")
-        if hint:
-            hint = f"unknown key {unknown[1]!r}; {hint}"
-        answer = (
-            gone
-            or hint
-            or (f"unknown key {unknown[1]!r}; {_keys_instead(unknown[1], place, struct, root)}")
-        )
+        sought = None if struct is None else SOUGHT.get(f"{struct.__name__}({unknown[1]})")
+        instead = sought or _keys_instead(unknown[1], place, struct, root)
+        answer = gone or f"unknown key {unknown[1]!r}; {instead}"
         return f"{place + ': ' if place else ''}{answer}"
     missing = re.fullmatch(r"Object missing required field `(.*)`", what)
     if missing:

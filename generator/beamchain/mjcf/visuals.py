@@ -4,6 +4,7 @@ Shapes have no mass and touch nothing; they cost MuJoCo a frame transform each, 
 as the eye needs. In place of them, surfaces that bend: `mjcf/surfaces.py`.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from beamchain.chain.chain import Link
@@ -94,10 +95,17 @@ def _segment_shape(
 def _lump_shape(lump: Lump, length: float) -> Shape:
     """A lumped body as the even box of its mass and inertias,
     a cube of its mass where it has none."""
-    # of a box with half sides a, b, c: Iyy + Izz - Ixx = 2 m a^2 / 3
-    x, y, z = lump.inertia
-    squares = [1.5 / lump.mass * difference for difference in (y + z - x, x + z - y, x + y - z)]
     cube = (lump.mass / DENSITY) ** (1.0 / 3.0) / 2.0
+    squares = box_squares(lump.mass, lump.inertia)
     sides = [square**0.5 if square > 0.0 else cube for square in squares]
     a, b, c = (min(side, LARGEST * length) for side in sides)
     return Shape("box", middle=lump.x, half=(a, b, c), rgba=CARRIED)
+
+
+def box_squares(mass: float, inertia: Sequence[float]) -> tuple[float, float, float]:
+    """Squares of the half sides of the even box of a mass and three principal inertias; not above
+    zero where no box has them."""
+    # of a box with half sides a, b, c: Iyy + Izz - Ixx = 2 m a^2 / 3
+    x, y, z = (float(value) for value in inertia)
+    scale = 1.5 / mass
+    return scale * (y + z - x), scale * (x + z - y), scale * (x + y - z)

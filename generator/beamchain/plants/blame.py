@@ -7,6 +7,7 @@ closed alone, and each pole is that of the loop which has one there by itself.
 """
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -53,7 +54,7 @@ def instabilities(closed: ClosedLoop, tell: Progress = no_progress) -> tuple[Ins
     for number, owner in zip(numbers, owners, strict=True):
         tell(len(out), len(numbers))
         value, right = complex(values[number]), vectors[:, number]
-        pole = pole_of(lambda gain: closed.closed(gain, every), 1.0, value, right)
+        pole = pole_of(partial(closed.closed, loops=every), 1.0, value, right)
         if owner is None:
             whole = _from_open(closed, every, pole, start)
             gain, at = crossing(whole.closed, whole.poles, closed.growth, closed.rounding)
@@ -124,10 +125,7 @@ class _Way(NamedTuple):
 
 def _from_open(closed: ClosedLoop, loops: Array, pole: Pole, start: _Start) -> _Way:
     """The way of a pole of some loops from the open loop."""
-
-    def matrix(gain: float) -> Array:
-        return closed.closed(gain, loops)
-
+    matrix = partial(closed.closed, loops=loops)
     path = follow(matrix, pole, 0.0)
     smallest = [path.poles[-1]]
     if path.partner is not None:
@@ -207,7 +205,7 @@ def _new_poles(closed: ClosedLoop, loops: Array, start: _Start) -> list[Pole]:
     """Growing poles that are none of the open loop's, with some of the loops closed."""
     values, vectors = _growing(closed, loops)
     return [
-        pole_of(lambda gain: closed.closed(gain, loops), 1.0, complex(value), vectors[:, k])
+        pole_of(partial(closed.closed, loops=loops), 1.0, complex(value), vectors[:, k])
         for k, value in enumerate(values)
         if np.abs(start.poles - value).min(initial=np.inf) > ALIKE * abs(value)
     ]

@@ -40,9 +40,14 @@ def body_mass_matrix(mass: float, centre: Array, inertia: Array) -> Array:
     """`(6, 6)` about the origin; `inertia` `(3, 3)` is about the `centre` `(3,)`."""
     x, y, z = centre
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    first_moment = mass * cross
+    moment = mass * cross
     second_moment = inertia - mass * cross @ cross
-    return np.block([[mass * np.eye(3), -first_moment], [first_moment, second_moment]])
+    return np.block([[mass * np.eye(3), -moment], [moment, second_moment]])
+
+
+def first_moment(mass: Array) -> Array:
+    """`(3,)` mass times mass centre, of a `(6, 6)` mass matrix about the origin."""
+    return np.array([mass[1, 5], mass[2, 3], mass[0, 4]])
 
 
 def system_matrix(stiffness: Array, damping: Array) -> Array:

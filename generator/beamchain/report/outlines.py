@@ -10,10 +10,12 @@ from scipy.interpolate import CubicSpline
 
 from beamchain.craft.appendage import Appendage, names
 from beamchain.craft.recovered_body import beam_body
-from beamchain.engine.library import mujoco
+from beamchain.engine.drawn import CORNERS
+from beamchain.engine.library import mujoco, rotation_matrix
 from beamchain.engine.operating_point import base_body
 from beamchain.engine.unchanged import ids_of
 from beamchain.errors import BeamchainError
+from beamchain.mjcf.visuals import box_squares
 from beamchain.ports.motions import PORT_MOTION, Array
 from beamchain.structure.beam import Beam
 from beamchain.structure.inside import snapped
@@ -154,12 +156,6 @@ class Outlines:
         mujoco.mj_kinematics(self.model, data)
         return data.xpos[self.base].copy(), data.xmat[self.base].reshape(3, 3).copy()
 
-    def moved(self, qpos: Array, motion: Array) -> Array:
-        """Positions `(nq,)` after a motion `(nv,)` from others."""
-        out = np.array(qpos)
-        mujoco.mj_integratePos(self.model, out, motion, 1.0)
-        return out
-
 
 # -- appendages ------------------------------------------------------------------------------------
 def _ribbon(model: "mujoco.MjModel", a: Appendage, stations: int) -> Ribbon:
@@ -242,7 +238,7 @@ def _sides(half: Array, length: float) -> Array:
 
 
 # -- solids ----------------------------------------------------------------------------------------
-_BOX = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+# of a box, by the numbers of its corners
 _SIDES = (
     (0, 1, 3, 2),
     (4, 6, 7, 5),
@@ -266,18 +262,13 @@ def _solid(model: "mujoco.MjModel", geom: int) -> Solid | None:
     size = np.array(model.geom_size[geom])
     faces: tuple[tuple[int, ...], ...] = ()
     if kind == int(kinds.mjGEOM_BOX):
-        corners = _BOX * size
+        corners = CORNERS * size
         faces = _SIDES
     elif kind in (int(kinds.mjGEOM_SPHERE), int(kinds.mjGEOM_ELLIPSOID)):
         corners = _ball() * (size[:1] if kind == int(kinds.mjGEOM_SPHERE) else size)
     elif kind in (int(kinds.mjGEOM_CYLINDER), int(kinds.mjGEOM_CAPSULE)):
-        end = size[1] + (size[0] if kind == int(kinds.mjGEOM_CAPSULE) else 0.0)
-        ring = size[0] * _circle()
-        if kind == int(kinds.mjGEOM_CAPSULE):
-            balls = [size[0] * _ball() + [0.0, 0.0, s * size[1]] for s in (-1.0, 1.0)]
-            corners = np.vstack(balls)
-        else:
-            corners = np.vstack([ring + np.array([0.0, 0.0, s * end]) for s in (-1.0, 1.0)])
+        end = size[0] * (_ball() if kind == int(kinds.mjGEOM_CAPSULE) else _circle())
+        corners = np.vstack([end + np.array([0.0, 0.0, s * size[1]]) for s in (-1.0, 1.0)])
     elif kind == int(kinds.mjGEOM_MESH):
         mesh = int(model.geom_dataid[geom])
         start = int(model.mesh_vertadr[mesh])
@@ -285,9 +276,8 @@ def _solid(model: "mujoco.MjModel", geom: int) -> Solid | None:
         corners = every[np.unique(np.argmax(every @ WAYS.T, axis=0))].astype(np.float64)
     else:
         return None
-    turn = np.zeros(9)
-    mujoco.mju_quat2Mat(turn, model.geom_quat[geom])
-    corners = model.geom_pos[geom] + corners @ turn.reshape(3, 3).T
+    turn = rotation_matrix(model.geom_quat[geom])
+    corners = model.geom_pos[geom] + corners @ turn.T
     return Solid(int(model.geom_bodyid[geom]), corners, faces)
 
 
@@ -307,11 +297,8 @@ def _ball() -> Array:
 def _box_of_inertia(model: "mujoco.MjModel", body: int, most: float) -> Solid:
     """A body without a visible geom: the even box of its mass and inertias, `most` [m] at most."""
     mass = max(float(model.body_mass[body]), 1e-300)
-    a, b, c = (float(value) for value in model.body_inertia[body])
-    # of a box with half sides x, y, z: Iyy + Izz - Ixx = 2 m x^2 / 3
-    half = np.sqrt(1.5 / mass * np.maximum([b + c - a, a + c - b, a + b - c], 0.0))
-    half = np.clip(half, 0.1 * most, most)
-    turn = np.zeros(9)
-    mujoco.mju_quat2Mat(turn, model.body_iquat[body])
-    corners = model.body_ipos[body] + (_BOX * half) @ turn.reshape(3, 3).T
+    squares = box_squares(mass, model.body_inertia[body].tolist())
+    half = np.clip(np.sqrt(np.maximum(squares, 0.0)), 0.1 * most, most)
+    turn = rotation_matrix(model.body_iquat[body])
+    corners = model.body_ipos[body] + (CORNERS * half) @ turn.T
     return Solid(body, corners, _SIDES)

@@ -22,6 +22,7 @@ from beamchain.engine.linear import linear_at
 from beamchain.engine.linearise import compile_model
 from beamchain.engine.mount import mount
 from beamchain.engine.operating_point import poses, quiet_copy, rest_point
+from beamchain.engine.reach import moved_positions
 from beamchain.engine.slew import Slew, simulate
 from beamchain.errors import EngineError, InputError
 from beamchain.ports.motions import Array
@@ -198,7 +199,7 @@ def _mode_replay(
     for mode in modes:
         step = 1e-5 / float(np.abs(mode.shape).max())
         ahead, behind = (
-            in_base(outlines.at(outlines.moved(qpos, sign * step * mode.shape)))
+            in_base(outlines.at(moved_positions(outlines.model, qpos, sign * step * mode.shape)))
             for sign in (1.0, -1.0)
         )
         slopes.append(_combined(ahead, behind, 0.5 / step, -0.5 / step))
@@ -374,16 +375,17 @@ def _drawn_turn(outlines: Outlines, slew: Slew) -> Replay:
     rigid = drawn(0.0)
     frames = drawn(1.0)
     extent = float(np.ptp(rigid[0].points, axis=0).max())
-    bends = _elastic(frames, rigid, [outlines.frame(qpos)[1] for qpos in slew.positions])
+    axes = [outlines.frame(qpos)[1] for qpos in slew.positions]
+    bends = _elastic(frames, rigid, axes)
     factor = _factor(SWING * extent / max(float(np.abs(bends).max()), 1e-300))
     if factor > 1.0:
         frames = drawn(factor)
-    chart = _chart(slew, outlines, bends)
+    chart = _chart(slew, axes, bends)
     still = int(np.argmax(np.abs(bends)))
     instant = float(slew.times[still])
-    view = _along(slew.axis, np.vstack([frame.points for frame in (*frames, *rigid)]))
-    flat = view.flat(np.vstack([frame.points for frame in (*frames, *rigid)]))
-    fit = _Fit(flat, WIDTH, 0.0, TALLEST)
+    points = np.vstack([frame.points for frame in (*frames, *rigid)])
+    view = _along(slew.axis, points)
+    fit = _Fit(view.flat(points), WIDTH, 0.0, TALLEST)
     outline = _Outline(outlines, rigid[0], view, fit)
     seconds = float(np.clip(slew.times[-1], SHORTEST, LONGEST))
     rate = float(slew.times[-1]) / seconds
@@ -400,7 +402,7 @@ def _drawn_turn(outlines: Outlines, slew: Slew) -> Replay:
         "told": told,
         "desc": "; ".join(told),
         "ghost": [],
-        "still": outline.shapes([frames[still]], ghost=rigid[still]),
+        "still": outline.shapes([frames[still]], ghosts=[rigid[still]]),
         "moving": outline.shapes(frames, ghosts=rigid),
         "animate": f'dur="{seconds:.3g}s" {SMIL}',
     }
@@ -459,11 +461,11 @@ def _factor(most: float) -> float:
     return max(f * power for f in FACTORS if f * power <= most)
 
 
-def _chart(slew: Slew, outlines: Outlines, bends: Array) -> dict[str, Any]:
-    """Attitude of the base and elastic displacement over time, below the drawing."""
-    _, start = outlines.frame(slew.positions[0])
+def _chart(slew: Slew, axes: Sequence[Array], bends: Array) -> dict[str, Any]:
+    """Attitude of the base, of which these are the axes, and elastic displacement over time, below
+    the drawing."""
     i, j = (slew.axis + 1) % 3, (slew.axis + 2) % 3
-    turned = [start.T @ outlines.frame(qpos)[1] for qpos in slew.positions]
+    turned = [axes[0].T @ turn for turn in axes]
     angles = np.degrees([math.atan2(turn[j, i], turn[i, i]) for turn in turned])
     left, right = 44.0, WIDTH - 50.0
     x = left + (right - left) * slew.times / slew.times[-1]
@@ -538,14 +540,9 @@ class _Outline:
         return [_path(self.fit(self.view.flat(middle)), closed=False) for middle in drawn.middles]
 
     def shapes(
-        self,
-        frames: Sequence[Drawn],
-        *,
-        ghost: Drawn | None = None,
-        ghosts: Sequence[Drawn] = (),
+        self, frames: Sequence[Drawn], *, ghosts: Sequence[Drawn] = ()
     ) -> list[dict[str, Any]]:
         """Paths, farthest first: `d` of the first frame, `values` of all."""
-        lines = ghosts or ([] if ghost is None else [ghost])
         out: list[dict[str, Any]] = []
         for i in range(len(self._rest.arms)):
             arms = [self.fit(self.view.flat(frame.arms[i])) for frame in frames]
@@ -555,9 +552,9 @@ class _Outline:
                 out += self._solid(k, frames)
             else:
                 out += self._ribbon(k - len(self._rest.solids), frames)
-        for i in range(len(self._rest.middles)) if lines else ():
+        for i in range(len(self._rest.middles)) if ghosts else ():
             # straight as they are, root and tip are enough
-            ends = [self.fit(self.view.flat(line.middles[i][[0, -1]])) for line in lines]
+            ends = [self.fit(self.view.flat(line.middles[i][[0, -1]])) for line in ghosts]
             out.append(_shape(ends, "rest", closed=False))
         return out
 

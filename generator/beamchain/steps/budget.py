@@ -79,8 +79,7 @@ def linear_model(model: "mujoco.MjModel", data: "mujoco.MjData | None" = None) -
     mujoco.mj_forward(model, data)
     pull = preload_sentence(model, data)  # before differences leave their traces in the data
     own = engine.dense_mass(model, data)
-    implicit = not int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
-    joints = model.dof_damping * implicit
+    joints = model.dof_damping * engine.euler_damps_implicitly(model)
     spring = linear.stiffness
     if "discrete" in engine.integrators_of(model):
         spring = engine.implicit_stiffness(model, data, linear.damping)

@@ -6,7 +6,7 @@ import numpy as np
 
 from beamchain.engine.forces import along
 from beamchain.engine.library import mujoco
-from beamchain.engine.linearise import NUMBERS
+from beamchain.engine.linearise import NUMBERS, euler_damps_implicitly
 from beamchain.ports.motions import Array
 from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.modal import modal_tendons
@@ -42,8 +42,8 @@ def elements(model: "mujoco.MjModel", qpos: Array) -> list[Element]:
     mujoco.mj_forward(model, data)
     integrator = NUMBERS[int(model.opt.integrator)]
     at_start = 0.0 if SCHEMES[integrator].implicit_damping else 1.0
-    off = int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
-    of_joints = at_start if integrator != "Euler" or off else 0.0
+    at_end = integrator == "Euler" and euler_damps_implicitly(model)
+    of_joints = 0.0 if at_end else at_start
     for j in range(model.njnt):
         dof = int(model.jnt_dofadr[j])
         joint = str(model.joint(j).name) or f"joint {j}"

@@ -19,7 +19,7 @@ from scipy.optimize import linear_sum_assignment
 
 from beamchain.engine.library import mujoco
 from beamchain.engine.linear import STENCIL, linear_at
-from beamchain.engine.linearise import INTEGRATORS, NUMBERS
+from beamchain.engine.linearise import INTEGRATORS, NUMBERS, euler_damps_implicitly
 from beamchain.engine.operating_point import rest_point, still_copy
 from beamchain.ports.motions import Array
 from beamchain.steps.elements import elements
@@ -152,8 +152,9 @@ def _implicit(model: "mujoco.MjModel", integrator: str, damping: Array, shapes: 
     or under Euler that of joints unless it is switched off."""
     if SCHEMES[integrator].implicit_damping:
         return damping
-    off = int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
-    return np.zeros_like(damping) if off else shapes.T @ (model.dof_damping[:, None] * shapes)
+    if not euler_damps_implicitly(model):
+        return np.zeros_like(damping)
+    return shapes.T @ (model.dof_damping[:, None] * shapes)
 
 
 def _semi_implicit(
@@ -393,15 +394,6 @@ def lowest_wrong(
     wanted = complex(pairs.wanted[k])
     by = damped_by(plain, pose, still, wanted)
     return WrongPole(abs(wanted), float(pairs.error[k]), by)
-
-
-def wrong_from(
-    model: "mujoco.MjModel", plain: "mujoco.MjModel", qpos: Array | None = None
-) -> float:
-    """The lowest coupled frequency whose pole the step has off by more than 1e-3 [rad/s];
-    infinity without one."""
-    found = lowest_wrong(model, plain, qpos)
-    return np.inf if found is None else found.frequency
 
 
 def at_step_of(plain: "mujoco.MjModel", model: "mujoco.MjModel") -> "mujoco.MjModel":

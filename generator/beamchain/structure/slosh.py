@@ -36,6 +36,7 @@ from beamchain.structure.modal_data import ModalData
 FEWEST = 2  # lateral modes of a plane that become pendulums, unless the specification says
 MOST = 6  # as many at most
 KNOWN = 12  # that the reference has
+SHALLOWEST, DEEPEST = 0.01, 100.0  # of the liquid's height over the radius
 TERMS = 1000  # of the series of the inertia: the rest is below 1e-15 of its sum
 
 
@@ -183,11 +184,6 @@ class Slosh(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         return SpreadMass(
             self.height, locked(self.rigid_mass()), (piece,), locked(np.zeros((0, 5)))
         )
-
-
-#: Of the liquid's height over the radius.
-SHALLOWEST = 0.01
-DEEPEST = 100.0
 
 
 class Pendulums(NamedTuple):
