@@ -83,9 +83,12 @@ def draw_frames(
         )
         _thicken(model, SLIMMEST * extent)
         sky = _picture(model, shown[0], renderer, camera, hidden=True)
+        drawn, faint = None, sky
         for at, rigid in zip(shown, ghosts, strict=True):
             image = _picture(model, at, renderer, camera)
-            faint = (1.0 - GHOST) * sky + GHOST * _picture(model, rigid, renderer, camera)
+            if drawn is None or np.any(rigid != drawn):  # in a film of a mode it stays
+                drawn = rigid
+                faint = (1.0 - GHOST) * sky + GHOST * _picture(model, rigid, renderer, camera)
             behind = np.all(image == sky, axis=-1, keepdims=True)
             yield np.where(behind, faint, image).astype(np.uint8)
     finally:
