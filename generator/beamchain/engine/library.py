@@ -21,7 +21,7 @@ from beamchain.late import importing
 if TYPE_CHECKING:
     from mujoco.rollout import Rollout
 
-OLDEST = (3, 13)
+OLDEST = (3, 16)
 
 try:
     import mujoco as mujoco

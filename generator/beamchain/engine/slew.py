@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline
 from beamchain.checks import unknown
 from beamchain.engine.bench import rigid_mass
 from beamchain.engine.forces import sprung
-from beamchain.engine.library import mujoco, rest
+from beamchain.engine.library import mujoco
 from beamchain.engine.linear import linear_at
 from beamchain.engine.linearise import mass_matrix
 from beamchain.engine.operating_point import quiet_copy, rest_point
@@ -147,13 +147,20 @@ def _long_enough(
     """The duration of a turn [s] in which no link turns further than `MOST_BENT` out of its place
     on a rigid appendage."""
 
+    data = mujoco.MjData(model)
+
+    def rotations(qpos: Array) -> Array:
+        data.qpos[:] = qpos
+        mujoco.mj_kinematics(model, data)
+        return data.xmat.copy()
+
     def bent(periods: float) -> float:
         end = (periods + RINGING) * period
         shown = _run(model, drive(TRIAL, periods * period), end, frames)
         rigid = shown.copy()
         rigid[:, list(elastic)] = 0.0
         turned = [
-            np.linalg.norm(rest(model, a).xmat - rest(model, b).xmat, axis=1).max() / np.sqrt(2.0)
+            np.linalg.norm(rotations(a) - rotations(b), axis=1).max() / np.sqrt(2.0)
             for a, b in zip(shown, rigid, strict=True)
         ]  # |R - 1| = sqrt(2) times the angle
         return float(np.max(turned)) * abs(angle) / TRIAL

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from lxml import etree
 from lxml.etree import _Element as Element
 from scipy.spatial.transform import Rotation
 
@@ -399,10 +400,16 @@ class Fit:
         Args:
             timed: exact in time for the spec's step, if it states one; False: without timing.
         """
-        tree = appendage_tree(self.spec, self.chain, self.mass_line, self.look.skins)
+        tree = etree.fromstring(self._untimed)
         if timed:
             put_timing(tree, self.spec, sprung=self.tendon_sprung, form=2)
         return tree
+
+    @cached_property
+    def _untimed(self) -> bytes:
+        """The document without timing; text, since a `Fit` has to be pickled."""
+        tree = appendage_tree(self.spec, self.chain, self.mass_line, self.look.skins)
+        return etree.tostring(tree)
 
     @cached_property
     def _scenes(self) -> "tuple[mujoco.MjModel, mujoco.MjModel]":
