@@ -14,6 +14,8 @@
 
 PYTHON ?= python3
 VENV := .venv
+# tests and pages start many processes, which would compile the package again each time
+export PYTHONDONTWRITEBYTECODE :=
 BIN := $(VENV)/bin
 WORKERS ?= 2
 # a worker begins with tests that stand together, whose fixtures it makes once, and takes over others' at the end
