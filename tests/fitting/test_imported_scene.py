@@ -83,7 +83,7 @@ ALL = ("x", "y", "z", "tx", "ty", "tz")
         (ALL, 0.3, 1e-2),
         (ALL, 1.5, 3e-4),
         (("y", "tz"), 6.0, 1e-2),
-        (("x",), 1.5, 3e-4),
+        pytest.param(("x",), 1.5, 3e-4, marks=pytest.mark.slow),
         pytest.param(ALL, 6.0, 3e-4, marks=pytest.mark.slow),
         pytest.param(("y", "tz"), 1.5, 3e-4, marks=pytest.mark.slow),
         pytest.param(("x",), 6.0, 1e-2, marks=pytest.mark.slow),

@@ -226,7 +226,7 @@ def test_promise_holds_in_random_scenes_and_the_choice_is_tight():
 
 
 @pytest.mark.parametrize(
-    "seed", [0, 2, 6, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 3, 4, 5, 7))]
+    "seed", [0, 2, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 3, 4, 5, 6, 7))]
 )
 def test_promise_holds_where_tapers_joints_and_lumps_abound(seed):
     given = random_appendage(seed)
@@ -248,7 +248,7 @@ def test_promise_holds_where_tapers_joints_and_lumps_abound(seed):
     assert found <= GRID_SLACK * spec.scene.tolerance
 
 
-@pytest.mark.parametrize("seed", [11, 29])
+@pytest.mark.parametrize("seed", [11, pytest.param(29, marks=pytest.mark.slow)])
 def test_dampers_that_couple_the_modes_are_part_of_the_promise(seed):
     """Plain joint damping couples the modes, which a diagonal approximation misses:
     1.0e-3 at a tolerance of 7.5e-4, and 2.1e-4 stated by it."""

@@ -488,7 +488,7 @@ DISTANCE = 3.0  # m, from above
 PIXELS = 2.0  # of some 50
 
 
-@pytest.mark.parametrize("renderer", ["egl", "osmesa"])
+@pytest.mark.parametrize("renderer", ["egl", pytest.param("osmesa", marks=pytest.mark.slow)])
 def test_the_tip_is_seen_to_move_as_the_mode_says(renderer):
     """A camera looks down on the edge of the tip; MuJoCo's vertices are those of the formula."""
     if not backend._works(renderer):
