@@ -120,7 +120,7 @@ def largest_motion(model, step):
     return max(history[-STEPS // 10 :]) / max(history[: STEPS // 10])
 
 
-@pytest.mark.parametrize("masses", [1.0, 10.0])
+@pytest.mark.parametrize("masses", [pytest.param(1.0, marks=pytest.mark.slow), 10.0])
 def test_fillers_leave_a_third_of_the_last_kept_modes_step(masses, tmp_path):
     """Stated from A and B, read from M and K, and stepped."""
     body = panel()
