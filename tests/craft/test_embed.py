@@ -562,7 +562,7 @@ class TestFlexiblePanel:
             assert clamped[0] / (2.0 * np.pi) == pytest.approx(printed, abs=6e-5)
 
     @pytest.mark.parametrize(
-        "n", [1, 6, *(pytest.param(n, marks=pytest.mark.slow) for n in (2, 3, 4, 5))]
+        "n", [6, *(pytest.param(n, marks=pytest.mark.slow) for n in (1, 2, 3, 4, 5))]
     )
     def test_fixed_beam_does_not(self, n):
         done = bc.embed(

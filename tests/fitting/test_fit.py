@@ -158,7 +158,7 @@ def test_masses_of_the_compiled_file_are_the_beam_s():
         (deployed_array, "Euler"),
         (tube, "RK4"),
         (deployed_array, "discrete"),
-        (deployed_array, "implicitfast"),
+        pytest.param(deployed_array, "implicitfast", marks=pytest.mark.slow),
     ],
 )
 def test_the_scene_steps_without_a_warning(make, integrator):

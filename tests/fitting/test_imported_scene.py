@@ -116,7 +116,12 @@ def test_coupled_modes_are_chosen(axes, band, tolerance):
 
 @pytest.mark.parametrize(
     ("target", "band"),
-    [("clamped", 0.01), (None, 0.01), ("clamped", 1.5), (None, 1.5), ("clamped", 8.0)],
+    [
+        ("clamped", 0.01),
+        (None, 1.5),
+        ("clamped", 8.0),
+        *(pytest.param(*case, marks=pytest.mark.slow) for case in ((None, 0.01), ("clamped", 1.5))),
+    ],
 )
 def test_decoupled_modes_are_chosen_per_port(band, target):
     data = boom_data()

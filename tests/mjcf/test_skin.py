@@ -223,7 +223,10 @@ def test_the_surface_follows_every_kept_mode(given):
         assert fit.look.residual[port][k] == pytest.approx(error, abs=STATED)
 
 
-@pytest.mark.parametrize("name", ["array", "array_scene", "mast", "boom"])
+@pytest.mark.parametrize(
+    "name",
+    ["array", "boom", *(pytest.param(n, marks=pytest.mark.slow) for n in ("array_scene", "mast"))],
+)
 def test_the_shipped_examples_do(name):
     """Those made for a hub keep modes that differ a little from the beam's first ones."""
     given, fit = example(name)
