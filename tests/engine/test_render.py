@@ -7,7 +7,6 @@ import os
 import struct
 import subprocess
 import sys
-from importlib.resources import files
 
 import mujoco
 import numpy as np
@@ -22,6 +21,7 @@ from beamchain.craft.moving_modes import moving_modes
 from beamchain.engine import backend, draw
 from beamchain.engine.slew import MOST_BENT, simulate
 from beamchain.report import film
+from examples import shipped_arm
 from turns import bent
 
 HUB = bc.Hub(mass=500.0, inertia=(400.0, 400.0, 500.0), offset=(1.0, 0.0, 0.0))
@@ -347,10 +347,7 @@ def test_view_without_a_screen_says_so(boom, tmp_path):
 
 @pytest.fixture(scope="module")
 def arm():
-    examples = files("beamchain") / "examples"
-    at = {"shoulder": examples / "upper.toml", "forearm": examples / "fore.toml"}
-    made = bc.embed(examples / "arm.xml", at)
-    return draw.stage(made.to_mjcf())
+    return draw.stage(shipped_arm().to_mjcf())
 
 
 @pytest.mark.parametrize(

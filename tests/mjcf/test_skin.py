@@ -434,7 +434,7 @@ def test_a_rigid_tube_beside_a_bending_one_is_not_taken_for_changed():
     assert craft.model.nskin == 2
 
 
-@pytest.mark.parametrize("form", ["inline", "attach"])
+@pytest.mark.parametrize("form", [pytest.param("inline", marks=pytest.mark.slow), "attach"])
 def test_embedded_twice_and_taken_out_again(form, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "wing.toml").write_text(spec_toml(msgspec.convert(WING, bc.Spec)))
