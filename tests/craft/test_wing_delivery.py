@@ -351,8 +351,7 @@ def test_a_step_that_misses_poles_says_first_what_helps(folder):
 
 def test_init_writes_a_delivery_that_fits(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    status, out, _ = call("init", "wing")
-    assert status == 0
+    assert call("init", "wing")[0] == 0
     assert sorted(p.name for p in tmp_path.iterdir()) == [
         "wing.asm",
         "wing.op4",
@@ -365,6 +364,15 @@ def test_init_writes_a_delivery_that_fits(tmp_path, monkeypatch):
     assert "wing.asm" in err
     assert not Path("wing.toml").exists()
     assert call("init", "wing", "--force")[0] == 0
+    fit = bc.fit("wing.toml")
+    assert fit.status.ok
+    assert "grids 1, 2 of wing.asm held as one rigid body" in fit.status.history[0]
+
+
+@pytest.mark.slow
+def test_the_command_says_where_the_delivery_of_init_is_held(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert call("init", "wing")[0] == 0
     status, out, _ = call("fit", "wing.toml", "-o", "out")
     assert status == 0
     said = " ".join(out.split())
