@@ -152,7 +152,13 @@ def test_the_chain_is_physical(kind, target, n):
 
 
 @pytest.mark.parametrize(
-    ("make", "n"), [(panels, 1), (panels, 3), (timoshenko_boom, 2), (timoshenko_boom, 3)]
+    ("make", "n"),
+    [
+        (panels, 3),
+        (timoshenko_boom, 3),
+        pytest.param(panels, 1, marks=pytest.mark.slow),
+        pytest.param(timoshenko_boom, 2, marks=pytest.mark.slow),
+    ],
 )
 @pytest.mark.parametrize("target", ["clamped", "free", "hub"])
 def test_other_beams_for_few_modes(make, target, n):

@@ -44,12 +44,12 @@ def tip_through_differences(text, site, axis):
 @pytest.mark.parametrize(
     ("make", "n"),
     [
-        (seed_boom, 1),
+        pytest.param(seed_boom, 1, marks=pytest.mark.slow),
         (seed_boom, 5),
         (unit_beam, 2),
-        (tube, 3),
+        pytest.param(tube, 3, marks=pytest.mark.slow),
         (tapered_boom, 2),
-        (stepped_boom, 3),
+        pytest.param(stepped_boom, 3, marks=pytest.mark.slow),
         (tip_loaded_boom, 5),
     ],
 )

@@ -168,10 +168,9 @@ def test_planes_with_different_hub_targets(make):
 
 
 # -- random arrays ---------------------------------------------------------------------------------
-@pytest.mark.parametrize("seed", range(3))
-def test_random_arrays(seed):
+def test_a_random_array():
     kept = {"xy": 2, "xz": 2}
-    judge(random_array(seed), fit(random_array(seed), modes=kept), kept)
+    judge(random_array(0), fit(random_array(0), modes=kept), kept)
 
 
 @pytest.mark.slow

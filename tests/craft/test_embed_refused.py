@@ -121,6 +121,12 @@ def done():
     return bc.embed(craft(), {"mount": spec("array_left")})
 
 
+@pytest.fixture(scope="module")
+def clean():
+    """Without any default, in boxes on the body."""
+    return bc.embed(craft(), {"hub": spec("rod_in_boxes")}).model
+
+
 class TestRefused:
     @pytest.mark.parametrize("name", REFUSED)
     def test_bad_craft(self, name, tmp_path, capsys, monkeypatch):
@@ -163,19 +169,18 @@ class TestRefused:
         "default",
         [
             MESHED,
-            FIELD,
+            pytest.param(FIELD, marks=pytest.mark.slow),
             ONE_PIECE,
-            ONE_PIECE.replace("<geom", "<site"),
-            '<default><geom euler="0 0 30"/></default>',
+            pytest.param(ONE_PIECE.replace("<geom", "<site"), marks=pytest.mark.slow),
+            pytest.param('<default><geom euler="0 0 30"/></default>', marks=pytest.mark.slow),
             '<default><site euler="0 0 30"/></default>',
         ],
     )
-    def test_the_ways_out_of_a_default_lead_out(self, default):
+    def test_the_ways_out_of_a_default_lead_out(self, default, clean):
         """The form "attach", and the attribute that the sentence names taken out; on a body, which
         a site's default does not move."""
         with pytest.raises(bc.BeamchainError) as refused:
             bc.embed(craft(before=default), {"hub": spec("rod_in_boxes")})
-        clean = bc.embed(craft(), {"hub": spec("rod_in_boxes")}).model
         word = re.search(r"or take (\w+) out of", str(refused.value)).group(1)
         without = re.sub(rf'(<(?:geom|site)[^>]*?) {word}="[^"]*"', r"\1", default)
         assert without != default
@@ -256,14 +261,13 @@ class TestHostile:
         <tendon stiffness="30" springlength="0.2" frictionloss="0.4"/>
         <default class="near"><joint damping="5"/><site rgba="1 0 0 1"/></default></default>"""
 
-    def test_defaults_and_child_classes(self):
-        clean = bc.embed(craft(), {"mount": spec("array_left")})
+    def test_defaults_and_child_classes(self, done):
         hostile = craft(before=f'<compiler angle="radian"/>{self.DEFAULTS}').replace(
             'name="hub"', 'name="hub" childclass="near"'
         )
         for form in ("inline", "attach"):
-            done = bc.embed(hostile, {"mount": spec("array_left")}, form=form)
-            np.testing.assert_allclose(frequencies(done.model), frequencies(clean.model), rtol=SAME)
+            made = bc.embed(hostile, {"mount": spec("array_left")}, form=form)
+            np.testing.assert_allclose(frequencies(made.model), frequencies(done.model), rtol=SAME)
 
     def test_warnings_carry_figure_and_cure(self):
         text = craft(
@@ -299,7 +303,7 @@ class TestHostile:
                 mujoco.mj_step(model, data)
             assert (np.abs(data.qvel[-1]) < 1e-3) == stable
 
-    @pytest.mark.parametrize("axis", ["0 1 0", "0 0 1"])
+    @pytest.mark.parametrize("axis", ["0 1 0", pytest.param("0 0 1", marks=pytest.mark.slow)])
     def test_a_preloaded_spring_behind_the_mount(self, axis, tmp_path, capsys, monkeypatch):
         """A drive whose spring pulls against a stop:
         the same modes as with a slack spring, and a word."""

@@ -18,15 +18,10 @@ CRAFT = """<mujoco><compiler inertiafromgeom="{}"/><worldbody><body name="hub"><
 <site name="mount" pos="0.6 0 0"/></body></worldbody></mujoco>"""
 
 
-@pytest.fixture(params=["inline", "attach"])
-def form(request):
-    return request.param
-
-
-@pytest.fixture(params=["drawn", "bare", "touching"])
-def appendage(request, tmp_path):
+def written(look, tmp_path):
+    """The specification of a rod that is drawn, or not, or touches."""
     text = spec("rod").read_text()
-    scene = {"drawn": {}, "bare": {"visuals": False}, "touching": {"contacts": True}}[request.param]
+    scene = {"drawn": {}, "bare": {"visuals": False}, "touching": {"contacts": True}}[look]
     table = tomllib.loads(text).get("scene", {})
     assert not table
     path = tmp_path / "rod.toml"
@@ -51,9 +46,21 @@ def compiled(craft: str, appendage, form: str, folder) -> mujoco.MjModel:
     return mujoco.MjModel.from_xml_path(str(out))
 
 
-def test_links_keep_their_mass_and_the_craft_its_frequencies(appendage, form, tmp_path):
+@pytest.mark.parametrize(
+    ("look", "form"),
+    [
+        ("drawn", "attach"),
+        ("bare", "inline"),
+        ("touching", "inline"),
+        pytest.param("drawn", "inline", marks=pytest.mark.slow),
+        pytest.param("bare", "attach", marks=pytest.mark.slow),
+        pytest.param("touching", "attach", marks=pytest.mark.slow),
+    ],
+)
+def test_links_keep_their_mass_and_the_craft_its_frequencies(look, form, tmp_path):
     """Beside a hub whose numbers are stated with <inertial>,
     which no setting of the compiler moves."""
+    appendage = written(look, tmp_path)
     stated = compiled(STATED, appendage, form, tmp_path / "stated")
     shapes = compiled(CRAFT.format("true"), appendage, form, tmp_path / "shapes")
     kept = compiled(CRAFT.format("auto"), appendage, form, tmp_path / "kept")

@@ -805,8 +805,15 @@ SECOND_DIFFERENCE = 1e-7  # of the largest load: digits lost in second differenc
 STRAIN = 0.05  # of the largest moment: what one mode and its fillers miss of a ramp with a jerk
 
 
-@pytest.mark.parametrize("integrator", ["implicitfast", "Euler"])
-@pytest.mark.parametrize("retime", [None, False])
+@pytest.mark.parametrize(
+    ("retime", "integrator"),
+    [
+        (None, "implicitfast"),
+        pytest.param(False, "implicitfast", marks=pytest.mark.slow),
+        pytest.param(None, "Euler", marks=pytest.mark.slow),
+        (False, "Euler"),
+    ],
+)
 def test_a_slew_by_a_servo_loads_the_root_with_what_moves_the_bus(tmp_path, integrator, retime):
     """The force on the bus is its mass times the second difference of its places, whatever the
     file was retimed for. The damping of the drive is 100 times the inertia of the drum per step:

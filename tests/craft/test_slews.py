@@ -243,7 +243,11 @@ def test_a_servo_turns_the_drive_it_holds_and_rk4_needs_no_advice(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("joint", "free"), [('stiffness="30"', "<freejoint/>"), ("", "")], ids=["sprung", "base"]
+    ("joint", "free"),
+    [
+        pytest.param('stiffness="30"', "<freejoint/>", id="sprung"),
+        pytest.param("", "", id="base", marks=pytest.mark.slow),
+    ],
 )
 def test_without_a_hinge_to_slew_nothing_changes(tmp_path, joint, free):
     study = bc.stability(driven(tmp_path, joint, free=free))

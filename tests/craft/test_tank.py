@@ -1,6 +1,11 @@
 """A tank on a spacecraft under thrust or gravity, against potential flow by polynomials
 (tests/support/flow.py) on a rigid body, and against plain MuJoCo."""
 
+import copy
+import tempfile
+from functools import cache
+from pathlib import Path
+
 import mujoco
 import numpy as np
 import pytest
@@ -9,6 +14,7 @@ import beamchain as bc
 from command import call
 from examples import EXAMPLES
 from flow import Flow
+from spacecraft import spec
 
 DIFFERENCED = 1e-6  # frequencies from differences of MuJoCo's forces
 SAME = 1e-6  # of a response off its peaks, by two ways to linearise
@@ -28,6 +34,7 @@ CRAFT = """<mujoco model="barge"><option gravity="{gravity}" timestep="0.02"/><w
 <actuator><motor name="thrust" site="nozzle" gear="0 0 1 0 0 0"/></actuator>
 <keyframe><key name="burn" ctrl="{thrust!r}"/></keyframe></mujoco>"""
 UP = "0 0 1 0 1 0"
+BOTH = ("left", "right")
 
 
 def craft(thrust=0.0, gravity="0 0 0", joint="<freejoint/>", axes=UP):
@@ -43,21 +50,31 @@ def tank(acceleration, modes=None, scene="", axis=None):
     )
 
 
-def embedded(folder, acceleration, *, arrays=False, loaded=True, modes=None, scene="", **more):
-    (folder / "tank.toml").write_text(tank(acceleration, modes, scene))
-    at = {"tank": folder / "tank.toml"}
-    mass = BUS + LIQUID
-    if arrays:
-        array = EXAMPLES / "array.toml"
-        at |= {"left": array, "right": array}
-        mass += 2.0 * bc.read_spec(array).beam.rigid_mass()[0, 0]
-    text = craft(mass * acceleration, **more)
-    return bc.embed(text, at, loaded=loaded, retime=False)
+def embedded(folder, acceleration, *, scene="", **more):
+    """A spacecraft with the tank, whose specification is written into the folder as well."""
+    (folder / "tank.toml").write_text(tank(acceleration, scene=scene))
+    return made_once(acceleration, scene, **more)
+
+
+@cache
+def made_once(acceleration, scene, *, arrays=(), loaded=True, **more):
+    """Of `embedded`: what is asked for again is the same one, which tests only read."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "tank.toml"
+        file.write_text(tank(acceleration, scene=scene))
+        at = {"tank": file}
+        mass = BUS + LIQUID
+        for place in arrays:
+            at[place] = EXAMPLES / "array.toml"
+            mass += bc.read_spec(at[place]).beam.rigid_mass()[0, 0]
+        text = craft(mass * acceleration, **more)
+        return bc.embed(text, at, loaded=loaded, retime=False)
 
 
 def clamped(model, acceleration):
     """Frequencies and effective masses of the tank's hinges with all else held, in a field along
     the thrust's back: by MuJoCo's mass matrix and differences of its forces."""
+    model = copy.copy(model)
     model.opt.gravity[:] = [0.0, 0.0, -acceleration]
     data = mujoco.MjData(model)
     names = [model.joint(int(j)).name for j in model.dof_jntid]
@@ -84,9 +101,11 @@ def clamped(model, acceleration):
 
 
 class TestThroughMujoco:
-    @pytest.mark.parametrize("acceleration", [0.05, 1.0, 9.80665])
+    @pytest.mark.parametrize(
+        "acceleration", [0.05, pytest.param(1.0, marks=pytest.mark.slow), 9.80665]
+    )
     def test_frequency_and_effective_mass_beside_arrays(self, tmp_path, acceleration):
-        model = embedded(tmp_path, acceleration, arrays=True, loaded=False).model
+        model = embedded(tmp_path, acceleration, arrays=BOTH, loaded=False).model
         frequencies, effective = clamped(model, acceleration)
         kappa, masses, _ = Flow(RADIUS, HEIGHT).modes(2)
         expected = np.repeat(np.sqrt(kappa * acceleration), 2)
@@ -234,7 +253,9 @@ class TestPromise:
         assert result.promise.poses["burn"] == pytest.approx(worst, rel=0.1)
 
     def test_marks_are_proved_again(self, tmp_path):
-        result = embedded(tmp_path, 0.05, arrays=True)
+        (tmp_path / "tank.toml").write_text(tank(0.05))
+        at = {"tank": tmp_path / "tank.toml", "left": spec("rod")}
+        result = bc.embed(craft(BURN), at, loaded=True, retime=False)
         result.write(tmp_path / "flexible.xml")
         proof = bc.prove(tmp_path / "flexible.xml", loaded=True)
         assert proof.craft_error == pytest.approx(result.craft_error, rel=1e-6)
@@ -252,7 +273,7 @@ class TestSaid:
         fit = under.appendages[0].fit
         assert [w.code for w in fit.warnings] == ["slosh-weightless"]
         limp = bc.plant(
-            embedded(tmp_path, 0.05, arrays=True), ["torque:bus"], ["attitude"], at="burn"
+            embedded(tmp_path, 0.05, arrays=BOTH), ["torque:bus"], ["attitude"], at="burn"
         )
         assert [w.code for w in limp.warnings] == ["slosh-weightless"]
 
@@ -284,7 +305,7 @@ class TestSaid:
             result.recover(mujoco.MjData(result.model), "tank")
 
     def test_a_plant_without_a_load(self, tmp_path):
-        result = embedded(tmp_path, 0.05, arrays=True)
+        result = embedded(tmp_path, 0.05, arrays=BOTH)
         with pytest.raises(bc.InputError, match="nothing acts"):
             bc.plant(result, ["torque:bus"], ["attitude"], loaded=True)
         with pytest.raises(bc.InputError, match="leave discrete out"):
@@ -309,7 +330,7 @@ class TestSaid:
         assert any("scene.xml" in w for w in bc.fit(tmp_path / "tank.toml").warnings)
 
     def test_a_liquid_is_not_varied(self, tmp_path):
-        embedded(tmp_path, 0.05, arrays=True).write(tmp_path / "flexible.xml")
+        embedded(tmp_path, 0.05, arrays=BOTH).write(tmp_path / "flexible.xml")
         (tmp_path / "u.toml").write_text("[appendage.tank_]\nfrequency = { relative = 0.1 }\n")
         (tmp_path / "loops.toml").write_text(
             '[[loop]]\ninput = "torque_x"\noutput = "attitude_x"\nnumerator = [400.0, 60.0]\n'
@@ -372,7 +393,15 @@ class TestSaid:
         (tmp_path / "craft.xml").write_text(craft(BURN))
         told = call(
             *("embed", tmp_path / "craft.xml", "--at", f"tank={tmp_path / 'tank.toml'}"),
-            *("--loaded", "--key", "burn", "--json", "-o", tmp_path / "flexible.xml"),
+            *(
+                "--loaded",
+                "--key",
+                "burn",
+                "--json",
+                "--no-report",
+                "-o",
+                tmp_path / "flexible.xml",
+            ),
         )
         rows = told.record["modes_at"]["burn"]
         assert len(rows) == len(told.record["modes"]) == 4
@@ -394,19 +423,35 @@ SWUNG = 0.1  # rad
 BURN = 0.05 * (BUS + LIQUID)  # N
 
 
+#: axes and forms of the whole walk through a file in the quick half; each axis is also attached
+#: by MuJoCo there
+WALKED = (("-x", "inline"), ("y", "attach"), ("z", "inline"))
+
+
+def spec_along(folder, axis, scene=""):
+    file = folder / f"{axis}.toml"
+    file.write_text(tank(0.05, axis=axis, scene=scene))
+    return file
+
+
+def craft_on(axes):
+    return craft(BURN, axes=axes).replace("300 300 250", "300 320 250")
+
+
+@pytest.fixture(scope="module")
+def along(tmp_path_factory):
+    """The tank without the key, on a place whose x is its axis."""
+    at = {"tank": spec_along(tmp_path_factory.mktemp("along"), None)}
+    return bc.embed(craft_on(PLACES["x"]), at, loaded=True, retime=False)
+
+
+@pytest.fixture(scope="module")
+def plant_along(along):
+    return bc.plant(along, ["torque:bus"], ["attitude"], at="burn", loaded=True)
+
+
 class TestAxis:
     """A tank whose axis is another one of its place's is the tank on a place that is turned."""
-
-    def spec(self, folder, axis, scene=""):
-        file = folder / f"{axis}.toml"
-        file.write_text(tank(0.05, axis=axis, scene=scene))
-        return file
-
-    def craft(self, axis):
-        return self.on(PLACES[axis])
-
-    def on(self, axes):
-        return craft(BURN, axes=axes).replace("300 300 250", "300 320 250")
 
     def numbers(self, model):
         """Of the pendulums swung aside: the mass matrix, the accelerations under thrust, and the
@@ -434,74 +479,69 @@ class TestAxis:
         model.opt.gravity[:] = field
         return mass, moved, at, np.sqrt(squares)
 
-    def assert_same(self, model, plain=None):
+    def assert_same(self, model, plain):
         """As the tank on a place whose x is its axis."""
-        found, wanted = self.numbers(model), self.numbers(plain or self.plain)
+        found, wanted = self.numbers(model), self.numbers(plain)
         for one, other in zip(found, wanted, strict=True):
             assert np.max(np.abs(one - other)) < ROUNDING * np.max(np.abs(other))
         return found
 
-    def test_frequencies_are_those_of_the_flow(self):
-        found = self.numbers(self.plain)
+    def test_frequencies_are_those_of_the_flow(self, along):
+        found = self.numbers(along.model)
         kappa, _, _ = Flow(RADIUS, HEIGHT).modes(2)
         assert found[-1] == pytest.approx(np.repeat(np.sqrt(0.05 * kappa), 2), rel=1e-9)
 
-    @pytest.fixture(autouse=True)
-    def along_x(self, tmp_path):
-        """The tank without the key, on a place whose x is its axis."""
-        self.along = bc.embed(
-            self.craft("x"), {"tank": self.spec(tmp_path, None)}, loaded=True, retime=False
-        )
-        self.plain = self.along.model
-
-    @pytest.mark.parametrize("form", ["inline", "attach"])
-    @pytest.mark.parametrize("axis", PLACES)
-    def test_embedded_in_a_file(self, tmp_path, axis, form):
-        at = {"tank": self.spec(tmp_path, axis)}
-        result = bc.embed(self.craft(axis), at, form=form, loaded=True, retime=False)
-        assert result.craft_error == pytest.approx(self.along.craft_error, rel=ROUNDING)
+    @pytest.mark.parametrize(
+        ("axis", "form"),
+        [
+            pytest.param(axis, form, marks=() if (axis, form) in WALKED else pytest.mark.slow)
+            for axis in PLACES
+            for form in ("inline", "attach")
+        ],
+    )
+    def test_embedded_in_a_file(self, tmp_path, along, plant_along, axis, form):
+        at = {"tank": spec_along(tmp_path, axis)}
+        result = bc.embed(craft_on(PLACES[axis]), at, form=form, loaded=True, retime=False)
+        assert result.craft_error == pytest.approx(along.craft_error, rel=ROUNDING)
         result.write(tmp_path / "flexible.xml")
-        self.assert_same(mujoco.MjModel.from_xml_path(str(tmp_path / "flexible.xml")))
+        self.assert_same(mujoco.MjModel.from_xml_path(str(tmp_path / "flexible.xml")), along.model)
         proof = bc.prove(tmp_path / "flexible.xml", loaded=True)
-        assert proof.craft_error == pytest.approx(self.along.craft_error, rel=ROUNDING)
-        plants = [
-            bc.plant(one, ["torque:bus"], ["attitude"], at="burn", loaded=True)
-            for one in (result, self.along)
-        ]
+        assert proof.craft_error == pytest.approx(along.craft_error, rel=ROUNDING)
+        plant = bc.plant(result, ["torque:bus"], ["attitude"], at="burn", loaded=True)
         for response in ("__call__", "exact"):
-            one, other = (getattr(plant, response)(0.3j)[0, 0] for plant in plants)
+            one, other = (getattr(p, response)(0.3j)[0, 0] for p in (plant, plant_along))
             assert one == pytest.approx(other, rel=SAME)
 
     @pytest.mark.parametrize("axis", PLACES)
-    def test_attached_by_mujoco(self, tmp_path, axis):
+    def test_attached_by_mujoco(self, tmp_path, along, axis):
         """The file of the tank alone on a site, and in a frame of the file of the spacecraft."""
-        fit = bc.fit(self.spec(tmp_path, axis))
-        spec = mujoco.MjSpec.from_string(self.craft(axis))
+        fit = bc.fit(spec_along(tmp_path, axis))
+        spec = mujoco.MjSpec.from_string(craft_on(PLACES[axis]))
         fit.attach(spec, "tank")
-        self.assert_same(spec.compile())
+        self.assert_same(spec.compile(), along.model)
         (tmp_path / "appendage.xml").write_text(fit.to_mjcf().replace('"tank_', '"'))
         model = f'<asset><model name="tank" file="{tmp_path}/appendage.xml"/></asset>'
         frame = (
             f'<frame pos="0 0 -0.4" xyaxes="{PLACES[axis]}">'
             '<attach model="tank" body="link1" prefix="tank_"/></frame></body></worldbody>'
         )
-        text = self.craft(axis).replace("</body></worldbody>", frame)
+        text = craft_on(PLACES[axis]).replace("</body></worldbody>", frame)
         text = text.replace("<worldbody>", f"{model}<worldbody>")
-        self.assert_same(mujoco.MjModel.from_xml_string(text))
+        self.assert_same(mujoco.MjModel.from_xml_string(text), along.model)
 
-    def test_embedded_in_an_mjspec(self, tmp_path):
-        spec = mujoco.MjSpec.from_string(self.craft("z"))
-        bc.embed(spec, {"tank": self.spec(tmp_path, "z")}, retime=False)
-        self.assert_same(spec.compile())
+    def test_embedded_in_an_mjspec(self, tmp_path, along):
+        spec = mujoco.MjSpec.from_string(craft_on(PLACES["z"]))
+        bc.embed(spec, {"tank": spec_along(tmp_path, "z")}, retime=False)
+        self.assert_same(spec.compile(), along.model)
 
-    def test_on_a_body(self, tmp_path):
+    def test_on_a_body(self, tmp_path, along):
         """The axes of a body are those of the place."""
         turned = f'<body name="bottom" pos="0 0 -0.4" xyaxes="{PLACES["-y"]}"/></body></worldbody>'
-        text = self.craft("x").replace("</body></worldbody>", turned)
-        at = {"body:bottom": self.spec(tmp_path, "-y")}
+        text = craft_on(PLACES["x"]).replace("</body></worldbody>", turned)
+        at = {"body:bottom": spec_along(tmp_path, "-y")}
         result = bc.embed(text, at, loaded=True, retime=False)
-        assert result.craft_error == pytest.approx(self.along.craft_error, rel=ROUNDING)
-        mass, wanted = (self.numbers(one)[0] for one in (result.model, self.plain))
+        assert result.craft_error == pytest.approx(along.craft_error, rel=ROUNDING)
+        mass, wanted = (self.numbers(one)[0] for one in (result.model, along.model))
         assert np.max(np.abs(mass - wanted)) < ROUNDING * np.max(wanted)
 
     def test_on_a_place_that_leans(self, tmp_path):
@@ -512,8 +552,8 @@ class TestAxis:
         z = np.cross(x, y)
         results = [
             bc.embed(
-                self.on(" ".join(map(str, axes))),
-                {"tank": self.spec(tmp_path, axis)},
+                craft_on(" ".join(map(str, axes))),
+                {"tank": spec_along(tmp_path, axis)},
                 loaded=True,
                 retime=False,
             )
@@ -532,7 +572,7 @@ class TestAxis:
         )
         models = []
         for axis in ("x", "z"):
-            scene = bc.fit(self.spec(tmp_path, axis, hub)).scene_mjcf()
+            scene = bc.fit(spec_along(tmp_path, axis, hub)).scene_mjcf()
             models.append(mujoco.MjModel.from_xml_string(scene))
         found = []
         for model in models:
@@ -550,8 +590,8 @@ class TestAxis:
 
     def test_root_load_under_thrust_is_along_the_axis(self, tmp_path):
         """`sensors.root_load` reads in the tank's axes."""
-        at = {"tank": self.spec(tmp_path, "z", "[sensors]\nroot_load = true\n")}
-        model = bc.embed(self.craft("z"), at, retime=False).model
+        at = {"tank": spec_along(tmp_path, "z", "[sensors]\nroot_load = true\n")}
+        model = bc.embed(craft_on(PLACES["z"]), at, retime=False).model
         data = mujoco.MjData(model)
         mujoco.mj_resetDataKeyframe(model, data, 0)
         mujoco.mj_forward(model, data)
@@ -561,10 +601,10 @@ class TestAxis:
     @pytest.mark.parametrize("form", ["inline", "attach"])
     def test_commands(self, tmp_path, monkeypatch, form):
         monkeypatch.chdir(tmp_path)
-        (tmp_path / "craft.xml").write_text(self.craft("z"))
+        (tmp_path / "craft.xml").write_text(craft_on(PLACES["z"]))
         before = (tmp_path / "craft.xml").read_bytes()
-        self.spec(tmp_path, "z")
-        at = ("--at", "tank=z.toml", "--form", form, "--loaded")
+        spec_along(tmp_path, "z")
+        at = ("--at", "tank=z.toml", "--form", form, "--loaded", "--no-report")
         assert call("embed", "craft.xml", *at, "-o", "flexible.xml").status == 0
         assert call("inspect", "flexible.xml", "--prove", "--loaded").status == 0
         told = call("embed", "flexible.xml", "--remove", "-o", "back.xml")
@@ -572,7 +612,9 @@ class TestAxis:
         assert (tmp_path / "back.xml").read_bytes() == before
 
 
+@pytest.mark.slow
 def test_commands(tmp_path, monkeypatch):
+    """With their pages; those of `TestAxis` write none."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "craft.xml").write_text(craft((BUS + LIQUID) * 0.05, axes=PLACES["z"]))
     assert call("init", "tank").status == 0

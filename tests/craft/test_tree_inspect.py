@@ -2,25 +2,22 @@
 file's tendons in modes of matrices by hand."""
 
 import re
-from importlib.resources import files
 
 import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-import beamchain as bc
 from beamchain.craft.inspect import inspect_model
 from craft_truth import compiled
+from examples import shipped_arm
 
-SHIPPED = files("beamchain") / "examples"
 FREQUENCY = 5e-3  # of damped modes and undamped ones
 SAID = 1.0  # per cent: shares are written without decimals
 
 
 @pytest.fixture(scope="module")
 def arm():
-    at = {"shoulder": SHIPPED / "upper.toml", "forearm": SHIPPED / "fore.toml"}
-    return bc.embed(SHIPPED / "arm.xml", at, retime=False)
+    return shipped_arm(retime=False)
 
 
 def energies(model):

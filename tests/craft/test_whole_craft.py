@@ -49,14 +49,20 @@ def flexible():
     return bc.embed(CRAFT, {"+y": PANEL, "-y": PANEL})
 
 
-def test_equal_appendages_get_prefixes_of_their_places(flexible):
+@pytest.fixture(scope="module")
+def one():
+    """With an array on one side."""
+    return bc.embed(CRAFT, {"+y": PANEL})
+
+
+def test_equal_appendages_get_prefixes_of_their_places(flexible, one):
     assert [a.prefix for a in flexible.appendages] == ["array__y_", "array_-y_"]
-    assert [a.prefix for a in bc.embed(CRAFT, {"+y": PANEL}).appendages] == ["array_"]
+    assert [a.prefix for a in one.appendages] == ["array_"]
 
 
-def test_a_second_equal_appendage_leaves_the_first_its_prefix(tmp_path):
-    one = bc.embed(CRAFT, {"+y": PANEL}).write(tmp_path / "one.xml")[-1]
-    both = bc.embed(one, {"-y": PANEL})
+def test_a_second_equal_appendage_leaves_the_first_its_prefix(one, tmp_path):
+    file = one.write(tmp_path / "one.xml")[-1]
+    both = bc.embed(file, {"-y": PANEL})
     assert {a.at: a.prefix for a in both.appendages} == {"+y": "array_", "-y": "array_-y_"}
 
 

@@ -50,6 +50,17 @@ def wing(damping=0.005, **imported):
     return bc.read_spec("spec.toml")
 
 
+@cache
+def as_shipped():
+    """The delivery in the spacecraft, made in the folder of the first test that reads it."""
+    return bc.embed(CRAFT, {"mount": wing()})
+
+
+@cache
+def kept_fit():
+    return bc.fit(wing(modes=list(KEPT)))
+
+
 def toml(value):
     """A value as TOML."""
     if isinstance(value, dict):
@@ -76,7 +87,7 @@ KEPT = (1, 2, 4, 7)
 
 
 def test_kept_modes_have_their_numbers_in_the_file(folder):
-    fit = bc.fit(wing(modes=list(KEPT)))
+    fit = kept_fit()
     assert "Kept: modes 1, 2, 4, 7 of the 8 of the file." in fit.status.message
     assert fit.as_dict()["space"]["kept"] == KEPT
     shown = tables.mode_table(fit, None, "")
@@ -97,7 +108,7 @@ def test_kept_modes_have_their_numbers_in_the_file(folder):
 
 
 def test_effective_masses_of_kept_modes_and_of_all(folder):
-    fit = bc.fit(wing(modes=list(KEPT)))
+    fit = kept_fit()
     table = tables.effective_mass_table(fit.space)
     *_, kept, every = table.rows
     assert (kept[0], every[0]) == ("kept", "all")
@@ -156,7 +167,7 @@ def foot_rows():
 
 
 def test_forces_of_the_feet_add_up_to_the_load_of_the_root(folder):
-    flexible = bc.embed(CRAFT, {"mount": wing()})
+    flexible = as_shipped()
     data = mujoco.MjData(flexible.model)
     record = flexible.recorder()
     for _ in range(300):
@@ -231,7 +242,7 @@ def test_points_in_files_and_points_that_do_not_move(folder):
         '[[row]]\nname = "corner z"\naccelerations = [0, 0, 0, 0, 0, 0, 0, 0]\n'
         f"root = {row}\npoint = {CORNER.tolist()}\n"
     )
-    flexible = bc.embed(CRAFT, {"mount": wing()})
+    flexible = as_shipped()
     data = mujoco.MjData(flexible.model)
     data.qvel[3:6] = [0.3, -0.2, 0.5]
     by_array = flexible.recover(data, rows="rows.npz").rows
@@ -247,7 +258,7 @@ def test_points_in_files_and_points_that_do_not_move(folder):
 
 
 def test_extremes_name_what_is_rigid_and_what_is_nothing(folder):
-    flexible = bc.embed(CRAFT, {"mount": wing()})
+    flexible = as_shipped()
     data = mujoco.MjData(flexible.model)
     data.qvel[3:6] = [0.0, 0.0, 0.5]
     still = bc.RecoveryRows(names=["still"], modes=np.zeros((1, se.SHIPPED)))
@@ -262,7 +273,7 @@ def test_rows_that_do_not_fit_the_file_are_refused_before_a_run(folder):
     for job in (lambda: bc.fit(spec), lambda: bc.embed(CRAFT, {"mount": spec})):
         with pytest.raises(bc.InputError, match="have 20 columns, but the file holds 8 modes"):
             job()
-    flexible = bc.embed(CRAFT, {"mount": wing()})
+    flexible = as_shipped()
     with pytest.raises(bc.InputError, match="holds matrices, not rows; take MUG1 or MEF1 out"):
         flexible.recover(mujoco.MjData(flexible.model), rows="wing.op4")
 
@@ -340,8 +351,7 @@ def test_a_step_that_misses_poles_says_first_what_helps(folder):
 
 def test_init_writes_a_delivery_that_fits(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    status, out, _ = call("init", "wing")
-    assert status == 0
+    assert call("init", "wing")[0] == 0
     assert sorted(p.name for p in tmp_path.iterdir()) == [
         "wing.asm",
         "wing.op4",
@@ -354,6 +364,15 @@ def test_init_writes_a_delivery_that_fits(tmp_path, monkeypatch):
     assert "wing.asm" in err
     assert not Path("wing.toml").exists()
     assert call("init", "wing", "--force")[0] == 0
+    fit = bc.fit("wing.toml")
+    assert fit.status.ok
+    assert "grids 1, 2 of wing.asm held as one rigid body" in fit.status.history[0]
+
+
+@pytest.mark.slow
+def test_the_command_says_where_the_delivery_of_init_is_held(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert call("init", "wing")[0] == 0
     status, out, _ = call("fit", "wing.toml", "-o", "out")
     assert status == 0
     said = " ".join(out.split())
@@ -364,7 +383,7 @@ def test_init_writes_a_delivery_that_fits(tmp_path, monkeypatch):
 
 def test_feet_lack_the_centrifugal_force_of_a_spin(folder):
     """By m w x (w x c) of the mesh about the root, in the first instant of a spin of 0.1 rad/s."""
-    flexible = bc.embed(CRAFT, {"mount": wing()})
+    flexible = as_shipped()
     data = mujoco.MjData(flexible.model)
     data.qvel[5] = 0.1  # rad/s about z, which is the appendage's z as well
     found = flexible.recover(data, rows=foot_rows())

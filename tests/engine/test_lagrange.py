@@ -131,7 +131,7 @@ def random_state(count, seed):
 
 
 @pytest.mark.parametrize("seed", range(STATES))
-@pytest.mark.parametrize("count", [2, 3, 4, 5])
+@pytest.mark.parametrize("count", [2, 3, 4, pytest.param(5, marks=pytest.mark.slow)])
 def test_mujoco_has_lagrange_s_accelerations(count, seed):
     chain = random_chain(count, seed)
     state = random_state(count, seed)

@@ -7,7 +7,6 @@ import os
 import struct
 import subprocess
 import sys
-from importlib.resources import files
 
 import mujoco
 import numpy as np
@@ -22,6 +21,7 @@ from beamchain.craft.moving_modes import moving_modes
 from beamchain.engine import backend, draw
 from beamchain.engine.slew import MOST_BENT, simulate
 from beamchain.report import film
+from examples import shipped_arm
 from turns import bent
 
 HUB = bc.Hub(mass=500.0, inertia=(400.0, 400.0, 500.0), offset=(1.0, 0.0, 0.0))
@@ -56,7 +56,12 @@ ARRAY_SPEC = shipped.pick(shipped.examples(), "array_scene", "example").path
 # -- the turn --------------------------------------------------------------------------------------
 @pytest.mark.parametrize(
     ("modes", "axis"),
-    [({"xy": 2}, 2), ({"xz": 2}, 1), ({"torsion": 1}, 0), ({"xy": 2, "xz": 1}, None)],
+    [
+        ({"xy": 2}, 2),
+        pytest.param({"xz": 2}, 1, marks=pytest.mark.slow),
+        ({"torsion": 1}, 0),
+        pytest.param({"xy": 2, "xz": 1}, None, marks=pytest.mark.slow),
+    ],
 )
 def test_slew_turns_by_the_angle_and_stops(modes, axis):
     fit = bc.fit(tapered_boom(), name="boom", modes=modes, root=bc.Root(hub=HUB))
@@ -145,7 +150,7 @@ def test_no_mp4_without_ffmpeg(without_ffmpeg):
     assert film.mp4(frames(), 20.0) is None
 
 
-@pytest.mark.parametrize("say", ["--json", "--quiet"])
+@pytest.mark.parametrize("say", [pytest.param("--json", marks=pytest.mark.slow), "--quiet"])
 def test_render_without_ffmpeg_says_so(say, boom, tmp_path, monkeypatch, without_ffmpeg):
     """Every picture but the film: what was asked for and did not come out is told,
     whatever else is silent."""
@@ -191,7 +196,8 @@ def command(arguments, folder, **environment):
 @pytest.fixture(scope="module")
 def boom(tmp_path_factory):
     folder = tmp_path_factory.mktemp("boom")
-    bc.fit(seed_boom(), name="boom", modes={"xy": 2}, root=bc.Root(hub=HUB)).write(folder)
+    fit = bc.fit(seed_boom(), name="boom", modes={"xy": 2}, root=bc.Root(hub=HUB))
+    (folder / "scene.xml").write_text(fit.scene_mjcf())
     return folder
 
 
@@ -341,10 +347,7 @@ def test_view_without_a_screen_says_so(boom, tmp_path):
 
 @pytest.fixture(scope="module")
 def arm():
-    examples = files("beamchain") / "examples"
-    at = {"shoulder": examples / "upper.toml", "forearm": examples / "fore.toml"}
-    made = bc.embed(examples / "arm.xml", at)
-    return draw.stage(made.to_mjcf())
+    return draw.stage(shipped_arm().to_mjcf())
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,8 @@ READ_BACK: relative, between the frequencies of a file read twice. BEYOND: of th
 proportion to a small turn: large angles, and frames between.
 """
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -16,6 +18,7 @@ READ_BACK = 1e-6
 BEYOND = 1.3
 
 
+@cache
 def satellite():
     """The shipped spacecraft with an array on either side."""
     craft = shipped.pick(shipped.everything(), "craft", "kind").path
@@ -23,7 +26,7 @@ def satellite():
     return bc.embed(craft, {"left": array, "right": array})
 
 
-@pytest.mark.parametrize("degrees", [10.0, 20.0, 30.0])
+@pytest.mark.parametrize("degrees", [10.0, pytest.param(20.0, marks=pytest.mark.slow), 30.0])
 def test_a_turn_rings_a_mode_that_is_seen(degrees):
     """The lowest mode of two equal arrays bends both to the same side of the bus and does not turn
     it: the next, in which they bend against each other, rings, about the axis across them."""

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+import beamchain as bc
 from command import run
 
 SEGMENT = """
@@ -152,7 +153,13 @@ def test_wrong_spec(name, tmp_path, capsys, monkeypatch):
     assert not out.exists()
 
 
-def test_good_spec_passes(tmp_path, capsys, monkeypatch):
+def test_good_spec_passes(tmp_path):
+    (tmp_path / "spec.toml").write_text(GOOD)
+    assert bc.fit(tmp_path / "spec.toml").status.ok
+
+
+@pytest.mark.slow
+def test_good_spec_passes_through_the_command(tmp_path, capsys, monkeypatch):
     spec = tmp_path / "spec.toml"
     spec.write_text(GOOD)
     code, _, error = run(

@@ -83,7 +83,7 @@ ALL = ("x", "y", "z", "tx", "ty", "tz")
         (ALL, 0.3, 1e-2),
         (ALL, 1.5, 3e-4),
         (("y", "tz"), 6.0, 1e-2),
-        (("x",), 1.5, 3e-4),
+        pytest.param(("x",), 1.5, 3e-4, marks=pytest.mark.slow),
         pytest.param(ALL, 6.0, 3e-4, marks=pytest.mark.slow),
         pytest.param(("y", "tz"), 1.5, 3e-4, marks=pytest.mark.slow),
         pytest.param(("x",), 6.0, 1e-2, marks=pytest.mark.slow),
@@ -116,7 +116,12 @@ def test_coupled_modes_are_chosen(axes, band, tolerance):
 
 @pytest.mark.parametrize(
     ("target", "band"),
-    [("clamped", 0.01), (None, 0.01), ("clamped", 1.5), (None, 1.5), ("clamped", 8.0)],
+    [
+        ("clamped", 0.01),
+        (None, 1.5),
+        ("clamped", 8.0),
+        *(pytest.param(*case, marks=pytest.mark.slow) for case in ((None, 0.01), ("clamped", 1.5))),
+    ],
 )
 def test_decoupled_modes_are_chosen_per_port(band, target):
     data = boom_data()

@@ -288,24 +288,43 @@ def test_with_a_hub_damping_and_free_target():
     assert clamped.achieved["xy"].damping[:2] == pytest.approx([0.004, 0.002], rel=1e-5)
 
 
-def test_the_files_run_in_mujoco(tmp_path):
-    form = "chain"
+@pytest.fixture
+def array_of_modes(tmp_path):
+    """The specification of a file of modes of all three ports."""
     (tmp_path / "modes.toml").write_text(
         modes_text(torsion_boom(), {"xy": 1, "xz": 1, "torsion": 1})
     )
     spec = tmp_path / "array.toml"
     spec.write_text(
         'name = "array"\n[imported]\nfile = "modes.toml"\n[damping]\nratio = 0.005\n[fit]\nform = '
-        f'"{form}"\n'
+        '"chain"\n'
     )
-    code, _, error = run("fit", spec, "-o", tmp_path / "out", "--quiet")
+    return spec
+
+
+@pytest.mark.slow
+def test_the_command_writes_files_that_run_in_mujoco(array_of_modes, tmp_path):
+    code, _, error = run("fit", array_of_modes, "-o", tmp_path / "out", "--quiet")
     assert code == 0, error
     record = json.loads((tmp_path / "out" / "fit.json").read_text())
-    assert record["form"] == form
-    assert record["space"]["error"]["frequency"] < MUJOCO
+    assert_found(record)
     page = (tmp_path / "out" / "report.html").read_text()
     assert "The imported modes" in page
-    model = mujoco.MjModel.from_xml_path(str(tmp_path / "out" / "scene.xml"))
+    assert_steps(mujoco.MjModel.from_xml_path(str(tmp_path / "out" / "scene.xml")))
+
+
+def test_the_files_run_in_mujoco(array_of_modes):
+    result = fit(array_of_modes)
+    assert_found(result.as_dict())
+    assert_steps(mujoco.MjModel.from_xml_string(result.scene_mjcf()))
+
+
+def assert_found(record):
+    assert record["form"] == "chain"
+    assert record["space"]["error"]["frequency"] < MUJOCO
+
+
+def assert_steps(model):
     state = mujoco.MjData(model)
     state.qvel[3] = 0.01
     for _ in range(200):

@@ -226,7 +226,7 @@ def test_promise_holds_in_random_scenes_and_the_choice_is_tight():
 
 
 @pytest.mark.parametrize(
-    "seed", [0, 2, 6, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 3, 4, 5, 7))]
+    "seed", [0, 2, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 3, 4, 5, 6, 7))]
 )
 def test_promise_holds_where_tapers_joints_and_lumps_abound(seed):
     given = random_appendage(seed)
@@ -248,7 +248,7 @@ def test_promise_holds_where_tapers_joints_and_lumps_abound(seed):
     assert found <= GRID_SLACK * spec.scene.tolerance
 
 
-@pytest.mark.parametrize("seed", [11, 29])
+@pytest.mark.parametrize("seed", [11, pytest.param(29, marks=pytest.mark.slow)])
 def test_dampers_that_couple_the_modes_are_part_of_the_promise(seed):
     """Plain joint damping couples the modes, which a diagonal approximation misses:
     1.0e-3 at a tolerance of 7.5e-4, and 2.1e-4 stated by it."""
@@ -264,7 +264,9 @@ def test_dampers_that_couple_the_modes_are_part_of_the_promise(seed):
     assert not any(tendon.damping for tendon in plain.chain.tendons)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(
+    "seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3))]
+)
 def test_promise_holds_against_the_transcendental_beam(seed):
     rng = np.random.default_rng(seed)
     section = Tube(outer_diameter=float(rng.uniform(0.03, 0.08)), wall=0.002)

@@ -1,7 +1,7 @@
 """What people type in Python that is of the wrong kind: a sentence with the right kind,
 never Python's own words.
 
-No tolerances: words only.
+No tolerances: words only. `files.to_json` is internal.
 """
 
 import json
@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import beamchain as bc
+from beamchain.files import to_json
 
 STEEL = bc.Material(youngs_modulus=2.06e11, density=7800.0)
 BAY = bc.Segment(length=5.0, section=bc.Round(diameter=0.02), material=STEEL)
@@ -95,11 +96,18 @@ def test_numbers_of_any_kind_are_pythons_own(kind, tmp_path):
     assert other == plain
     assert hash(other.segment) == hash(plain.segment)
     assert msgspec.json.decode(msgspec.json.encode(other), type=bc.Spec) == plain
-    bc.fit(other).write(tmp_path / "out")
-    record = json.loads((tmp_path / "out" / "fit.json").read_text())
+    record = json.loads(to_json(bc.fit(other).as_dict()))
     assert record["ports"]["xy"]["target"]["damping"] == [0.0078125, 0.00390625]
     bc.embed(CRAFT, {"mount": other}).write(tmp_path / "craft.xml")
     assert bc.embed(tmp_path / "craft.xml", {"mount": plain}).appendages[0].spec == plain
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", [np.float32, Fraction])
+def test_numbers_of_any_kind_are_written(kind, tmp_path):
+    bc.fit(typed(kind, list)).write(tmp_path / "out")
+    record = json.loads((tmp_path / "out" / "fit.json").read_text())
+    assert record["ports"]["xy"]["target"]["damping"] == [0.0078125, 0.00390625]
 
 
 def test_arrays_stand_for_lists():

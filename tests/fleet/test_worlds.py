@@ -115,9 +115,16 @@ def test_randomised_worlds_are_those_of_mujoco(craft, count, seconds):
 
 
 @pytest.mark.parametrize(
-    "option", ['integrator="Euler"', 'integrator="implicitfast"', 'integrator="RK4"']
+    ("option", "step"),
+    [
+        ('integrator="Euler"', 0.02),
+        ('integrator="implicitfast"', 1.0),
+        ('integrator="RK4"', 0.02),
+        pytest.param('integrator="Euler"', 1.0, marks=pytest.mark.slow),
+        pytest.param('integrator="implicitfast"', 0.02, marks=pytest.mark.slow),
+        pytest.param('integrator="RK4"', 1.0, marks=pytest.mark.slow),
+    ],
 )
-@pytest.mark.parametrize("step", [0.02, 1.0])
 def test_draws_at_once_are_those_of_retime(option, step):
     plain = flexible(option, retime=False)
     if "RK4" not in option:
@@ -288,8 +295,15 @@ def test_variants_are_made_exact_each_for_itself(craft):
         )
 
 
-@pytest.mark.parametrize("quantity", ["mass", "mass and modes"])
-@pytest.mark.parametrize("option", ["", 'integrator="implicitfast"'])
+@pytest.mark.parametrize(
+    ("quantity", "option"),
+    [
+        ("mass", ""),
+        ("mass and modes", 'integrator="implicitfast"'),
+        pytest.param("mass", 'integrator="implicitfast"', marks=pytest.mark.slow),
+        pytest.param("mass and modes", "", marks=pytest.mark.slow),
+    ],
+)
 def test_a_sweep_of_bodies_on_a_craft_that_is_exact_in_time(quantity, option, tmp_path):
     file = tmp_path / "flexible.xml"
     flexible(option, retime=True).write(file)

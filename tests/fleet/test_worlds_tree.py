@@ -10,13 +10,13 @@ not the best for it; and FLOOR, below which that counts for nothing.
 
 import copy
 import sys
-from importlib.resources import files
 
 import mujoco
 import numpy as np
 import pytest
 
 import beamchain as bc
+from examples import shipped_arm
 from stepped import grows, time_error
 
 SAME = 1e-9
@@ -29,13 +29,11 @@ STEP = 0.01
 BAND = 20.0
 RANGES = {"frequency": 0.1, "damping": 0.5}
 WIDE = {"frequency": 0.5, "damping": 0.9}
-SHIPPED = files("beamchain") / "examples"
 
 
 @pytest.fixture(scope="module")
 def arm():
-    at = {"shoulder": SHIPPED / "upper.toml", "forearm": SHIPPED / "fore.toml"}
-    return bc.embed(SHIPPED / "arm.xml", at)
+    return shipped_arm()
 
 
 def modal(model):

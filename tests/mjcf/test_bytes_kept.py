@@ -17,6 +17,7 @@ import pytest
 from command import run
 
 RANDOM = 48 if "BEAMCHAIN_FUZZ" in os.environ else 8
+QUICK = 3  # of them in the quick half
 ROD = """name = "rod"
 [[segment]]
 length = 4.0
@@ -70,6 +71,15 @@ ODD = {
         '"wheel"', '"Rad_ü"'
     ),
 }
+#: those whose file is also compared with what `embed` makes of it, line by line
+COMPARED = (
+    "as people write it",
+    "tabs",
+    "line ends of Windows",
+    "single quotes and a name with >",
+)
+#: the one whose keyframe changes
+KEYED = "keyframes, entities and a comment behind the root"
 
 
 @pytest.fixture
@@ -116,7 +126,24 @@ def embed_and_remove(command, folder, content, places=("mount", "other")):
     return (folder / "flexible.xml").read_bytes().decode("utf-8")
 
 
-@pytest.mark.parametrize("name", ODD)
+#: oddities that other tests take the whole way
+ELSEWHERE = (*COMPARED, KEYED)
+#: others whose tags are written as in those and in the files formatted at random
+ALIKE = (
+    "blanks before the end of a tag",
+    "attributes on lines of their own, no last line end",
+    "another encoding declared, ASCII used",
+)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.slow if name in ALIKE else ())
+        for name in ODD
+        if name not in ELSEWHERE
+    ],
+)
 def test_oddities(name, command, tmp_path):
     places = ("arm", "leg") if "content" in name else ("mount", "other")
     embed_and_remove(command, tmp_path, ODD[name].encode("utf-8"), places)
@@ -124,7 +151,7 @@ def test_oddities(name, command, tmp_path):
 
 @pytest.mark.parametrize(
     "name",
-    ["as people write it", "tabs", "line ends of Windows", "single quotes and a name with >"],
+    [pytest.param(name, marks=pytest.mark.slow if name == "tabs" else ()) for name in COMPARED],
 )
 def test_a_difference_has_added_lines_only(name, command, tmp_path):
     before = ODD[name]
@@ -137,9 +164,7 @@ def test_a_difference_has_added_lines_only(name, command, tmp_path):
 
 
 def test_a_keyframe_that_changes_stays_in_its_comment(command, tmp_path):
-    after = embed_and_remove(
-        command, tmp_path, ODD["keyframes, entities and a comment behind the root"].encode()
-    )
+    after = embed_and_remove(command, tmp_path, ODD[KEYED].encode())
     assert r"<key name=\"one\" qpos=\"0 0 0 1 0 0 0\" />" in after
     assert mujoco.MjModel.from_xml_path(str(tmp_path / "flexible.xml")).nkey == 1
 
@@ -270,14 +295,26 @@ def formatted(seed):
     return (mark + head + newline * bool(head) + body + tail).encode("utf-8")
 
 
-@pytest.mark.parametrize("seed", range(RANDOM))
+@pytest.mark.parametrize(
+    "seed",
+    [pytest.param(n, marks=() if n < QUICK else pytest.mark.slow) for n in range(RANDOM)],
+)
 def test_formatted_at_random(seed, command, tmp_path):
     embed_and_remove(command, tmp_path, formatted(seed), ("place0", "place1"))
 
 
-@pytest.mark.parametrize("end", ["/>", "></include>"])
+ALONE = '<site name="inside"/>'
+BESIDE = '<site name="inside" pos="0 0 0.1"/><body name="leg"/>'
+
+
 @pytest.mark.parametrize(
-    "content", ['<site name="inside"/>', '<site name="inside" pos="0 0 0.1"/><body name="leg"/>']
+    ("content", "end"),
+    [
+        (ALONE, "/>"),
+        (BESIDE, "></include>"),
+        pytest.param(ALONE, "></include>", marks=pytest.mark.slow),
+        pytest.param(BESIDE, "/>", marks=pytest.mark.slow),
+    ],
 )
 def test_a_place_in_an_included_file(end, content, command, tmp_path):
     """The include is put in place; written into another folder, its path is changed before."""

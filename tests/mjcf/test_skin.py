@@ -223,7 +223,10 @@ def test_the_surface_follows_every_kept_mode(given):
         assert fit.look.residual[port][k] == pytest.approx(error, abs=STATED)
 
 
-@pytest.mark.parametrize("name", ["array", "array_scene", "mast", "boom"])
+@pytest.mark.parametrize(
+    "name",
+    ["array", "boom", *(pytest.param(n, marks=pytest.mark.slow) for n in ("array_scene", "mast"))],
+)
 def test_the_shipped_examples_do(name):
     """Those made for a hub keep modes that differ a little from the beam's first ones."""
     given, fit = example(name)
@@ -431,7 +434,7 @@ def test_a_rigid_tube_beside_a_bending_one_is_not_taken_for_changed():
     assert craft.model.nskin == 2
 
 
-@pytest.mark.parametrize("form", ["inline", "attach"])
+@pytest.mark.parametrize("form", [pytest.param("inline", marks=pytest.mark.slow), "attach"])
 def test_embedded_twice_and_taken_out_again(form, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "wing.toml").write_text(spec_toml(msgspec.convert(WING, bc.Spec)))
@@ -488,7 +491,7 @@ DISTANCE = 3.0  # m, from above
 PIXELS = 2.0  # of some 50
 
 
-@pytest.mark.parametrize("renderer", ["egl", "osmesa"])
+@pytest.mark.parametrize("renderer", ["egl", pytest.param("osmesa", marks=pytest.mark.slow)])
 def test_the_tip_is_seen_to_move_as_the_mode_says(renderer):
     """A camera looks down on the edge of the tip; MuJoCo's vertices are those of the formula."""
     if not backend._works(renderer):

@@ -518,7 +518,7 @@ def test_a_mass_that_is_no_body_s_is_refused_still(change, tmp_path):
     assert "weight generator" not in str(caught.value)
 
 
-@pytest.mark.parametrize("names", [("K4AA", "BAA"), ("BAA",)])
+@pytest.mark.parametrize("names", [("K4AA", "BAA"), pytest.param(("BAA",), marks=pytest.mark.slow)])
 def test_damping_that_is_ignored_is_named(names, tmp_path):
     others = dict.fromkeys(names, 0.02 * SHIPPED.stiffness)
     said = codes_of(shipped(tmp_path, others=others))["ignored-damping"]

@@ -1,7 +1,10 @@
 """The specifications that come with the package, as files."""
 
+from functools import cache
 from importlib.resources import files
 from pathlib import Path
+
+import beamchain as bc
 
 EXAMPLES = Path(str(files("beamchain"))) / "examples"
 
@@ -11,3 +14,10 @@ def example(name: str) -> Path:
     path = EXAMPLES / f"{name}.toml"
     assert path.is_file(), name
     return path
+
+
+@cache
+def shipped_arm(retime: bool | None = None) -> bc.Embedded:
+    """The arm of two links on its spacecraft, embedded once for all tests that only read it."""
+    at = {"shoulder": EXAMPLES / "upper.toml", "forearm": EXAMPLES / "fore.toml"}
+    return bc.embed(EXAMPLES / "arm.xml", at, retime=retime)

@@ -149,7 +149,7 @@ def worst(found, step, wanted, length, until=np.inf):
 
 
 # 0.8 and 0.6 % measured, while the tip trails the rigid arm by up to half the length
-@pytest.mark.parametrize("modes", [2, 5])
+@pytest.mark.parametrize("modes", [2, pytest.param(5, marks=pytest.mark.slow)])
 def test_an_arm_turned_at_its_root_bends_far(tmp_path, modes):
     step = 0.002
     tip, _ = history(embedded(tmp_path, ONE, modes), ONE, step, 9.0)

@@ -239,7 +239,9 @@ def carried(folder, joint, base, modes):
     ("root", "modes", "wanted", "bounds"),
     [
         ("pinned", 3, PINNED, [2e-5, 1e-3]),
-        ("pinned", 6, PINNED, [MANIPULATOR, 2e-5, 2e-4, 1e-3]),
+        pytest.param(
+            *("pinned", 6, PINNED, [MANIPULATOR, 2e-5, 2e-4, 1e-3]), marks=pytest.mark.slow
+        ),
         ("clamped", 4, CLAMPED, [MANIPULATOR, MANIPULATOR, MANIPULATOR, 4e-4]),
     ],
 )

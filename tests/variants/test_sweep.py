@@ -4,6 +4,7 @@ the command."""
 import re
 import subprocess
 import sys
+from functools import cache
 
 import mujoco
 import numpy as np
@@ -28,9 +29,15 @@ THROUGH_MUJOCO = (
 SAME = 1e-12  # numbers that went through the same formulas
 
 
+@cache
+def swept():
+    """Made once for this module and for those that import the fixture."""
+    return bc.sweep(bc.read_spec(ARRAY), SAMPLES, seed=3)
+
+
 @pytest.fixture(scope="module")
 def variants():
-    return bc.sweep(bc.read_spec(ARRAY), SAMPLES, seed=3)
+    return swept()
 
 
 @pytest.mark.parametrize(

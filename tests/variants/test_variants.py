@@ -26,6 +26,7 @@ from specs import spec_of
 ONE_BY_ONE = 1e-9  # the demand: a row of the arrays against the model compiled from its own XML
 STEP = 1e-9  # entries of the step's matrix: central differences of MuJoCo leave about 1e-10
 ROWS, SAMPLES = 20, 100
+QUICK = 5  # rows in the quick half
 
 CRAFT = """<mujoco><option timestep="0.02" integrator="implicitfast" gravity="0 0 0"/><worldbody>
 <body name="bus"><freejoint/>
@@ -222,19 +223,20 @@ def far(found, wanted):
     return np.max(np.abs(found - wanted) / np.outer(size, size))
 
 
-def chosen(arrays, above):
-    """Rows at random, those whose participation is above 1, or the others."""
+def chosen(arrays, above, count=ROWS):
+    """Rows at random, of those whose participation is above 1, or the others."""
     names = arrays["quantities"].tolist()
     at = [i for i, name in enumerate(names) if name.endswith("participation")]
     there = np.flatnonzero(np.any(arrays["values"][:, at] > 1.0, axis=1) == above)
     assert there.size >= ROWS
-    return np.random.default_rng(1).choice(there, ROWS, replace=False)
+    return np.random.default_rng(1).choice(there, count, replace=False)
 
 
-def test_rows_are_models_built_one_by_one(swept, arrays, folder):
+@pytest.mark.parametrize("count", [QUICK, pytest.param(ROWS, marks=pytest.mark.slow)])
+def test_rows_are_models_built_one_by_one(swept, arrays, folder, count):
     assert swept.indices.size == SAMPLES
     assert not swept.left_out
-    for row in chosen(arrays, above=False):
+    for row in chosen(arrays, above=False, count=count):
         model = variant(folder, arrays, row)
         truth = mujoco.MjModel.from_xml_string(written(folder, drawn(arrays, row)))
         np.testing.assert_allclose(
