@@ -233,7 +233,7 @@ def source_of(
             "or the other."
         )
     quantities = getattr(variants, "quantities", ())  # of a sweep
-    columns = {q.name: variants.values[:, i] for i, q in enumerate(quantities)}
+    columns: dict[str, Array] = {q.name: variants.values[:, i] for i, q in enumerate(quantities)}
     return Table(model, given, timestep, band, columns)
 
 

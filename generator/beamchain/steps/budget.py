@@ -13,6 +13,7 @@ from beamchain.engine.forces import along_all
 from beamchain.engine.library import mujoco
 from beamchain.errors import EngineError
 from beamchain.ports.motions import Array
+from beamchain.steps.integrators import Complex
 from beamchain.steps.limits import LinearModel, oscillating, step_limits
 from beamchain.steps.modal import timing_marks
 from beamchain.steps.retime import without_timing
@@ -131,7 +132,7 @@ def _holds_nothing(model: "mujoco.MjModel") -> bool:
     return not any(np.any(np.asarray(part) != 0.0) for part in parts)
 
 
-def _own_poles(model: "mujoco.MjModel", timed: Array) -> Array:
+def _own_poles(model: "mujoco.MjModel", timed: Complex) -> Complex:
     """The structure's own oscillating poles: those of the model without timing, one for each of
     the `timed` ones, by frequency."""
     if not any(timing_marks(model)):
