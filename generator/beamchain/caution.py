@@ -18,6 +18,8 @@ CODES = {
     "not-carried": "a body stands at a point of an appendage that does not carry it",
     "collisions": "shapes of the appendages collide",
     "discrete-damping": "the integrator discrete damps the kept modes more than the structure does",
+    "far-mount": "an appendage is mounted far outside of the spacecraft, probably because of a "
+    "wrong unit",
     "file-units": "an imported file is probably in other units than stated",
     "half-units": "only one of the units of an imported file is stated",
     "equality": "equality constraints of the spacecraft are left out of the verification",

@@ -13,13 +13,16 @@ for thousands at once step `bc.worlds` yourself.
   period [rad/s], and each wheel's momentum over the largest.
 * Reward: `-(angle/slew)^2` less a hundredth of the mean square of the torques over their largest.
 * Termination: where the simulation diverges. Truncation: after `episode` seconds.
-* `info`: the true `angle` [rad], and the amplitudes `modes` of the appendages.
+* `info`: the true `angle` [rad], the amplitudes `modes` of the appendages, and what was `drawn`
+  for the episode.
 * Randomisation: every episode draws frequencies within 10 % and damping within 50 %;
   `variants=None` switches that off,
   `variants={"frequency": 0.05}` or all else that `bc.worlds` takes replaces it.
-  `noise=(0.0, 0.0)` takes noise off the sensors.
-* Further options are those of `Satellite`, given to `make`: model, period, timestep, episode, slew,
-  torque, momentum.
+  `noise=(0.0, 0.0)` takes the noise of star tracker and gyro off.
+* Further options, given to `make`: model=None (the satellite of the package), period=0.25 [s],
+  timestep=None (half the period), episode=120.0 [s], slew=0.2 [rad], torque=None (of the motors'
+  `ctrlrange`) [N m], momentum=12.0 [N m s], noise=(1e-6, 1e-7) [rad, rad/s], render_mode=None;
+  `help(type(env.unwrapped))` says what each of them means.
 * `reset(options={"turn": (x, y, z)})` gives the turn [rad] instead of drawing it.
 
 Example:

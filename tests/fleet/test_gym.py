@@ -125,9 +125,37 @@ def test_a_spacecraft_of_ones_own():
     assert info["modes"].shape == (4,)
 
 
+def test_what_was_drawn_is_told():
+    env = gymnasium.make(ID, variants={"frequency": 0.1}, **JOBS)
+    factors = []
+    for _ in range(2):
+        _, info = env.reset()
+        *_, after = env.step(np.zeros(3, np.float32))
+        np.testing.assert_array_equal(after["drawn"]["frequency"], info["drawn"]["frequency"])
+        assert set(info) == {"angle", "modes", "drawn"}
+        factors.append(info["drawn"]["frequency"])
+    assert factors[0].shape == info["modes"].shape
+    assert not np.array_equal(*factors)
+
+
+def test_an_episode_is_whole_periods():
+    env = gymnasium.make(ID, episode=5.1).unwrapped
+    assert env.episode == 5.0
+
+
+def test_warnings_of_a_model_are_told():
+    """A step that is too long for modes of a spacecraft of one's own."""
+    satellite = bc.__path__[0] + "/examples/satellite.xml"
+    array = bc.__path__[0] + "/examples/array.toml"
+    model = bc.embed(satellite, {"left": array}, retime=True)
+    with pytest.warns(UserWarning, match="modes are too fast for"):
+        gymnasium.make(ID, model=model, period=2.0, timestep=2.0, disable_env_checker=True)
+
+
 @pytest.mark.parametrize(
     ("given", "said"),
     [
+        ({"period": 250.0}, "period = 250 s must be at most the episode, 120 s"),
         ({"model": str(CRAFTS / "planar.xml"), "variants": None}, "no reaction wheels"),
         ({"timestep": 0.07}, "must divide the period"),
         ({"slew": 4.0}, "at most pi"),

@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 
 import beamchain as bc
+from examples import EXAMPLES
 from spacecraft import APPENDAGES, CRAFTS
 
 SAME = 1e-9
@@ -628,3 +629,114 @@ def test_what_cannot_latch_in_worlds_is_answered():
     for call in (lambda: many.latch("one"), lambda: many.unlatch("one")):
         with pytest.raises(bc.InputError, match="host = 'mjx' compiles the stops"):
             call()
+
+
+# -- what worlds say of themselves -----------------------------------------------------------------
+def test_drawn_factors_are_those_of_the_fields(craft):
+    many = bc.worlds(craft, RANGES, count=3, seed=4)
+    own = [
+        i for i in range(craft.model.ntendon) if craft.model.tendon_stiffness[i] > 0.0
+    ]  # modes and fillers
+    assert many.mode_names == tuple(craft.model.tendon(i).name for i in own)
+    assert many.observe()["modes"].shape == (3, len(own))
+    before = many.drawn["frequency"]
+    for world in range(3):
+        plain, nominal = copy.copy(many.model_of(world)), copy.copy(craft.model)
+        for model in (plain, nominal):
+            bc.retime(model, 0)
+        frequency = np.sqrt(plain.tendon_stiffness[own] / nominal.tendon_stiffness[own])
+        damping = plain.tendon_damping[own] / nominal.tendon_damping[own] / frequency
+        np.testing.assert_allclose(before[world], frequency, rtol=DRAWN)
+        np.testing.assert_allclose(many.drawn["damping"][world], damping, rtol=DRAWN)
+    assert np.abs(before - 1.0).max() <= RANGES["frequency"]
+    many.reset([1], draw=True)
+    changed = np.any(many.drawn["frequency"] != before, axis=1)
+    assert list(changed) == [False, True, False]
+
+
+def test_drawn_rows_are_those_of_the_sweep(tmp_path):
+    toml = tmp_path / "bodies.toml"
+    toml.write_text("[body.bus]\nmass = { relative = 0.05 }\n")
+    spec = bc.Spec(
+        segment=(
+            bc.Segment(
+                length=8.0, section=bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
+            ),
+        )
+    )
+    swept = bc.sweep(CRAFT.format(""), 3, at={"mount": spec}, uncertain=toml)
+    made = bc.embed(CRAFT.format(""), {"mount": spec})
+    many = bc.worlds(made, swept, count=5)
+    bus = made.model.body("bus").id
+    assert list(many.drawn["row"]) == [0, 1, 2, 0, 1]
+    np.testing.assert_allclose(many.drawn["bus.mass"], many.fields["body_mass"][:, bus])
+    arrays = bc.worlds(made, {"body_mass": np.stack([made.model.body_mass] * 2)}, count=3)
+    assert {name: list(rows) for name, rows in arrays.drawn.items()} == {"row": [0, 1, 0]}
+    assert bc.worlds(made, count=2).drawn == {}
+
+
+def test_slowed_modes_and_liquids_without_weight_are_said(craft):
+    def codes(many):
+        return [warning.code for warning in many.warnings]
+
+    assert codes(bc.worlds(craft, count=1)) == []
+    hopeless = bc.worlds(craft, RANGES, count=1, timestep=100.0)
+    assert codes(hopeless) == ["slowed-modes"]
+    hopeless.retime(0.01)
+    assert codes(hopeless) == []
+    tank = bc.read_spec(EXAMPLES / "tank.toml")
+    for gravity, said in (("0 0 0", ["slosh-weightless"]), ("0 0 -1", [])):
+        text = CRAFT.format("").replace('gravity="0 0 0"', f'gravity="{gravity}"')
+        many = bc.worlds(bc.embed(text, {"mount": tank}), count=1)
+        assert codes(many) == said
+    switched_off = copy.copy(many.model)
+    switched_off.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
+    (said,) = bc.worlds(switched_off, count=1).warnings
+    assert "tank: no gravity acts in these worlds, and only a thrust in ctrl" in said
+
+
+def test_fields_that_connect_a_model_are_refused_where_they_differ(craft):
+    own = np.stack([craft.model.body_dofadr] * 2)
+    bc.worlds(craft, {"body_dofadr": own})  # the model's own
+    for name in ("body_dofadr", "jnt_type", "dof_bodyid"):
+        other = np.stack([getattr(craft.model, name)] * 2) + 1
+        with pytest.raises(bc.InputError, match=f"'{name}'. differs from .* how the model is conn"):
+            bc.worlds(craft, {name: other})
+    with pytest.raises(bc.InputError, match="'_sizes', which MuJoCo's model does not have"):
+        bc.worlds(craft, {"_sizes": np.stack([craft.model._sizes] * 2)})
+    with pytest.raises(bc.InputError, match=r"a draw of modes .* variants=None takes a spacecraft"):
+        bc.worlds(CRAFTS / "planar.xml", RANGES, count=2)
+
+
+@pytest.mark.parametrize(("rate", "lost"), [(0.26, 0.0315), (0.066, 0.0030)])
+def test_tumbling_costs_euler_its_angular_momentum(rate, lost):
+    """What docs/worlds.md states of its first spacecraft; RK4 without timing loses nothing."""
+    text = (
+        '<mujoco><option gravity="0 0 0"/><worldbody><body name="bus"><freejoint/>'
+        '<inertial pos="0 0 0" mass="300" diaginertia="100 120 150"/>'
+        '<site name="mount" pos="0.6 0 0"/></body></worldbody></mujoco>'
+    )
+    array = bc.read_spec(EXAMPLES / "array.toml")
+    flexible = bc.embed(text, {"mount": array}, retime=True)
+    plain = copy.copy(flexible.model)
+    bc.retime(plain, 0)
+    plain.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
+    plain.opt.timestep = 0.1
+    losses = []
+    for many in (bc.worlds(flexible, count=1, timestep=0.1), bc.worlds(plain, count=1)):
+        data = mujoco.MjData(many.model)
+        momenta = []
+        start = np.zeros(many.model.nv)
+        start[3:6] = rate / np.sqrt(3.0)
+        many.reset(qvel=start)
+        for count in (0, 600):  # a minute
+            for _ in range(count):
+                many.step([])
+            data.qpos[:], data.qvel[:] = many.qpos[0], many.qvel[0]
+            mujoco.mj_forward(many.model, data)
+            mujoco.mj_subtreeVel(many.model, data)
+            momenta.append(data.subtree_angmom[0].copy())
+        change = np.linalg.norm(momenta[1] - momenta[0])
+        losses.append(change / np.linalg.norm(momenta[0]))
+    assert losses[0] == pytest.approx(lost, rel=0.02)
+    assert losses[1] < 1e-7

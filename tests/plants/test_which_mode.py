@@ -256,6 +256,18 @@ def test_an_appendage_that_runs_through_the_craft_is_noted():
     assert "points-inward" not in codes(bc.embed(across, {"top": WING}, retime=False).warnings)
 
 
+@pytest.mark.parametrize(("place", "noted"), [(500.0, True), (15.0, False)])
+def test_a_place_in_other_units_is_noted(place, noted):
+    """A site at 0.5 m, in mm; and one on a long arm, which is meant."""
+    craft = CRAFT.replace(
+        "</body></worldbody>", f'<site name="far" pos="0 {place} 0"/></body></worldbody>'
+    )
+    said = bc.embed(craft, {"far": WING}, retime=False).warnings
+    far = [text for text in said if getattr(text, "code", "") == "far-mount"]
+    assert len(far) == noted
+    assert not far or f"far stands {place:.4g} m from the spacecraft's centre of mass" in far[0]
+
+
 def test_a_single_pose_is_called_by_its_joints(embedded, tmp_path):
     made = bc.plant(embedded, ["torque:bus"], ["attitude"], at={"north": np.radians(45.0)})
     assert made.pose == "north 45°"

@@ -13,6 +13,7 @@ from beamchain.engine.constraints import (
     touching,
     with_dry_friction,
 )
+from beamchain.engine.forces import gravity_of
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import NUMBERS, euler_damps_implicitly
 from beamchain.engine.operating_point import base_body, quiet_copy
@@ -61,8 +62,8 @@ def _surroundings(model: "mujoco.MjModel", geoms: Sequence[int]) -> Iterator[str
     """Forces on the appendages that are not in the proof."""
     option = model.opt
     disabled = int(option.disableflags)
-    gravity = np.asarray(option.gravity)
-    if np.any(gravity != 0.0) and not disabled & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY):
+    gravity = gravity_of(model)
+    if np.any(gravity != 0.0):
         yield Caution(
             "gravity",
             f"gravity is {' '.join(f'{g:g}' for g in gravity)} m/s^2: it falls, and where it is "

@@ -21,7 +21,7 @@ from beamchain.craft.recovered_body import BeamBody
 from beamchain.craft.recovery import Recorder, Recovery, recover
 from beamchain.craft.sampled import craft_sampled_error
 from beamchain.craft.step_search import largest_step
-from beamchain.craft.timing import craft_time_error, without_timing
+from beamchain.craft.timing import craft_time_error
 from beamchain.engine.bench import Composite, composite
 from beamchain.engine.library import mujoco, one_thread, rest
 from beamchain.engine.linear import linear_at
@@ -40,6 +40,7 @@ from beamchain.fitting.needs import AXES
 from beamchain.mjcf.craft import Craft
 from beamchain.ports.compare import keeps_tolerance, tolerance_statement
 from beamchain.ports.motions import Array, first_moment
+from beamchain.steps.retime import without_timing
 from beamchain.steps.sampled import SampledError, off_by
 from beamchain.steps.step_map import TimeError
 from beamchain.structure.recovery_rows import RecoveryRows

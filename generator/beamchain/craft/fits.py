@@ -14,6 +14,7 @@ from beamchain.craft.documents import Wish
 from beamchain.craft.loads import Item, hanging_notes, loads_of
 from beamchain.craft.promise import keep_promise
 from beamchain.engine import mount as mounting
+from beamchain.engine.bench import composite
 from beamchain.engine.library import mujoco, one_thread, rest
 from beamchain.fitting.fit import fit_spec
 from beamchain.fitting.hub import Hub
@@ -25,6 +26,8 @@ from beamchain.fitting.warnings import doubtful, rigid_plane
 from beamchain.structure.modal_data import ModalData
 
 SAME_HUB = 1e-12  # relative: hubs that are one
+FAR = 20.0  # [m] from the centre of mass, and of radii of gyration: a place in other units
+MANY = 100.0
 CLOSE = 1e-3  # of its length: where an appendage starts at the centre of mass
 #: how the fit takes a joint behind an appendage, by what holds it
 TAKEN = {
@@ -80,6 +83,8 @@ def fit_all(
                 f"mass: does the x axis of {name} point outwards?"
             )
             warnings.append(Caution("points-inward", text))
+        if ":" not in name:
+            warnings += _far(model, name, place)
         warnings += hanging_notes(model, place, Item(place.body, spec, carries))
         result = fits.ready.get(name)
         if result is None or not _same_hub(result, hub):
@@ -130,6 +135,22 @@ def _points_inward(model: "mujoco.MjModel", place: mounting.Mount, spec: Spec) -
     ahead = float(way @ place.axes[:, 0])
     aside = float(np.linalg.norm(way - ahead * place.axes[:, 0]))
     return CLOSE * spec.beam.length < ahead < spec.beam.length and aside < ahead / 2.0
+
+
+def _far(model: "mujoco.MjModel", name: str, place: mounting.Mount) -> Iterator[str]:
+    """That a place is so far outside of the spacecraft that its unit is probably wrong."""
+    root = int(model.body_rootid[place.body])
+    if not root or model.body_subtreemass[root] <= 0.0:
+        return
+    whole = composite(model, root)
+    size = float(np.sqrt(np.linalg.eigvalsh(whole.inertia)[-1] / whole.mass))
+    away = float(np.linalg.norm(place.origin - rest(model).subtree_com[root]))
+    if away > max(FAR, MANY * size):
+        yield Caution(
+            "far-mount",
+            f"{name} stands {away:.4g} m from the spacecraft's centre of mass, whose radius of "
+            f"gyration is {size:.3g} m; if mm were meant, divide its pos by 1000.",
+        )
 
 
 def _notes(name: str, spec: Spec, place: mounting.Mount, hub: Hub) -> Iterator[str]:

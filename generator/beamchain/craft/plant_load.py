@@ -43,13 +43,10 @@ def liquid_prefixes(model: "mujoco.MjModel") -> list[str]:
     return sorted({name.rpartition("hinge")[0] for name in limp_hinges(model)})
 
 
-def limp_cautions(model: "mujoco.MjModel") -> list[str]:
-    """That the liquids of a model hang limp in a plant without a load."""
+def limp_cautions(model: "mujoco.MjModel", why: str) -> list[str]:
+    """That the liquids of a model hang limp, and `why`; empty where there are none."""
     tanks = [prefix.removesuffix("_") for prefix in liquid_prefixes(model)]
-    if not tanks:
-        return []
-    where = f"{', '.join(tanks)}: the plant is one in free fall (loaded=True: under its load)"
-    return [weightless(where)]
+    return [weightless(f"{', '.join(tanks)}: {why}")] if tanks else []
 
 
 def under_load(craft: LinearCraft, model: "mujoco.MjModel", at: At) -> tuple[LinearCraft, Loading]:

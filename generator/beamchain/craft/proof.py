@@ -17,7 +17,7 @@ from beamchain.craft.disturbances import check_flags
 from beamchain.craft.embedded import Embedded
 from beamchain.craft.embedding import load_warnings, marked_appendages
 from beamchain.craft.loads import split_port
-from beamchain.craft.timing import attitude_warnings, without_timing
+from beamchain.craft.timing import attitude_warnings
 from beamchain.engine.library import mujoco, one_thread
 from beamchain.engine.linearise import compile_model
 from beamchain.engine.operating_point import poses
@@ -25,6 +25,7 @@ from beamchain.engine.unchanged import KINDS, NAMED
 from beamchain.errors import EngineError, InputError
 from beamchain.files import noted_inputs
 from beamchain.steps.modal import timing_marks
+from beamchain.steps.retime import without_timing
 
 UNMARKED = "the file does not say what its appendages are (it was not written by embed)"
 RESTORE = "restore the file from before, or embed again"

@@ -22,12 +22,12 @@ from beamchain.craft.recovered_body import (
     imported_body,
     place_of,
 )
-from beamchain.craft.timing import without_timing
 from beamchain.engine.library import mujoco
 from beamchain.engine.root_motion import STATE, Motion, RootMotion, Run, motion_of
 from beamchain.errors import InputError
 from beamchain.ports.motions import PORT_MOTION, Array
 from beamchain.steps.modal import TREE, modal_tendons
+from beamchain.steps.retime import without_timing
 from beamchain.steps.step_map import at_step_of
 from beamchain.structure.beam import Beam
 from beamchain.structure.inside import BEYOND, Inside, snapped

@@ -18,7 +18,6 @@ from beamchain.craft.appendage import PROBE, Appendage, craft_elements, moved_bo
 from beamchain.craft.documents import read_bare
 from beamchain.craft.embedding import Marked, marked_craft
 from beamchain.craft.promise import joint_request
-from beamchain.craft.timing import without_timing
 from beamchain.engine.driven_hinge import Drive, Run, Seen, Turn, drive_of, run, seen
 from beamchain.engine.library import hangs_on, mujoco
 from beamchain.engine.linearise import INTEGRATORS, NUMBERS, compile_model
@@ -32,7 +31,7 @@ from beamchain.steps.budget import linear_model
 from beamchain.steps.culprit import culprit
 from beamchain.steps.limits import step_limits
 from beamchain.steps.modal import timing_marks
-from beamchain.steps.retime import retime
+from beamchain.steps.retime import retime, without_timing
 
 Say = Callable[[str], None]
 

@@ -19,7 +19,7 @@ from beamchain.fitting.result import Fit
 from beamchain.fitting.warnings import turn_warning
 from beamchain.ports.compare import DEFAULT_RATIO, NARROWEST
 from beamchain.steps.integrators import SCHEMES
-from beamchain.steps.modal import modal_tendons, timing_marks
+from beamchain.steps.modal import modal_tendons
 from beamchain.steps.poles import pole_rows
 from beamchain.steps.retime import retime, time_cure
 from beamchain.steps.step_map import GROWN, TimeError, motion_at, time_error
@@ -118,14 +118,13 @@ def time_notes(
             f"{with_timing.error:.1e}); {mean}"
         )
         return [Caution("exact-in-time", text)]
-    cure = time_cure(with_timing)
     without = without_timing.words
     if motion_at(untimed).growth > 1.0 + GROWN:
         without = "unstable at this step"
     text = (
-        f"{cure[0].lower()}{cure[1:]} The appendages have timing for {step} ({reason}), which does "
-        "not keep every pole. Worst of those up to the highest mode kept, with timing: "
-        f"{with_timing.words}; without: {without}. Inputs: {mean}"
+        f"the appendages have timing for {step} ({reason}), but not every pole is exact. Worst of "
+        f"those up to the highest mode kept, with timing: {with_timing.words}; without: {without}. "
+        f"{time_cure(with_timing)} Inputs: {mean}"
     )
     return [Caution("time-error", text)]
 
@@ -187,12 +186,3 @@ def with_timing(
     integrator = NUMBERS[int(model.opt.integrator)]
     plan = retime(model, float(model.opt.timestep), integrator, form=4, band=band, joints=joints)
     return model, plan.slowed
-
-
-def without_timing(model: "mujoco.MjModel") -> "mujoco.MjModel":
-    """A copy of a model with timing taken out of its appendages;
-    the same numbers where there is none."""
-    model = copy.copy(model)
-    if timing_marks(model):
-        retime(model, 0.0)
-    return model

@@ -28,6 +28,12 @@ class Readings(NamedTuple):
     damping: Array
 
 
+def gravity_of(model: "mujoco.MjModel") -> Array:
+    """`(3,)` the gravity that acts in a model [m/s^2]; zeros where its flag switches it off."""
+    off = int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
+    return np.zeros(3) if off else np.array(model.opt.gravity)
+
+
 def readings(model: "mujoco.MjModel") -> Readings:
     """Read bodies, springs and dampers off a compiled model without ball and free joints."""
     data = mujoco.MjData(model)

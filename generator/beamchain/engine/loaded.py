@@ -14,6 +14,7 @@ import numpy as np
 
 from beamchain.caution import Caution
 from beamchain.engine.bench import composite
+from beamchain.engine.forces import gravity_of
 from beamchain.engine.library import mujoco
 from beamchain.engine.linear import POSITION, Linear, slopes
 from beamchain.engine.linearise import dense_mass
@@ -83,8 +84,7 @@ def loading_at(
         body: the base.
         mass: of all that moves with it [kg].
     """
-    off = int(craft.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
-    gravity = np.zeros(3) if off else np.array(craft.opt.gravity)
+    gravity = gravity_of(craft)
     ctrl = np.zeros(craft.nu) if key is None else np.array(craft.key_ctrl[key])
     act = np.zeros(craft.na) if key is None else np.array(craft.key_act[key])
     qpos = np.array(craft.qpos0 if key is None else craft.key_qpos[key])

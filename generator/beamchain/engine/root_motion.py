@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from beamchain.engine.forces import along_all
+from beamchain.engine.forces import along_all, gravity_of
 from beamchain.engine.library import mujoco, quiet
 from beamchain.engine.linearise import NUMBERS, euler_damps_implicitly
 from beamchain.ports.motions import Array
@@ -144,8 +144,7 @@ def motion_of(
                 data.qacc[:] = step.acceleration(data)
         mujoco.mj_rnePostConstraint(model, data)
         out.read(model, data, t)
-    gravity_on = not int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
-    gravity = np.array(model.opt.gravity) if gravity_on else np.zeros(3)
+    gravity = gravity_of(model)
     motions = tuple(out.motion(i, root, gravity) for i, root in enumerate(roots))
     return Motion(out.qpos, out.qvel, out.qacc, motions)
 

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from beamchain.checks import number, of_type
 from beamchain.craft.model_fields import DERIVED
-from beamchain.craft.timing import without_timing
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import INTEGRATORS, NUMBERS
 from beamchain.errors import InputError
@@ -21,12 +20,15 @@ from beamchain.ports.motions import Array
 from beamchain.steps.forms import form2_many
 from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.modal import Ints, MadeFor, Modal, foreign, modal_tendons, timing_marks
-from beamchain.steps.retime import carries_bodies, coupled_mass, retime
+from beamchain.steps.retime import carries_bodies, coupled_mass, retime, without_timing
 from beamchain.steps.tree_draws import TreeDraws
 
 RANGES = ("frequency", "damping")
 #: All that a draw of modes changes.
 TENDONS = ("tendon_stiffness", "tendon_damping", "tendon_armature", "tendon_solimp_lim")
+RIGID = "variants=None takes a spacecraft without any."
+#: endings of integer fields that are no part of how a model is connected
+LOOSE = ("contype", "conaffinity", "condim", "priority", "group", "matid")
 
 Fields = dict[str, Array]
 Keys = NDArray[Any]
@@ -57,7 +59,7 @@ class Modes:
         self._model = without_timing(model)
         self._modal = modal_tendons(self._model)
         if not self._modal.names:
-            raise foreign("a draw of modes")
+            raise InputError(f"{foreign('a draw of modes')} {RIGID}")
         self._tree = carries_bodies(self._model, self._modal, None)
         self._timing = self._timing_for(timestep)
         #: of the fields of one world
@@ -70,8 +72,8 @@ class Modes:
     def fields(self, keys: Keys) -> Fields:
         """The four arrays of tendons that hold modes."""
         nominal = self._modal
-        w = nominal.frequency * (1.0 + self._widths[0] * keys[:, 0])
-        ratio = nominal.damping / (2.0 * nominal.frequency) * (1.0 + self._widths[1] * keys[:, 1])
+        w = nominal.frequency * self._factors(0, keys)
+        ratio = nominal.damping / (2.0 * nominal.frequency) * self._factors(1, keys)
         out: Fields = {}
         for name in TENDONS:
             values = np.asarray(getattr(self._model, name))
@@ -83,6 +85,13 @@ class Modes:
         if isinstance(self._timing, TreeDraws):
             return _tree_fields(out, nominal, self._timing, self._integrator)
         return exact_fields(out, nominal, self._timing, self._integrator, self.timestep)
+
+    def drawn(self, keys: Keys) -> dict[str, Array]:
+        """`(k, n)` factors on the nominal frequencies and damping ratios."""
+        return {name: self._factors(i, keys) for i, name in enumerate(RANGES)}
+
+    def _factors(self, which: int, keys: Keys) -> Array:
+        return np.asarray(1.0 + self._widths[which] * keys[:, which])
 
     def at(self, timestep: float) -> "Modes":
         """The same ranges for another step."""
@@ -104,7 +113,8 @@ class Modes:
 class Table:
     """Given variants, arrays `(k, ...)` by name of MuJoCo's field, taken in their order at first
     and then drawn with equal chances; made exact in time for `timestep` [s] (`band` as of
-    `retime`), or taken as they are where it is None.
+    `retime`), or taken as they are where it is None. `columns` `(k,)` by name: what was drawn for
+    them.
     """
 
     def __init__(
@@ -113,12 +123,15 @@ class Table:
         fields: Mapping[str, Any],
         timestep: float | None,
         band: float | None,
+        columns: Mapping[str, Array],
     ) -> None:
         self._model, self._given, self._band = model, fields, band
+        self._columns = columns
         self.size: int = max(np.shape(next(iter(fields.values())))[:1], default=0)
         for name, values in fields.items():
             of_type("a field of variants", name, str, "the name of a field of MuJoCo's model")
-            shape = getattr(getattr(model, name, None), "shape", None)
+            private = name.startswith("_")
+            shape = None if private else getattr(getattr(model, name, None), "shape", None)
             if shape is None:
                 raise InputError(
                     f"variants have the field {name!r}, which MuJoCo's model does not have as an "
@@ -133,6 +146,7 @@ class Table:
                     f"({self.size or 'k'}, {', '.join(map(str, shape))}) are needed: the model's "
                     "own, with the same k for all fields."
                 )
+            _check_connected(name, given, getattr(model, name))
         self._rows = {name: np.array(values, dtype=np.float64) for name, values in fields.items()}
         if set(fields) - set(TENDONS) or timestep is not None:
             self._derive(timestep)
@@ -147,9 +161,14 @@ class Table:
         """Rows of the table."""
         return {name: values[keys[:, 0]] for name, values in self._rows.items()}
 
+    def drawn(self, keys: Keys) -> dict[str, Array]:
+        """`(k,)`: the row of the table, and what was drawn for it."""
+        rows = keys[:, 0]
+        return {"row": rows.copy(), **{name: of[rows] for name, of in self._columns.items()}}
+
     def at(self, timestep: float) -> "Table":
         """The same variants for another step."""
-        return Table(self._model, self._given, timestep, self._band)
+        return Table(self._model, self._given, timestep, self._band, self._columns)
 
     def _derive(self, timestep: float | None) -> None:
         """What follows from the fields: MuJoCo's constants, and numbers exact in time;
@@ -213,7 +232,9 @@ def source_of(
             f"variants mix {wrong[0]!r}, a range on modes, with fields of MuJoCo's model; give one "
             "or the other."
         )
-    return Table(model, given, timestep, band)
+    quantities = getattr(variants, "quantities", ())  # of a sweep
+    columns: dict[str, Array] = {q.name: variants.values[:, i] for i, q in enumerate(quantities)}
+    return Table(model, given, timestep, band, columns)
 
 
 def exact_fields(
@@ -263,6 +284,18 @@ def with_fields(model: "mujoco.MjModel", values: Mapping[str, Array]) -> "mujoco
     for name, value in values.items():
         getattr(out, name)[:] = value
     return out
+
+
+def _check_connected(name: str, given: Array, own: NDArray[Any]) -> None:
+    """Refuse other numbers in a field that says how the bodies, joints and lists of a model are
+    connected: MuJoCo would read past its arrays."""
+    index = own.dtype.kind == "i" and own.dtype.itemsize > 1 and not name.endswith(LOOSE)
+    if index and np.any(given != own):
+        raise InputError(
+            f"variants[{name!r}] differs from the model's own; this field says how the model is "
+            "connected, which is the same in all worlds. Leave it out, and make the variants of "
+            "one structure: appendages with every number of [modes] given, 0 for torsion too."
+        )
 
 
 def runs_exact(model: "mujoco.MjModel") -> bool:

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from beamchain.craft.timing import without_timing
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import NUMBERS
 from beamchain.errors import InputError
@@ -18,7 +17,7 @@ from beamchain.fleet.hosts import LARGEST, Flags, Ids
 from beamchain.ports.motions import Array
 from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.modal import foreign, modal_tendons
-from beamchain.steps.retime import carries_bodies, retime
+from beamchain.steps.retime import carries_bodies, retime, without_timing
 from beamchain.steps.start import ctrl_bounds
 
 jax: Any = import_module("jax")

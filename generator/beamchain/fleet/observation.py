@@ -71,6 +71,7 @@ class Observer:
                     f"{', '.join(there)}."
                 )
         self.names: tuple[str, ...] = tuple(dict.fromkeys(wanted))
+        self.mode_names: tuple[str, ...] = modal.names
         needed = [
             int(model.sensor_needstage[i])
             for i, name in enumerate(self._sensors)

@@ -38,8 +38,9 @@ class Satellite(gymnasium.Env[Array, Array]):
     (gyro) [rad/s], and the momentum of the wheels over the largest. The reward is
     `-(angle/slew)^2` less a hundredth of the mean square of the torques over their largest. An
     episode is terminated where the simulation diverges. `info` holds the amplitudes `modes` of the
-    appendages' modes, and the true `angle` from the wanted attitude [rad]; `reset(options={"turn":
-    (x, y, z)})` gives the turn [rad].
+    appendages' modes, the true `angle` from the wanted attitude [rad], and what was `drawn` for the
+    episode, as `Worlds.drawn` names it; `reset(options={"turn": (x, y, z)})` gives the turn [rad].
+    Of a model of yours the `warnings` of its worlds are told through `gymnasium.logger`.
 
     Args:
         render_mode: None or "rgb_array".
@@ -49,7 +50,7 @@ class Satellite(gymnasium.Env[Array, Array]):
         variants: as in `bc.worlds`, drawn anew for every episode; None: nothing differs.
         period: over which an action is held [s].
         timestep: of the simulation [s]; default: half the period.
-        episode: [s].
+        episode: [s], at least a period; rounded to whole periods.
         slew: largest angle of a turn [rad]; the smallest is half of it.
         torque: largest of each wheel [N m]; default: from the motors' `ctrlrange`, which cuts what
             lies beyond it.
@@ -94,7 +95,13 @@ class Satellite(gymnasium.Env[Array, Array]):
                 f"timestep = {step:g} s must divide the period, {self.period:g} s, into whole "
                 "steps."
             )
-        self._steps = max(round(positive("episode", episode, "s") / self.period), 1)
+        if positive("episode", episode, "s") < self.period:
+            raise InputError(
+                f"period = {self.period:g} s must be at most the episode, {episode:g} s: an action "
+                "is held over it."
+            )
+        self._steps = round(episode / self.period)
+        self.episode: float = self._steps * self.period
         self._noise = [
             not_negative("noise", float(value), "rad and rad/s")
             for value in finite_array("noise", noise, (2,))
@@ -102,6 +109,8 @@ class Satellite(gymnasium.Env[Array, Array]):
         self.worlds = worlds(
             _shipped_satellite() if model is None else model, variants, 1, timestep=step
         )
+        for warning in self.worlds.warnings if model is not None else ():
+            gymnasium.logger.warn(warning)
         self._add_wheels(torque)
         high = np.repeat([np.pi, FASTEST, 2.0], [3, 3, len(self.torque)])
         self.observation_space = gymnasium.spaces.Box(-high, high, dtype=np.float64)
@@ -146,7 +155,8 @@ class Satellite(gymnasium.Env[Array, Array]):
         self._target = np.append(np.cos(half), turn / 2.0 * np.sinc(half / np.pi))
         self._age, self._torque = 0, np.zeros_like(self._torque)
         self.worlds.rng = self.np_random
-        return self._seen(self.worlds.reset([0], draw=True))[0], {}
+        observation, angle = self._seen(self.worlds.reset([0], draw=True))
+        return observation, self._info(angle, self.worlds.observe())
 
     def step(self, action: Any) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """Hold torques over a period."""
@@ -167,8 +177,13 @@ class Satellite(gymnasium.Env[Array, Array]):
         reward = -((angle / self.slew) ** 2) - EFFORT * float(
             np.mean((self._torque / self.torque) ** 2)
         )
-        info = {"angle": angle, "modes": seen["modes"][0] if "modes" in seen else np.zeros(0)}
-        return observation, reward, diverged, self._age >= self._steps and not diverged, info
+        late = self._age >= self._steps and not diverged
+        return observation, reward, diverged, late, self._info(angle, seen)
+
+    def _info(self, angle: float, seen: dict[str, Array]) -> dict[str, Any]:
+        modes = seen["modes"][0] if "modes" in seen else np.zeros(0)
+        drawn = {name: values[0] for name, values in self.worlds.drawn.items()}
+        return {"angle": angle, "modes": modes, "drawn": drawn}
 
     def _stored(self, seen: dict[str, Array]) -> Array:
         """`(wheels,)` momentum now [N m s]: the rate is the mean over the last step,

@@ -11,7 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from beamchain.checks import finite_array, of_type, one_of, positive, unknown, whole_number
 from beamchain.craft.embedded import Embedded
+from beamchain.craft.plant_load import limp_cautions
 from beamchain.craft.promise import joint_request
+from beamchain.engine.forces import gravity_of
 from beamchain.engine.library import mujoco, one_thread
 from beamchain.engine.linearise import compile_model
 from beamchain.errors import InputError
@@ -29,7 +31,7 @@ from beamchain.steps.latch import (
     unlatch,
 )
 from beamchain.steps.modal import modal_tendons, timing_marks
-from beamchain.steps.retime import retime
+from beamchain.steps.retime import Retimed, retime
 from beamchain.steps.start import ctrl_bounds
 
 MOST = 10**12  # worlds that are counted; memory ends long before
@@ -104,8 +106,9 @@ def worlds(
     if isinstance(model, Embedded):
         band = joint_request([a.spec for a in model.appendages]).band
     source = source_of(compiled, variants, step if timed or timestep is not None else None, band)
+    timing = None
     if timestep is not None and modal_tendons(compiled).names:
-        retime(compiled, step, band=band)
+        timing = retime(compiled, step, band=band)
     size = None if source is None else source.size
     if count is None and size is None:
         raise InputError("count is missing: say how many worlds to make, for example count=64.")
@@ -121,6 +124,7 @@ def worlds(
         threads=threads,
         seed=seed,
         band=band,
+        timing=timing,
     )
 
 
@@ -140,6 +144,7 @@ class Worlds:
         threads: of the host "mujoco".
         seed: of the draws.
         band: up to where timing of trees keeps the response [rad/s]; None: as `bc.retime` has it.
+        timing: what `bc.retime` gave of the model; None: it was left as it is.
 
     Example:
         >>> import beamchain as bc
@@ -169,8 +174,10 @@ class Worlds:
         threads: int,
         seed: int,
         band: float | None = None,
+        timing: Retimed | None = None,
     ) -> None:
         self._band = band
+        self._timing = timing
         self.model: Any = model
         self.count: int = count
         self.rng: np.random.Generator = np.random.default_rng(seed)
@@ -190,7 +197,7 @@ class Worlds:
         """Worlds hold threads and a simulation; what can be kept is `state()`."""
         raise TypeError(
             "worlds cannot be pickled or copied; make them with bc.worlds inside each process, and "
-            "keep state(), arrays that restore() of such worlds takes."
+            "keep state(), which can be pickled and which restore() of such worlds takes."
         )
 
     @property
@@ -213,6 +220,31 @@ class Worlds:
     def qvel(self) -> Array:
         """`(count, nv)` rates now; of a model exact in time the means over the last step."""
         return self._host.qvel.copy()
+
+    @property
+    def mode_names(self) -> tuple[str, ...]:
+        """Names of the modal tendons: the columns of `observe()["modes"]` and of `drawn`."""
+        return self._observer.mode_names
+
+    @property
+    def drawn(self) -> dict[str, Array]:
+        """What differs between the worlds now, with the worlds in rows; empty where nothing does.
+
+        Of ranges on modes "frequency" and "damping" `(count, n)`: factors on the nominal
+        frequencies and damping ratios, in the order of `mode_names`. Of a sweep "row" `(count,)`,
+        the number of the variant, and each of its quantities `(count,)` by name. Of arrays "row".
+        """
+        return {} if self._source is None else self._source.drawn(self._keys)
+
+    @property
+    def warnings(self) -> list[str]:
+        """What a user of these worlds must know, each sentence with its `code`: modes that are too
+        fast for `timestep` and were slowed (of the nominal model), liquids without weight."""
+        timing = [] if self._timing is None else self._timing.warnings
+        if np.any(gravity_of(self.model) != 0.0):
+            return timing
+        why = "no gravity acts in these worlds, and only a thrust in ctrl presses it down"
+        return timing + limp_cautions(self.model, why)
 
     # -- running -----------------------------------------------------------------------------------
     def step(self, ctrl: ArrayLike, nstep: int = 1) -> dict[str, Array]:
@@ -293,7 +325,7 @@ class Worlds:
         model = with_fields(self.model, {})
         model.opt.timestep = positive("timestep", timestep, "s")
         if modal_tendons(model).names:
-            retime(model, float(timestep), band=self._band)
+            self._timing = retime(model, float(timestep), band=self._band)
         self.model = model
         if self._source is not None:
             self._source = self._source.at(float(timestep))
@@ -430,7 +462,8 @@ class Worlds:
         )
 
     def state(self) -> dict[str, Any]:
-        """Everything that the worlds continue from: a checkpoint for `restore`."""
+        """Everything that the worlds continue from: a checkpoint for `restore`, kept with
+        pickle."""
         out: dict[str, Any] = {name: getattr(self, f"_{name}").copy() for name in KEPT}
         out |= {"simulation": self._host.state(), "draws": self.rng.bit_generator.state}
         latches = {name: self.fields[name].copy() for name in LATCH_FIELDS if name in self.fields}

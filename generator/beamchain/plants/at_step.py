@@ -8,7 +8,6 @@ from beamchain.craft.appendage import carried
 from beamchain.craft.embedded import Embedded
 from beamchain.craft.error import Pose
 from beamchain.craft.sampled import pose_sampled_error
-from beamchain.craft.timing import without_timing
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import NUMBERS
 from beamchain.engine.operating_point import OperatingPoint, quiet_copy
@@ -17,7 +16,7 @@ from beamchain.ports.motions import Array
 from beamchain.steps.culprit import culprit, stable_step
 from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.modal import modal_tendons
-from beamchain.steps.retime import retime, time_sentence
+from beamchain.steps.retime import retime, time_sentence, without_timing
 from beamchain.steps.step_map import GROWN, TimeError, motion_at, time_error
 
 

@@ -15,7 +15,6 @@ from beamchain.craft.modal_form import ModalForm
 from beamchain.craft.plant_load import limp_cautions, thrust_cautions, under_load
 from beamchain.craft.poses import Poses, pose_label, poses_of
 from beamchain.craft.source import compiled_model, linear_omissions
-from beamchain.craft.timing import without_timing
 from beamchain.engine.combinations import (
     InputNames,
     OutputNames,
@@ -35,6 +34,7 @@ from beamchain.plants.scheduled import ScheduledPlant, follow, same_states
 from beamchain.plants.uncertain_plant import uncertain_plant
 from beamchain.ports.motions import Array
 from beamchain.steps.modal import FILLER
+from beamchain.steps.retime import without_timing
 
 # of a mode's discrete pole beyond the unit circle: more than what turning wheels do to it
 GROWS = 1e-5
@@ -162,7 +162,8 @@ class _Given:
         found = linear_omissions(self.model)
         if self.loaded:
             return [text for text in found if getattr(text, "code", "") != "gravity"]
-        return [*found, *limp_cautions(self.model)]
+        why = "the plant is one in free fall (loaded=True: under its load)"
+        return [*found, *limp_cautions(self.model, why)]
 
     def scheduled(self, poses: Poses) -> ScheduledPlant:
         """The plants of several poses, with one order of states."""

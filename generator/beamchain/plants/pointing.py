@@ -13,7 +13,6 @@ from beamchain.checks import positive, unknown
 from beamchain.craft.embedded import Embedded
 from beamchain.craft.linear_craft import LinearCraft
 from beamchain.craft.source import compiled_model, linear_omissions
-from beamchain.craft.timing import without_timing
 from beamchain.engine.combinations import OutputNames
 from beamchain.engine.library import mujoco, one_thread
 from beamchain.engine.operating_point import At
@@ -41,6 +40,7 @@ from beamchain.plants.source_errors import (
 from beamchain.plants.wheel_run import Acting, WheelRun, run_wheel
 from beamchain.ports.motions import locked
 from beamchain.steps.modal import FILLER
+from beamchain.steps.retime import without_timing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

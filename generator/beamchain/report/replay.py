@@ -16,7 +16,6 @@ from scipy.interpolate import CubicSpline
 from beamchain.craft.appendage import Appendage
 from beamchain.craft.inspect import energy_words
 from beamchain.craft.mode_names import cantilever_names
-from beamchain.craft.timing import without_timing
 from beamchain.engine.library import mujoco, quiet
 from beamchain.engine.linear import linear_at
 from beamchain.engine.linearise import compile_model
@@ -29,6 +28,7 @@ from beamchain.ports.motions import Array
 from beamchain.report.outlines import Drawn, Outlines
 from beamchain.report.page import page_text
 from beamchain.report.tree_plot import COLOURS
+from beamchain.steps.retime import without_timing
 
 if TYPE_CHECKING:
     from beamchain.craft.embedded import Embedded

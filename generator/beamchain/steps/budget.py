@@ -13,7 +13,10 @@ from beamchain.engine.forces import along_all
 from beamchain.engine.library import mujoco
 from beamchain.errors import EngineError
 from beamchain.ports.motions import Array
+from beamchain.steps.integrators import Complex
 from beamchain.steps.limits import LinearModel, oscillating, step_limits
+from beamchain.steps.modal import timing_marks
+from beamchain.steps.retime import without_timing
 
 HOST = "host RK4"  # a host that drives MuJoCo with its own explicit Runge-Kutta of order 4
 
@@ -25,7 +28,8 @@ class Budget:
     """Steps that a model allows; per integrator of the installed MuJoCo and for a host with RK4.
 
     Args:
-        frequencies, ratios: `(n,)` of its oscillating modes [rad/s], damping ratios.
+        frequencies, ratios: `(n,)` of its oscillating modes [rad/s], damping ratios; without
+            timing, where it was made exact in time.
         largest_step: [s]; infinity: no limit.
         accuracy: steps for 1 % and 0.1 % error of the lowest frequency [s].
         shown: `(n, 2)` frequency [rad/s] and damping ratio that the simulation shows at
@@ -128,6 +132,15 @@ def _holds_nothing(model: "mujoco.MjModel") -> bool:
     return not any(np.any(np.asarray(part) != 0.0) for part in parts)
 
 
+def _own_poles(model: "mujoco.MjModel", timed: Complex) -> Complex:
+    """The structure's own oscillating poles: those of the model without timing, one for each of
+    the `timed` ones, by frequency."""
+    if not any(timing_marks(model)):
+        return timed
+    plain = oscillating(linear_model(without_timing(model)).poles())
+    return plain if plain.size == timed.size else timed
+
+
 def budget(
     source: "str | Path | mujoco.MjModel", *, timestep: float | None = None, name: str | None = None
 ) -> Budget:
@@ -158,8 +171,9 @@ def budget(
             f"steps: {steps}."
         )
     h = float(model.opt.timestep) if timestep is None else timestep
-    frequencies = np.abs(wanted)
-    ratios = np.clip(-wanted.real / np.abs(wanted), 0.0, None)
+    own = _own_poles(model, wanted)
+    frequencies = np.abs(own)
+    ratios = np.clip(-own.real / np.abs(own), 0.0, None)
     ratios = np.where(ratios < 1e-9, 0.0, ratios)
     integrators = engine.integrators_of(model)
     largest = {integrator: limits.largest_step[integrator] for integrator in integrators}

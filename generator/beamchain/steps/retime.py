@@ -103,7 +103,7 @@ class Retimed:
         slow = [mode for mode in self.modes if mode.slowed]
         if not slow or self.model is None:
             return []
-        first = lowest_wrong(self.model, _without_timing(self.model), self.qpos)
+        first = lowest_wrong(self.model, without_timing(self.model), self.qpos)
         felt = "no pole of the spacecraft is off by more than 1e-3"
         if first is not None:
             felt = (
@@ -111,10 +111,7 @@ class Retimed:
                 f"the spacecraft is off by more than 1e-3, that one by {first.error:.2g} of |z - 1|"
             )
         if first is not None and first.damped_by:
-            felt += (
-                f" (joint {first.damped_by!r} damps it, whose damper or servo has the step's own "
-                "error)"
-            )
+            felt += f" (joint {first.damped_by!r} damps it, which timing cannot correct)"
         text = (
             f"{len(slow)} of {len(self.modes)} appendage modes are too fast for {self.integrator} "
             f"at {self.timestep:g} s on this spacecraft and were slowed; {felt}. Take a shorter "
@@ -132,7 +129,7 @@ class Retimed:
         if self.model is None:
             return None
         pose = np.array(self.model.qpos0) if self.qpos is None else self.qpos
-        return time_error(self.model, _without_timing(self.model), {"rest": pose})
+        return time_error(self.model, without_timing(self.model), {"rest": pose})
 
     @property
     def warnings(self) -> list[str]:
@@ -319,8 +316,8 @@ def time_cure(off: TimeError) -> str:
     """What helps where poles are off."""
     if off.damped_by:
         return (
-            f"Take a shorter step where that matters: joint {off.damped_by!r} damps it, and no "
-            "timing of appendages mends the error that its damper or servo has at the step."
+            f"Timing cannot correct what joint {off.damped_by!r} damps; take a shorter step where "
+            "that matters."
         )
     if off.integrator in ("implicit", "implicitfast"):
         return (
@@ -330,7 +327,7 @@ def time_cure(off: TimeError) -> str:
     return "Take a shorter step where that matters."
 
 
-def _without_timing(model: "mujoco.MjModel") -> "mujoco.MjModel":
+def without_timing(model: "mujoco.MjModel") -> "mujoco.MjModel":
     """A copy with the timing taken out."""
     out = copy.copy(model)
     take_out_joints(out)
