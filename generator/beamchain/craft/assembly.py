@@ -84,7 +84,14 @@ class Assembly:
                 else f"; the first, at {first.exact:.4g} rad/s, is off by {first.error:.1e}"
             )
             return f"no kept mode lies up to {self.band:.4g} rad/s{beyond}"
-        return f"worst of the kept modes up to {self.band:.4g} rad/s: {self.worst:.1e}"
+        said = f"worst of the kept modes up to {self.band:.4g} rad/s: {self.worst:.1e}"
+        missing = sum(
+            not m.kept and m.exact is not None and m.exact <= self.band for m in self.modes
+        )
+        if not missing:
+            return said
+        count = "one mode in the band is" if missing == 1 else f"{missing} modes in the band are"
+        return f"{said}; {count} left out"
 
     @property
     def judged(self) -> tuple[Mode, ...]:

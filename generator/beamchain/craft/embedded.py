@@ -332,7 +332,8 @@ class Embedded:
         if self.by_step:
             option = self.model.opt
             step = f"{NUMBERS[int(option.integrator)]} at {float(option.timestep):g} s"
-            said += f"; stepped by {step} {off_by(self.sampled_error)}"
+            moved = off_by(self.sampled_error)
+            said += f" in continuous time, and {moved} when stepped by {step}"
             said += " without the load" if self.loaded else ""
         if tolerance is None:
             return f"{said}; no tolerance was requested."
