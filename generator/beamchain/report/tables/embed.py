@@ -120,8 +120,8 @@ def coupled_table(assembly: "Assembly") -> Table:
     )
     beyond = any(m.kept and m.exact is not None and m.exact > assembly.band for m in modes)
     notes = (
-        f"Rows above {number(assembly.band)} rad/s are not judged: modes that are left out shift "
-        "them.",
+        f"Rows above {number(assembly.band)} rad/s are not judged; modes that are left out may "
+        "shift them.",
     )
     title = "Coupled modes of the whole spacecraft, without damping"
     return Table(title, columns, notes=notes if beyond else ())

@@ -64,6 +64,10 @@ def read_arrays(path: Path, subcase: int | None = None) -> tuple[Array, Array, l
         held = npz_arrays(path, wanted) if first == 0 else mat_arrays(path, wanted)
     except InputError:
         raise
+    except NotImplementedError:  # SciPy, of HDF5
+        raise InputError(
+            f"file {str(path)!r} is of MATLAB v7.3 (HDF5), which is not read; save it with -v7."
+        ) from None
     except Exception as error:  # zip, MATLAB and NumPy each raise their own kind
         raise InputError(
             f"file {str(path)!r} cannot be read ({type(error).__name__}: {error}); it is cut or of "
