@@ -76,17 +76,18 @@ def test_a_structure_that_points_inwards_is_told_its_axes(tmp_path):
 
 @pytest.mark.parametrize("more", ["", "length = 1.5\n"])
 def test_forgotten_axes_are_named_where_the_centre_is_slightly_outwards(more, tmp_path):
-    """A uniform boom of 1.2 m along the file's y, 1 cm off: its centre lies at x = 0.01 m."""
+    """A uniform panel of 1.2 m along the file's y, whose centre lies at x = 0.01 m."""
     off = 0.01
-    mass, length = 3.0, 1.2
+    mass, length, wide = 3.0, 1.2, 0.2  # kg, m; radius of gyration along x
     centre = np.array([off, length / 2.0, 0.0])
     arm = np.array(
         [[0.0, -centre[2], centre[1]], [centre[2], 0.0, -centre[0]], [-centre[1], centre[0], 0.0]]
     )
-    inertia = mass * length**2 / 12.0 * np.diag([1.0, 1e-3, 1.0]) - mass * arm @ arm
+    own = np.diag([length**2 / 12.0, wide**2, length**2 / 12.0 + wide**2])
+    inertia = mass * own - mass * arm @ arm
     # x, y, z, rotations: a rigid body's matrix about the root
     matrix = np.block([[mass * np.eye(3), -mass * arm], [mass * arm, inertia]])
-    row = [0.0, 0.0, 1.2, 0.8, 0.0, 0.0]
+    row = [0.0, 0.0, 1.2, 1.2 * 0.87, -1.2 * off, 0.0]
     document = {"frequencies": [9.0], "participation": [[v] for v in row], "mass": matrix.tolist()}
     (tmp_path / "modes.json").write_text(json.dumps(document))
     spec = tmp_path / "spec.toml"
