@@ -267,7 +267,7 @@ def _show(result: "Embedded") -> None:
         out.print(line)
     if result.loaded or (result.by_step and len(result.promise.poses) > 1):
         print_table(pose_table(result))
-    out.print(assembly.worst_told)
+    out.print(result.modes_told)
     for item in result.appendages:
         scene = item.fit.spec.scene
         promise = item.fit.promise

@@ -340,6 +340,12 @@ class Embedded:
         return f"{said}, {tolerance_statement(self._decisive, tolerance)}."
 
     @property
+    def modes_told(self) -> str:
+        """How far the kept modes are off, and unless the tolerance is met how many are left out."""
+        told = [self.assembly.worst_told, "" if self.met else self.assembly.left_out_told]
+        return "; ".join(filter(None, told))
+
+    @property
     def _load_words(self) -> str:
         """What acts at the worst pose, or that nothing does."""
         worst = max(self.promise.poses, key=lambda name: self.promise.poses[name])
