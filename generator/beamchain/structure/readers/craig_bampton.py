@@ -77,8 +77,7 @@ def read_arrays(path: Path, subcase: int | None = None) -> tuple[Array, Array, l
     for key, names in {**NAMES, "boundary": BOUNDARY}.items():
         name = next((n for n in names if n in held), None)
         if name is None:
-            every = names_held(path)
-            have = ", ".join(every[:LISTED]) + (", ..." if len(every) > LISTED else "")
+            have = listed(names_held(path))
             raise InputError(
                 f"file {str(path)!r} holds no {key} (tried {', '.join(names)}; it holds "
                 f"{have or 'nothing'}); add it, or rename what it holds."
@@ -86,6 +85,11 @@ def read_arrays(path: Path, subcase: int | None = None) -> tuple[Array, Array, l
         found[key] = held[name]
     boundary = [int(v) - first for v in np.ravel(found["boundary"])]
     return _dense(found["mass"], path.name), _dense(found["stiffness"], path.name), boundary
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names of what a file holds, for a message."""
+    return ", ".join(names[:LISTED]) + (", ..." if len(names) > LISTED else "")
 
 
 def _dense(matrix: Any, name: str) -> Array:
