@@ -349,6 +349,39 @@ def test_a_step_that_misses_poles_says_first_what_helps(folder):
     assert "exact in time" not in out
 
 
+def test_a_mode_that_is_left_out_in_the_band_is_named(folder):
+    Path("craft.xml").write_text(CRAFT.replace('timestep="0.001"', 'timestep="0.02"'))
+    wing(modes=[1, 2, 3, 4, 6])
+    status, out, _ = call("fit", "spec.toml", "-o", "out")
+    said = " ".join(out.split())
+    named = f"mode 5 of the file ({FREQUENCIES[4]:.4g} rad/s) lies in the band and is not kept"
+    assert status == 0
+    assert said.count("lies in the band") == 1
+    assert named in said
+    status, out, _ = call(
+        "embed", "craft.xml", "--at", "mount=spec.toml", "-o", "f.xml", "--retime"
+    )
+    said = " ".join(out.split())
+    assert status == 0
+    assert "; one mode in the band is left out" in said
+    assert "in continuous time, and by" in said
+    assert "when stepped by Euler at 0.02 s" in said
+    assert "timing for Euler at 0.02 s; the modes in this table are without it" in said
+    wing()
+    assert "lies in the band" not in call("fit", "spec.toml", "-o", "out", "--force").out
+    words = ("embed", "craft.xml", "--at", "mount=spec.toml", "-o", "f.xml", "--force")
+    out = call(*words, "--no-retime").out
+    assert "in the band is left out" not in out
+    assert "timing for" not in out
+
+
+def test_a_wing_that_runs_through_the_bus_is_noted(folder):
+    outwards = CRAFT.replace('pos="0.8 0.2 0.1"', 'pos="0.1 0.9 0"')
+    inwards = outwards.replace('xyaxes="0 1 0 -1 0 0"', 'xyaxes="0 -1 0 1 0 0"')
+    assert "points-inward" not in codes(bc.embed(outwards, {"mount": wing()}).warnings)
+    assert "points-inward" in codes(bc.embed(inwards, {"mount": wing()}).warnings)
+
+
 def test_init_writes_a_delivery_that_fits(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert call("init", "wing")[0] == 0
@@ -379,6 +412,30 @@ def test_the_command_says_where_the_delivery_of_init_is_held(tmp_path, monkeypat
     assert "rigid body by" not in said  # 1e-12 of rounding is not worth a sentence
     assert "grids 1, 2 of wing.asm held as one rigid body" in said
     assert "(800, -900, 350): place the spacecraft's site there" in said
+
+
+def test_a_heavy_bus_on_a_slide_joint_gives_the_1_g_case(folder):
+    """Mass and first moment of the mesh times 9.81 m/s^2, held until the wing has settled."""
+    slide = CRAFT.replace("<freejoint/>", '<joint type="slide" axis="0 0 1"/>')
+    slide = slide.replace('mass="200"', 'mass="1e7"').replace('"0.001"', '"0.002"')
+    flexible = bc.embed(slide, {"mount": wing(0.3)})
+    model, data = flexible.model, mujoco.MjData(flexible.model)
+    total = float(np.sum(model.body_mass))
+    for _ in range(6000):
+        ramp = np.sin(np.pi * min(data.time / 8.0, 1.0) / 2.0) ** 2
+        data.qfrc_applied[0] = 9.81 * total * ramp
+        mujoco.mj_step(model, data)
+    found = flexible.recover(data, "mount", rows=foot_rows())
+    mass = rigid_mass()
+    weight = 9.81e3 * mass[2, 2]  # t to kg
+    print(found.root_force[0], weight, found.root_moment[0], 9.81 * mass[2, 3:])  # noqa: T201
+    assert found.root_force[0] == pytest.approx([0.0, 0.0, -weight], abs=2e-5 * weight)
+    # about the appendage's y; the wing hangs bent, which shortens its arm
+    arm = 9.81 * abs(mass[2, 3])
+    assert abs(found.root_moment[0, 1]) == pytest.approx(arm, rel=2e-3)
+    feet = found.rows[0, :12]
+    force = (feet[:3] + feet[6:9] @ se.FEET_TURN) @ AXES.T
+    assert force == pytest.approx(found.root_force[0], abs=2e-5 * weight)
 
 
 def test_feet_lack_the_centrifugal_force_of_a_spin(folder):

@@ -56,6 +56,11 @@ def test_rescaled_modes_are_normalised(tmp_path):
     assert any("generalized mass" in step for step in data.steps)
 
 
+def test_the_reference_point_is_stated(tmp_path):
+    steps = read_modes(written(tmp_path, whole(PLATE)), units=UNITS).steps
+    assert "the file's reference point is the origin of the basic axes" in steps
+
+
 def test_exponents_without_a_letter_and_with_d(tmp_path):
     content = whole(PLATE).replace("0.000000E+00", "1.234567-101").replace("E-05", "D-05")
     data = read_modes(written(tmp_path, content), units=UNITS)

@@ -72,3 +72,45 @@ def test_a_structure_that_points_inwards_is_told_its_axes(tmp_path):
     assert "length = -" not in str(refused.value)
     axes = json.loads(str(refused.value).partition("axes = ")[2].rstrip("."))
     assert bc.fit(bc.read_modes(path, axes=axes)).status.ok
+
+
+@pytest.mark.parametrize("more", ["", "length = 1.5\n"])
+def test_forgotten_axes_are_named_where_the_centre_is_slightly_outwards(more, tmp_path):
+    """A uniform panel of 1.2 m along the file's y, whose centre lies at x = 0.01 m."""
+    off = 0.01
+    mass, length, wide = 3.0, 1.2, 0.2  # kg, m; radius of gyration along x
+    centre = np.array([off, length / 2.0, 0.0])
+    arm = np.array(
+        [[0.0, -centre[2], centre[1]], [centre[2], 0.0, -centre[0]], [-centre[1], centre[0], 0.0]]
+    )
+    own = np.diag([length**2 / 12.0, wide**2, length**2 / 12.0 + wide**2])
+    inertia = mass * own - mass * arm @ arm
+    # x, y, z, rotations: a rigid body's matrix about the root
+    matrix = np.block([[mass * np.eye(3), -mass * arm], [mass * arm, inertia]])
+    row = [0.0, 0.0, 1.2, 1.2 * 0.87, -1.2 * off, 0.0]
+    document = {"frequencies": [9.0], "participation": [[v] for v in row], "mass": matrix.tolist()}
+    (tmp_path / "modes.json").write_text(json.dumps(document))
+    spec = tmp_path / "spec.toml"
+    text = 'name = "boom"\n[imported]\nfile = "modes.json"\n'
+    spec.write_text(text + more)
+    with pytest.raises(bc.InputError, match=r"farther beside x than along it.*axes = ") as refused:
+        bc.fit(spec)
+    assert "length =" not in str(refused.value)
+    axes = str(refused.value).partition("axes = ")[2].rstrip(".")
+    spec.write_text(f"{text}axes = {axes}\n{more}")
+    assert bc.fit(spec).status.ok
+
+
+def test_a_body_that_lies_beside_x_is_taken_where_x_holds_it(tmp_path):
+    """With the inertia along x of a uniform piece of 0.4 m, whose centre lies farther aside."""
+    mass, length, aside = 3.0, 0.4, 0.5
+    centre = np.array([length / 2.0, aside, 0.0])
+    arm = np.array(
+        [[0.0, -centre[2], centre[1]], [centre[2], 0.0, -centre[0]], [-centre[1], centre[0], 0.0]]
+    )
+    inertia = mass * length**2 / 12.0 * np.diag([1e-3, 1.0, 1.0]) - mass * arm @ arm
+    matrix = np.block([[mass * np.eye(3), -mass * arm], [mass * arm, inertia]])
+    row = [0.0, 0.0, 1.0, 0.5, -0.2, 0.0]
+    document = {"frequencies": [9.0], "participation": [[v] for v in row], "mass": matrix.tolist()}
+    (tmp_path / "modes.json").write_text(json.dumps(document))
+    assert bc.fit(bc.read_modes(tmp_path / "modes.json")).status.ok

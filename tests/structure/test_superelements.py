@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import io
 
 import beamchain as bc
 import superelements as se
@@ -98,8 +99,28 @@ def test_arrays_with_several_grids_in_their_boundary(delivery):
         boundary=np.arange(22, 40),
     )
     check_against_mesh(bc.read_modes(delivery / "boom.npz", asm=delivery / "boom.asm"))
-    with pytest.raises(bc.InputError, match="must name six different freedoms.*give the places by"):
+    with pytest.raises(
+        bc.InputError, match="counted from 0, must name six different freedoms.*give their places"
+    ):
         bc.read_modes(delivery / "boom.npz")
+
+
+def test_what_a_file_of_arrays_holds_is_listed_as_it_counts(tmp_path):
+    """A .mat counts from 1, names of its own are listed, and v7.3 is named."""
+    arrays = {"M": FOUND.mass, "K": FOUND.stiffness, "boundary": np.arange(1, 19)}
+    io.savemat(tmp_path / "boom.mat", arrays)
+    with pytest.raises(bc.InputError, match=r"boundary = \[1, 2, .* 18\], counted from 1, must"):
+        bc.read_modes(tmp_path / "boom.mat")
+    own = {"Mcb": FOUND.mass, "Kcb": FOUND.stiffness, "bset": np.arange(1, 19)}
+    io.savemat(tmp_path / "own.mat", own)
+    np.savez(tmp_path / "own.npz", **own)
+    for name in ("own.mat", "own.npz"):
+        with pytest.raises(bc.InputError, match="holds no mass .*it holds Mcb, Kcb, bset.*rename"):
+            bc.read_modes(tmp_path / name)
+    head = b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM"
+    (tmp_path / "new.mat").write_bytes(head + bytes(600))
+    with pytest.raises(bc.InputError, match=r"MATLAB v7.3 .*save it with -v7"):
+        bc.read_modes(tmp_path / "new.mat")
 
 
 def test_the_order_that_a_punch_file_beside_states_is_taken(delivery):
@@ -241,7 +262,7 @@ def test_mistakes_of_a_delivery_get_their_cure(wing):
     refused(path, "or mass and stiffness are exchanged")
 
     path.write_bytes(se.op4_binary({"KRED": WING_STIFFNESS, "MRED": WING_MASS}))
-    refused(path, "holds no mass .*write it with EXTSEOUT, or rename the matrices")
+    refused(path, "holds no mass .*it holds KRED, MRED.*write it with EXTSEOUT, or rename the matrices")
 
     modes_first = np.r_[12:26, :12]
     turned = {name: one[np.ix_(modes_first, modes_first)] for name, one in matrices.items()}

@@ -249,6 +249,8 @@ def _show(result: "Embedded") -> None:
         coupled_table,
         pose_table,
     )
+    from beamchain.report.tables.steps import timing_sentences
+    from beamchain.steps.modal import timing_marks
 
     out = console()
     assembly = result.assembly
@@ -260,17 +262,20 @@ def _show(result: "Embedded") -> None:
         out.print(line, markup=False)
     print_table(appendage_table(result))
     print_table(coupled_table(assembly))
+    made = [mark for mark in timing_marks(result.model) if mark is not None]
+    for line in timing_sentences(made, "the modes in this table are without it"):
+        out.print(line)
     if result.loaded or (result.by_step and len(result.promise.poses) > 1):
         print_table(pose_table(result))
-    out.print(assembly.worst_told)
+    out.print(result.modes_told)
     for item in result.appendages:
         scene = item.fit.spec.scene
         promise = item.fit.promise
         if scene is not None and scene.bandwidth is not None and promise is not None:
             out.print(
-                f"{item.at}: what its scene asks for ({', '.join(scene.axes)} up to "
-                f"{scene.bandwidth:g} rad/s within {scene.tolerance:g}) is kept to {promise:.2e} "
-                "by this appendage alone on what carries it.",
+                f"{item.at}: this appendage alone, on the body that carries it, is within "
+                f"{promise:.2e} of what its scene asks for ({', '.join(scene.axes)} up to "
+                f"{scene.bandwidth:g} rad/s within {scene.tolerance:g}).",
                 markup=False,
             )
     print_warnings(result.warnings, "note")

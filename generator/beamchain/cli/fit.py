@@ -71,11 +71,13 @@ def _show(result: "Fit") -> None:
     out = console()
     print_headed(result.spec.name, result.status.message)
     out.print(result.headline)
+    for line in tables.left_out_sentences(result):
+        out.print(line, markup=False)
     if result.spec.root.hub is None:
         out.print(assumed_hub(result.mass_line))
     if result.space is not None:
         for step in result.space.data.steps:
-            if "held as one rigid body" in step:
+            if "reference point is" in step:
                 imported = result.spec.imported
                 moved = imported is not None and any(imported.reference)
                 place = "`reference` away from it" if moved else "there"

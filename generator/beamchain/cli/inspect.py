@@ -60,7 +60,7 @@ def inspect(
 
 def _show(found: "Inspection") -> None:
     from beamchain.report.tables import inspect as tables
-    from beamchain.report.tables.steps import step_table
+    from beamchain.report.tables.steps import step_table, timing_sentences
 
     out = console()
     print_headed(
@@ -75,11 +75,9 @@ def _show(found: "Inspection") -> None:
         print_table(tables.spring_table(found))
     if found.tendons:
         print_table(tables.tendon_table(found))
-    for made in found.made_for:
-        out.print(
-            f"the appendages have timing for {made.integrator} at {made.timestep:g} s; modes and "
-            "steps in these tables are without it, and --prove says what it keeps"
-        )
+    without = "modes and steps in these tables are without it, and --prove says what it keeps"
+    for line in timing_sentences(found.made_for, without):
+        out.print(line)
     print_warnings(found.warnings, "note")
     title = f"Largest time steps (the model asks for {found.integrator}, {found.timestep:g} s)"
     print_table(step_table(found.limits, title))

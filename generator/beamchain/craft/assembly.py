@@ -87,6 +87,17 @@ class Assembly:
         return f"worst of the kept modes up to {self.band:.4g} rad/s: {self.worst:.1e}"
 
     @property
+    def left_out_told(self) -> str:
+        """How many modes in the band are left out, in words; empty where none is."""
+        missing = sum(
+            not m.kept and m.exact is not None and m.exact <= self.band for m in self.modes
+        )
+        if not missing:
+            return ""
+        count = "one mode in the band is" if missing == 1 else f"{missing} modes in the band are"
+        return f"{count} left out"
+
+    @property
     def judged(self) -> tuple[Mode, ...]:
         """The kept modes within the band."""
         return tuple(

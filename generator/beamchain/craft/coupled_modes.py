@@ -79,7 +79,7 @@ def coupled_modes(pose: Pose, compiled: Linear, band: float) -> tuple[Mode, ...]
             exact=float(w),
             mujoco=float(ours.frequency[partner[j]]) if j in partner else None,
             kept=bool(kept[j]),
-            words=mode_words(pose, shapes[:, j]) if w <= band else "",
+            words=mode_words(pose, shapes[:, j]) if w <= band or kept[j] else "",
         )
         for j, w in enumerate(exact.frequency)
         if j in partner or w <= band

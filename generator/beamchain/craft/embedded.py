@@ -333,11 +333,18 @@ class Embedded:
         if self.by_step:
             option = self.model.opt
             step = f"{NUMBERS[int(option.integrator)]} at {float(option.timestep):g} s"
-            said += f"; stepped by {step} {off_by(self.sampled_error)}"
+            moved = off_by(self.sampled_error)
+            said += f" in continuous time, and {moved} when stepped by {step}"
             said += " without the load" if self.loaded else ""
         if tolerance is None:
             return f"{said}; no tolerance was requested."
         return f"{said}, {tolerance_statement(self._decisive, tolerance)}."
+
+    @property
+    def modes_told(self) -> str:
+        """How far the kept modes are off, and unless the tolerance is met how many are left out."""
+        told = [self.assembly.worst_told, "" if self.met else self.assembly.left_out_told]
+        return "; ".join(filter(None, told))
 
     @property
     def _load_words(self) -> str:

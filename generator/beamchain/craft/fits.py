@@ -77,7 +77,11 @@ def fit_all(
                 hub, apparent=tuple(tuple(float(v) for v in row) for row in felt[name])
             )
         warnings += _notes(name, spec, place, hub)
-        if ":" not in name and _points_inward(model, place, spec):
+        warnings += hanging_notes(model, place, Item(place.body, spec, carries))
+        result = fits.ready.get(name)
+        if result is None or not _same_hub(result, hub):
+            result = fits(name, spec, Root(target=spec.root.target, hub=hub))
+        if ":" not in name and _points_inward(model, place, result):
             text = (
                 f"the appendage at {name} runs to the other side of the spacecraft's centre of "
                 f"mass: does the x axis of {name} point outwards?"
@@ -85,10 +89,6 @@ def fit_all(
             warnings.append(Caution("points-inward", text))
         if ":" not in name:
             warnings += _far(model, name, place)
-        warnings += hanging_notes(model, place, Item(place.body, spec, carries))
-        result = fits.ready.get(name)
-        if result is None or not _same_hub(result, hub):
-            result = fits(name, spec, Root(target=spec.root.target, hub=hub))
         out.append(
             Appendage(
                 name,
@@ -125,16 +125,18 @@ def fit_all(
     return appendages, warnings, steps
 
 
-def _points_inward(model: "mujoco.MjModel", place: mounting.Mount, spec: Spec) -> bool:
+def _points_inward(model: "mujoco.MjModel", place: mounting.Mount, fit: Fit) -> bool:
     """Whether an appendage starts towards the centre of mass of what it stands on, passes it
     closely, and ends behind it."""
-    if not spec.is_beam or not model.body_rootid[place.body]:
+    is_long = fit.spec.is_beam or fit.spec.imported is not None
+    if not is_long or not model.body_rootid[place.body]:
         return False
+    length = fit.mass_line.length
     centre = rest(model).subtree_com[model.body_rootid[place.body]]
     way = np.asarray(centre - place.origin, dtype=np.float64)
     ahead = float(way @ place.axes[:, 0])
     aside = float(np.linalg.norm(way - ahead * place.axes[:, 0]))
-    return CLOSE * spec.beam.length < ahead < spec.beam.length and aside < ahead / 2.0
+    return CLOSE * length < ahead < length and aside < ahead / 2.0
 
 
 def _far(model: "mujoco.MjModel", name: str, place: mounting.Mount) -> Iterator[str]:

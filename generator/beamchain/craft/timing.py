@@ -109,22 +109,23 @@ def time_notes(
     step = f"{name} at {float(model.opt.timestep):g} s"
     if name == "RK4":
         return []
-    mean = "give actuators the mean of this and the last input (in Python bc.HeldInput)."
+    said = ["feed each actuator the mean of the current and the previous input (bc.HeldInput)"]
     if changed := _stiffness_change(model):
-        mean = f"stiffnesses of modes changed by up to {changed:.2g}; {mean}"
+        said.insert(0, f"stiffnesses of modes changed by up to {changed:.2g}")
     if with_timing.exact:
         text = (
             f"the appendages are exact in time for {step} ({reason}; with timing "
-            f"{with_timing.error:.1e}); {mean}"
+            f"{with_timing.error:.1e}); {'; '.join(said)}."
         )
         return [Caution("exact-in-time", text)]
+    after = ". ".join(f"{text[0].upper()}{text[1:]}" for text in said)
     without = without_timing.words
     if motion_at(untimed).growth > 1.0 + GROWN:
         without = "unstable at this step"
     text = (
         f"the appendages have timing for {step} ({reason}), but not every pole is exact. Worst of "
         f"those up to the highest mode kept, with timing: {with_timing.words}; without: {without}. "
-        f"{time_cure(with_timing)} Inputs: {mean}"
+        f"{time_cure(with_timing)} {after}."
     )
     return [Caution("time-error", text)]
 

@@ -477,7 +477,7 @@ def _check_body(data: ModalData) -> None:
             f"up to {ALMOST_BODY:.0e} is taken for rounding: check that the a-set holds all six "
             "freedoms of every interface grid and that mass and stiffness are of the same freedoms"
             if matrices
-            else "give the mass of the grid point weight generator"
+            else "give the mass of the grid point weight generator (PARAM,GRDPNT,0)"
         )
         raise RealisationError(
             f"the rigid mass matrix differs by {miss:.1e} from a rigid body's (its mass depends on "

@@ -327,7 +327,7 @@ class Fit:
             said = f"in-band error {error:.2e}" + (
                 "" if band is None else f" up to {band:.4g} rad/s"
             )
-            said += ", rigid" if port is None else " of what the scene asks for"
+            said += ", rigid" if port is None else ", in the motions the scene asks for"
         else:
             said = f"in-band error {error:.2e} up to {self.bandwidth[port]:.4g} rad/s ({port}"
             ports = len(self.readback_error)

@@ -321,8 +321,8 @@ def time_cure(off: TimeError) -> str:
         )
     if off.integrator in ("implicit", "implicitfast"):
         return (
-            f"Use Euler, or a shorter step: {off.integrator} cannot give modes with a damping "
-            "ratio above omega h/12 their own pole; Euler can."
+            f"Use Euler, or a shorter step: {off.integrator} cannot reproduce the pole of a mode "
+            "whose damping ratio exceeds omega h/12; Euler can."
         )
     return "Take a shorter step where that matters."
 

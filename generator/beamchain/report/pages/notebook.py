@@ -63,7 +63,7 @@ def embedded_text(embedded: "Embedded") -> str:
 def embedded_html(embedded: "Embedded") -> str:
     """Where the appendages are, the coupled modes, the warnings."""
     places = [f"{a.spec.name} at {a.at} ({a.fit.kept_for} target)" for a in embedded.appendages]
-    notes = [embedded.headline, embedded.assembly.worst_told]
+    notes = [embedded.headline, embedded.modes_told]
     notes += [f"note: {text}" for text in embedded.warnings]
     return table_html(coupled_table(embedded.assembly), notes, title=", ".join(places))
 

@@ -118,7 +118,13 @@ def coupled_table(assembly: "Assembly") -> Table:
         Column("kept", [mode.kept for mode in modes], key="kept", place="record"),
         Column("what moves", [mode.words for mode in modes], key="moving"),
     )
-    return Table("Coupled modes of the whole spacecraft, without damping", columns)
+    beyond = any(m.kept and m.exact is not None and m.exact > assembly.band for m in modes)
+    notes = (
+        f"Rows above {number(assembly.band)} rad/s are not judged; modes that are left out may "
+        "shift them.",
+    )
+    title = "Coupled modes of the whole spacecraft, without damping"
+    return Table(title, columns, notes=notes if beyond else ())
 
 
 def keyframe_table(assembly: "Assembly", modes: "Sequence[Mode]", key: str) -> Table:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamchain.fitting.hub import port_hub_mass
+from beamchain.ports.motions import PORTS
 from beamchain.report.curves import CHAIN, CLASSICAL
 from beamchain.report.formats import (
     damping_ratio,
@@ -64,6 +65,24 @@ class MatchedMode:
     target_damping: float
     damping: float
     tip_error: float | None
+
+
+def left_out_sentences(fit: "Fit") -> list[str]:
+    """The modes of the file that a specification leaves out by number within the band."""
+    space = fit.space
+    if space is None or fit.choice is not None:
+        return []
+    data = space.data
+    out: list[str] = []
+    for k in range(data.modes):
+        moved = [port for port, part in zip(PORTS, data.parts[k], strict=True) if part > 0.0]
+        band = max((fit.bandwidth.get(port, 0.0) for port in moved), default=0.0)
+        omega = float(data.frequencies[k])
+        if k + 1 not in space.numbers and omega <= band:
+            out.append(
+                f"mode {k + 1} of the file ({omega:.4g} rad/s) lies in the band and is not kept"
+            )
+    return out
 
 
 def matched_modes(fit: "Fit", port: str) -> list[MatchedMode]:

@@ -1,6 +1,6 @@
 """Tables of time steps: what each integrator of MuJoCo allows."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Protocol
 
 from beamchain.report.formats import step_text
@@ -35,6 +35,28 @@ def step_table(limits: Limits, title: str = "Largest time step") -> Table:
         Column("within 0.1 % up to", within_tenth, "s", step_text),
     )
     return Table(title, columns)
+
+
+class Timed(Protocol):
+    """A step [s] and integrator for which appendages have timing."""
+
+    @property
+    def timestep(self) -> float:
+        """The step."""
+        ...
+
+    @property
+    def integrator(self) -> str:
+        """The integrator."""
+        ...
+
+
+def timing_sentences(made_for: Iterable[Timed], without: str) -> list[str]:
+    """What appendages have timing for, and what of the tables is `without` it."""
+    return [
+        f"the appendages have timing for {made.integrator} at {made.timestep:g} s; {without}"
+        for made in dict.fromkeys(made_for)
+    ]
 
 
 def step_sentence(limits: Limits) -> str:

@@ -141,6 +141,14 @@ def mat_arrays(
     return {name: arrays[name] for name, _ in held}
 
 
+def names_held(path: Path) -> list[str]:
+    """Names of all arrays of an .npz or .mat file."""
+    if path.suffix.lower() == ".mat":
+        return [str(name) for name, _, _ in io.whosmat(str(path))]
+    with zipfile.ZipFile(path) as archive:
+        return [name.removesuffix(".npy") for name in archive.namelist()]
+
+
 def _too_large(path: Path, unpacked: int) -> InputError:
     return InputError(
         f"file {str(path)!r} unpacks to more than {unpacked} bytes; write less into one file."

@@ -17,7 +17,7 @@ from beamchain.caution import Caution
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
 from beamchain.structure.modal_data import FurtherPoint, ModalData
-from beamchain.structure.readers.bounded import check_size, mat_arrays, npz_arrays
+from beamchain.structure.readers.bounded import check_size, mat_arrays, names_held, npz_arrays
 from beamchain.structure.rigid_body import body_above, body_departure
 
 LARGEST = 4000  # freedoms; beyond that reduce in the program that made the model
@@ -39,12 +39,14 @@ NAMES = {
     "stiffness": ("stiffness", "K", "k", "KAA", "kaa"),
 }
 BOUNDARY = ("boundary", "b", "bset")
+LISTED = 20  # names of a file in a message
 
 
 def read(path: Path, subcase: int | None = None) -> ModalData:
     """Modal data of a .npz (freedoms from 0) or .mat file (from 1)."""
     mass, stiffness, boundary = read_arrays(path, subcase)
-    return from_matrices(mass, stiffness, boundary, path.name)
+    first = 0 if path.suffix.lower() == ".npz" else 1
+    return from_matrices(mass, stiffness, boundary, path.name, first=first)
 
 
 def read_arrays(path: Path, subcase: int | None = None) -> tuple[Array, Array, list[int]]:
@@ -62,6 +64,10 @@ def read_arrays(path: Path, subcase: int | None = None) -> tuple[Array, Array, l
         held = npz_arrays(path, wanted) if first == 0 else mat_arrays(path, wanted)
     except InputError:
         raise
+    except NotImplementedError:  # SciPy, of HDF5
+        raise InputError(
+            f"file {str(path)!r} is of MATLAB v7.3 (HDF5), which is not read; save it with -v7."
+        ) from None
     except Exception as error:  # zip, MATLAB and NumPy each raise their own kind
         raise InputError(
             f"file {str(path)!r} cannot be read ({type(error).__name__}: {error}); it is cut or of "
@@ -71,14 +77,19 @@ def read_arrays(path: Path, subcase: int | None = None) -> tuple[Array, Array, l
     for key, names in {**NAMES, "boundary": BOUNDARY}.items():
         name = next((n for n in names if n in held), None)
         if name is None:
-            have = ", ".join(sorted(held)) or "nothing of that kind"
+            have = listed(names_held(path))
             raise InputError(
-                f"file {str(path)!r} holds no {key} (tried {', '.join(names)}; it holds {have}); "
-                "add it."
+                f"file {str(path)!r} holds no {key} (tried {', '.join(names)}; it holds "
+                f"{have or 'nothing'}); add it, or rename what it holds."
             )
         found[key] = held[name]
     boundary = [int(v) - first for v in np.ravel(found["boundary"])]
     return _dense(found["mass"], path.name), _dense(found["stiffness"], path.name), boundary
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names of what a file holds, for a message."""
+    return ", ".join(names[:LISTED]) + (", ..." if len(names) > LISTED else "")
 
 
 def _dense(matrix: Any, name: str) -> Array:
@@ -130,6 +141,7 @@ def from_matrices(
     name: str = "matrices",
     *,
     precision: float = FULL,
+    first: int = 0,
 ) -> ModalData:
     """Modal data from mass and stiffness `(d, d)`.
 
@@ -138,10 +150,11 @@ def from_matrices(
         boundary: the port's six freedoms, from 0, or any number that one rigid body holds.
         name: of the file, for messages.
         precision: relative, of the numbers.
+        first: number of the first freedom in the file, for messages.
     """
     d = mass.shape[0]
     if not isinstance(boundary, Boundary):
-        _check_boundary(boundary, d, name)
+        _check_boundary(boundary, d, name, first)
         boundary = Boundary(tuple(boundary), np.eye(6))
     _check_matrices(mass, stiffness, name)
     mass, stiffness = (mass + mass.T) / 2.0, (stiffness + stiffness.T) / 2.0
@@ -231,13 +244,13 @@ def _almost_body(rigid: Array, precision: float) -> tuple[Array, str]:
     return body_above(rigid), Caution("almost-rigid", text)
 
 
-def _check_boundary(boundary: Sequence[int], d: int, name: str) -> None:
+def _check_boundary(boundary: Sequence[int], d: int, name: str, first: int) -> None:
     """Six different freedoms, where no grids say more."""
     if len(boundary) != 6 or len(set(boundary)) != 6 or not all(0 <= b < d for b in boundary):
         raise InputError(
-            f"{name}: boundary = {list(boundary)} must name six different freedoms of the {d} (x, "
-            "y, z and rotations of the port); of several interface grids give the places by grids, "
-            "or tie them to one first (RBE2)."
+            f"{name}: boundary = {[b + first for b in boundary]}, counted from {first}, must name "
+            f"six different freedoms of the {d} (x, y, z and rotations of the port); for several "
+            "interface grids, give their places in `grids`, or tie them to one first (RBE2)."
         )
 
 

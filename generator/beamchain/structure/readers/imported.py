@@ -11,7 +11,7 @@ import numpy as np
 from beamchain.checks import Struct, field, whole_number
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
-from beamchain.structure.mass_line import default_length
+from beamchain.structure.mass_line import default_length, spread_mass
 from beamchain.structure.modal_data import ModalData
 from beamchain.structure.readers import READERS, read_modes
 from beamchain.structure.readers.superelement import InterfaceGrid
@@ -145,7 +145,7 @@ class Imported(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             ports=self.ports,
         )
         if not data.states_line:
-            check_outwards(data, np.array(self.axes))
+            check_outwards(data, np.array(self.axes), self.length)
         return with_length(data, self.length)
 
 
@@ -169,9 +169,15 @@ def with_length(data: ModalData, length: float | None) -> ModalData:
     return replace(data, length=uniform_length, steps=(*data.steps, step))
 
 
-def check_outwards(data: ModalData, axes: Array | None = None) -> None:
-    """The mass centre lies on the side of the root to which x points; `axes` `(3, 3)`: rows of the
-    present axes in those of the file, which are the same where left out.
+def check_outwards(data: ModalData, axes: Array | None = None, length: float | None = None) -> None:
+    """The mass centre lies on the side of the root to which x points, and not beside x where no
+    mass along x has the moments.
+
+    Args:
+        data: modes and rigid mass.
+        axes: `(3, 3)` rows of the present axes in those of the file, which are the same where left
+            out.
+        length: of the appendage, where one is stated [m].
 
     Raises:
         InputError: it does not; the message proposes `axes` in which it does.
@@ -185,16 +191,33 @@ def check_outwards(data: ModalData, axes: Array | None = None) -> None:
     centre /= 2.0
     gyration = float(np.sqrt(np.trace(data.rigid_mass[3:, 3:]) / mass))
     # a body that is centred on its root has no outward side
-    if centre[0] > 0.0 or np.linalg.norm(centre) <= CENTRED * gyration:
+    if np.linalg.norm(centre) <= CENTRED * gyration:
         return
+    if centre[0] > 0.0:
+        if np.max(np.abs(centre[1:])) <= centre[0] or _has_line(data.rigid_mass, length):
+            return
+        fault = "farther beside x than along it, and no mass along x has its inertia"
+    else:
+        fault = "not outwards along x"
     where = ", ".join(f"{axis} = {x:.6g}" for axis, x in zip("xyz", centre, strict=True))
     turned = proposed_axes(centre) @ (np.eye(3) if axes is None else axes)
     proposed = [[round(float(x), 9) + 0.0 for x in row] for row in turned]
     raise InputError(
-        f"{data.source}: the mass centre lies at {where} m from the root, not outwards along x; x "
+        f"{data.source}: the mass centre lies at {where} m from the root, {fault}; x "
         "must point from the root outwards: check reference (the port), and if that is right give "
         f"axes = {proposed}."
     )
+
+
+def _has_line(rigid_mass: Array, length: float | None) -> bool:
+    """Whether mass along x has the moments of a body, on the stated length or an estimated one."""
+    for tried in {default_length(rigid_mass), length or default_length(rigid_mass)}:
+        try:
+            spread_mass(rigid_mass, tried)
+        except InputError:
+            continue
+        return True
+    return False
 
 
 def proposed_axes(centre: Array) -> Array:

@@ -287,8 +287,8 @@ def _assemble(path: Path, number: int, case: _Subcase, shared: _Subcase) -> Moda
     rigid_mass, mass_steps = _mass(path, case, shared, participation)
     steps += mass_steps
     point = case.points.get("modes", "the origin")
-    if point != "the origin":
-        steps.append(f"the print's reference point is {point}: `reference` counts from there")
+    basic = "the origin of the basic axes"
+    steps.append(f"the file's reference point is {basic if point == 'the origin' else point}")
     return ModalData(
         rigid_mass, omega, participation, precision=PRECISION, source=path.name, steps=tuple(steps)
     )

@@ -21,6 +21,7 @@ from beamchain.structure.readers.craig_bampton import (
     Boundary,
     FreePoint,
     from_matrices,
+    listed,
     read_arrays,
 )
 from beamchain.structure.readers.nastran_bulk import (
@@ -116,7 +117,7 @@ def read(path: Path, subcase: int | None, interface: Interface) -> ModalData:
         return _from_arrays(path, interface)
     others: set[str] = set()
     matrices = read_op4(path, {*MASS, *STIFFNESS}, others)
-    mass, stiffness = _chosen(path, matrices)
+    mass, stiffness = _chosen(path, matrices, others)
     size = mass.values.shape[0]
     if interface.grids:
         rows, points = _stated_rows(interface.grids, size, path.name)
@@ -150,7 +151,7 @@ def _from_punch(path: Path, interface: Interface) -> ModalData:
     """A punch file: its matrices name grids and components, whose places are in it or beside it."""
     bulk = read_bulk(path)
     matrices, freedoms = dmig_matrices(path, bulk, {*MASS, *STIFFNESS})
-    mass, stiffness = _chosen(path, matrices)
+    mass, stiffness = _chosen(path, matrices, bulk.dmig)
     points = bulk.grids
     source = path.name
     if interface.grids:
@@ -195,13 +196,15 @@ def _from_arrays(path: Path, interface: Interface) -> ModalData:
     return _modal_data(path, matrices, placed, points, source, interface.ports)
 
 
-def _chosen(path: Path, matrices: Mapping[str, Matrix]) -> tuple[Matrix, Matrix]:
-    """Mass and stiffness, of the same size."""
+def _chosen(
+    path: Path, matrices: Mapping[str, Matrix], others: Collection[str]
+) -> tuple[Matrix, Matrix]:
+    """Mass and stiffness, of the same size; `others`: names of what else the file holds."""
     out: list[Matrix] = []
     for what, names in (("mass", MASS), ("stiffness", STIFFNESS)):
         name = next((name for name in names if name in matrices), None)
         if name is None:
-            have = ", ".join(sorted(matrices)) or "none of them"
+            have = listed(sorted({*matrices, *others})) or "no matrix"
             raise InputError(
                 f"file {str(path)!r} holds no {what} (tried {', '.join(names)}; it holds {have}); "
                 "write it with EXTSEOUT, or rename the matrices."
