@@ -278,7 +278,8 @@ def _tip_motion(point: OperatingPoint, appendage: str) -> Array:
     if site < 0:
         raise InputError(
             f"snap of {appendage!r}: the model has no site {f'{appendage}_tip'!r} whose "
-            "displacement is meant; give moment [N m] instead."
+            "displacement is meant; embed the appendage with scene.tip = true, or give moment "
+            "[N m] instead."
         )
     data = point.data()
     body = int(model.site_bodyid[site])

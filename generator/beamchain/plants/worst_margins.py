@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from beamchain import report
+from beamchain.checks import unknown
 from beamchain.plants.bounds import GainBound
 from beamchain.plants.controllers import Controller, Response, places
 from beamchain.plants.controllers import response as loop_response
@@ -90,8 +91,18 @@ class WorstMargins:
         return iter(self.margins)
 
     def least(self, kind: str = DISK) -> LeastMargin:
-        """The least of one kind, over the inputs broken one at a time."""
+        """The least of one kind, over the inputs broken one at a time.
+
+        Args:
+            kind: `"disk"`, `"gain up, factor"`, `"gain down, factor"` or `"phase"`.
+
+        Raises:
+            InputError: there is no such kind.
+        """
         several = [row for row in self.margins if row.kind == kind and row.at != ALL]
+        if not several:
+            kinds = dict.fromkeys(row.kind for row in self.margins if row.at != ALL)
+            raise unknown("kind", kind, kinds)
         return (max if kind == LESS else min)(several, key=lambda row: row.worst)
 
     @property
