@@ -42,6 +42,8 @@ class LeastMargin(NamedTuple):
         frequency: of the worst one [rad/s].
         values: of the quantities in that sample.
         proved: what no value of the quantities goes below; None where it was not asked for.
+        deltas: of the blocks in that sample, -1 and 1 at the ends of their ranges: one each where
+            many quantities move together.
     """
 
     at: str
@@ -52,6 +54,7 @@ class LeastMargin(NamedTuple):
     frequency: float
     values: Mapping[str, float]
     proved: float | None
+    deltas: Mapping[str, float]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -68,7 +71,7 @@ class WorstMargins:
     Example:
         >>> import beamchain as bc
         >>> from beamchain.plants.worst_margins import LeastMargin
-        >>> disk = LeastMargin("torque_z", "disk", "", 0.9, 0.7, 1.3, {"bus.mass": 280.0}, 0.69)
+        >>> disk = LeastMargin("torque_z", "disk", "", 0.9, 0.7, 1.3, {"bus.mass": 280.0}, 0.69, {})
         >>> bc.WorstMargins((disk,), True, {}).least().worst
         0.7
     """
@@ -154,7 +157,10 @@ class WorstMarginsOfPoses:
         >>> from beamchain.plants.worst_margins import LeastMargin
         >>> of_poses = [
         ...     bc.WorstMargins(
-        ...         (LeastMargin("torque_z", "disk", "", 0.9, disk, 1.3, {}, None),), True, {}, pose
+        ...         (LeastMargin("torque_z", "disk", "", 0.9, disk, 1.3, {}, None, {}),),
+        ...         True,
+        ...         {},
+        ...         pose,
         ...     )
         ...     for pose, disk in (("drive 0°", 0.8), ("drive 90°", 0.7))
         ... ]
