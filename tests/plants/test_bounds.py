@@ -402,7 +402,9 @@ def test_worst_margins_of_one_loop_are_those_of_its_open_loop():
         [delta] = row.deltas.values()
         assert row.values["drive.stiffness"] == pytest.approx(12.0 * (1.0 + 0.3 * delta))
     assert margins.least("phase") == rows["phase"]
-    with pytest.raises(bc.InputError, match="kind = 'gain' is unknown; .*choose from disk, gain up"):
+    with pytest.raises(
+        bc.InputError, match="kind = 'gain' is unknown; .*choose from disk, gain up"
+    ):
         margins.least("gain")
 
 

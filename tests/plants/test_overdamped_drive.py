@@ -137,7 +137,8 @@ def test_the_budget_of_its_wheel(craft):
         truth = Truth(craft, source.speed[number])
         assert np.isclose(source.ape.peak[number], truth.wheel_error()[number], rtol=CLOSE)
     worst = max(budget.worst, key=lambda error: error.peak)
-    assert worst.mode == "appendage_panel_root_mode1_xz" and worst.share > 0.5
+    assert worst.mode == "appendage_panel_root_mode1_xz"
+    assert worst.share > 0.5
 
 
 def test_a_run_waits_for_the_leading_mode(craft):
@@ -147,3 +148,8 @@ def test_a_run_waits_for_the_leading_mode(craft):
     nearest = poles[np.argmin(np.abs(poles - 1j * run.speed))]
     assert run.times[0] > 4.9 / -nearest.real
     assert abs(run.difference) < RUN
+
+
+def test_a_wrong_joint_lists_the_spacecrafts_own(craft):
+    with pytest.raises(bc.InputError, match=r"'gimbal' is unknown; choose from rw, drive\.$"):
+        bc.plant(craft, rates={"gimbal": RATE})

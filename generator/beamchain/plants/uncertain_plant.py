@@ -461,9 +461,7 @@ class UncertainPlant(Lft):
             least_disk = 1.0 / peak.gain
             values, by_block = self._sample(deltas)
             rows.append(
-                LeastMargin(
-                    name, DISK, "", start, least_disk, peak.omega, values, proved, by_block
-                )
+                LeastMargin(name, DISK, "", start, least_disk, peak.omega, values, proved, by_block)
             )
         tried = [nominal, *worst_of_disks, *drawn, *corners]
         rows += self._limits(loops, tried)
