@@ -268,7 +268,7 @@ def test_everything_shown_is_of_the_band_and_the_axes_asked_for(tmp_path):
     )
     page = (tmp_path / "out_report.html").read_text()
     assert f"{len(assembly.judged)} coupled mode" in page
-    assert page.count(">beyond the band</td>") == len(beyond)
+    assert page.count(">kept, beyond the band</td>") == len(beyond)
 
 
 def test_without_a_scene_nothing_is_promised(tmp_path):

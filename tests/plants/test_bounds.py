@@ -398,6 +398,14 @@ def test_worst_margins_of_one_loop_are_those_of_its_open_loop():
     assert rows["disk"].worst * (1.0 - CLOSED) <= rows["disk"].proved <= rows["disk"].worst
     assert margins.stable
     assert margins.least().values.keys() == {"drive.stiffness"}
+    for row in margins:
+        [delta] = row.deltas.values()
+        assert row.values["drive.stiffness"] == pytest.approx(12.0 * (1.0 + 0.3 * delta))
+    assert margins.least("phase") == rows["phase"]
+    with pytest.raises(
+        bc.InputError, match="kind = 'gain' is unknown; .*choose from disk, gain up"
+    ):
+        margins.least("gain")
 
 
 @pytest.fixture

@@ -604,8 +604,13 @@ def test_the_loop_to_blame_is_named(plant):
     assert all(np.isnan(loop.gain) for loop in found.loops)
     rows = {row[0]: row[2] for row in found.table.rows}
     assert rows["torque_z"] == "UNSTABLE"
-    assert rows["torque_y"] == "unstable by others"
+    assert rows["torque_y"] == "unstable because of other loops"
     assert one.sentence in found.table.notes
+    printed = str(found.table).splitlines()
+    assert one.sentence in printed
+    [line] = [line for line in printed if "unstable because of other loops" in line]
+    assert "torque_y" in line
+    assert "torque_z" not in line
     assert one.sentence in found._repr_html_()
 
 

@@ -85,7 +85,7 @@ def test_coupled_modes_are_those_of_the_file(observer, pages):
     for row, mode in zip(shown, observer.assembly.modes, strict=True):
         within = mode.exact is not None and mode.exact <= observer.assembly.band
         assert row[5] == (
-            "yes" if mode.kept and within else "beyond the band" if mode.kept else "no"
+            "yes" if mode.kept and within else "kept, beyond the band" if mode.kept else "no"
         )
         if mode.exact is not None:
             assert float(row[1]) == pytest.approx(mode.exact, rel=SHOWN)

@@ -21,18 +21,8 @@ LONG = 10.0  # seconds to come that are announced where no bar is shown
 
 def print_table(table: "Table") -> None:
     """A table, with words on the left of their columns and numbers on the right."""
-    from rich.table import Table as Grid
-
-    shown = table.brief()
-    grid = Grid(title=shown.title, title_justify="left")
-    for column in shown.columns:
-        justify = "left" if column.holds_words else "right"
-        longest_word = max(map(len, column.head.split()), default=0)
-        grid.add_column(column.head, justify=justify, min_width=longest_word, overflow="fold")
-    for row in shown.rows:
-        grid.add_row(*row)
-    console().print(grid)
-    for note in shown.notes:
+    console().print(table.grid())
+    for note in table.notes:
         console().print(note)
 
 

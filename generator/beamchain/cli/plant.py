@@ -371,7 +371,7 @@ def _show_reasons(margins_by_plant: "list[Margins]") -> None:
             console().print(f"{pose}{said}")
         others = [loop.name for loop in margins.loops if not (loop.stable or loop.causes)]
         if others:
-            console().print(f"{pose}unstable by others: {', '.join(others)}")
+            console().print(f"{pose}unstable because of other loops: {', '.join(others)}")
 
 
 def _show(

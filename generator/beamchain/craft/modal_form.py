@@ -310,8 +310,9 @@ def _separated(
     blocks = _standing_still(still, group, coordinates)
 
     flexible = [row for row, i in enumerate(group) if coordinates.is_flexible(i)]
+    turning = [row for row, i in enumerate(group) if coordinates.is_rigid_rate(i)]
     oscillating = np.flatnonzero(np.imag(poles) > 0.0)
-    mode_of = _modes_of(vectors, oscillating, flexible)
+    mode_of = _modes_of(vectors, oscillating, flexible, turning)
     for k in range(rank):
         pole = complex(poles[k])
         vector = vectors[:, k]
@@ -332,15 +333,24 @@ def _is_skew(vectors: Array | NDArray[np.complex128]) -> bool:
 
 
 def _modes_of(
-    vectors: NDArray[np.complex128], oscillating: NDArray[np.intp], flexible: list[int]
+    vectors: NDArray[np.complex128],
+    oscillating: NDArray[np.intp],
+    flexible: list[int],
+    turning: list[int],
 ) -> dict[int, int]:
-    """The flexible row that each oscillating eigenvector is named after: the rows in which their
-    amplitudes are largest together."""
-    share = np.abs(vectors[flexible][:, oscillating])
+    """The flexible row that each oscillating eigenvector is named after: of these and the rows of
+    rigid rates, those in which their amplitudes are largest together.
+
+    Nutation has a rigid row, and none here: an overdamped mode leaves its flexible row free.
+    """
+    candidates = [*flexible, *turning]
+    share = np.abs(vectors[candidates][:, oscillating])
     share = share / np.linalg.norm(vectors[:, oscillating], axis=0)
     rows, columns = linear_sum_assignment(-share)
     return {
-        int(oscillating[column]): flexible[row] for row, column in zip(rows, columns, strict=True)
+        int(oscillating[column]): flexible[row]
+        for row, column in zip(rows, columns, strict=True)
+        if row < len(flexible)
     }
 
 

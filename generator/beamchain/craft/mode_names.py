@@ -1,6 +1,5 @@
 """Names of a craft's normal modes: of joints, and of the appendages' cantilever modes."""
 
-import re
 from collections import Counter
 from collections.abc import Sequence
 
@@ -10,10 +9,9 @@ from scipy.optimize import linear_sum_assignment
 
 from beamchain.engine.library import mujoco
 from beamchain.engine.linear import coordinate_names
+from beamchain.mjcf.write import HINGE
 from beamchain.ports.motions import Array
 from beamchain.steps.modal import FILLER, modal_tendons
-
-HINGE = re.compile(r"(.+)_hinge\d+_(xy|xz|torsion|axial)$")
 
 
 def cantilever_names(

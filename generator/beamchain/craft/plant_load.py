@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from beamchain.craft.linear_craft import LinearCraft, internal_stiffness
-from beamchain.craft.mode_names import HINGE, cantilever_names
+from beamchain.craft.mode_names import cantilever_names
 from beamchain.engine.forces import sprung
 from beamchain.engine.library import mujoco
 from beamchain.engine.loaded import (
@@ -20,6 +20,7 @@ from beamchain.engine.loaded import (
 from beamchain.engine.operating_point import At, base_body, keyframe_names
 from beamchain.errors import InputError
 from beamchain.fitting.slosh import weightless
+from beamchain.mjcf.write import HINGE
 from beamchain.ports.motions import Array
 
 TOPPLES = 1e-9  # of the stiffness of one coordinate: less is rounding

@@ -13,6 +13,7 @@ from beamchain.engine.constraints import touching
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import mass_matrix
 from beamchain.errors import InputError
+from beamchain.mjcf.write import HINGE
 from beamchain.ports.motions import Array
 
 TURNED = 1.0  # rad by which a wheel is turned to see whether the mass matrix depends on its angle
@@ -201,7 +202,10 @@ def is_cyclic(model: "mujoco.MjModel", qpos: Array, joint: int) -> bool:
 def _joint(model: "mujoco.MjModel", field: str, name: str) -> int:
     singles = single_joints(model)
     if name not in singles:
-        raise unknown(f"joint of {field}", name, singles)
+        own = [known for known in singles if not HINGE.fullmatch(known)]  # not those of chains
+        actuators = [str(model.actuator(i).name) for i in range(model.nu)]
+        cure = "It is an actuator; joints are meant." if name in actuators else ""
+        raise unknown(f"joint of {field}", name, own, cure)
     return singles[name]
 
 

@@ -1,5 +1,6 @@
 """Chain -> MJCF: lxml fills the templates of `mjcf_templates/`."""
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
 from pathlib import Path
@@ -51,6 +52,7 @@ ROUNDED = 1e-13
 # [m]: where nothing is turned, MuJoCo takes a mass centre this near to the body's origin for it
 UNSEEN = 1.1e-6
 DEEPEST = 496  # bodies nested in one MJCF file
+HINGE = re.compile(r"(.+)_hinge\d+_(xy|xz|torsion|axial)$")  # name of a chain's joint
 
 
 def number(values: float | ArrayLike) -> str:
@@ -93,7 +95,7 @@ def set_attributes(element: Element, **attributes: "str | float | ArrayLike") ->
 
 
 def joint_name(name: str, hinge: int, port: str) -> str:
-    """Name of the joint of hinge 1, 2, ... in a port."""
+    """Name of the joint of hinge 1, 2, ... in a port; `HINGE` matches it."""
     return f"{name}_hinge{hinge}_{port}"
 
 

@@ -8,7 +8,6 @@ import numpy as np
 
 from beamchain.checks import unknown
 from beamchain.craft.linear_craft import LinearCraft, craft_with_signals
-from beamchain.craft.mode_names import HINGE
 from beamchain.engine.combinations import OutputNames, inputs_of, outputs_of
 from beamchain.engine.library import mujoco
 from beamchain.engine.linear import Linear, Signal
@@ -20,6 +19,7 @@ from beamchain.engine.signals import (
     actuator_names,
 )
 from beamchain.errors import InputError
+from beamchain.mjcf.write import HINGE
 from beamchain.plants.jitter_sources import (
     Disturbances,
     NoiseDisturbance,
@@ -278,7 +278,8 @@ def _tip_motion(point: OperatingPoint, appendage: str) -> Array:
     if site < 0:
         raise InputError(
             f"snap of {appendage!r}: the model has no site {f'{appendage}_tip'!r} whose "
-            "displacement is meant; give moment [N m] instead."
+            "displacement is meant; embed the appendage with scene.tip = true, or give moment "
+            "[N m] instead."
         )
     data = point.data()
     body = int(model.site_bodyid[site])

@@ -27,7 +27,7 @@ from beamchain.plants.jitter_sources import (
     WheelDisturbance,
     read_disturbances,
 )
-from beamchain.plants.modal_response import REST
+from beamchain.plants.modal_response import REST, ModalResponse
 from beamchain.plants.source_errors import (
     SourceError,
     noise_error,
@@ -38,6 +38,7 @@ from beamchain.plants.source_errors import (
     wheel_sweeps,
 )
 from beamchain.plants.wheel_run import Acting, WheelRun, run_wheel
+from beamchain.plants.wheel_sweep import UNDAMPED
 from beamchain.ports.motions import locked
 from beamchain.steps.modal import FILLER
 from beamchain.steps.retime import without_timing
@@ -411,11 +412,14 @@ def _simulate(budget: Pointing, name: str, source: WheelDisturbance, output: int
 
 
 def _settling(craft: LinearCraft, shares: Mapping[str, float]) -> float:
-    """Time constant [s] of the mode that has the largest share; 0 where none has."""
+    """Time constant [s] of the mode that has the largest share; where none has, the longest of all
+    that rings and decays, 0 where nothing does."""
     form = craft.form().minimal()
     for mode in form.oscillators(list(shares)):
         at = [form.names.index(name) for name in (mode, f"{mode}_rate")]
         decay = -float(np.linalg.eigvals(form.a[np.ix_(at, at)]).real.max())
         if decay > 0.0:
             return 1.0 / decay
-    return 0.0
+    poles = ModalResponse(form, ()).poles
+    decays = -poles.real[(poles.imag > 0.0) & (-poles.real > UNDAMPED * np.abs(poles))]
+    return 1.0 / float(decays.min()) if decays.size else 0.0

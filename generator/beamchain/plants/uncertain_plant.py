@@ -457,10 +457,12 @@ class UncertainPlant(Lft):
                 bounds[name], deltas, peak = self._bound(found, seconds / len(loops.names))
                 proved = 1.0 / bounds[name].gain
             worst_of_disks.append(deltas)
-            values = self.values(deltas)
             start = 1.0 / disk.peak(nominal).gain
             least_disk = 1.0 / peak.gain
-            rows.append(LeastMargin(name, DISK, "", start, least_disk, peak.omega, values, proved))
+            values, by_block = self._sample(deltas)
+            rows.append(
+                LeastMargin(name, DISK, "", start, least_disk, peak.omega, values, proved, by_block)
+            )
         tried = [nominal, *worst_of_disks, *drawn, *corners]
         rows += self._limits(loops, tried)
         rows.append(self._at_once(loops, tried))
@@ -483,8 +485,10 @@ class UncertainPlant(Lft):
                 deltas = least(cost, tried)
                 worst, frequency = loops.limits(deltas)[i][which]
                 start = loops.limits(tried[0])[i][which][0]
-                values = self.values(deltas)
-                rows.append(LeastMargin(name, kind, unit, start, worst, frequency, values, None))
+                values, by_block = self._sample(deltas)
+                rows.append(
+                    LeastMargin(name, kind, unit, start, worst, frequency, values, None, by_block)
+                )
         return rows
 
     def _at_once(self, loops: SampleLoops, tried: Sequence[Array]) -> LeastMargin:
@@ -492,7 +496,13 @@ class UncertainPlant(Lft):
         deltas = least(lambda each: loops.at_once(each)[0], tried)
         worst, frequency = loops.at_once(deltas)
         start = loops.at_once(tried[0])[0]
-        return LeastMargin(ALL, DISK, "", start, worst, frequency, self.values(deltas), None)
+        values, by_block = self._sample(deltas)
+        return LeastMargin(ALL, DISK, "", start, worst, frequency, values, None, by_block)
+
+    def _sample(self, deltas: Array) -> tuple[dict[str, float], dict[str, float]]:
+        """Values of the quantities for `(blocks,)` deltas, and these by block."""
+        names = [block.name for block in self.blocks]
+        return self.values(deltas), dict(zip(names, deltas.tolist(), strict=True))
 
     def _search(
         self,

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from beamchain import report
+from beamchain.checks import unknown
 from beamchain.plants.bounds import GainBound
 from beamchain.plants.controllers import Controller, Response, places
 from beamchain.plants.controllers import response as loop_response
@@ -41,6 +42,8 @@ class LeastMargin(NamedTuple):
         frequency: of the worst one [rad/s].
         values: of the quantities in that sample.
         proved: what no value of the quantities goes below; None where it was not asked for.
+        deltas: of the blocks in that sample, -1 and 1 at the ends of their ranges: one each where
+            many quantities move together.
     """
 
     at: str
@@ -51,6 +54,7 @@ class LeastMargin(NamedTuple):
     frequency: float
     values: Mapping[str, float]
     proved: float | None
+    deltas: Mapping[str, float]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -67,7 +71,7 @@ class WorstMargins:
     Example:
         >>> import beamchain as bc
         >>> from beamchain.plants.worst_margins import LeastMargin
-        >>> disk = LeastMargin("torque_z", "disk", "", 0.9, 0.7, 1.3, {"bus.mass": 280.0}, 0.69)
+        >>> disk = LeastMargin("torque_z", "disk", "", 0.9, 0.7, 1.3, {"bus.mass": 280.0}, 0.69, {})
         >>> bc.WorstMargins((disk,), True, {}).least().worst
         0.7
     """
@@ -90,8 +94,18 @@ class WorstMargins:
         return iter(self.margins)
 
     def least(self, kind: str = DISK) -> LeastMargin:
-        """The least of one kind, over the inputs broken one at a time."""
+        """The least of one kind, over the inputs broken one at a time.
+
+        Args:
+            kind: `"disk"`, `"gain up, factor"`, `"gain down, factor"` or `"phase"`.
+
+        Raises:
+            InputError: there is no such kind.
+        """
         several = [row for row in self.margins if row.kind == kind and row.at != ALL]
+        if not several:
+            kinds = dict.fromkeys(row.kind for row in self.margins if row.at != ALL)
+            raise unknown("kind", kind, kinds)
         return (max if kind == LESS else min)(several, key=lambda row: row.worst)
 
     @property
@@ -143,7 +157,10 @@ class WorstMarginsOfPoses:
         >>> from beamchain.plants.worst_margins import LeastMargin
         >>> of_poses = [
         ...     bc.WorstMargins(
-        ...         (LeastMargin("torque_z", "disk", "", 0.9, disk, 1.3, {}, None),), True, {}, pose
+        ...         (LeastMargin("torque_z", "disk", "", 0.9, disk, 1.3, {}, None, {}),),
+        ...         True,
+        ...         {},
+        ...         pose,
         ...     )
         ...     for pose, disk in (("drive 0°", 0.8), ("drive 90°", 0.7))
         ... ]

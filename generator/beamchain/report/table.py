@@ -6,11 +6,15 @@ texts, JSON holds its values; no other place formats them.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from beamchain.report.formats import Format
 
+if TYPE_CHECKING:
+    from rich.table import Table as Grid
+
 Place = Literal["everywhere", "page", "brief", "record"]
+WIDEST = 1000  # characters of a line of text
 
 
 @dataclass(frozen=True)
@@ -79,6 +83,31 @@ class Table:
     def rows(self) -> list[tuple[str, ...]]:
         """The cells, row by row."""
         return list(zip(*(column.texts for column in self.columns), strict=True))
+
+    def __str__(self) -> str:
+        """Plain text, as the terminal shows the table, its cells unbroken."""
+        from rich.console import Console
+
+        console = Console(
+            color_system=None, width=WIDEST, highlight=False, markup=False, emoji=False
+        )
+        with console.capture() as captured:
+            console.print(self.grid())
+        return "\n".join([captured.get().rstrip(), *self.notes])
+
+    def grid(self) -> "Grid":
+        """What rich prints of the brief table: words on the left, numbers on the right."""
+        from rich.table import Table as Grid
+
+        shown = self.brief()
+        grid = Grid(title=shown.title, title_justify="left")
+        for column in shown.columns:
+            justify = "left" if column.holds_words else "right"
+            longest_word = max(map(len, column.head.split()), default=0)
+            grid.add_column(column.head, justify=justify, min_width=longest_word, overflow="fold")
+        for row in shown.rows:
+            grid.add_row(*row)
+        return grid
 
     def brief(self) -> "Table":
         """The table as the terminal and notebooks show it."""

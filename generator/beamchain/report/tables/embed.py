@@ -153,7 +153,7 @@ def kept_word(assembly: "Assembly", mode: "Mode") -> str:
     """Whether a coupled mode is judged: yes, no, or kept but beyond the band."""
     if mode.kept and mode.exact is not None and mode.exact <= assembly.band:
         return "yes"
-    return "beyond the band" if mode.kept else "no"
+    return "kept, beyond the band" if mode.kept else "no"
 
 
 def file_step_table(limits: Limits, integrator: str, timestep: float, fastest: float) -> Table:

@@ -168,7 +168,7 @@ def limiting_table(several: "Sequence[Margins]") -> Table:
 def _state(loop: "LoopMargins") -> str:
     if loop.stable:
         return "stable"
-    return "UNSTABLE" if loop.causes else "unstable by others"
+    return "UNSTABLE" if loop.causes else "unstable because of other loops"
 
 
 def closed_loop_table(several: "Sequence[Margins]") -> Table:
