@@ -11,7 +11,7 @@ from beamchain.caution import Caution
 from beamchain.caution import at as said_of
 from beamchain.craft.appendage import Appendage, rigid_mass
 from beamchain.craft.documents import Wish
-from beamchain.craft.loads import Item, hanging_notes, loads_of
+from beamchain.craft.loads import Item, Load, hanging_notes, loads_of
 from beamchain.craft.promise import keep_promise
 from beamchain.engine import mount as mounting
 from beamchain.engine.library import mujoco, one_thread, rest
@@ -74,7 +74,7 @@ def fit_all(
                 hub, apparent=tuple(tuple(float(v) for v in row) for row in felt[name])
             )
         warnings += _notes(name, spec, place, hub)
-        if ":" not in name and _points_inward(model, place, spec):
+        if ":" not in name and not carries and _points_inward(model, place, spec, loads):
             text = (
                 f"the appendage at {name} runs to the other side of the spacecraft's centre of "
                 f"mass: does the x axis of {name} point outwards?"
@@ -120,12 +120,21 @@ def fit_all(
     return appendages, warnings, steps
 
 
-def _points_inward(model: "mujoco.MjModel", place: mounting.Mount, spec: Spec) -> bool:
-    """Whether an appendage starts towards the centre of mass of what it stands on, passes it
-    closely, and ends behind it."""
-    if not spec.is_beam or not model.body_rootid[place.body]:
+def _points_inward(
+    model: "mujoco.MjModel",
+    place: mounting.Mount,
+    spec: Spec,
+    loads: "Mapping[str, tuple[Load, ...]]",
+) -> bool:
+    """Whether an appendage starts towards the centre of mass of what it stands on, what ports
+    carry left out, passes it closely, and ends behind it."""
+    top = int(model.body_rootid[place.body])
+    if not spec.is_beam or not top:
         return False
-    centre = rest(model).subtree_com[model.body_rootid[place.body]]
+    carried = {body for those in loads.values() for load in those for body in load.bodies}
+    own = [i for i in np.flatnonzero(np.asarray(model.body_rootid) == top) if i not in carried]
+    mass = np.asarray(model.body_mass)[own]
+    centre = mass @ np.asarray(rest(model).xipos)[own] / max(float(np.sum(mass)), 1e-300)
     way = np.asarray(centre - place.origin, dtype=np.float64)
     ahead = float(way @ place.axes[:, 0])
     aside = float(np.linalg.norm(way - ahead * place.axes[:, 0]))

@@ -23,6 +23,7 @@ from beamchain.steps.limits import StepLimits, oscillations, step_limits
 from beamchain.steps.modal import MadeFor, timing_marks
 from beamchain.steps.poles import PoleRow, mismatch, pole_rows
 from beamchain.steps.retime import retime
+from beamchain.steps.saturation import servos_that_chatter
 
 NEAR = 0.05  # relative: how far damping may move a mode from its undamped frequency
 OWN_MODE = re.compile(r"(.+)_(?:mode|filler)\d+_(xy|xz|torsion|axial)$")
@@ -108,7 +109,11 @@ def inspect_model(source: "str | Path | mujoco.MjModel") -> Inspection:
         limits=step_limits(linear),
         made_for=made,
         shown=pole_rows(model) if made else [],
-        warnings=[*mismatch(model), *left_out(model, "the modes and steps")],
+        warnings=[
+            *mismatch(model),
+            *left_out(model, "the modes and steps"),
+            *servos_that_chatter(model),
+        ],
     )
 
 

@@ -170,6 +170,8 @@ def hanging_notes(model: "mujoco.MjModel", mount: Mount, item: Item) -> Iterator
                     f"it, so that it stays rigidly where it is: write {cure}, if the appendage is "
                     "meant to carry it.",
                 )
+            elif carried.get(name) == port and _is_aside(mount, place):
+                yield Caution("points-inward", _aside_words(at, name, mount, place))
             elif carried.get(name) == port and gap > APART * length:
                 yield Caution(
                     "carried-apart",
@@ -178,6 +180,23 @@ def hanging_notes(model: "mujoco.MjModel", mount: Mount, item: Item) -> Iterator
                     f"({float((place - mount.origin) @ mount.axes[:, 0]):.6g} m), and the "
                     "appendage that length.",
                 )
+
+
+def _is_aside(mount: Mount, place: Array) -> bool:
+    """Whether a carried body stands behind the root, or more beside the appendage than along it."""
+    x, *across = (place - mount.origin) @ mount.axes
+    return bool(x < np.hypot(*across))
+
+
+def _aside_words(at: str, name: str, mount: Mount, place: Array) -> str:
+    """Where a carried body stands that is not on the way of its appendage, and the cure."""
+    x, y, z = (place - mount.origin) @ mount.axes + 0.0
+    where = "behind" if x < 0.0 else "beside"
+    return (
+        f"{at}: body {name!r}, which the appendage carries, stands {where} it, at ({x:.3g}, "
+        f"{y:.3g}, {z:.3g}) m in its axes, and the appendage runs along x: put it on a site whose "
+        "x axis points to the body."
+    )
 
 
 def check_carries(
