@@ -173,12 +173,15 @@ def hanging_notes(model: "mujoco.MjModel", mount: Mount, item: Item) -> Iterator
             elif carried.get(name) == port and _is_aside(mount, place):
                 yield Caution("points-inward", _aside_words(at, name, mount, place))
             elif carried.get(name) == port and gap > APART * length:
+                along = float((place - mount.origin) @ mount.axes[:, 0])
+                cure = (
+                    f" If none is meant, give the port the x of the body ({along:.6g} m), and the "
+                    "appendage that length."
+                )
                 yield Caution(
                     "carried-apart",
                     f"{at}: body {name!r} stands {gap:.3g} m from port {port!r}, which carries it; "
-                    f"the gap is rigid. If none is meant, give the port the x of the body "
-                    f"({float((place - mount.origin) @ mount.axes[:, 0]):.6g} m), and the "
-                    "appendage that length.",
+                    f"the gap is rigid.{cure if abs(along - x) > THERE * length else ''}",
                 )
 
 
@@ -190,7 +193,7 @@ def _is_aside(mount: Mount, place: Array) -> bool:
 
 def _aside_words(at: str, name: str, mount: Mount, place: Array) -> str:
     """Where a carried body stands that is not on the way of its appendage, and the cure."""
-    x, y, z = (place - mount.origin) @ mount.axes + 0.0
+    x, y, z = np.round((place - mount.origin) @ mount.axes, 6) + 0.0
     where = "behind" if x < 0.0 else "beside"
     return (
         f"{at}: body {name!r}, which the appendage carries, stands {where} it, at ({x:.3g}, "
