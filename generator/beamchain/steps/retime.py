@@ -107,8 +107,9 @@ class Retimed:
         felt = "no pole of the spacecraft is off by more than 1e-3"
         if first is not None:
             felt = (
-                f"from {first.frequency:.4g} rad/s on (a coupled frequency, read back) a pole of "
-                f"the spacecraft is off by more than 1e-3, that one by {first.error:.2g} of |z - 1|"
+                f"poles of the spacecraft from {first.frequency:.4g} rad/s upward (coupled, read "
+                f"back) are off by more than 0.1 %, that one by {100.0 * first.error:.2g} % of "
+                "|z - 1|"
             )
         if first is not None and first.damped_by:
             felt += (
