@@ -16,6 +16,7 @@ CODES = {
     "allocation-null": "actuators of an allocation can work against each other without torque",
     "carried-apart": "a body stands beside the port that carries it, across a rigid gap",
     "not-carried": "a body stands at a point of an appendage that does not carry it",
+    "counted-twice": "the body that holds an appendage probably has the appendage's own mass",
     "collisions": "shapes of the appendages collide",
     "discrete-damping": "the integrator discrete damps the kept modes more than the structure does",
     "file-units": "an imported file is probably in other units than stated",

@@ -321,4 +321,4 @@ def test_a_range_of_force_does_not_hide_a_step_that_is_unstable(tmp_path):
     )
     rows = {row.integrator: row for row in bc.stability(tmp_path / "rotor.xml").rows}
     assert rows["RK4"].measured == pytest.approx(2.785 * 2.0 / 400.0, rel=2e-3)
-    assert rows["Euler"].measured == pytest.approx(2.0 * 2.0 / 400.0, rel=2e-3)
+    assert rows["Euler"].measured == pytest.approx(2.0 * 2.0 / 400.0, rel=5e-3)

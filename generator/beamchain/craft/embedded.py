@@ -333,6 +333,9 @@ class Embedded:
             option = self.model.opt
             step = f"{NUMBERS[int(option.integrator)]} at {float(option.timestep):g} s"
             said += f"; stepped by {step} {off_by(self.sampled_error)}"
+            sampled = self.sampled_poses
+            if len(sampled) > 1:
+                said += f" (worst: {max(sampled, key=lambda k: sampled[k].error)})"
             said += " without the load" if self.loaded else ""
         if tolerance is None:
             return f"{said}; no tolerance was requested."

@@ -19,7 +19,7 @@ from beamchain.engine.linearise import NUMBERS, compile_model
 from beamchain.engine.operating_point import quiet_copy, rest_point
 from beamchain.ports.motions import Array
 from beamchain.steps.budget import linear_model
-from beamchain.steps.limits import StepLimits, oscillations, step_limits
+from beamchain.steps.limits import AT_REST, StepLimits, oscillations, step_limits
 from beamchain.steps.modal import MadeFor, timing_marks
 from beamchain.steps.poles import PoleRow, mismatch, pole_rows
 from beamchain.steps.retime import retime
@@ -37,7 +37,8 @@ class Inspection:
     [rad/s] and `damping` `(n,)` of the oscillating modes; `moving`: what holds the strain energy of
     each, by appendage and port, or sprung joint; `springs`, `tendons`: name, stiffness,
     damping (armature) of what has a spring; `limits`: timing taken out; `shown`: the modes as the
-    model's own step shows them, where anything is exact in time.
+    model's own step shows them, where anything is exact in time; `has_overdamped`: whether something
+    that is held does not oscillate.
     """
 
     name: str
@@ -57,6 +58,7 @@ class Inspection:
     made_for: list[MadeFor]
     shown: list[PoleRow]
     warnings: list[str]
+    has_overdamped: bool = False
 
     def as_dict(self) -> dict[str, Any]:
         """For `--json`."""
@@ -71,7 +73,9 @@ def inspect_model(source: "str | Path | mujoco.MjModel") -> Inspection:
     if made:
         retime(plain, 0.0)
     linear = linear_model(plain)
-    frequencies, ratios = oscillations(linear.poles())
+    poles = linear.poles()
+    frequencies, ratios = oscillations(poles)
+    fastest = float(np.max(np.abs(poles), initial=0.0))
     damping = np.asarray(model.dof_damping)[model.jnt_dofadr]
     springs = [
         (model.joint(j).name or f"joint {j}", stiffness, float(damping[j]))
@@ -114,6 +118,7 @@ def inspect_model(source: "str | Path | mujoco.MjModel") -> Inspection:
             *left_out(model, "the modes and steps"),
             *servos_that_chatter(model),
         ],
+        has_overdamped=2 * len(frequencies) < int(np.sum(np.abs(poles) > AT_REST * fastest)),
     )
 
 
