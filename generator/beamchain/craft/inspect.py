@@ -37,8 +37,8 @@ class Inspection:
     [rad/s] and `damping` `(n,)` of the oscillating modes; `moving`: what holds the strain energy of
     each, by appendage and port, or sprung joint; `springs`, `tendons`: name, stiffness,
     damping (armature) of what has a spring; `limits`: timing taken out; `shown`: the modes as the
-    model's own step shows them, where anything is exact in time; `has_overdamped`: whether something
-    that is held does not oscillate.
+    model's own step shows them, where anything is exact in time; `has_overdamped`: whether
+    something that is held does not oscillate.
     """
 
     name: str

@@ -198,8 +198,8 @@ def _link_notes(model: "mujoco.MjModel", mount: Mount, length: float) -> Iterato
         yield Caution(
             "counted-twice",
             f"{mount.at}: body {model.body(body).name!r} has {float(model.body_mass[body]):.4g} kg "
-            f"whose centre stands at x = {x:.3g} m of the appendage: if that is the link itself, it "
-            "counts twice; take its geoms or their mass out.",
+            f"whose centre stands at x = {x:.3g} m of the appendage: if that is the link itself, "
+            "it counts twice; take its geoms or their mass out.",
         )
 
 
