@@ -643,7 +643,7 @@ def _advice(rows: Sequence[SlewRow], tolerance: float | None, *, has_tendons: bo
         return f"{text}. Keep {own} for small ones."
     if worst.holds_to is None or worst.rate_held is None:
         text += f". No slew was found in which {own} keeps the tolerance {tolerance:g}"
-    if abs(worst.holds_to or 0.0) < TURNS_LITTLE or worst.rate_held is None:
+    if worst.holds_to is None or worst.rate_held is None or abs(worst.holds_to) < TURNS_LITTLE:
         return f"{text}. {_at_most(rows)}: keep {own} where that is little enough."
     return (
         f"{text}. Keep {own} for smaller ones: in {worst.duration:.3g} s it turns {worst.joint} by "

@@ -17,12 +17,6 @@ KINDS = {
     int(kind): name.removeprefix("mjEQ_").lower() for name, kind in mujoco.mjtEq.__members__.items()
 }
 
-#: what an equality of a kind ties; bodies or sites, as the model says, of the others
-OBJECTS = {
-    "joint": int(mujoco.mjtObj.mjOBJ_JOINT),
-    "tendon": int(mujoco.mjtObj.mjOBJ_TENDON),
-}
-
 
 def without_constraints(model: "mujoco.MjModel") -> "mujoco.MjModel":
     """A copy without contacts, limits, dry friction and equalities."""
@@ -84,13 +78,15 @@ def equalities(model: "mujoco.MjModel") -> list[str]:
 def _equality(model: "mujoco.MjModel", number: int) -> str:
     """An equality constraint by its name, else by those of what it ties."""
     kind, name = KINDS[int(model.eq_type[number])], str(model.equality(number).name)
-    of = model.eq_objtype[number] if kind in ("connect", "weld") else OBJECTS.get(kind)
-    if name or of is None:
+    of_sites = int(model.eq_objtype[number]) == int(mujoco.mjtObj.mjOBJ_SITE)
+    between = model.site if of_sites else model.body
+    known = {"joint": model.joint, "tendon": model.tendon, "connect": between, "weld": between}
+    if name or kind not in known:
         return _named(kind, name, number)
     tied = [int(ids[number]) for ids in (model.eq_obj1id, model.eq_obj2id)]
-    names = [mujoco.mj_id2name(model, int(of), i) for i in tied if i >= 0]
-    named = " and ".join(repr(one) for one in names if one)
-    return f"{kind} of {named}" if named else _named(kind, name, number)
+    named = [str(known[kind](i).name) for i in tied if i >= 0]
+    words = " and ".join(repr(one) for one in named if one)
+    return f"{kind} of {words}" if words else _named(kind, name, number)
 
 
 def listed(words: Sequence[str]) -> str:

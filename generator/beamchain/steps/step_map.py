@@ -311,7 +311,7 @@ class TimeError:
         return (
             f"the pole at {self.frequency:.4g} rad/s"
             f"{', damped by ' + repr(self.damped_by) + ',' if self.damped_by else ''} is off by "
-            f"{self.error:.2g} times |z - 1| in {pose}"
+            f"{self.error:.2g} of |z - 1| in {pose}"
         )
 
     def as_dict(self) -> dict[str, Any]:
