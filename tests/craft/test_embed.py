@@ -661,6 +661,53 @@ def test_a_body_that_does_not_hang_where_it_stands_is_named(
     assert all(words in w for w in said)
 
 
+@pytest.mark.parametrize(
+    ("at", "site", "hand", "said"),
+    [
+        ("mount", "", "5.5 0 0", ""),  # the hand outweighs the bus, and the beam runs to it
+        ("mount", "", "4.9 0.4 0", ""),
+        ("mount", 'euler="0 0 180"', "5.5 0 0", "stands behind it, at (-5, 0, 0) m"),
+        ("mount", 'euler="0 0 90"', "5.5 0 0", "stands beside it, at (0, -5, 0) m"),
+        ("bus", "", "0 0 5", "bus: body 'hand', which the appendage carries, stands beside it"),
+    ],
+)
+def test_an_appendage_runs_to_what_it_carries(at, site, hand, said, tmp_path):
+    port = "[[port]]\nname = 'end'\nx = 5.0\ncarries = ['hand']\n"
+    (tmp_path / "spec.toml").write_text(slender(5.0, port))
+    craft = HAND.replace('pos="0.5 0 0"', f'pos="0.5 0 0" {site}').replace("5.5 0 0", hand)
+    craft = craft.replace('mass="5"', 'mass="3000"')
+    made = bc.embed(craft, {at: tmp_path / "spec.toml"}, retime=False)
+    found = [w for w in made.warnings if w.code == "points-inward"]
+    assert len(found) == bool(said)
+    assert not said or (said in found[0] and "site whose x axis points to the body" in found[0])
+
+
+DRUM = HAND.replace(
+    '<body name="hand" pos="5.5 0 0"><joint axis="0 0 1"/>',
+    '<body name="drum" pos="0.5 0 0"><joint axis="0 0 1"/><site name="root"/>{link}',
+)
+
+
+@pytest.mark.parametrize(
+    ("at", "link", "twice"),
+    [
+        ("root", '<geom type="capsule" size="0.05" fromto="0 0 0 4 0 0" mass="8"/>', True),
+        ("root", '<geom type="capsule" size="0.05" fromto="0 0 0 0 0 4" mass="8"/>', False),
+        ("root", "", False),
+        ("mount", '<geom type="capsule" size="0.05" fromto="0 0 0 4 0 0" mass="8"/>', False),
+    ],
+)
+def test_a_link_that_was_left_in_is_asked_for(at, link, twice, tmp_path):
+    (tmp_path / "spec.toml").write_text(slender(4.0))
+    craft = DRUM.format(link=link)
+    if link:
+        craft = craft.replace('<inertial pos="0 0 0" mass="5" diaginertia="1 1 1"/>', "")
+    said = bc.embed(craft, {at: tmp_path / "spec.toml"}, retime=False).warnings
+    found = [w for w in said if w.code == "counted-twice"]
+    assert len(found) == twice
+    assert not twice or "'drum' has 8 kg whose centre stands at x = 2 m" in found[0]
+
+
 def test_joints_behind_are_named_together_with_what_holds_them(tmp_path):
     text = HAND.replace('<joint axis="0 0 1"/>', '<joint name="free_one" axis="0 0 1"/>').replace(
         "</body></body></worldbody>",

@@ -282,3 +282,47 @@ def test_a_servo_whose_kv_limits_rk4_is_slewed_at_a_step_that_it_leaves(tmp_path
     assert max(row.momentum_rk4 for row in study.slews) < 1e-5  # 4e-6, near the limit
     # 2e-6 rad of half a turn, where RK4 is near its limit
     assert max(row.error_rk4 for row in study.slews) < 5e-6
+
+
+def test_a_hinge_that_is_not_slewed_is_refused_by_name(tmp_path):
+    path = driven(tmp_path, "")
+    done = call("stability", path, "-o", tmp_path / "out", "--joint", "driver")
+    assert done.status == 2
+    assert "--joint driver" in done.err
+    assert "those are: drive." in done.err
+    done = call("stability", tmp_path / "boom.toml", "-o", tmp_path / "out", "--joint", "drive")
+    assert done.status == 2
+    assert "boom.toml has no hinges" in done.err
+    assert not (tmp_path / "out").exists()
+
+
+TWO = DRIVEN.replace('<joint name="drive"', '<joint name="tilt" axis="0 1 0"/><joint name="drive"')
+
+
+@pytest.mark.slow
+def test_one_hinge_of_two_is_slewed_and_a_long_run_says_where_it_is(tmp_path, monkeypatch):
+    monkeypatch.setattr("beamchain.cli.output.LONG", 0.0)
+    (tmp_path / "boom.toml").write_text(BOOM)
+    text = TWO.format(step="0.01", by="Euler", free="<freejoint/>", joint="", more="")
+    bc.embed(text, {"mount": tmp_path / "boom.toml"}).write(tmp_path / "two.xml")
+    done = call("stability", tmp_path / "two.xml", "-o", tmp_path / "out", "--joint", "drive")
+    assert done.status == 0, done.err
+    record = json.loads((tmp_path / "out/stability.json").read_text())
+    assert {row["joint"] for row in record["slews"]} == {"drive"}
+    assert "slewing drive by 90 degrees" in done.err
+    assert "(hinge 1 of 1, slew 1 of 3)" in done.err
+
+
+def test_a_range_of_force_does_not_hide_a_step_that_is_unstable(tmp_path):
+    """RK4 takes kv at the start of a stage: what grows comes to the range soon. Truth: the closed
+    form of a damped rotor, 2.785 I / kv."""
+    (tmp_path / "rotor.xml").write_text(
+        '<mujoco model="rotor"><option timestep="1e-4" gravity="0 0 0"/><worldbody><body>'
+        '<joint name="drive" axis="0 0 1"/><inertial pos="0 0 0" mass="2" diaginertia="2 2 2"/>'
+        '</body><body pos="9 0 0"><joint axis="0 0 1" stiffness="5"/><inertial pos="0 0 0" mass="2"'
+        ' diaginertia="2 2 2"/></body></worldbody><actuator><position joint="drive" kp="0" '
+        'kv="400" forcerange="-1e-9 1e-9"/></actuator></mujoco>'
+    )
+    rows = {row.integrator: row for row in bc.stability(tmp_path / "rotor.xml").rows}
+    assert rows["RK4"].measured == pytest.approx(2.785 * 2.0 / 400.0, rel=2e-3)
+    assert rows["Euler"].measured == pytest.approx(2.0 * 2.0 / 400.0, rel=5e-3)

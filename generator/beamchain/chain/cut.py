@@ -94,7 +94,8 @@ def choose_cut(
     raise RealisationError(
         f"no cut of the appendage holds these modes: {first} (further hinges tried: {tried}); "
         + (
-            "keep fewer modes, or fewer points beside the root."
+            "keep fewer modes, or fewer points beside the root (a port in the middle can be the "
+            "end of one appendage, with a second one right on it)."
             if further
             else "keep fewer modes, or check the rigid mass and the participation."
         )

@@ -11,6 +11,8 @@ from beamchain.cli.output import print_headed, print_table, print_warnings, spin
 from beamchain.errors import InputError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from beamchain.craft.embedded import Embedded
     from beamchain.craft.inspect import Inspection
 
@@ -51,7 +53,7 @@ def inspect(
 
     def show() -> None:
         _show(found)
-        _show_proof(proof)
+        _show_proof(proof, said=found.warnings)
 
     tell(lambda: record, show, (), as_json, quiet)
     if proof.met is False:
@@ -83,12 +85,12 @@ def _show(found: "Inspection") -> None:
     print_table(step_table(found.limits, title))
 
 
-def _show_proof(proof: "Embedded") -> None:
+def _show_proof(proof: "Embedded", said: "Sequence[str]") -> None:
     from beamchain.report.tables.embed import coupled_table, pose_table
 
     out = console()
     print_table(coupled_table(proof.assembly))
     print_table(pose_table(proof))
     out.print(proof.time_error.words, markup=False)
-    print_warnings(proof.warnings, "note")
+    print_warnings((w for w in proof.warnings if w not in said), "note")
     out.print(proof.headline, markup=False)

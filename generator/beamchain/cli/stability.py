@@ -18,6 +18,12 @@ def stability(
         typer.Argument(metavar="SPEC.toml|MODEL.xml", help="A specification, or any MuJoCo model."),
     ],
     output: Folder,
+    joint: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--joint", metavar="NAME", help="Slew this hinge only; may be repeated (default: all)."
+        ),
+    ] = None,
     extremes_map: Annotated[bool, typer.Option("--map", hidden=True)] = False,
     as_json: Json = False,
     force: Force = False,
@@ -41,8 +47,8 @@ def stability(
             "checkout."
         )
     check_free(output / "stability.json", force=force)
-    with spinner("reading", quiet or as_json) as say:
-        result = measure(source, say)
+    with spinner("reading", quiet or as_json, lines=True) as say:
+        result = measure(source, say, joint or ())
         record = result.as_dict()
         files: dict[Path, str | bytes] = {output / "report.html": stability_report(result, source)}
         files[output / "stability.json"] = to_json(record)

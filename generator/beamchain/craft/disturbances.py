@@ -20,6 +20,7 @@ from beamchain.engine.operating_point import base_body, quiet_copy
 from beamchain.errors import InputError
 from beamchain.steps.culprit import Culprit, culprit
 from beamchain.steps.limits import StepLimits
+from beamchain.steps.saturation import servos_that_chatter
 
 DAMPS = 0.5  # numerical damping is worth a word from this share of the structure's own
 TENDON_DAMPING = "Euler treats the damping of tendons explicitly"
@@ -55,6 +56,7 @@ def disturbances(
         *_surroundings(model, geoms),
         *left_out(model, "the proof", bodies),
         *_integration(model, limits, fastest, zeta),
+        *servos_that_chatter(model),
     ]
 
 

@@ -335,6 +335,9 @@ class Embedded:
             step = f"{NUMBERS[int(option.integrator)]} at {float(option.timestep):g} s"
             moved = off_by(self.sampled_error)
             said += f" in continuous time, and {moved} when stepped by {step}"
+            sampled = self.sampled_poses
+            if len(sampled) > 1:
+                said += f" (worst: {max(sampled, key=lambda k: sampled[k].error)})"
             said += " without the load" if self.loaded else ""
         if tolerance is None:
             return f"{said}; no tolerance was requested."

@@ -11,7 +11,7 @@ from beamchain.caution import Caution
 from beamchain.caution import at as said_of
 from beamchain.craft.appendage import Appendage, rigid_mass
 from beamchain.craft.documents import Wish
-from beamchain.craft.loads import Item, hanging_notes, loads_of
+from beamchain.craft.loads import Item, Load, hanging_notes, loads_of
 from beamchain.craft.promise import keep_promise
 from beamchain.engine import mount as mounting
 from beamchain.engine.bench import composite
@@ -81,7 +81,7 @@ def fit_all(
         result = fits.ready.get(name)
         if result is None or not _same_hub(result, hub):
             result = fits(name, spec, Root(target=spec.root.target, hub=hub))
-        if ":" not in name and _points_inward(model, place, result):
+        if ":" not in name and not carries and _points_inward(model, place, result, loads):
             text = (
                 f"the appendage at {name} runs to the other side of the spacecraft's centre of "
                 f"mass: does the x axis of {name} point outwards?"
@@ -125,14 +125,25 @@ def fit_all(
     return appendages, warnings, steps
 
 
-def _points_inward(model: "mujoco.MjModel", place: mounting.Mount, fit: Fit) -> bool:
-    """Whether an appendage starts towards the centre of mass of what it stands on, passes it
-    closely, and ends behind it."""
+def _points_inward(
+    model: "mujoco.MjModel",
+    place: mounting.Mount,
+    fit: Fit,
+    loads: "Mapping[str, tuple[Load, ...]]",
+) -> bool:
+    """Whether an appendage starts towards the centre of mass of what it stands on, what ports
+    carry left out, passes it closely, and ends behind it."""
     is_long = fit.spec.is_beam or fit.spec.imported is not None
-    if not is_long or not model.body_rootid[place.body]:
+    top = int(model.body_rootid[place.body])
+    if not is_long or not top:
+        return False
+    carried = {body for those in loads.values() for load in those for body in load.bodies}
+    if place.body in carried:
         return False
     length = fit.mass_line.length
-    centre = rest(model).subtree_com[model.body_rootid[place.body]]
+    own = [i for i in np.flatnonzero(np.asarray(model.body_rootid) == top) if i not in carried]
+    mass = np.asarray(model.body_mass)[own]
+    centre = mass @ np.asarray(rest(model).xipos)[own] / max(float(np.sum(mass)), 1e-300)
     way = np.asarray(centre - place.origin, dtype=np.float64)
     ahead = float(way @ place.axes[:, 0])
     aside = float(np.linalg.norm(way - ahead * place.axes[:, 0]))

@@ -19,10 +19,11 @@ from beamchain.engine.linearise import NUMBERS, compile_model
 from beamchain.engine.operating_point import quiet_copy, rest_point
 from beamchain.ports.motions import Array
 from beamchain.steps.budget import linear_model
-from beamchain.steps.limits import StepLimits, oscillations, step_limits
+from beamchain.steps.limits import AT_REST, StepLimits, oscillations, step_limits
 from beamchain.steps.modal import MadeFor, timing_marks
 from beamchain.steps.poles import PoleRow, mismatch, pole_rows
 from beamchain.steps.retime import retime
+from beamchain.steps.saturation import servos_that_chatter
 
 NEAR = 0.05  # relative: how far damping may move a mode from its undamped frequency
 OWN_MODE = re.compile(r"(.+)_(?:mode|filler)\d+_(xy|xz|torsion|axial)$")
@@ -36,7 +37,8 @@ class Inspection:
     [rad/s] and `damping` `(n,)` of the oscillating modes; `moving`: what holds the strain energy of
     each, by appendage and port, or sprung joint; `springs`, `tendons`: name, stiffness,
     damping (armature) of what has a spring; `limits`: timing taken out; `shown`: the modes as the
-    model's own step shows them, where anything is exact in time.
+    model's own step shows them, where anything is exact in time; `has_overdamped`: whether
+    something that is held does not oscillate.
     """
 
     name: str
@@ -56,6 +58,7 @@ class Inspection:
     made_for: list[MadeFor]
     shown: list[PoleRow]
     warnings: list[str]
+    has_overdamped: bool = False
 
     def as_dict(self) -> dict[str, Any]:
         """For `--json`."""
@@ -70,7 +73,9 @@ def inspect_model(source: "str | Path | mujoco.MjModel") -> Inspection:
     if made:
         retime(plain, 0.0)
     linear = linear_model(plain)
-    frequencies, ratios = oscillations(linear.poles())
+    poles = linear.poles()
+    frequencies, ratios = oscillations(poles)
+    fastest = float(np.max(np.abs(poles), initial=0.0))
     damping = np.asarray(model.dof_damping)[model.jnt_dofadr]
     springs = [
         (model.joint(j).name or f"joint {j}", stiffness, float(damping[j]))
@@ -108,7 +113,12 @@ def inspect_model(source: "str | Path | mujoco.MjModel") -> Inspection:
         limits=step_limits(linear),
         made_for=made,
         shown=pole_rows(model) if made else [],
-        warnings=[*mismatch(model), *left_out(model, "the modes and steps")],
+        warnings=[
+            *mismatch(model),
+            *left_out(model, "the modes and steps"),
+            *servos_that_chatter(model),
+        ],
+        has_overdamped=2 * len(frequencies) < int(np.sum(np.abs(poles) > AT_REST * fastest)),
     )
 
 

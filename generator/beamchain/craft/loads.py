@@ -20,6 +20,7 @@ from beamchain.checks import list_of_names, of_type
 from beamchain.engine.library import hangs_on, mujoco, rest
 from beamchain.engine.linear import Carrying
 from beamchain.engine.mount import Mount
+from beamchain.engine.operating_point import base_body
 from beamchain.errors import InputError
 from beamchain.fitting.choose import further_columns
 from beamchain.fitting.spec import Spec
@@ -28,6 +29,7 @@ from beamchain.mjcf.place import Target
 from beamchain.ports.motions import Array, offset_matrix
 
 THERE = 1e-3  # of an appendage's length: so near stands a body that is meant to hang there
+OUT = 0.25  # of it: so far out stands the mass of a link, not of its drive
 APART = 0.02  # of it: so far stands one that hangs on a bracket
 
 Carries = Mapping[str, tuple[str, ...]]  # names of bodies by port
@@ -143,6 +145,7 @@ def hanging_notes(model: "mujoco.MjModel", mount: Mount, item: Item) -> Iterator
     at, spec = mount.at, item.spec
     if not spec.is_beam:
         return
+    yield from _link_notes(model, mount, spec.beam.length)
     data = rest(model)
     length = spec.beam.length
     points = {**spec.further, **({} if length in spec.further.values() else {"": length})}
@@ -170,14 +173,51 @@ def hanging_notes(model: "mujoco.MjModel", mount: Mount, item: Item) -> Iterator
                     f"it, so that it stays rigidly where it is: write {cure}, if the appendage is "
                     "meant to carry it.",
                 )
+            elif carried.get(name) == port and _is_aside(mount, place):
+                yield Caution("points-inward", _aside_words(at, name, mount, place))
             elif carried.get(name) == port and gap > APART * length:
+                along = float((place - mount.origin) @ mount.axes[:, 0])
+                cure = (
+                    f" If none is meant, give the port the x of the body ({along:.6g} m), and the "
+                    "appendage that length."
+                )
                 yield Caution(
                     "carried-apart",
                     f"{at}: body {name!r} stands {gap:.3g} m from port {port!r}, which carries it; "
-                    f"the gap is rigid. If none is meant, give the port the x of the body "
-                    f"({float((place - mount.origin) @ mount.axes[:, 0]):.6g} m), and the "
-                    "appendage that length.",
+                    f"the gap is rigid.{cure if abs(along - x) > THERE * length else ''}",
                 )
+
+
+def _link_notes(model: "mujoco.MjModel", mount: Mount, length: float) -> Iterator[str]:
+    """A warning where the mass of the body that holds the place, which turns on a joint of its own,
+    stands well out along the appendage: the link that the appendage replaces."""
+    body = mount.body
+    x, *across = (rest(model).xipos[body] - mount.origin) @ mount.axes
+    is_drive = model.body_dofnum[body] > 0 and base_body(model, body) != body
+    if is_drive and OUT * length < x < length and np.hypot(*across) < OUT * length:
+        yield Caution(
+            "counted-twice",
+            f"{mount.at}: body {model.body(body).name!r} has {float(model.body_mass[body]):.4g} kg "
+            f"whose centre stands at x = {x:.3g} m of the appendage: if that is the link itself, "
+            "it counts twice; take its geoms or their mass out.",
+        )
+
+
+def _is_aside(mount: Mount, place: Array) -> bool:
+    """Whether a carried body stands behind the root, or more beside the appendage than along it."""
+    x, *across = (place - mount.origin) @ mount.axes
+    return bool(x < np.hypot(*across))
+
+
+def _aside_words(at: str, name: str, mount: Mount, place: Array) -> str:
+    """Where a carried body stands that is not on the way of its appendage, and the cure."""
+    x, y, z = np.round((place - mount.origin) @ mount.axes, 6) + 0.0
+    where = "behind" if x < 0.0 else "beside"
+    return (
+        f"{at}: body {name!r}, which the appendage carries, stands {where} it, at ({x:.3g}, "
+        f"{y:.3g}, {z:.3g}) m in its axes, and the appendage runs along x: put it on a site whose "
+        "x axis points to the body."
+    )
 
 
 def check_carries(

@@ -51,6 +51,8 @@ TRIALS = 4  # of the largest slew that the step's error allows
 ASIDE = 0.95  # of the angle at which an error in proportion would meet the tolerance
 CLOSE = 0.8  # of the tolerance: from here on a trial is taken
 ORDER = 4  # of RK4's error in the step
+COSTLY = 5.0  # times the evaluations of the file's own step: from here on RK4's cost is said
+TURNS_LITTLE = np.radians(1.0)  # no slew to speak of
 
 
 @dataclass(frozen=True)
@@ -203,7 +205,13 @@ def _rk4_limit(model: "mujoco.MjModel") -> float:
     return float(step_limits(linear_model(model)).largest_step["RK4"]) if model.nv else np.inf
 
 
-def slews(path: Path, model: "mujoco.MjModel", slowest: float, say: Say = lambda _: None) -> Slews:
+def slews(
+    path: Path,
+    model: "mujoco.MjModel",
+    slowest: float,
+    say: Say = lambda _: None,
+    joints: Sequence[str] = (),
+) -> Slews:
     """Slew the hinges of a file that `embed` wrote, one by one.
 
     Slewed are the spacecraft's own hinges without a spring behind which, or on whose
@@ -216,40 +224,68 @@ def slews(path: Path, model: "mujoco.MjModel", slowest: float, say: Say = lambda
         model: it, compiled.
         slowest: frequency of its slowest mode [rad/s].
         say: told what is being simulated.
+        joints: names of the hinges to slew; all where it is empty.
+
+    Raises:
+        InputError: a name is none of a hinge that can be slewed.
     """
     try:
         original, wanted, form = read_bare(path)
         if not wanted or not _drives(compile_model(relocate(original, None).text)):
+            _wished(model, [], joints)
             return Slews()
         say("dividing the appendages finely")
         marked = marked_craft(original, wanted, form)
         hinges = _hinges(marked)
+        wished = _wished(marked.craft, hinges, joints)
         if not hinges:
             return Slews()
         scene = _Scene(marked, model, 2.0 * np.pi / slowest)
+    except _NoHingeError:
+        raise
     except BeamchainError as error:
         text = f"slews of the craft's own hinges could not be simulated: {error}"
         return Slews(warnings=[Caution("large-motion-unknown", text)])
     rows: list[SlewRow] = []
     warnings: list[str] = []
-    for joint in hinges[:MOST_HINGES]:
+    for number, joint in enumerate(wished):
         name = scene.bare.joint(joint).name or f"joint {joint}"
         own: list[SlewRow] = []
         try:
-            for turn in _turns(scene.bare, joint, scene.period):
+            turns = _turns(scene.bare, joint, scene.period)
+            for turn in turns:
                 angle = np.degrees(turn.angle)
-                say(f"slewing {name} by {angle:.0f} degrees in {turn.duration:.3g} s")
+                place = f"hinge {number + 1} of {len(wished)}, slew {len(own) + 1} of {len(turns)}"
+                say(f"slewing {name} by {angle:.0f} degrees in {turn.duration:.3g} s ({place})")
                 own.append(scene.slew(joint, name, turn))
         except BeamchainError as error:
             warnings.append(Caution("large-motion-unknown", f"slew of {name}: {error}"))
         rows += scene.with_largest(joint, own)
-    if left := hinges[MOST_HINGES:]:
+    if not joints and (left := hinges[MOST_HINGES:]):
         names = ", ".join(scene.bare.joint(j).name for j in left)
-        text = f"only the first {MOST_HINGES} hinges were slewed, not {names}."
+        text = (
+            f"only the first {MOST_HINGES} hinges were slewed, not {names}; --joint NAME chooses."
+        )
         warnings.append(Caution("large-motion-unknown", text))
     tolerance = scene.tolerance
     warnings += _warnings(rows, tolerance)
     return Slews(rows, warnings, _advice(rows, tolerance, has_tendons=scene.has_tendons))
+
+
+class _NoHingeError(InputError):
+    """A hinge that was asked for cannot be slewed."""
+
+
+def _wished(craft: "mujoco.MjModel", hinges: Sequence[int], joints: Sequence[str]) -> Sequence[int]:
+    """The hinges that were asked for by name, else the first few."""
+    known = {str(craft.joint(j).name): j for j in hinges}
+    for name in joints:
+        if name not in known:
+            can = ", ".join(filter(None, known)) or "none"
+            raise _NoHingeError(
+                f"--joint {name}: no hinge of that name is slewed; those are: {can}."
+            )
+    return [known[name] for name in joints] or hinges[:MOST_HINGES]
 
 
 def _drives(craft: "mujoco.MjModel") -> list[int]:
@@ -574,9 +610,8 @@ def _warnings(rows: Sequence[SlewRow], tolerance: float | None) -> list[str]:
     if step.step_share > tolerance:
         text = (
             f"{_words(step)}: the step of {step.integrator} at {step.timestep:g} s is off by "
-            f"{step.step_share:.2g} of the elastic part of the attitude, more than the tolerance "
-            f"{tolerance:g}; "
-            "integrate such slews with RK4."
+            f"{step.step_share:.2g} times the elastic part of an attitude, more than the tolerance "
+            f"{tolerance:g}; integrate such slews with RK4."
         )
         out.append(Caution("slew-step", text))
     return out
@@ -591,25 +626,45 @@ def _advice(rows: Sequence[SlewRow], tolerance: float | None, *, has_tendons: bo
     own = f"{worst.integrator} at {worst.timestep:g} s"
     found = (
         f"{own} is off by {body.step_attitude:.2g} rad in the attitude of {body.name}, "
-        f"{worst.step_share:.2g} of the elastic part of it ({_words(worst)})"
+        f"{worst.step_share:.2g} times its elastic part ({_words(worst)})"
     )
     if worst.integrator == "RK4":
         return f"Large slews: {found}."
     h = f"{worst.step_rk4:.3g}"
     before = f', after bc.retime(model, {h}, "RK4"),' if has_tendons else ""
-    rk4 = f"RK4 at {h} s{before} by {worst.error_rk4:.1g} rad"
+    times = 4.0 * worst.timestep / worst.step_rk4
+    cost = f", at some {times:.2g} times the cost" if times > COSTLY else ""
+    rk4 = f"RK4 at {h} s{before} by {worst.error_rk4:.1g} rad{cost}"
     if tolerance is not None and worst.step_share <= tolerance:
         return f"Large slews: {found}, within the tolerance {tolerance:g}; {rk4}."
     text = f"Integrate large slews with RK4: {found}; {rk4}"
     if tolerance is None:
         return f"{text}. Keep {own} for small ones."
     if worst.holds_to is None or worst.rate_held is None:
-        return f"{text}. No slew was found in which {own} keeps the tolerance {tolerance:g}."
+        text += f". No slew was found in which {own} keeps the tolerance {tolerance:g}"
+    if worst.holds_to is None or worst.rate_held is None or abs(worst.holds_to) < TURNS_LITTLE:
+        return f"{text}. {_at_most(rows)}: keep {own} where that is little enough."
     return (
         f"{text}. Keep {own} for smaller ones: in {worst.duration:.3g} s it turns {worst.joint} by "
         f"up to {np.degrees(abs(worst.holds_to)):.3g} degrees ({worst.rate_held:.2g} rad/s at "
         f"most) within the tolerance {tolerance:g}."
     )
+
+
+def _at_most(rows: Sequence[SlewRow]) -> str:
+    """The largest error of the step in attitude, beside the largest elastic part of any slew."""
+    error, by_step = max(_with_largest(rows, "step_attitude"))
+    elastic, by_turn = max(_with_largest(rows, "elastic_attitude"))
+    return (
+        f"Over all slews it is off by at most {error:.2g} rad ({_words(rows[by_step])}), "
+        f"{_over(error, elastic):.2g} times the largest elastic part of any, {elastic:.2g} rad "
+        f"({_words(rows[by_turn])})"
+    )
+
+
+def _with_largest(rows: Sequence[SlewRow], quantity: str) -> list[tuple[float, int]]:
+    """The largest of a quantity of the bodies, and the number of the row, for every row."""
+    return [(max(getattr(b, quantity) for b in row.bodies), i) for i, row in enumerate(rows)]
 
 
 def _words(row: SlewRow) -> str:

@@ -1,6 +1,6 @@
 """`beamchain stability`: step limits predicted and measured, large motion, and their record."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -112,7 +112,9 @@ def step_rows(model: "mujoco.MjModel", limits: Budget, say: Say = silent) -> lis
 
 
 @one_thread()
-def stability(source: Spec | str | Path, say: Say = silent) -> StabilityStudy:
+def stability(
+    source: Spec | str | Path, say: Say = silent, joints: Sequence[str] = ()
+) -> StabilityStudy:
     """Step limits predicted and measured, damping that steps add, large motion,
     as `beamchain stability` does.
 
@@ -123,13 +125,14 @@ def stability(source: Spec | str | Path, say: Say = silent) -> StabilityStudy:
     Args:
         source: a specification, or the path of a SPEC.toml or of any MuJoCo model (.xml).
         say: told what is being measured.
+        joints: names of the hinges to slew; the first six where it is empty.
 
     Returns:
         The limits (`rows`), a step budget per model (`budgets`),
         large-motion limits per plane (`large`), `slews` and warnings.
 
     Raises:
-        InputError: the file cannot be used.
+        InputError: the file cannot be used; a joint is no hinge that is slewed.
         EngineError: MuJoCo refuses the model, or nothing oscillates in it.
 
     Example:
@@ -143,6 +146,8 @@ def stability(source: Spec | str | Path, say: Say = silent) -> StabilityStudy:
     if isinstance(source, Spec):
         return study_fit(_fit(source), say)
     source = path_of("source", source, "a Spec, or the path of a SPEC.toml or MJCF (.xml) file")
+    if joints and source.suffix.lower() != ".xml":
+        raise InputError(f"--joint {joints[0]}: {source} has no hinges; give a file of embed.")
     if source.suffix.lower() == ".xml":
         model = compile_model(source)
         data = mujoco.MjData(model)
@@ -156,7 +161,7 @@ def stability(source: Spec | str | Path, say: Say = silent) -> StabilityStudy:
         own_step = _own_step(limits, name)
         if warnings or not limits.frequencies.size:
             return StabilityStudy(rows, [limits], {}, warnings, own_step)
-        turned = slews(source, model, float(limits.frequencies[0]), say)
+        turned = slews(source, model, float(limits.frequencies[0]), say, joints)
         warnings += turned.warnings
         return StabilityStudy(rows, [limits], {}, warnings, own_step, turned.rows, turned.advice)
     say("fitting the chain")

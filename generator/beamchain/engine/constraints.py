@@ -71,8 +71,22 @@ def equalities(model: "mujoco.MjModel") -> list[str]:
     out: list[str] = []
     for i in range(model.neq):
         inactive = "" if bool(model.eq_active0[i]) else ", inactive at the start"
-        out.append(_named(KINDS[int(model.eq_type[i])], model.equality(i).name, i) + inactive)
+        out.append(_equality(model, i) + inactive)
     return out
+
+
+def _equality(model: "mujoco.MjModel", number: int) -> str:
+    """An equality constraint by its name, else by those of what it ties."""
+    kind, name = KINDS[int(model.eq_type[number])], str(model.equality(number).name)
+    of_sites = int(model.eq_objtype[number]) == int(mujoco.mjtObj.mjOBJ_SITE)
+    between = model.site if of_sites else model.body
+    known = {"joint": model.joint, "tendon": model.tendon, "connect": between, "weld": between}
+    if name or kind not in known:
+        return _named(kind, name, number)
+    tied = [int(ids[number]) for ids in (model.eq_obj1id, model.eq_obj2id)]
+    named = [str(known[kind](i).name) for i in tied if i >= 0]
+    words = " and ".join(repr(one) for one in named if one)
+    return f"{kind} of {words}" if words else _named(kind, name, number)
 
 
 def listed(words: Sequence[str]) -> str:

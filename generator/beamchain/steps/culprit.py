@@ -77,7 +77,7 @@ def culprit(model: "mujoco.MjModel", qpos: Array) -> Culprit:
         float(np.abs(1.0 + values[k])),
         float(frequency),
         bool(damper > spring),
-        _inertia(model, int(np.argmax(np.abs(row))), 1.0 / yields) if of_joint else "",
+        inertia_words(model, int(np.argmax(np.abs(row))), 1.0 / yields) if of_joint else "",
     )
 
 
@@ -97,7 +97,7 @@ def stable_step(grows: Callable[[float], bool], step: float) -> float:
     return float(np.floor(SAFE * low / digit) * digit)
 
 
-def _inertia(model: "mujoco.MjModel", dof: int, value: float) -> str:
+def inertia_words(model: "mujoco.MjModel", dof: int, value: float) -> str:
     """An inertia that a degree of freedom moves, in words."""
     kind = int(model.jnt_type[int(model.dof_jntid[dof])])
     return f"{value:.3g} {'kg' if kind == int(mujoco.mjtJoint.mjJNT_SLIDE) else 'kg m^2'}"

@@ -62,7 +62,7 @@ def elements(model: "mujoco.MjModel", qpos: Array) -> list[Element]:
         damping = float(model.tendon_damping[i])
         row = along(model, i)
         out.append(Element(row, stiffness, damping, at_start, name, kind, words))
-    moment = _moments(model, data)
+    moment = moments(model, data)
     for i in range(model.nu):
         kp, kv = -float(model.actuator_biasprm[i, 1]), -float(model.actuator_biasprm[i, 2])
         if kp > 0.0 or kv > 0.0:
@@ -76,7 +76,7 @@ def elements(model: "mujoco.MjModel", qpos: Array) -> list[Element]:
     return out
 
 
-def _moments(model: "mujoco.MjModel", data: "mujoco.MjData") -> Array:
+def moments(model: "mujoco.MjModel", data: "mujoco.MjData") -> Array:
     """`(nu, nv)` of actuators."""
     out = np.zeros((model.nu, model.nv))
     if model.nu:

@@ -5,6 +5,7 @@ import numpy as np
 from beamchain.engine.constraints import without_constraints
 from beamchain.engine.library import mujoco, quiet
 from beamchain.engine.linearise import INTEGRATORS
+from beamchain.engine.operating_point import LIMITS
 from beamchain.errors import EngineError
 from beamchain.ports.motions import Array
 
@@ -44,12 +45,15 @@ def measured_limit(model: "mujoco.MjModel", integrator: str, guess: float) -> fl
     """Largest stable step of a model [s], by bisection;
     infinity where a step of 1000 guesses is still stable.
 
-    Gravity and constraints are switched off meanwhile. The search widens from `guess` [s] until it
+    Gravity, constraints and ranges of forces, which would bound what grows, are switched off
+    meanwhile. The search widens from `guess` [s] until it
     holds the limit, so that a wrong one costs time only.
     """
     model = without_constraints(model)
     model.opt.integrator = INTEGRATORS[integrator]
     model.opt.gravity[:] = 0.0
+    for name in LIMITS:
+        getattr(model, name)[:] = 0
     scale = np.zeros(model.nv)
     scale[model.jnt_dofadr[np.isin(model.jnt_type, MOVED)]] = 1.0
     velocity = SMALL / guess * scale * np.random.default_rng(0).standard_normal(model.nv)

@@ -104,11 +104,12 @@ class Retimed:
         if not slow or self.model is None:
             return []
         first = lowest_wrong(self.model, without_timing(self.model), self.qpos)
-        felt = "no pole of the spacecraft is off by more than 1e-3"
+        felt = "no pole of the spacecraft is off by more than 0.1 %"
         if first is not None:
             felt = (
-                f"from {first.frequency:.4g} rad/s on (a coupled frequency, read back) a pole of "
-                f"the spacecraft is off by more than 1e-3, that one by {first.error:.2g} of |z - 1|"
+                f"the lowest pole of the spacecraft that is off by more than 0.1 % stands at "
+                f"{first.frequency:.4g} rad/s (coupled, read back) and is off by "
+                f"{100.0 * first.error:.2g} % of |z - 1|"
             )
         if first is not None and first.damped_by:
             felt += f" (joint {first.damped_by!r} damps it, which timing cannot correct)"

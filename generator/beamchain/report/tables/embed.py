@@ -138,13 +138,17 @@ def pose_table(embedded: "Embedded") -> Table:
     """The error of the whole at every pose, in continuous time and at the file's own step."""
     poses = embedded.promise.poses
     sampled = embedded.sampled_poses
+    between = [name for name in sampled if name not in poses]
+    worst = max(between, key=lambda name: sampled[name].error, default="")
+    names = [*poses, *([worst] if worst else [])]  # of those between poses the worst
     columns = (
-        Column("pose", list(poses)),
-        Column("error", list(poses.values()), format=relative),
-        Column("at the step", [sampled[name].error for name in poses], format=relative),
+        Column("pose", names),
+        Column("error", [poses.get(name) for name in names], format=relative, missing="-"),
+        Column("at the step", [sampled[name].error for name in names], format=relative),
     )
     if embedded.loaded:
-        loads = [" and ".join(words) or None for words in embedded.loads.values()]
+        words_of = embedded.loads
+        loads = [" and ".join(words_of.get(name, [])) or None for name in names]
         columns = (*columns, Column("load (not at the step)", loads, missing="none"))
     return Table(f"In-band error up to {number(embedded.band)} rad/s", columns)
 

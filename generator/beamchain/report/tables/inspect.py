@@ -27,7 +27,9 @@ def mode_table(inspection: "Inspection") -> Table:
     )
     if any(inspection.moving):
         columns += (Column("what bends", inspection.moving, key="bends"),)
-    return Table("Modes about the rest pose", columns)
+    still = "Motions that servos or dampers keep from oscillating are not listed."
+    notes = (still,) if inspection.has_overdamped else ()
+    return Table("Modes about the rest pose", columns, notes=notes)
 
 
 def spring_table(inspection: "Inspection") -> Table:
