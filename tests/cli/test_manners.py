@@ -18,8 +18,8 @@ import beamchain as bc
 from command import COMMANDS, app, run
 from examples import EXAMPLES, example
 
-# of what comes with the package: one typed, one chosen for a scene
-QUICK = ("seed_boom", "array_scene")
+# of what comes with the package; tests/report fits and draws one of a scene
+QUICK = ("seed_boom",)
 STARTS = sorted(path.stem for path in EXAMPLES.glob("*.toml"))
 #: what the script that pip installs does, by its entry point
 AS_INSTALLED = """

@@ -61,8 +61,19 @@ def prior(tmp_path):
     return write_prior(tmp_path, PAIR.kept(6), frequency=1.1, participation=0.9)
 
 
-@pytest.mark.parametrize("profile", PROFILES)
-@pytest.mark.parametrize("halves", [-2, -1, 1, 2])
+@pytest.mark.parametrize(
+    ("halves", "profile"),
+    [
+        (-2, "steps"),
+        (-1, "white"),
+        (1, "white"),
+        (2, "steps"),
+        *(
+            pytest.param(*case, marks=pytest.mark.slow)
+            for case in ((-2, "white"), (-1, "steps"), (1, "steps"), (2, "white"))
+        ),
+    ],
+)
 def test_a_late_or_early_torque_is_found_without_a_prior(halves, profile):
     found = bc.identify(late(halves, torque=PROFILES[profile]), HUB.xml, "mount")
     check(found, halves * STEP / 2.0)
@@ -70,7 +81,7 @@ def test_a_late_or_early_torque_is_found_without_a_prior(halves, profile):
     assert any(one.code == "delay" for one in found.warnings)
 
 
-@pytest.mark.parametrize("halves", [1, 2])
+@pytest.mark.parametrize("halves", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_a_late_torque_is_found_with_a_prior(halves, prior):
     found = bc.identify(late(halves), HUB.xml, "mount", prior=prior)
     assert abs(found.delay - halves * STEP / 2.0) < REACH * found.delay_std
