@@ -364,7 +364,7 @@ def test_without_visuals_the_appendages_are_drawn_all_the_same():
 def test_imported_modes_are_drawn_by_their_links(tmp_path):
     (tmp_path / "modes.toml").write_text(modes_text(ROD, {"xy": 3}))
     (tmp_path / "rod.toml").write_text('name = "rod"\n[imported]\nfile = "modes.toml"\n')
-    page = bc.embed(SHIPPED / "craft.xml", {"mount": tmp_path / "rod.toml"}).report()
+    page = bc.embed(CRAFTS / "planar.xml", {"mount": tmp_path / "rod.toml"}).report()
     captions, (modes, *_) = drawings(page)
     assert "drawn by the links of its chain" in captions[0]
     ribbon = frames(paths(panels(modes)[0], "moving", "ribbon")[0])
