@@ -9,7 +9,7 @@ import pytest
 import beamchain as bc
 import returned
 
-SLOW = ("study", "stability", "worlds", "Study")
+SLOW = ("study", "stability", "worlds", "Study", "Worlds")
 NAMES = [name for name in bc.__all__ if name != "__version__"]
 RESULTS = [*returned.by_functions(), "UncertainPlant", "WorstCase"]
 MARKED = [pytest.param(n, marks=pytest.mark.slow) if n in SLOW else n for n in (*NAMES, *RESULTS)]

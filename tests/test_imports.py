@@ -154,6 +154,13 @@ def run(code: str) -> str:
 
 
 @cache
+def statements(path: Path) -> tuple[ast.Import | ast.ImportFrom, ...]:
+    """All imports of a file, wherever they stand."""
+    tree = ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+    return tuple(node for node in tree if isinstance(node, ast.Import | ast.ImportFrom))
+
+
+@cache
 def imported(path: Path) -> tuple[str, ...]:
     """Modules of the package that a file imports, `beamchain.` left off;
     lazy and type-only imports too.
@@ -164,7 +171,7 @@ def imported(path: Path) -> tuple[str, ...]:
 
 
 def _imported(path: Path) -> Iterator[str]:
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in statements(path):
         if isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{path}: relative import"
             if node.module == "beamchain":
@@ -173,7 +180,7 @@ def _imported(path: Path) -> Iterator[str]:
                 folder = node.module.removeprefix("beamchain.")
                 inner = (f"{folder}.{alias.name}" for alias in node.names)
                 yield from (name if name in MODULES else folder for name in inner)
-        elif isinstance(node, ast.Import):
+        else:
             yield from (
                 a.name.removeprefix("beamchain.")
                 for a in node.names
@@ -333,14 +340,9 @@ def test_errors_know_nobody():
 
 def test_only_one_place_imports_mujoco():
     for path in SOURCE.rglob("*.py"):
-        tree = ast.parse(path.read_text(encoding="utf-8"))
-        names = {
-            alias.name
-            for node in ast.walk(tree)
-            if isinstance(node, ast.Import)
-            for alias in node.names
-        }
-        names |= {node.module or "" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
+        nodes = statements(path)
+        names = {a.name for node in nodes if isinstance(node, ast.Import) for a in node.names}
+        names |= {node.module or "" for node in nodes if isinstance(node, ast.ImportFrom)}
         # a user's script is none of the package
         if path.name != "library.py" and path.parent.name != "examples":
             assert "mujoco" not in names, path

@@ -35,6 +35,7 @@ def demo(folder, renderer):
     return said, [path.name for path in paths]
 
 
+@pytest.mark.slow
 def test_demo_without_a_renderer_says_what_to_install(tmp_path):
     if backend._works("glfw"):
         pytest.skip("glfw draws here without a screen")

@@ -89,7 +89,9 @@ def test_embed_says_the_same(name, tmp_path, capsys, monkeypatch):
 
 
 @pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize("part", range(5))
+@pytest.mark.parametrize(
+    "part", [0, *(pytest.param(part, marks=pytest.mark.slow) for part in range(1, 5))]
+)
 def test_any_size(part, tmp_path):
     for seed in range(part, EXAMPLES, 5):
         measured(write({"craft.xml": random_sizes(seed)}, tmp_path))

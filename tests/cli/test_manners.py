@@ -18,8 +18,8 @@ import beamchain as bc
 from command import COMMANDS, app, run
 from examples import EXAMPLES, example
 
-# of what comes with the package: one typed, one chosen for a scene
-QUICK = ("seed_boom", "array_scene")
+# of what comes with the package; tests/report fits and draws one of a scene
+QUICK = ("seed_boom",)
 STARTS = sorted(path.stem for path in EXAMPLES.glob("*.toml"))
 #: what the script that pip installs does, by its entry point
 AS_INSTALLED = """
@@ -84,7 +84,9 @@ def test_a_mistyped_option_gets_a_guess(capsys, monkeypatch):
     assert "--output" in error
 
 
-@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+@pytest.mark.parametrize(
+    "shell", ["bash", *(pytest.param(s, marks=pytest.mark.slow) for s in ("zsh", "fish"))]
+)
 def test_completion(shell):
     words = {
         "COMP_WORDS": "beamchain init ",
@@ -104,7 +106,10 @@ def test_completion(shell):
 
 
 # -- colours ---------------------------------------------------------------------------------------
-@pytest.mark.parametrize("arguments", [["fit", "--help"], ["init", "--list"], ["nonsense"]])
+@pytest.mark.parametrize(
+    "arguments",
+    [["fit", "--help"], pytest.param(["init", "--list"], marks=pytest.mark.slow), ["nonsense"]],
+)
 def test_no_escape_codes_when_piped(arguments):
     done = outside(arguments)
     assert "\x1b" not in done.stdout + done.stderr

@@ -64,7 +64,10 @@ EMBED = ["embed", "craft.xml", "--at", "mount=rod.toml", "--force"]
             ["plant", "craft.xml", "--controller", "craft.json", "-o", "craft.json", "--force"],
             "read for it",
         ),
-        (["fit", "modal.toml", "-o", ".", "--force"], "read for it"),
+        # seen when the page is made
+        pytest.param(
+            ["fit", "modal.toml", "-o", ".", "--force"], "read for it", marks=pytest.mark.slow
+        ),
         (
             [
                 "identify",

@@ -25,6 +25,8 @@ FINE = Gyro(1e-5, 2e-4)
 REACH = 3.3  # standard deviations: a right program fails once in a thousand seeds
 USEFUL = 0.01  # of a step: the delay's standard deviation in such a log
 EXACT = 1e-7  # of a step, and of a frequency: without noise, what double precision leaves
+KNOWN = [False, pytest.param(True, marks=pytest.mark.slow)]
+WITH = ["no prior", "prior"]
 PROFILES = {"steps": steps_at(TIME, 1.0, 3.0), "white": noise(TIME, 1.0, 3)}
 
 
@@ -61,8 +63,19 @@ def prior(tmp_path):
     return write_prior(tmp_path, PAIR.kept(6), frequency=1.1, participation=0.9)
 
 
-@pytest.mark.parametrize("profile", PROFILES)
-@pytest.mark.parametrize("halves", [-2, -1, 1, 2])
+@pytest.mark.parametrize(
+    ("halves", "profile"),
+    [
+        (-2, "steps"),
+        (-1, "white"),
+        (1, "white"),
+        (2, "steps"),
+        *(
+            pytest.param(*case, marks=pytest.mark.slow)
+            for case in ((-2, "white"), (-1, "steps"), (1, "steps"), (2, "white"))
+        ),
+    ],
+)
 def test_a_late_or_early_torque_is_found_without_a_prior(halves, profile):
     found = bc.identify(late(halves, torque=PROFILES[profile]), HUB.xml, "mount")
     check(found, halves * STEP / 2.0)
@@ -70,7 +83,7 @@ def test_a_late_or_early_torque_is_found_without_a_prior(halves, profile):
     assert any(one.code == "delay" for one in found.warnings)
 
 
-@pytest.mark.parametrize("halves", [1, 2])
+@pytest.mark.parametrize("halves", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_a_late_torque_is_found_with_a_prior(halves, prior):
     found = bc.identify(late(halves), HUB.xml, "mount", prior=prior)
     assert abs(found.delay - halves * STEP / 2.0) < REACH * found.delay_std
@@ -79,12 +92,12 @@ def test_a_late_torque_is_found_with_a_prior(halves, prior):
     assert [m.determined for m in found.modes].count(True) >= 2
 
 
-def test_a_punctual_torque_is_said_to_be_punctual(prior):
-    for known in (None, prior):
-        found = bc.identify(late(0), HUB.xml, "mount", prior=known)
-        assert abs(found.delay) < REACH * found.delay_std
-        assert not any(one.code == "delay" for one in found.warnings)
-        assert ("zero within" in found.timing) == found.punctual
+@pytest.mark.parametrize("known", KNOWN, ids=WITH)
+def test_a_punctual_torque_is_said_to_be_punctual(known, prior):
+    found = bc.identify(late(0), HUB.xml, "mount", prior=prior if known else None)
+    assert abs(found.delay) < REACH * found.delay_std
+    assert not any(one.code == "delay" for one in found.warnings)
+    assert ("zero within" in found.timing) == found.punctual
 
 
 @pytest.mark.slow
@@ -107,7 +120,7 @@ def test_unequal_steps_and_gaps_change_nothing():
     check(found, 0.03)
 
 
-@pytest.mark.parametrize("known", [False, True], ids=["no prior", "prior"])
+@pytest.mark.parametrize("known", KNOWN, ids=WITH)
 def test_a_rate_integrating_gyro_is_named_by_its_column(known, prior):
     found = bc.identify(integrated("mean_rate_z"), HUB.xml, "mount", prior=prior if known else None)
     assert abs(found.delay) < REACH * found.delay_std
@@ -123,7 +136,7 @@ def test_a_rate_integrating_gyro_called_a_rate_is_half_a_sample_late(prior):
     assert "mean_rate" in warning
 
 
-@pytest.mark.parametrize("halves", [0, 1])
+@pytest.mark.parametrize("halves", [pytest.param(0, marks=pytest.mark.slow), 1])
 def test_without_noise_delay_and_modes_are_exact(halves):
     found = bc.identify(late(halves, TWO, Gyro()), HUB.xml, "mount", modes=2)
     assert abs(found.delay - halves * STEP / 2.0) < EXACT * STEP

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import beamchain as bc
-from command import run
+from command import call
 from flight_log import Hub, record, steps_at, wings
 
 HUB = Hub()
@@ -21,29 +21,18 @@ MATRIX = "mass = " + json.dumps(np.asarray(ONE.rigid).tolist())
 SAME = 1e-8  # relative: one mode in a log without noise
 
 
-@pytest.fixture
-def written(tmp_path, capsys, monkeypatch):
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
     """The folder in which the command has identified a log without a prior."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "craft.xml").write_text(HUB.xml)
+    folder = tmp_path_factory.mktemp("no_prior")
+    (folder / "craft.xml").write_text(HUB.xml)
     log = record(HUB, ONE, TIME, {"z": steps_at(TIME, 1.0, 3.0)})
-    np.savez(tmp_path / "log.npz", **log)
-    words = [
-        "identify",
-        "log.npz",
-        "--craft",
-        "craft.xml",
-        "--at",
-        "mount",
-        "--modes",
-        "1",
-        "-o",
-        "modes.toml",
-    ]
-    code, _, told = run(words, capsys, monkeypatch)
-    assert code == 0, told
-    (tmp_path / "wing.toml").write_text('name = "wing"\n[imported]\nfile = "modes.toml"\n')
-    return tmp_path
+    np.savez(folder / "log.npz", **log)
+    words = ["identify", folder / "log.npz", "--craft", folder / "craft.xml", "--at", "mount"]
+    answer = call(*words, "--modes", 1, "-o", folder / "modes.toml")
+    assert answer.status == 0, answer.err
+    (folder / "wing.toml").write_text('name = "wing"\n[imported]\nfile = "modes.toml"\n')
+    return folder
 
 
 def test_the_file_of_modes_has_no_mass_and_says_so(written):
@@ -52,11 +41,11 @@ def test_the_file_of_modes_has_no_mass_and_says_so(written):
     assert "add the 6 x 6 rigid mass" in (written / "modes.toml").read_text()
 
 
-def test_with_the_mass_added_it_is_a_file_of_modes(written):
+def test_with_the_mass_added_it_is_a_file_of_modes(written, tmp_path):
     text = (written / "modes.toml").read_text()
     lines = [MATRIX if line.startswith("# mass") else line for line in text.splitlines()]
-    (written / "modes.toml").write_text("\n".join(lines))
-    frequency = bc.read_modes(written / "modes.toml").frequencies[0]
+    (tmp_path / "modes.toml").write_text("\n".join(lines))
+    frequency = bc.read_modes(tmp_path / "modes.toml").frequencies[0]
     assert abs(frequency / ONE.frequency[0] - 1.0) < SAME
 
 

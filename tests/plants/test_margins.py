@@ -803,7 +803,7 @@ def test_what_no_loop_does_alone():
     assert words in one.sentence
 
 
-def many_modes(number, count=40):
+def many_modes(number, count):
     """A body with `count` lightly damped modes, pushed and looked at about three axes in one place,
     but with one mode seen about z with the wrong sign."""
     rng = np.random.default_rng(3)
@@ -821,9 +821,11 @@ def many_modes(number, count=40):
     return control.ss(a, b, c, 0.0)
 
 
-def test_of_many_modes_the_one_to_blame_is_named():
-    number = 17
-    plant = many_modes(number)
+@pytest.mark.parametrize(
+    ("number", "count"), [(7, 15), pytest.param(17, 40, marks=pytest.mark.slow)]
+)
+def test_of_many_modes_the_one_to_blame_is_named(number, count):
+    plant = many_modes(number, count)
     n = plant.nstates // 2
     system = control.tf([9.0, 2.0], [0.004, 1.0])
     loops = {(f"u[{i}]", f"y[{i}]"): factor * system for i, factor in enumerate((0.1, 0.1, 1.0))}
@@ -975,6 +977,7 @@ def test_the_record_holds_the_figures(plant):
     assert "peak of S (at rad/s)" in found._repr_html_()
 
 
+@pytest.mark.slow
 def test_the_command_says_why(embedded, tmp_path):
     """Of two loops the one with the wrong sign is to blame, in JSON and on the page."""
     model = embedded.write(tmp_path / "flexible.xml")[-1]

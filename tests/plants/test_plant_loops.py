@@ -295,7 +295,7 @@ def test_the_command_takes_keyframes_and_tells_what_is_unstable(place, capsys, m
     [
         (["--input", "weel"], "weel"),
         (["--angle", "drive"], "is not JOINT=ANGLES"),
-        (["--angle", "drive=0,x"], "is not JOINT=ANGLES"),
+        pytest.param(["--angle", "drive=0,x"], "is not JOINT=ANGLES", marks=pytest.mark.slow),
         (["--angle", "drive=0,1", "--at", "parked"], "leave one out"),
         (["--controller", "nothing.toml"], "does not exist"),
         (["--at", "nowhere"], "nowhere"),

@@ -158,7 +158,8 @@ def test_poles_and_zeros_from_the_elbow_are_those_of_finite_elements(made, pose)
         assert miss.max() < PLACES
 
 
-@pytest.mark.parametrize("pose", EACH)
+@pytest.mark.slow
+@pytest.mark.parametrize("pose", POSES)
 def test_the_sampled_plant_is_the_arm_under_a_held_torque(made, pose):
     at = None if pose == "rest" else pose
     plant = bc.plant(made, ["elbow"], ["angle"], at=at, discrete=STEP)

@@ -75,6 +75,7 @@ def test_an_embedded_craft_and_its_fits_travel(made):
     assert copy.deepcopy(fit).scene_mjcf() == fit.scene_mjcf()
 
 
+@pytest.mark.slow
 def test_a_tree_travels_whatever_was_computed_of_it(tmp_path):
     """Its exact poses hold responses; so do those under a load."""
     shipped = files("beamchain") / "examples"

@@ -102,7 +102,7 @@ def test_the_command_and_the_page_say_where_it_begins_to_ring(tmp_path, capsys, 
     words = ["plant", tmp_path / "flexible.xml", "--input", "torque:bus", "--output", "attitude"]
     words += ["--controller", tmp_path / "loop.toml", "--uncertain", tmp_path / "uncertain.toml"]
     words = [str(word) for word in [*words, "-o", tmp_path / "plant.json"]]
-    status, out, err = run(words, capsys, monkeypatch)
+    status, out, err = run([*words, "--no-report"], capsys, monkeypatch)
     assert status == 3, err
     assert "the loop begins to ring at" in " ".join(out.split())
     status, out, err = run([*words, "--json", "--force"], capsys, monkeypatch)
@@ -119,7 +119,9 @@ def test_the_command_and_the_page_say_where_it_begins_to_ring(tmp_path, capsys, 
     ("output", "options"),
     [
         ("attitude_z", {}),
-        ("tip_y", {"sensor": SENSOR, "outputs": ["tip"]}),  # reads the torque at once
+        pytest.param(  # reads the torque at once
+            "tip_y", {"sensor": SENSOR, "outputs": ["tip"]}, marks=pytest.mark.slow
+        ),
         ("attitude_z", {"delay": 0.0}),
         ("attitude_z", {"body": WHEEL.format(""), "rates": {"wheel": 300.0}, "axes": "zxy"}),
         ("attitude_z", {"body": WHEEL.format(' stiffness="4e2" damping="2"')}),  # fast and stiff

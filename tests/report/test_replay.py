@@ -3,6 +3,7 @@ MuJoCo makes of the files, and stand still in print."""
 
 import copy
 import re
+from functools import cache
 from importlib.resources import files
 
 import mujoco
@@ -44,15 +45,36 @@ def satellite():
     return bc.embed(SHIPPED / "satellite.xml", {"left": array, "right": array})
 
 
-@pytest.fixture(scope="module")
+@cache
+def named():
+    """Names with characters of HTML, a base without solids, a keyframe."""
+    text = """<mujoco><option gravity="0 0 0"/><worldbody><body name="&lt;b&gt;&amp;&quot;hub">
+    <freejoint/><inertial pos="0 0 0" mass="300" diaginertia="90 90 90"/>
+    <site name="&lt;i&gt;" pos=".5 0 0"/><body><joint name="drive" axis="0 0 1"/>
+    <geom size=".1" mass="2" pos="0 1 0"/></body></body></worldbody>
+    <keyframe><key name="&lt;u&gt;" qpos="0 0 0 1 0 0 0 1.5"/></keyframe></mujoco>"""
+    return bc.embed(text, {"<i>": spec("rod")})
+
+
+@cache
 def arm():
     at = {"shoulder": SHIPPED / "upper.toml", "forearm": SHIPPED / "fore.toml"}
     return bc.embed(SHIPPED / "arm.xml", at, retime=False)
 
 
 @pytest.fixture(scope="module")
-def pages(satellite, arm):
-    return {"satellite": satellite.report(), "arm": arm.report()}
+def pages(satellite):
+    """The page of a craft by its name, made once."""
+    made = {"satellite": lambda: satellite, "named": named, "arm": arm}
+    return cache(lambda name: made[name]().report())
+
+
+@cache
+def rod_page(visuals):
+    """The page of a fit of five modes, whose appendage the scene shows or not."""
+    scene = bc.Scene(visuals=visuals)
+    fit = bc.fit(ROD, name="rod", modes={"xy": 5}, root=bc.Root(hub=HUB), scene=scene)
+    return bc.report.fit_report(fit)[0]
 
 
 def drawings(page):
@@ -136,7 +158,7 @@ def test_two_arrays_and_their_bus_move_as_in_mujocos_own_mode(number, satellite,
     model = satellite.untimed
     frequency, shapes = modes_of(model, model.qpos0)
     shape = shapes[:, number - 1]
-    captions, (modes, _) = drawings(pages["satellite"])
+    captions, (modes, _) = drawings(pages("satellite"))
     assert captions[0].startswith("The coupled modes at rest")
     panel = panels(modes)[number - 1]
     title = texts(panel)[0]
@@ -199,12 +221,11 @@ def test_two_arrays_and_their_bus_move_as_in_mujocos_own_mode(number, satellite,
 
 def test_the_base_answers_as_a_hub_of_finite_elements_does():
     """The line is that of the modes kept: with more of them it comes to the beam's."""
-    fit = bc.fit(ROD, name="rod", modes={"xy": 5}, root=bc.Root(hub=HUB))
     stiffness, mass = ROD_TRUTH.beam
     mass = mass.copy()
     mass[:2, :2] += ROD_TRUTH.hub
     squares, shapes = eigh(stiffness, mass)
-    _, (modes, _) = drawings(bc.report.fit_report(fit)[0])
+    _, (modes, _) = drawings(rod_page(visuals=True))
     for k, panel in enumerate(panels(modes)[:2]):
         title, *words = texts(panel)
         assert float(title.split()[2]) == pytest.approx(np.sqrt(squares[2 + k]), rel=SHOWN)
@@ -215,23 +236,29 @@ def test_the_base_answers_as_a_hub_of_finite_elements_does():
         assert float(turned) / float(size) == pytest.approx(wanted, rel=KEPT)
 
 
-def test_keyframes_have_their_own_modes(arm, pages):
-    captions, svgs = drawings(pages["arm"])
-    assert [caption.partition(",")[0] for caption in captions[:3]] == [
+@pytest.mark.parametrize(
+    ("craft", "name", "keys"),
+    [
+        (named, "named", ["<u>"]),
+        pytest.param(arm, "arm", ["bent", "square"], marks=pytest.mark.slow),
+    ],
+)
+def test_keyframes_have_their_own_modes(craft, name, keys, pages):
+    captions, svgs = drawings(pages(name))
+    assert [caption.partition(",")[0] for caption in captions[: 1 + len(keys)]] == [
         "The coupled modes at rest",
-        "The coupled modes at keyframe bent",
-        "The coupled modes at keyframe square",
+        *(f"The coupled modes at keyframe {key}" for key in keys),
     ]
-    assert "6 of 20" in captions[0]
-    for name, svg in (("bent", svgs[1]), ("square", svgs[2])):
-        qpos = np.array(arm.untimed.key(name).qpos)
-        frequency, _ = modes_of(arm.untimed, qpos)
+    assert ("6 of 20" in captions[0]) == (name == "arm")
+    model = craft().untimed
+    for key, svg in zip(keys, svgs[1:], strict=False):
+        frequency, _ = modes_of(model, np.array(model.key(key).qpos))
         shown = [float(texts(panel)[0].split()[2]) for panel in panels(svg)]
         np.testing.assert_allclose(shown, frequency[: len(shown)], rtol=SHOWN)
 
 
 def test_rates_are_those_that_the_drawing_states(pages):
-    _, (modes, _) = drawings(pages["satellite"])
+    _, (modes, _) = drawings(pages("satellite"))
     for panel in panels(modes):
         title, *words = texts(panel)
         *_, rate = SIZE.search(" ".join(words)).groups()
@@ -244,7 +271,7 @@ def test_rates_are_those_that_the_drawing_states(pages):
 
 # -- the turn --------------------------------------------------------------------------------------
 def test_the_turn_ends_at_its_angle_and_bends_as_far_as_it_says(satellite, pages):
-    captions, (_, turn) = drawings(pages["satellite"])
+    captions, (_, turn) = drawings(pages("satellite"))
     assert captions[1].startswith("A turn simulated in MuJoCo")
     (panel,) = panels(turn)
     title, played = texts(panel)
@@ -271,7 +298,7 @@ def test_the_turn_ends_at_its_angle_and_bends_as_far_as_it_says(satellite, pages
 
 def test_a_turn_of_too_many_steps_is_not_drawn_and_the_page_says_so():
     text = (SHIPPED / "satellite.xml").read_text().replace('"0.125"', '"1e-5"')
-    page = bc.embed(text, {"left": SHIPPED / "array.toml"}).report()
+    page = bc.embed(text, {"left": spec("rod")}).report()
     captions, _ = drawings(page)
     assert len(captions) == 1
     assert "No turn is drawn: the turn takes" in page
@@ -286,10 +313,11 @@ def test_a_base_that_does_not_fly_is_not_turned():
 
 
 # -- the page --------------------------------------------------------------------------------------
-@pytest.mark.parametrize("name", ["satellite", "arm"])
+@pytest.mark.parametrize("name", ["satellite", pytest.param("arm", marks=pytest.mark.slow)])
 def test_every_drawing_has_a_still_and_says_what_it_is(name, pages):
-    assert len(pages[name].encode()) < LARGEST
-    captions, svgs = drawings(pages[name])
+    page = pages(name)
+    assert len(page.encode()) < LARGEST
+    captions, svgs = drawings(page)
     assert all(captions)
     for svg in svgs:
         assert svg.get("role") == "img"
@@ -309,21 +337,15 @@ def test_every_drawing_has_a_still_and_says_what_it_is(name, pages):
             every = np.vstack([frames(path).reshape(-1, 2) for path in moving]) + shift
             assert every.min() >= 0.0
             assert np.all(every <= [width, height])
-    css = re.search(r"<style>(.*?)</style>", pages[name], re.S)[1]
+    css = re.search(r"<style>(.*?)</style>", page, re.S)[1]
     assert "prefers-reduced-motion" in css
     printed = css[css.index("@media print") :]
     assert ".replay .moving { display: none !important; }" in printed
     assert ".replay .still { display: inline; }" in printed
 
 
-def test_names_with_characters_of_html_and_a_base_without_solids():
-    text = """<mujoco><option gravity="0 0 0"/><worldbody><body name="&lt;b&gt;&amp;&quot;hub">
-    <freejoint/><inertial pos="0 0 0" mass="300" diaginertia="90 90 90"/>
-    <site name="&lt;i&gt;" pos=".5 0 0"/><body><joint name="drive" axis="0 0 1"/>
-    <geom size=".1" mass="2" pos="0 1 0"/></body></body></worldbody>
-    <keyframe><key name="&lt;u&gt;" qpos="0 0 0 1 0 0 0 1.5 0 0"/></keyframe></mujoco>"""
-    text = text.replace(" 1.5 0 0", " 1.5")
-    page = bc.embed(text, {"<i>": spec("rod")}).report()
+def test_names_with_characters_of_html_and_a_base_without_solids(pages):
+    page = pages("named")
     captions, svgs = drawings(page)
     assert captions[1].startswith("The coupled modes at keyframe <u>")
     assert any('<b>&"hub turns' in text for panel in panels(svgs[0]) for text in texts(panel))
@@ -333,11 +355,7 @@ def test_names_with_characters_of_html_and_a_base_without_solids():
 
 
 def test_without_visuals_the_appendages_are_drawn_all_the_same():
-    drawn = []
-    for visuals in (True, False):
-        scene = bc.Scene(visuals=visuals)
-        fit = bc.fit(ROD, name="rod", modes={"xy": 2}, root=bc.Root(hub=HUB), scene=scene)
-        drawn.append(bc.report.fit_report(fit)[0])
+    drawn = [rod_page(visuals=visuals) for visuals in (True, False)]
     one, other = (re.findall(r'<svg class="replay".*?</svg>', page, re.S) for page in drawn)
     assert len(one) == 2
     assert one == other
@@ -346,7 +364,7 @@ def test_without_visuals_the_appendages_are_drawn_all_the_same():
 def test_imported_modes_are_drawn_by_their_links(tmp_path):
     (tmp_path / "modes.toml").write_text(modes_text(ROD, {"xy": 3}))
     (tmp_path / "rod.toml").write_text('name = "rod"\n[imported]\nfile = "modes.toml"\n')
-    page = bc.embed(SHIPPED / "craft.xml", {"mount": tmp_path / "rod.toml"}).report()
+    page = bc.embed(CRAFTS / "planar.xml", {"mount": tmp_path / "rod.toml"}).report()
     captions, (modes, *_) = drawings(page)
     assert "drawn by the links of its chain" in captions[0]
     ribbon = frames(paths(panels(modes)[0], "moving", "ribbon")[0])

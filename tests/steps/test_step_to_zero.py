@@ -44,7 +44,7 @@ def embedded(folder, made, timestep):
     return bc.embed(folder / "craft.xml", at)
 
 
-@pytest.mark.parametrize("payload", [0.0, 10.0, 1000.0])
+@pytest.mark.parametrize("payload", [0.0, pytest.param(10.0, marks=SLOW), 1000.0])
 def test_the_error_at_the_step_becomes_that_without_a_step(tmp_path, payload):
     made = boom(payload)
     craft = mjcf(made, timestep=0.01, integrator="Euler")

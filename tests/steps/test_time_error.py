@@ -57,8 +57,15 @@ def test_nothing_grows(both):
     assert stepped.grows(made.model, STEPS) < GROWTH
 
 
-@pytest.mark.parametrize("ratio", [0.002, 0.05])
-@pytest.mark.parametrize("integrator", ["Euler", "implicitfast"])
+@pytest.mark.parametrize(
+    ("ratio", "integrator"),
+    [
+        (0.002, "Euler"),
+        (0.05, "implicitfast"),
+        pytest.param(0.05, "Euler", marks=pytest.mark.slow),
+        pytest.param(0.002, "implicitfast", marks=pytest.mark.slow),
+    ],
+)
 def test_imported_modes_with_a_step_state_what_the_file_does(ratio, integrator):
     section = bc.Equivalent(
         bending_stiffness_xy=900.0,

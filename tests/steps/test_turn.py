@@ -146,7 +146,7 @@ def test_auto_needs_the_hub():
         bc.fit(tube(), scene=scene(integrator="auto", rates=FAST))
 
 
-@pytest.mark.parametrize("integrator", ["Euler", "RK4"])
+@pytest.mark.parametrize("integrator", ["Euler", pytest.param("RK4", marks=pytest.mark.slow)])
 def test_the_spring_of_the_craft_that_sets_the_limit_is_named(integrator):
     """Every step is stable for appendages that are exact in time;
     the spring of a drive is the spacecraft's own."""
@@ -200,7 +200,7 @@ def test_the_kv_of_a_servo_that_sets_the_limit_is_named_with_the_inertia(integra
     [
         ("implicitfast", "", ' kv="2000"'),
         ("Euler", ' damping="2000"', ""),
-        ("Euler", ' armature="50"', ' kv="2000"'),
+        pytest.param("Euler", ' armature="50"', ' kv="2000"', marks=pytest.mark.slow),
         ("RK4", ' armature="50"', ' kv="2000"'),
     ],
 )

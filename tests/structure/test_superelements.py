@@ -262,7 +262,10 @@ def test_mistakes_of_a_delivery_get_their_cure(wing):
     refused(path, "or mass and stiffness are exchanged")
 
     path.write_bytes(se.op4_binary({"KRED": WING_STIFFNESS, "MRED": WING_MASS}))
-    refused(path, "holds no mass .*it holds KRED, MRED.*write it with EXTSEOUT, or rename the matrices")
+    refused(
+        path,
+        "holds no mass .*it holds KRED, MRED.*write it with EXTSEOUT, or rename the matrices",
+    )
 
     modes_first = np.r_[12:26, :12]
     turned = {name: one[np.ix_(modes_first, modes_first)] for name, one in matrices.items()}

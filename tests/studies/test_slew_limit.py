@@ -78,7 +78,10 @@ def left(models, offset, acceleration, slew):
     return np.abs(shares[0] / shares[1] - 1.0).max()
 
 
-@pytest.mark.parametrize("offset", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize(
+    "offset",
+    [pytest.param(0.0, marks=pytest.mark.slow), 0.5, pytest.param(1.0, marks=pytest.mark.slow)],
+)
 def test_the_error_at_the_stated_limits_is_one_percent(offset):
     """A root away from the hub's centre is accelerated by the slew as well."""
     section = bc.Equivalent(bending_stiffness_xy=STIFFNESS, linear_mass=LINEAR_MASS)
