@@ -104,10 +104,10 @@ def test_ctrl_c_reaches_all_of_them_and_gives_no_traceback(sweep, tmp_path):
 
 def test_joblib_says_where_jobs_run():
     steps = []
-    alone = bc.sweep(ARRAY, 11, seed=3)
+    alone = bc.sweep(ARRAY, 12, seed=3)
     with parallel_config("threading", n_jobs=2):
         shared = bc.sweep(
-            ARRAY, 11, seed=3, progress=lambda done, total: steps.append((done, total))
+            ARRAY, 12, seed=3, progress=lambda done, total: steps.append((done, total))
         )
     for name, values in alone.fields.items():
         np.testing.assert_array_equal(shared.fields[name], values)
