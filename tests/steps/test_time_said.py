@@ -50,7 +50,7 @@ def test_slowed_modes_are_named_by_the_coupled_frequency_from_which_on_they_are_
     ).model
     done = bc.retime(model, 0.1, "Euler", form=4)
     (said,) = done.slowed
-    first = float(re.search(r"from ([\d.]+) rad/s", said)[1])
+    first = float(re.search(r"off by more than 0.1 % stands at ([\d.]+) rad/s", said)[1])
     plain = mujoco.MjModel.from_xml_string(
         bc.embed(bus(0.02), {"a": boom("one", 0.01)}, retime=False).to_mjcf()
     )
@@ -180,7 +180,7 @@ def test_a_pole_that_a_drive_damps_is_named_and_euler_is_not_advised(damper):
     made = bc.embed(text, {"a": boom("boom", 0.01)}, retime=True)
     (said,) = [w for w in made.warnings if w.code == "time-error"]
     assert "damped by 'drive'" in said
-    assert "Timing cannot correct what joint 'drive' damps" in said
+    assert said.startswith("timing cannot correct what joint 'drive' damps")
     assert "Euler" not in said
     assert made.time_error.damped_by == "drive"
     (slowed,) = bc.retime(made.model, 0.1, "implicitfast").slowed

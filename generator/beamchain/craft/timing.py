@@ -118,14 +118,15 @@ def time_notes(
             f"{with_timing.error:.1e}); {'; '.join(said)}."
         )
         return [Caution("exact-in-time", text)]
+    cure = time_cure(with_timing)
     after = ". ".join(f"{text[0].upper()}{text[1:]}" for text in said)
     without = without_timing.words
     if motion_at(untimed).growth > 1.0 + GROWN:
         without = "unstable at this step"
     text = (
-        f"the appendages have timing for {step} ({reason}), but not every pole is exact. Worst of "
-        f"those up to the highest mode kept, with timing: {with_timing.words}; without: {without}. "
-        f"{time_cure(with_timing)} {after}."
+        f"{cure[0].lower()}{cure[1:]} The appendages have timing for {step} ({reason}), but not "
+        "every pole is exact. Worst of those up to the highest mode kept, with timing: "
+        f"{with_timing.words}; without: {without}. {after}."
     )
     return [Caution("time-error", text)]
 

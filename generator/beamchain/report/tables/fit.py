@@ -341,8 +341,8 @@ def imported_table(data: "ModalData") -> Table:
 
 
 def effective_mass_table(space: "InSpace") -> Table:
-    """Effective masses in percent of the rigid mass, mode by mode, of the kept ones and of all,
-    as finite-element programs print them."""
+    """Effective masses in percent of the rigid mass, mode by mode, of the kept ones and of all:
+    translations along the axes of the appendage, rotations about the port."""
     data = space.data
     shares = 100.0 * data.effective_mass_fractions
     kept = [k - 1 for k in space.numbers]
@@ -362,7 +362,7 @@ def effective_mass_table(space: "InSpace") -> Table:
         ),
     )
     notes = (
-        "Translations as finite-element programs print them; rotations about the port.",
+        "Translations along the axes of the appendage, rotations about the port.",
         f"Kept: {space.kept_words}.",
         mass_words(data.rigid_mass),
     )
