@@ -135,10 +135,10 @@ class Worlds:
     over which an input is held, so that every sampled position is that of an input held over the
     step. Worlds that diverge are started again, and listed in `diverged`; the others go on.
 
-    Beside its methods it has `model`, the nominal one, with its step; `count`, the number of worlds;
-    `fields`, by name of MuJoCo's field that differs between worlds `(count, ...)`, to be read only;
-    `diverged` `(n,)`, numbers of the worlds that diverged in the last `step`; and `restarts`
-    `(count,)`, how often each has diverged.
+    Attributes beside the properties are `model`, the nominal one, with its step; `count`, the
+    number of worlds; `fields`, arrays `(count, ...)` by the name of MuJoCo's field that differs
+    between worlds, to be read only; `diverged` `(n,)`, the numbers of the worlds that diverged in
+    the last `step`; and `restarts` `(count,)`, how often each has diverged.
 
     Args:
         model: compiled, with its step; what is the same in all worlds.
