@@ -166,7 +166,7 @@ def test_the_blocks_on_the_page_run(tmp_path, monkeypatch):
                 exec(compile(block, PAGE.name, "exec"), names)
             many = names["many"]
             many.reset()
-            for _ in range(5):
+            for _ in range(20):
                 many.step([2.0])
             moved = np.abs(many.qpos - many.model.qpos0).max()
             assert np.abs(names["data"].qpos - many.qpos).max() < SINGLE * moved
