@@ -101,9 +101,15 @@ def test_a_diverged_satellite_ends_its_episode():
     env.reset(seed=0)
     worlds = env.unwrapped.worlds
     worlds.reset([0], qvel=np.full(worlds.model.nv, 1e20))
-    _, _, lost, late, _ = env.step(np.zeros(3, np.float32))
+    drawn = worlds.drawn["frequency"]
+    seen, reward, lost, late, info = env.step(np.zeros(3, np.float32))
     assert lost
     assert not late
+    # of the new start: at rest, turned by the whole angle, with the same modes
+    assert np.abs(seen[3:]).max() < 1e-6
+    assert abs(np.linalg.norm(seen[:3]) - info["angle"]) < 1e-5
+    assert abs(reward + (info["angle"] / 0.2) ** 2) < ROUNDING
+    np.testing.assert_array_equal(worlds.drawn["frequency"], drawn)
     env.reset()
     assert not env.step(np.zeros(3, np.float32))[2]
 

@@ -357,6 +357,22 @@ def test_seeds_and_resets(craft):
     assert 0.01 < np.abs(width).max() <= RANGES["frequency"] + 1e-12
 
 
+def test_a_seed_moves_bit_for_bit_whatever_threads_and_count(craft):
+    """Of more worlds than one thread takes by itself."""
+    inputs = np.random.default_rng(0).normal(size=(10, 48, 3))
+
+    def flown(count, threads):
+        many = bc.worlds(craft, RANGES, count=count, threads=threads, seed=5)
+        for now in inputs:
+            many.step(now[:count])
+        return np.hstack([many.qpos, many.qvel])[:36]
+
+    kept = flown(36, 1)
+    assert len(np.unique(kept, axis=0)) == 36
+    for count, threads in ((36, 0), (36, 3), (48, 2)):
+        np.testing.assert_array_equal(flown(count, threads), kept)
+
+
 def test_checkpoint_and_retime(craft):
     many = bc.worlds(craft, RANGES, count=4)
     many.step([1.0, 2.0, 0.1])

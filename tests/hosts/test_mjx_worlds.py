@@ -148,9 +148,9 @@ def test_derivatives_are_those_of_differences():
 @pytest.mark.skipif(
     not PAGE.is_file(), reason="the page is not beside the tests (an installed wheel)"
 )
-def test_the_co_design_on_the_page_runs(tmp_path, monkeypatch):
-    """`py` blocks of docs/worlds.md need JAX; the first `python` block makes the spacecraft. Less
-    is left ringing at the end."""
+def test_the_blocks_on_the_page_run(tmp_path, monkeypatch):
+    """`py` blocks of docs/worlds.md need JAX; the first `python` block makes the spacecraft. A
+    program of one's own moves as the worlds do; less is left ringing at the end of co-design."""
     monkeypatch.chdir(tmp_path)
     subprocess.run([sys.executable, "-m", "beamchain", "init", "array", "--quiet"], check=True)
     text = PAGE.read_text(encoding="utf-8")
@@ -158,12 +158,19 @@ def test_the_co_design_on_the_page_runs(tmp_path, monkeypatch):
     first = re.search(r"^```python\n(.*?)^```", text, re.S | re.M)
     blocks = re.findall(r"^```py\n(.*?)^```", text, re.S | re.M)
     assert first is not None
-    assert len(blocks) == 1
+    assert len(blocks) == 2
     before = jax.config.jax_enable_x64
     try:
         with contextlib.redirect_stdout(io.StringIO()):
-            for block in (first[1], *blocks):
+            for block in (first[1], blocks[0]):
                 exec(compile(block, PAGE.name, "exec"), names)
+            many = names["many"]
+            many.reset()
+            for _ in range(20):
+                many.step([2.0])
+            moved = np.abs(many.qpos - many.model.qpos0).max()
+            assert np.abs(names["data"].qpos - many.qpos).max() < SINGLE * moved
+            exec(compile(blocks[1], PAGE.name, "exec"), names)
         assert float(names["value"]) < 0.2 * float(names["start"])
     finally:
         jax.config.update("jax_enable_x64", before)

@@ -110,7 +110,7 @@ class Satellite(gymnasium.Env[Array, Array]):
             _shipped_satellite() if model is None else model, variants, 1, timestep=step
         )
         for warning in self.worlds.warnings if model is not None else ():
-            gymnasium.logger.warn(warning)
+            gymnasium.logger.warn("%s", warning)  # a sentence may hold a percent sign
         self._add_wheels(torque)
         high = np.repeat([np.pi, FASTEST, 2.0], [3, 3, len(self.torque)])
         self.observation_space = gymnasium.spaces.Box(-high, high, dtype=np.float64)

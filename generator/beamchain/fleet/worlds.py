@@ -135,6 +135,11 @@ class Worlds:
     over which an input is held, so that every sampled position is that of an input held over the
     step. Worlds that diverge are started again, and listed in `diverged`; the others go on.
 
+    Attributes beside the properties are `model`, the nominal one, with its step; `count`, the
+    number of worlds; `fields`, arrays `(count, ...)` by the name of MuJoCo's field that differs
+    between worlds, to be read only; `diverged` `(n,)`, the numbers of the worlds that diverged in
+    the last `step`; and `restarts` `(count,)`, how often each has diverged.
+
     Args:
         model: compiled, with its step; what is the same in all worlds.
         count: number of worlds.
@@ -178,7 +183,9 @@ class Worlds:
     ) -> None:
         self._band = band
         self._timing = timing
+        #: compiled, with its step; what is the same in all worlds
         self.model: Any = model
+        #: number of worlds
         self.count: int = count
         self.rng: np.random.Generator = np.random.default_rng(seed)
         self._source = source
