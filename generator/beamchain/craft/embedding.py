@@ -143,9 +143,7 @@ def embed(
     with noted_inputs() as inputs:
         result = _embed(craft, at, form, prefixes, retime, max_modes, rigid, carry, retime_joints)
     is_file = (
-        isinstance(craft, str | Path)
-        and result.document is not None
-        and not is_mjcf_text(craft)
+        isinstance(craft, str | Path) and result.document is not None and not is_mjcf_text(craft)
     )
     source = Path(str(craft)) if is_file else None
     result = replace(result, source=source, inputs=tuple(inputs), loaded=loaded)

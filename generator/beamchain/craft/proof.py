@@ -84,17 +84,15 @@ def prove(path: str | Path, *, loaded: bool = False) -> Embedded:
     return replace(result, warnings=(*result.warnings, *load_warnings(result)))
 
 
-def _read(
-    file: str | Path, called: str
-) -> "tuple[mujoco.MjModel, tuple[Appendage, ...]] | None":
+def _read(file: str | Path, called: str) -> "tuple[mujoco.MjModel, tuple[Appendage, ...]] | None":
     """`marked_appendages`, where what was added to the file by hand does not stand alone."""
     try:
         return marked_appendages(file)
     except EngineError as error:
         reason = str(error).splitlines()[0].rstrip(".")
         raise InputError(
-            f"{called}: without its appendages the spacecraft does not compile any more ({reason}): "
-            "something was put in by hand that needs them, a keyframe or an actuator; take it out "
+            f"{called}: without its appendages the spacecraft does not compile any more "
+            f"({reason}): something was put in by hand that needs them, a keyframe or an actuator; take it out "
             "for the proof, or put it into the spacecraft's file and embed again."
         ) from None
 
