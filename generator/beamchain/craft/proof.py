@@ -92,8 +92,8 @@ def _read(file: str | Path, called: str) -> "tuple[mujoco.MjModel, tuple[Appenda
         reason = str(error).splitlines()[0].rstrip(".")
         raise InputError(
             f"{called}: without its appendages the spacecraft does not compile any more "
-            f"({reason}): something was put in by hand that needs them, a keyframe or an actuator; take it out "
-            "for the proof, or put it into the spacecraft's file and embed again."
+            f"({reason}): something was put in by hand that needs them, a keyframe or an actuator; "
+            "take it out for the proof, or put it into the spacecraft's file and embed again."
         ) from None
 
 
