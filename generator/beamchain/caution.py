@@ -14,6 +14,7 @@ CODES = {
     "appendage",
     "allocation-matrix": "the matrix of an allocation does not give the torque that is commanded",
     "allocation-null": "actuators of an allocation can work against each other without torque",
+    "bent-keyframe": "a keyframe bends an appendage, where `embed` writes zeros",
     "carried-apart": "a body stands beside the port that carries it, across a rigid gap",
     "not-carried": "a body stands at a point of an appendage that does not carry it",
     "counted-twice": "the body that holds an appendage probably has the appendage's own mass",

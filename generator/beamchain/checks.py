@@ -9,7 +9,7 @@ from functools import cache, partial
 from numbers import Integral, Real
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Any, Literal, TypeGuard, get_args, get_origin, get_type_hints
 
 import msgspec
 
@@ -313,6 +313,11 @@ def path_of(field: str, value: object, wanted: str = "the path of a file") -> Pa
         return Path(value)
     except TypeError:  # a path of bytes
         raise InputError(f"{field} = {value!r:.60} is no text; give {wanted}.") from None
+
+
+def is_mjcf_text(source: object) -> TypeGuard[str]:
+    """Whether a source is the text of an MJCF file and not its path."""
+    return isinstance(source, str) and source.lstrip().startswith("<")
 
 
 def list_of_names(field: str, value: object) -> list[str]:

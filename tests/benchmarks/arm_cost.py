@@ -23,7 +23,7 @@ SHIPPED = files("beamchain") / "examples"
 ROUNDS = 9
 STEPS = 4000
 COUNTS = (1, 2, 3)  # modes of bending in each plane, beside one of torsion
-INTEGRATORS = ("Euler", "RK4")
+INTEGRATORS = ("Euler", "implicitfast", "RK4")
 
 
 def say(words: str) -> None:

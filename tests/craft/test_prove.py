@@ -195,6 +195,24 @@ def test_a_file_without_marks_is_refused(tmp_path):
         bc.prove(tmp_path / "arm.xml")
 
 
+def test_text_is_taken_as_a_file_is_and_a_keyframe_that_bends_an_appendage_is_warned_of(tmp_path):
+    file, fresh = embedded(tmp_path, TWO)
+    proof = bc.prove(file.read_text())
+    assert proof.promise.poses == pytest.approx(fresh.promise.poses, rel=SAME)
+    assert "bent-keyframe" not in {said.code for said in proof.warnings}
+    root = etree.fromstring(file.read_bytes())
+    next(root.iter("key")).set("qpos", "0 0 0 1 0 0 0 0.8")  # the rest is filled up at the end
+    short = bc.prove(etree.tostring(root, encoding="unicode"))
+    (said,) = [said for said in short.warnings if said.code == "bent-keyframe"]
+    assert re.search(rf"0.8 rad for 'upper_.*write all {short.model.nq} values", said)
+
+
+def test_text_without_marks_is_refused_without_repeating_it():
+    with pytest.raises(bc.InputError, match="was not written by embed") as refused:
+        bc.prove(mjcf(ONE))
+    assert len(str(refused.value)) < 200
+
+
 @pytest.mark.slow
 def test_a_rigid_twin_is_proved_as_one(tmp_path):
     (tmp_path / "arm.xml").write_text(mjcf(ONE))

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import msgspec
 from lxml.etree import _Element as Element
 
+from beamchain.checks import is_mjcf_text
 from beamchain.craft.appendage import PROBE, Appendage, craft_elements, moved_bodies
 from beamchain.craft.loads import Carries, base_place, split_port
 from beamchain.engine.library import mujoco
@@ -38,8 +39,7 @@ class Wish(NamedTuple):
 
 def read_bare(craft: str | Path) -> tuple[Craft, dict[str, Wish], str]:
     """The bare spacecraft, what was embedded in it by place, and in which form."""
-    text = isinstance(craft, str) and craft.lstrip().startswith("<")
-    read = craft_from_text(str(craft)) if text else read_craft(craft)
+    read = craft_from_text(craft) if is_mjcf_text(craft) else read_craft(craft)
     marks = undo.appendage_marks(read)
     before = {
         mark.at: Wish(_spec_of_mark(mark.spec, mark.at), mark.prefix, mark.carries)

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from beamchain.checks import list_of_names, of_type, one_of, true_or_false
+from beamchain.checks import is_mjcf_text, list_of_names, of_type, one_of, true_or_false
 from beamchain.checks import whole_number as checked_int
 from beamchain.craft.appendage import (
     PROBE,
@@ -143,9 +143,7 @@ def embed(
     with noted_inputs() as inputs:
         result = _embed(craft, at, form, prefixes, retime, max_modes, rigid, carry, retime_joints)
     is_file = (
-        isinstance(craft, str | Path)
-        and result.document is not None
-        and not str(craft).lstrip().startswith("<")
+        isinstance(craft, str | Path) and result.document is not None and not is_mjcf_text(craft)
     )
     source = Path(str(craft)) if is_file else None
     result = replace(result, source=source, inputs=tuple(inputs), loaded=loaded)
@@ -293,8 +291,10 @@ def take_out(craft: str | Path, at: Sequence[str] = ()) -> "Craft | Embedded":
 
 
 # -- into a document -------------------------------------------------------------------------------
-def marked_appendages(path: Path) -> "tuple[mujoco.MjModel, tuple[Appendage, ...]] | None":
-    """The bare spacecraft of a file that `embed` wrote, compiled,
+def marked_appendages(
+    path: str | Path,
+) -> "tuple[mujoco.MjModel, tuple[Appendage, ...]] | None":
+    """The bare spacecraft of a file that `embed` wrote, or of its text, compiled,
     and its appendages by their marks; None without marks.
 
     Raises:

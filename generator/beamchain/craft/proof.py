@@ -11,7 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from beamchain.checks import path_of, true_or_false
+from beamchain.caution import Caution
+from beamchain.checks import is_mjcf_text, path_of, true_or_false
 from beamchain.craft.appendage import Appendage, motion_warnings, moved_bodies
 from beamchain.craft.disturbances import check_flags
 from beamchain.craft.embedded import Embedded
@@ -28,6 +29,7 @@ from beamchain.steps.modal import timing_marks
 from beamchain.steps.retime import without_timing
 
 UNMARKED = "the file does not say what its appendages are (it was not written by embed)"
+BENT = 0.05  # [rad] of an elastic hinge in a keyframe, where embed writes zero
 RESTORE = "restore the file from before, or embed again"
 
 
@@ -40,7 +42,7 @@ def prove(path: str | Path, *, loaded: bool = False) -> Embedded:
     hinges, tendons) is compared with them as MuJoCo compiles it, at rest and at every keyframe.
 
     Args:
-        path: of the file.
+        path: of the file, or its text.
         loaded: whether to prove it under its own load, as in `embed`.
 
     Returns:
@@ -68,27 +70,30 @@ def prove(path: str | Path, *, loaded: bool = False) -> Embedded:
         >>> abs(proof.craft_error / flexible.craft_error - 1.0) < 1e-6
         True
     """
-    file = path_of("path", path)
+    is_text = is_mjcf_text(path)
+    wanted = "the path or the text of an MJCF (.xml) file that embed wrote"
+    file = path if is_text else path_of("path", path, wanted)
+    called = "the text" if is_text else str(file)
     loaded = true_or_false("loaded", loaded)
     with noted_inputs() as inputs:
         model = compile_model(file)
-        marked = _read(file)
+        marked = _read(file, called)
     if marked is None:
-        raise InputError(f"{file}: {UNMARKED}; prove what embed wrote.")
+        raise InputError(f"{called}: {UNMARKED}; prove what embed wrote.")
     result = replace(proved(*marked, model), inputs=tuple(inputs), loaded=loaded)
     return replace(result, warnings=(*result.warnings, *load_warnings(result)))
 
 
-def _read(file: Path) -> "tuple[mujoco.MjModel, tuple[Appendage, ...]] | None":
+def _read(file: str | Path, called: str) -> "tuple[mujoco.MjModel, tuple[Appendage, ...]] | None":
     """`marked_appendages`, where what was added to the file by hand does not stand alone."""
     try:
         return marked_appendages(file)
     except EngineError as error:
         reason = str(error).splitlines()[0].rstrip(".")
         raise InputError(
-            f"{file}: without its appendages the spacecraft does not compile any more ({reason}): "
-            "something was put in by hand that needs them, a keyframe or an actuator; take it out "
-            "for the proof, or put it into the spacecraft's file and embed again."
+            f"{called}: without its appendages the spacecraft does not compile any more "
+            f"({reason}): something was put in by hand that needs them, a keyframe or an actuator; "
+            "take it out for the proof, or put it into the spacecraft's file and embed again."
         ) from None
 
 
@@ -114,7 +119,35 @@ def proved(
     plain = without_timing(model)
     warnings = [] if known[0].rigid else motion_warnings(plain, known, model)
     warnings += attitude_warnings(model, known)
+    warnings += _bent_keyframes(model, known)
     return replace(result, craft=craft, warnings=tuple(warnings))
+
+
+def _bent_keyframes(model: "mujoco.MjModel", appendages: Sequence[Appendage]) -> list[str]:
+    """A sentence for each keyframe that bends an appendage, by the hinge farthest from rest."""
+    found: list[str] = []
+    names = set[str]().union(*((a.elements or {})["jnt"] for a in appendages if not a.spec.slosh))
+    hinges = [
+        j
+        for j in range(model.njnt)
+        if model.joint(j).name in names and model.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE
+    ]
+    if not hinges:
+        return found
+    places = model.jnt_qposadr[hinges]
+    for k in range(model.nkey):
+        angles = model.key_qpos[k][places] - model.qpos0[places]
+        worst = int(np.argmax(np.abs(angles)))
+        if abs(angles[worst]) > BENT:
+            text = (
+                f"keyframe {model.key(k).name or k!r} holds {angles[worst]:.3g} rad for "
+                f"{model.joint(hinges[worst]).name!r}, an elastic hinge, where embed writes 0; the "
+                "proof is one at rest. MuJoCo fills a short qpos up at its end, so that angles of "
+                f"the spacecraft's own joints land there: write all {model.nq} values, or put the "
+                "keyframe into the spacecraft's file and embed again."
+            )
+            found.append(Caution("bent-keyframe", text))
+    return found
 
 
 def _elements(

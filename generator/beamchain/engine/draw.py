@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from beamchain.checks import is_mjcf_text
 from beamchain.engine.drawn import drawn_points
 from beamchain.engine.library import mujoco, rest
 from beamchain.engine.linearise import compile_model
@@ -30,7 +31,7 @@ def stage(source: str | Path) -> "mujoco.MjModel":
     A compiled .mjb file stays as it is.
     """
     model = compile_model(source)
-    text = isinstance(source, str) and source.lstrip().startswith("<")
+    text = is_mjcf_text(source)
     if not text and Path(source).suffix.lower() == ".mjb":
         return model
     spec: Any = (

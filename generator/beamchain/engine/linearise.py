@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 
-from beamchain.checks import of_type, path_of, positive
+from beamchain.checks import is_mjcf_text, of_type, path_of, positive
 from beamchain.engine.door import check_model
 from beamchain.engine.library import mujoco, one_thread
 from beamchain.errors import EngineError, InputError
@@ -55,7 +55,7 @@ def compile_model(source: "mujoco.MjModel | str | Path") -> "mujoco.MjModel":
     its numbers afterwards."""
     if isinstance(source, mujoco.MjModel):
         return source
-    text = isinstance(source, str) and source.lstrip().startswith("<")
+    text = is_mjcf_text(source)
     wanted = "a compiled mujoco.MjModel, or the path or the text of an MJCF (.xml) file"
     path = Path() if text else path_of("model", source, wanted)
     what = "model" if text else f"model {str(path)!r}"
