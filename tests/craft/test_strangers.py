@@ -197,3 +197,21 @@ def test_names_in_another_encoding_are_refused_with_their_cure(command, encoding
     assert answer.status == 2
     assert "is not UTF-8" in answer.err
     assert "iconv" in answer.err
+
+
+def test_an_equality_without_a_name_is_called_by_what_it_ties(tmp_path):
+    (tmp_path / "tied.xml").write_text(
+        "<mujoco><worldbody><site name='w'/><body name='a'><freejoint/><geom size='.1'/>"
+        "<site name='s'/><body name='b'><joint name='left' stiffness='9'/><geom size='.1'/></body>"
+        "<body name='c'><joint name='right' stiffness='9'/><geom size='.1'/></body></body>"
+        "</worldbody><equality><joint joint1='left' joint2='right'/><weld body1='a'/>"
+        "<connect site1='s' site2='w'/></equality></mujoco>"
+    )
+    (said,) = [
+        item["text"]
+        for item in call("inspect", tmp_path / "tied.xml", "--json").record["warning_codes"]
+        if item["code"] == "equality"
+    ]
+    assert "joint of 'left' and 'right'" in said
+    assert "weld of 'a' and 'world'" in said
+    assert "connect of 's' and 'w'" in said
