@@ -60,11 +60,14 @@ class InterfaceGrid(Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
         field("rows: directions of the components of the grid in the axes of the file", ""),
     ] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     components: Annotated[
-        str, field("components that the matrices hold, 1 to 3 for x, y, z, 4 to 6 for rotations")
+        str, field("components held at the root, 1 to 3 for x, y, z, 4 to 6 for rotations")
     ] = "123456"
     row: Annotated[
         int | None,
-        field("row of the first component in the matrices, from 1; after the grid before it"),
+        field(
+            "row of the first component in the matrices, from 1 (of .npz and .mat its place in "
+            "`boundary`); after the grid before it"
+        ),
     ] = None
 
     def __post_init__(self) -> None:
@@ -120,7 +123,7 @@ def read(path: Path, subcase: int | None, interface: Interface) -> ModalData:
     mass, stiffness = _chosen(path, matrices, others)
     size = mass.values.shape[0]
     if interface.grids:
-        rows, points = _stated_rows(interface.grids, size, path.name)
+        rows, points = _stated_rows(interface.grids, size, f"the matrices of {path.name!r}")
         order: tuple[Freedom, ...] | None = None
         source = "the specification"
     else:
@@ -175,7 +178,7 @@ def _from_arrays(path: Path, interface: Interface) -> ModalData:
     """A .npz or .mat file: the rows of the grids follow each other in its boundary."""
     mass, stiffness, boundary = read_arrays(path)
     if interface.grids:
-        rows, points = _stated_rows(interface.grids, len(boundary), path.name)
+        rows, points = _stated_rows(interface.grids, len(boundary), f"the boundary of {path.name!r}")
         source = "the specification"
     else:
         bulk, source = _bulk_beside(path, interface.asm)
@@ -261,8 +264,8 @@ def _stated_rows(
         following = first + len(grid.components)
         if first < 0 or following > size:
             raise InputError(
-                f"grids: grid {grid.id} takes rows {first + 1} to {following}, but the matrices of "
-                f"{name!r} have {size}; check row and components."
+                f"grids: grid {grid.id} takes rows {first + 1} to {following}, but {name} "
+                f"{'has' if 'boundary' in name else 'have'} {size}; check row and components."
             )
         rows |= {(grid.id, int(c)): first + k for k, c in enumerate(grid.components)}
     count = sum(len(grid.components) for grid in grids)
