@@ -118,3 +118,58 @@ def test_a_gain_to_motion_that_no_loop_holds_is_refused_as_before():
     assert uncertain.worst_case(loops("z"), "torque_z", "attitude_z", simulate=False).stable
     with pytest.raises(bc.InputError, match="close loops that hold all that 'attitude_x' shows"):
         uncertain.worst_case(loops("z"), "torque_x", "attitude_x")
+
+
+@pytest.fixture(scope="module")
+def winged():
+    """Two booms on sprung drives at 45 and -45 degrees."""
+    wings = "".join(
+        f"""<body name="{name}" pos="0 {y} 0" xyaxes="0 {turn} 0 {-turn} 0 0">
+<joint name="{name}" axis="1 0 0" stiffness="4000" damping="40" springref="{45 * turn}"/>
+<inertial pos="0.1 0 0" mass="9" diaginertia="0.4 0.3 0.3"/>
+<site name="{name}_wing" pos="0.2 0.02 0.05"/></body>"""
+        for name, y, turn in (("north", 0.9, 1), ("south", -0.9, -1))
+    )
+    craft = f"""<mujoco><option gravity="0 0 0" timestep="0.01"/><worldbody><body name="bus">
+<freejoint/><inertial pos="0 0 0" mass="900" diaginertia="500 420 550"/>{wings}
+<body name="wheel" pos="0.3 0 -0.4" zaxis="0.8 0 0.6"><joint name="wheel" axis="0 0 1"/>
+<inertial pos="0 0 0" mass="5" diaginertia="0.02 0.02 0.025"/></body></body></worldbody></mujoco>"""
+    section = bc.Equivalent(bending_stiffness_xy=2e3, bending_stiffness_xz=3e3, linear_mass=4.0)
+    boom = bc.Spec(
+        name="boom",
+        segment=(bc.Segment(length=6.0, section=section),),
+        modes=bc.Modes(xy=1, xz=1),
+        damping=bc.Damping(ratio=0.005),
+        fit=bc.FitOptions(springs="modes"),
+    )
+    return bc.embed(craft, {"north_wing": boom, "south_wing": boom}, retime=False)
+
+
+@pytest.mark.parametrize(("axes", "rates"), [("z", {}), ("xyz", {"wheel": 1.0})])
+def test_flexible_craft_in_a_pose_keep_their_margins(winged, axes, rates):
+    """Every least disk margin is the one that `bc.margins` states at its values."""
+    pose = {"north": np.pi / 4.0, "south": -np.pi / 4.0}
+    plant = bc.plant(winged, ["torque:bus"], ["attitude"], at=pose, rates=rates)
+    scaled = Controller(
+        loop=tuple(
+            Loop(
+                input=one.input,
+                output=one.output,
+                numerator=(400.0, 60.0),
+                denominator=(0.05, 1.0),
+            )
+            for one in loops(axes).loop
+        )
+    )
+    known = bc.margins(plant, scaled)
+    assert known.stable
+    uncertain = plant.uncertain(
+        bc.UncertainCraft(body={"bus": bc.UncertainBody(inertia_zz=bc.Uncertainty(relative=0.05))})
+    )
+    found = uncertain.worst_margins(scaled, samples=2)
+    rows = [row for row in found if row.kind == "disk" and row.at.startswith("torque")]
+    for i, row in enumerate(rows):
+        assert row.nominal == pytest.approx(known.loops[i].disk, rel=1e-6)
+        again = bc.margins(uncertain.sample(row.values), scaled)
+        assert row.worst == pytest.approx(again.loops[i].disk, rel=1e-6)
+        assert row.worst < row.nominal
