@@ -16,13 +16,18 @@ from beamchain.plants.controllers import ORDER, Controller
 from beamchain.plants.feedback import Feedback, Given, Signals, feedback
 from beamchain.plants.realisation import Plant
 from beamchain.plants.sampling import sampled
-from beamchain.plants.systems import Complex, System, linking, response, with_states
+from beamchain.plants.systems import (
+    GROWS,
+    Complex,
+    System,
+    growth,
+    linking,
+    response,
+    size_at_rest,
+    with_states,
+)
 from beamchain.ports.motions import Array
 
-GROWS = 1e-9  # growth of a pole relative to the fastest one, below which it is rounding
-# size of a pole relative to the plant's fastest one, below which it is at zero: what rounding,
-# 1e-16, makes of a double integrator
-AT_REST = 1e-7
 ORDERS = (ORDER, 8, 10, 12)  # of Pade approximations, until the number of unstable poles is right
 UNDAMPED = 1e-8  # damping ratio, and relative distance to a pole, that are rounding
 NEAR = np.sinh(np.linspace(-6.0, 6.0, 62))  # half widths of a resonance, at which it is looked at
@@ -123,13 +128,12 @@ class ClosedLoop:
     @cached_property
     def rest(self) -> float:
         """Size of a pole below which it is at rest [rad/s]."""
-        size = np.abs(self.to_s(np.linalg.eigvals(self.plant[0]).astype(np.complex128)))
-        return AT_REST * min(float(size.max(initial=0.0)), self.top)
+        poles = self.to_s(np.linalg.eigvals(self.plant[0]).astype(np.complex128))
+        return size_at_rest(poles, self.top)
 
     def growth(self, poles: Complex) -> Array:
         """`(k,)` growth [1/s] of poles s, or z; above zero: unstable. Those at rest do not grow."""
-        s = self.to_s(poles)
-        return np.where(np.abs(s) < self.rest, 0.0, s.real) - self.rounding
+        return growth(self.to_s(poles), self.rest, self.top)
 
     @property
     def rounding(self) -> float:

@@ -1,10 +1,10 @@
 """State spaces as four arrays: feedback closed, states that take no part removed, responses."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
+from scipy.linalg import block_diag, schur, solve_sylvester
 
 from beamchain.ports.motions import Array
 
@@ -13,6 +13,10 @@ Complex = NDArray[np.complex128]
 UNSEEN = 1e-11  # relative, below which a state takes no part
 LINKED = 1e-14  # of the largest in its row, below which an element of A is rounding
 CHUNK = 100  # frequencies that are solved together
+GROWS = 1e-9  # growth of a pole relative to the fastest one, below which it is rounding
+# size of a pole relative to the plant's fastest one, below which it is at zero: what rounding,
+# 1e-16, makes of a double integrator
+AT_REST = 1e-7
 
 
 def close_feedback(system: System, gain: Array) -> System:
@@ -79,6 +83,36 @@ def with_states(system: System, keep: list[int]) -> System:
     """Only some of the states."""
     a, b, c, d = system
     return a[np.ix_(keep, keep)], b[keep], c[:, keep], d
+
+
+def size_at_rest(plant_poles: Complex, top: float) -> float:
+    """Size of a pole s below which it is at rest [rad/s], beside a plant and a closed loop whose
+    fastest pole has the size `top`."""
+    return AT_REST * min(float(np.abs(plant_poles).max(initial=0.0)), top)
+
+
+def growth(poles: Complex, rest: float, top: float) -> Array:
+    """`(k,)` growth [1/s] of poles s; above zero: unstable. Those at rest do not grow, and what
+    rounding makes of poles on the axis does not count."""
+    return np.where(np.abs(poles) < rest, 0.0, poles.real) - GROWS * top
+
+
+def parted(system: System, apart: Callable[[complex], bool]) -> tuple[System, System]:
+    """A system as the sum of two, the second with the poles for which `apart` holds and without
+    a direct part; their real Schur form is made block diagonal."""
+    a, b, c, d = system
+
+    def first(real: float, imaginary: float) -> bool:
+        return not apart(complex(real, imaginary))
+
+    form, basis, count = schur(a, output="real", sort=first)
+    n = int(count)
+    # [1 X; 0 1] makes [T_1 T_12; 0 T_2] block diagonal where T_1 X - X T_2 = -T_12
+    x = solve_sylvester(form[:n, :n], -form[n:, n:], -form[:n, n:])
+    driven, seen = basis.T @ b, c @ basis
+    kept = form[:n, :n], driven[:n] - x @ driven[n:], seen[:, :n], d
+    rest = form[n:, n:], driven[n:], seen[:, :n] @ x + seen[:, n:], np.zeros_like(d)
+    return kept, rest
 
 
 def response(system: System, s: Complex) -> Complex:

@@ -14,10 +14,21 @@ from scipy.optimize import brentq, minimize, minimize_scalar
 from beamchain.errors import InputError
 from beamchain.plants.controllers import Controller, place, places, realise
 from beamchain.plants.controllers import response as loop_response
-from beamchain.plants.systems import Complex, System, close_loop, picked, response, with_deltas
+from beamchain.plants.systems import (
+    GROWS,
+    Complex,
+    System,
+    close_loop,
+    growth,
+    parted,
+    picked,
+    response,
+    size_at_rest,
+    with_deltas,
+)
 from beamchain.ports.motions import Array
 
-GROWS = 1e-9  # relative real part of a pole, below which it is rounding
+IDLE = 1e-9  # of a response, relative: what poles on the axis add to it is rounding
 STARTS = 4  # of the local search, from the worst samples
 STILL = 1e-2  # of the lowest frequency looked at: a gain that is largest at rest is taken there
 AROUND = np.sinh(np.linspace(-4.0, 4.0, 25))  # half widths of a resonance, at which it is looked at
@@ -58,7 +69,10 @@ class Loops:
     `blocks` `(channels,)` is the number of the delta of each channel;
     `ends` are the input where d acts and the output e. `rows` and `columns` are the signals of M
     that each loop measures and drives, `seen` and `driven` those of N. `offset` is added to the
-    response from d to e.
+    response from d to e. `poles` are those of the nominal sample that take part in it.
+
+    Stability is judged as in `bc.margins`: motion that no loop touches (free rigid motion, the
+    momentum of wheels, nutation) takes no part. `undamped` allows poles on the axis that do.
     """
 
     blocks: NDArray[np.intp]
@@ -81,6 +95,7 @@ class Loops:
         controller: Controller,
         ends: tuple[str, str],
         offset: float = 0.0,
+        undamped: bool = False,
     ) -> None:
         channels = len(blocks)
         rows, columns = places(controller, inputs, outputs)
@@ -97,9 +112,13 @@ class Loops:
         self.system = picked(whole, self.seen, self.driven)
         self.offset = offset
         self.system[3][-1, -1] += offset
-        self.poles = np.linalg.eigvals(self.system[0]).astype(np.complex128)
+        self._plant_poles = np.linalg.eigvals(system[0]).astype(np.complex128)
+        self.poles = self._resonances(np.zeros(max(blocks, default=-1) + 1)).poles
         top = float(np.abs(self.poles).max(initial=1e-300))
-        if float(self.poles.real.max(initial=-1.0)) > -GROWS * top:
+        held = np.abs(self.poles) >= size_at_rest(self._plant_poles, top)
+        if not undamped:
+            held &= self.poles.real <= -GROWS * top
+        if not held.all() or self._growing(self.poles).size:
             raise InputError(
                 "the closed loop of the nominal plant is not stable, so that nothing can be "
                 f"worse; close loops that hold all that {ends[1]!r} shows, stably (bc.plant's "
@@ -149,17 +168,49 @@ class Loops:
     def _resonances(self, deltas: Array) -> Resonances:
         """The gain of a sample `(blocks,)` from d to e, dead times by Pade."""
         a, b, c, d = with_deltas(self.system, deltas[self.blocks])
+        a, b, c, d = self._taking_part((a, b[:, -1:], c[-1:], d[-1:, -1:]))
         poles, vectors = (np.asarray(part, dtype=np.complex128) for part in np.linalg.eig(a))
-        weights = (c[-1] @ vectors) * np.linalg.solve(vectors, b[:, -1].astype(np.complex128))
-        return Resonances(poles, weights, float(d[-1, -1]))
+        weights = (c[0] @ vectors) * np.linalg.solve(vectors, b[:, 0].astype(np.complex128))
+        return Resonances(poles, weights, float(d[0, 0]))
+
+    def _taking_part(self, system: System) -> System:
+        """A system from d to e without its poles at rest, and without those on the axis, where
+        what they add to it is rounding."""
+        poles = np.linalg.eigvals(system[0]).astype(np.complex128)
+        top = float(np.abs(poles).max(initial=1e-300))
+        rest = size_at_rest(self._plant_poles, top)
+
+        def at_rest(pole: complex) -> bool:
+            return abs(pole) < rest
+
+        def on_axis(pole: complex) -> bool:
+            return abs(pole.real) <= GROWS * top
+
+        for apart in (at_rest, on_axis):
+            there = np.array([apart(complex(pole)) for pole in poles], dtype=np.bool_)
+            if not there.any() or there.all():
+                continue
+            kept, idle = parted(system, apart)
+            # on the real axis, where no pole of a stable loop is near
+            s = np.geomspace(np.abs(poles[~there]).min(), top, 30).astype(np.complex128)
+            share = np.abs(response(idle, s)).max() / np.abs(response(system, s)).max()
+            if share < IDLE:
+                system = kept
+                poles = poles[~there]
+        return system
+
+    def _growing(self, poles: Complex) -> Complex:
+        """The unstable ones of a sample's poles."""
+        top = float(np.abs(poles).max(initial=1e-300))
+        return poles[growth(poles, size_at_rest(self._plant_poles, top), top) > 0.0]
 
     def peak(self, deltas: Array) -> Peak:
         """The largest gain of a sample over all frequencies, resonances resolved."""
         resonances = self._resonances(deltas)
         poles = resonances.poles
-        first = int(np.argmax(poles.real))
-        if poles[first].real > GROWS * np.abs(poles).max():
-            return Peak(np.inf, float(np.abs(poles[first].imag)))
+        growing = self._growing(poles)
+        if growing.size:
+            return Peak(np.inf, float(np.abs(growing[np.argmax(growing.real)].imag)))
         omega = self._grid(poles)
         at = int(np.argmax(resonances.size(omega)))
         low = float(omega[max(at - 1, 0)])

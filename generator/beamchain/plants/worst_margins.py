@@ -253,7 +253,16 @@ class SampleLoops:
         self._known: dict[bytes, list[Limits]] = {}
         # from d at an input to its total, which is S d; S - 1/2 is (S - T)/2
         self.disks = [
-            Loops(extended, blocks, inputs, labels, controller, (name, READ + name), offset=-0.5)
+            Loops(
+                extended,
+                blocks,
+                inputs,
+                labels,
+                controller,
+                (name, READ + name),
+                offset=-0.5,
+                undamped=True,
+            )
             for name in self.names
         ]
 
