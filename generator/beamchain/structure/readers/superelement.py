@@ -178,7 +178,9 @@ def _from_arrays(path: Path, interface: Interface) -> ModalData:
     """A .npz or .mat file: the rows of the grids follow each other in its boundary."""
     mass, stiffness, boundary = read_arrays(path)
     if interface.grids:
-        rows, points = _stated_rows(interface.grids, len(boundary), f"the boundary of {path.name!r}")
+        rows, points = _stated_rows(
+            interface.grids, len(boundary), f"the boundary of {path.name!r}"
+        )
         source = "the specification"
     else:
         bulk, source = _bulk_beside(path, interface.asm)
