@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 PEERS = Path(__file__).parent / "peers"
-sys.path.insert(0, str(PEERS))
+sys.path[:0] = [str(PEERS), str(Path(__file__).parents[1] / "support")]
 
 from task import SCENARIO, TASK  # noqa: E402
 
