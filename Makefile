@@ -1,5 +1,5 @@
 # make demo        fit the example boom, and film a satellite whose arrays bend, into build/demo
-# make test        lint, types and the quick tests (6 to 7 minutes on 2 cores)
+# make test        lint, types and the quick tests (about 4 minutes on 2 cores)
 # make test-full   wheel in an empty environment, notebooks, the long tests (under 50 minutes)
 # make hosts       the exported file in other simulators, each in an environment of its own; HOSTS="mjx warp newton" for more
 # make bench       print the timings that README and CHANGELOG quote
