@@ -121,6 +121,7 @@ def test_effective_masses_of_kept_modes_and_of_all(folder):
     assert any(f"Total mass {mass:.6g} kg, mass centre at (" in note for note in table.notes)
 
 
+@pytest.mark.slow
 def test_embed_says_which_modes_are_kept_and_where_the_mass_stands(folder):
     Path("craft.xml").write_text(CRAFT)
     wing(modes=list(KEPT))

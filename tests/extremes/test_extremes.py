@@ -282,6 +282,7 @@ def test_a_file_mujoco_does_not_take_is_a_failure(monkeypatch):
     assert verdict(Case("x")).verdict == "failed"
 
 
+@pytest.mark.slow
 def test_the_map_is_a_picture_of_all_rows():
     found = run(
         [

@@ -335,6 +335,7 @@ def test_json_holds_what_the_contract_says(make):
 
 
 # -- command line ----------------------------------------------------------------------------------
+@pytest.mark.slow
 def test_command_line_prints_wanted_and_achieved_damping(tmp_path, monkeypatch, capsys):
     spec = tmp_path / "boom.toml"
     spec.write_text(

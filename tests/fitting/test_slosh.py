@@ -225,10 +225,8 @@ class TestFile:
 
 
 class TestPage:
-    @pytest.mark.parametrize(
-        "visuals",
-        ["true", *(pytest.param(v, marks=pytest.mark.slow) for v in ('"boxes"', "false"))],
-    )
+    @pytest.mark.slow
+    @pytest.mark.parametrize("visuals", ["true", '"boxes"', "false"])
     def test_the_page_says_that_no_mode_is_drawn(self, tmp_path, visuals):
         file = tmp_path / "tank.toml"
         file.write_text(tank(0.5, 0.8) + f"[scene]\nvisuals = {visuals}\n")

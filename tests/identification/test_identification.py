@@ -128,7 +128,8 @@ def agrees_with_theory(deviations, stated):
     assert spread.max() < chi2.isf(TAIL / 6.0, count)
 
 
-@pytest.mark.parametrize("count", [6, pytest.param(20, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("count", [6, 20])
 def test_intervals_hold_the_truth_and_are_as_narrow_as_the_log_allows(count):
     agrees_with_theory(*draws(count, modes=2))
 
@@ -220,6 +221,7 @@ def test_gaps_and_unequal_steps_change_nothing():
     assert verdict.verdict == "right", verdict
 
 
+@pytest.mark.slow
 def test_several_logs_count_together():
     time = np.arange(0.0, 60.0, 0.05)
     logs = [

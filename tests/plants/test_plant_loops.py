@@ -272,6 +272,7 @@ def test_the_command_writes_plant_and_report(place, capsys, monkeypatch, plant):
     assert (code, "--force" in error) == (2, True)
 
 
+@pytest.mark.slow
 def test_the_command_takes_keyframes_and_tells_what_is_unstable(place, capsys, monkeypatch):
     (place / "loops.toml").write_text(TOML.replace("[900.0, 80.0]", "[-900.0, -80.0]"))
     asked = [

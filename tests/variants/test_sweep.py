@@ -158,6 +158,7 @@ def on_tendons(name, length, uncertain=None, **modes):
     return spec_of(table if uncertain is None else {**table, "uncertain": uncertain})
 
 
+@pytest.mark.slow
 def test_a_kept_mode_above_a_filler_is_counted_and_the_filler_is_not(tmp_path):
     """Fillers of a long appendage lie below the modes of a short one."""
     spread = {"frequency": {"relative": 0.01}}

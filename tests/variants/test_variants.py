@@ -232,7 +232,8 @@ def chosen(arrays, above, count=ROWS):
     return np.random.default_rng(1).choice(there, count, replace=False)
 
 
-@pytest.mark.parametrize("count", [QUICK, pytest.param(ROWS, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("count", [QUICK, ROWS])
 def test_rows_are_models_built_one_by_one(swept, arrays, folder, count):
     assert swept.indices.size == SAMPLES
     assert not swept.left_out
@@ -460,6 +461,7 @@ def test_uncertain_modes_get_tendons_by_themselves():
     assert sum(t.stiffness > 0.0 for t in made.chain.tendons) == 2
 
 
+@pytest.mark.slow
 def test_the_command(folder, swept, tmp_path):
     (tmp_path / "craft.toml").write_text("[joint.drive]\nstiffness = { relative = 0.1 }\n")
     arguments = [

@@ -22,7 +22,7 @@ from beamchain.engine.linear import rigid_body
 from beamchain.engine.linearise import compile_model
 from beamchain.engine.mount import motion
 from beamchain.errors import InputError
-from beamchain.files import to_json, write_files
+from beamchain.files import check_outputs, to_json, write_files
 from beamchain.fitting.document import appendage_tree, put_timing, safe_step
 from beamchain.fitting.exact import exact_appendage
 from beamchain.fitting.hub import Hub, default_hub
@@ -589,6 +589,9 @@ class Fit:
             OutputError: a file exists and `force` is False, or the folder cannot be written.
         """
         folder = Path(folder)
+        # before the page, which takes longest
+        first = ("appendage.xml", "scene.xml", "report.html", "fit.json")
+        check_outputs([folder / name for name in first], force=force)
         page, pictures = report.fit_report(self)
         files: dict[Path, str | bytes] = {
             folder / "appendage.xml": self.to_mjcf(),
