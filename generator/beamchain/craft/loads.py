@@ -145,9 +145,9 @@ def hanging_notes(model: "mujoco.MjModel", mount: Mount, item: Item) -> Iterator
     at, spec = mount.at, item.spec
     if not spec.is_beam:
         return
-    yield from _link_notes(model, mount, spec.beam.length)
     data = rest(model)
     length = spec.beam.length
+    yield from _link_notes(model, mount, length, np.array(data.xipos[mount.body]))
     points = {**spec.further, **({} if length in spec.further.values() else {"": length})}
     carried = {name: port for port, names in item.carries.items() for name in names}
     beside = [
@@ -188,11 +188,13 @@ def hanging_notes(model: "mujoco.MjModel", mount: Mount, item: Item) -> Iterator
                 )
 
 
-def _link_notes(model: "mujoco.MjModel", mount: Mount, length: float) -> Iterator[str]:
-    """A warning where the mass of the body that holds the place, which turns on a joint of its own,
-    stands well out along the appendage: the link that the appendage replaces."""
+def _link_notes(
+    model: "mujoco.MjModel", mount: Mount, length: float, centre: Array
+) -> Iterator[str]:
+    """A warning where the body that holds the place, which turns on a joint of its own, has its
+    centre of mass well out along the appendage: it is the link that the appendage replaces."""
     body = mount.body
-    x, *across = (rest(model).xipos[body] - mount.origin) @ mount.axes
+    x, *across = (centre - mount.origin) @ mount.axes
     is_drive = model.body_dofnum[body] > 0 and base_body(model, body) != body
     if is_drive and OUT * length < x < length and np.hypot(*across) < OUT * length:
         yield Caution(

@@ -126,7 +126,8 @@ def proved(
 def _bent_keyframes(model: "mujoco.MjModel", appendages: Sequence[Appendage]) -> list[str]:
     """A sentence for each keyframe that bends an appendage, by the hinge farthest from rest."""
     found: list[str] = []
-    names = set[str]().union(*((a.elements or {})["jnt"] for a in appendages if not a.spec.slosh))
+    solid = [a for a in appendages if a.spec.slosh is None]
+    names = {name for a in solid if a.elements is not None for name in a.elements["jnt"]}
     hinges = [
         j
         for j in range(model.njnt)

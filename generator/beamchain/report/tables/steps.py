@@ -5,6 +5,7 @@ from typing import Protocol
 
 from beamchain.report.formats import step_text
 from beamchain.report.table import Column, Table
+from beamchain.steps.modal import MadeFor
 
 
 class Limits(Protocol):
@@ -37,25 +38,11 @@ def step_table(limits: Limits, title: str = "Largest time step") -> Table:
     return Table(title, columns)
 
 
-class Timed(Protocol):
-    """A step [s] and integrator for which appendages have timing."""
-
-    @property
-    def timestep(self) -> float:
-        """The step."""
-        ...
-
-    @property
-    def integrator(self) -> str:
-        """The integrator."""
-        ...
-
-
-def timing_sentences(made_for: Iterable[Timed], without: str) -> list[str]:
+def timing_sentences(made_for: Iterable[MadeFor], without: str) -> list[str]:
     """What appendages have timing for, and what of the tables is `without` it."""
     return [
         f"the appendages have timing for {made.integrator} at {made.timestep:g} s; {without}"
-        for made in dict.fromkeys(made_for)
+        for made in made_for
     ]
 
 
