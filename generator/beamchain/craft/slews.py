@@ -281,10 +281,9 @@ def _wished(craft: "mujoco.MjModel", hinges: Sequence[int], joints: Sequence[str
     known = {str(craft.joint(j).name): j for j in hinges}
     for name in joints:
         if name not in known:
-            can = ", ".join(filter(None, known)) or "none"
-            raise _NoHingeError(
-                f"--joint {name}: no hinge of that name is slewed; those are: {can}."
-            )
+            can = ", ".join(filter(None, known))
+            cure = f"those are: {can}." if can else "the file has none; leave --joint out."
+            raise _NoHingeError(f"--joint {name}: no hinge of that name is slewed; {cure}")
     return [known[name] for name in joints] or hinges[:MOST_HINGES]
 
 
