@@ -172,6 +172,8 @@ def wing_on_two_feet(modes=14):
     corner = next(i for i, p in enumerate(nodes) if np.allclose(p, (500.0, tip, z), atol=1e-6))
     mass[6 * corner : 6 * corner + 3, 6 * corner : 6 * corner + 3] += 5e-4 * np.eye(3)  # 0.5 kg
     shapes = eigh(stiffness[12:, 12:], mass[12:, 12:])[1][:, :modes]
+    # a solver leaves the sign of a shape open: here its sum, weighted from 1 to 2, is positive
+    shapes = shapes * np.sign(np.linspace(1.0, 2.0, len(shapes)) @ shapes)
     follow = -np.linalg.solve(stiffness[12:, 12:], stiffness[12:, :12])
     turn = np.eye(12)
     turn[6:, 6:] = np.kron(np.eye(2), FEET_TURN.T)
