@@ -5,6 +5,7 @@
 # make bench       print the timings that README and CHANGELOG quote
 # make bench-peers  the README's study beside Exudyn and Basilisk, an arm of two links beside Exudyn, a cantilever beside MuJoCo's own means, in an environment of its own under build/peers
 # make fuzz        EXAMPLES hostile specifications, every reader with as many spoilt files, random craft, all from another seed every day, then coverage-guided where atheris installs
+# make test-kernels  the quick tests under each of KERNELS of OpenBLAS, with one thread and with two
 # make extremes    1586 extreme appendages, each checked independently; counts and a map in build/extremes
 # make notebooks   run the notebooks in place, outputs kept small
 # make docs        the documentation site into build/site; warnings are errors, nothing is fetched
@@ -21,7 +22,7 @@ WORKERS ?= 2
 # a worker begins with tests that stand together, whose fixtures it makes once, and takes over others' at the end
 PYTEST := pytest --timeout 900 -n $(WORKERS) --dist worksteal
 
-.PHONY: demo test quick test-full hosts bench bench-peers notebooks docs docs-pictures wheel wheel-test wheel-newest lint clean fuzz extremes
+.PHONY: demo test quick test-full hosts bench bench-peers notebooks docs docs-pictures wheel wheel-test wheel-newest lint clean fuzz extremes test-kernels
 
 $(VENV)/.installed: pyproject.toml
 	@echo "installing into $(VENV), which takes a minute or more the first time"
@@ -44,6 +45,15 @@ test: $(VENV)/.installed
 
 quick: $(VENV)/.installed
 	$(BIN)/$(PYTEST) -m "not slow and not host"
+
+KERNELS ?= Nehalem Sandybridge Haswell SkylakeX
+THREADS ?= 1 2
+
+test-kernels: $(VENV)/.installed
+	for kernel in $(KERNELS); do for threads in $(THREADS); do \
+		echo "$$kernel, threads: $$threads"; \
+		OPENBLAS_CORETYPE=$$kernel OPENBLAS_NUM_THREADS=$$threads $(MAKE) --no-print-directory quick || exit 1; \
+	done; done
 
 HOSTS ?= oldest newest dm_control basilisk nastran sections worlds
 

@@ -10,13 +10,12 @@ import beamchain as bc
 PAGE = Path(__file__).parents[2] / "docs" / "time.md"
 ROW = re.compile(
     r"^\| (one boom|two booms, 8 and 5 m|two booms of 8 m), hub (\d+) kg \| (\w+) \| (\S+) \| "
-    r"(\S+) \| (\S+) \|$",
+    r"(\S+) \| (< )?(\S+) \|$",
     re.M,
 )
 BOOMS = {"one boom": (8.0,), "two booms, 8 and 5 m": (8.0, 5.0), "two booms of 8 m": (8.0, 8.0)}
-# of figures printed with two digits, and with one: those of plans that do not converge, which
-# rounding moves (1.02e-3 to 1.3e-3 were seen)
-ROUNDED = {2: 0.06, 1: 0.4}
+ROUNDED = 0.06  # of figures printed with two digits
+LEAST = 0.6  # of a bound, which is printed where rounding decides between plans
 NOTHING = 1e-9  # rounding differs from machine to machine
 
 
@@ -43,20 +42,18 @@ def stated(what, hub, integrator, ratio):
     return made.time_error.error, made.sampled_error
 
 
-def digits(figure):
-    """Digits of a printed figure such as 1.3e-03."""
-    return len(figure.partition("e")[0].replace(".", ""))
-
-
 @pytest.mark.skipif(not PAGE.is_file(), reason="docs are not beside the tests (an installed wheel)")
 @pytest.mark.slow
 def test_the_table_is_what_embed_states():
     rows = ROW.findall(PAGE.read_text())
     assert len(rows) >= 7
-    for what, hub, integrator, ratio, poles, response in rows:
+    for what, hub, integrator, ratio, poles, bound, response in rows:
         found = stated(what, float(hub), integrator, float(ratio))
         if poles == "exact":
             assert found[0] < NOTHING
         else:
-            assert found[0] == pytest.approx(float(poles), rel=ROUNDED[digits(poles)])
-        assert found[1] == pytest.approx(float(response), rel=ROUNDED[digits(response)])
+            assert found[0] == pytest.approx(float(poles), rel=ROUNDED)
+        if bound:
+            assert LEAST < found[1] / float(response) < 1.0
+        else:
+            assert found[1] == pytest.approx(float(response), rel=ROUNDED)
