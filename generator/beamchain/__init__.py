@@ -60,7 +60,6 @@ if TYPE_CHECKING:
     from beamchain.plants.jitter_sources import WheelHarmonic as WheelHarmonic
     from beamchain.plants.margins import LoopMargins as LoopMargins
     from beamchain.plants.margins import Margins as Margins
-    from beamchain.plants.margins import margins as margins
     from beamchain.plants.plant import plant as plant
     from beamchain.plants.pointing import Pointing as Pointing
     from beamchain.plants.pointing import pointing as pointing
@@ -69,6 +68,7 @@ if TYPE_CHECKING:
     from beamchain.plants.uncertain_plant import UncertainPlant as UncertainPlant
     from beamchain.plants.uncertain_plant import WorstCase as WorstCase
     from beamchain.plants.uncertain_plant import WorstCases as WorstCases
+    from beamchain.plants.verdicts import margins as margins
     from beamchain.plants.worst_margins import WorstMargins as WorstMargins
     from beamchain.plants.worst_margins import WorstMarginsOfPoses as WorstMarginsOfPoses
     from beamchain.ports.compare import Comparison as Comparison
@@ -172,7 +172,7 @@ _PLACES = {
         "Loop",
     ),
     "plants.instability": ("Instability",),
-    "plants.margins": ("LoopMargins", "Margins", "margins"),
+    "plants.margins": ("LoopMargins", "Margins"),
     "plants.jitter_sources": (
         "Disturbances",
         "NoiseDisturbance",
@@ -193,6 +193,7 @@ _PLACES = {
         "WorstCase",
         "WorstCases",
     ),
+    "plants.verdicts": ("margins",),
     "plants.worst_margins": (
         "WorstMargins",
         "WorstMarginsOfPoses",

@@ -15,11 +15,12 @@ if TYPE_CHECKING:
 
     from beamchain.engine.library import mujoco
     from beamchain.engine.operating_point import At
-    from beamchain.plants.margins import LoopVerdict, Margins
+    from beamchain.plants.margins import Margins
     from beamchain.plants.pointing import Pointing
     from beamchain.plants.realisation import Plant
     from beamchain.plants.scheduled import ScheduledPlant
     from beamchain.plants.uncertain_plant import WorstCase
+    from beamchain.plants.verdicts import LoopVerdict
 
 
 Inputs = Annotated[
@@ -156,10 +157,11 @@ def plant(
     from beamchain.files import beside, check_outputs
     from beamchain.plants.controllers import read_controller, signals_with, takes_time
     from beamchain.plants.jitter_sources import read_disturbances
-    from beamchain.plants.margins import loop_verdicts, margin_warnings
+    from beamchain.plants.margins import margin_warnings
     from beamchain.plants.plant import plant as linearise
     from beamchain.plants.pointing import pointing
     from beamchain.plants.realisation import Plant
+    from beamchain.plants.verdicts import loop_verdicts
     from beamchain.report.pages.plant import plant_report
 
     _check_poses(poses or [], at, angle, single=disturbances is not None)

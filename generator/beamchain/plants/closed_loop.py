@@ -180,6 +180,10 @@ class ClosedLoop:
     def omega(self) -> Array:
         """`(k,)` frequencies that resolve open and closed loop [rad/s]; of a sampled one up to
         pi/T."""
+        return self.frequencies(PER_DECADE, NEAR)
+
+    def frequencies(self, per_decade: int, near: Array) -> Array:
+        """The same with so many per decade, and `near` `(n,)` half widths beside a resonance."""
         poles = np.concatenate([self.to_s(self.eigenvalues), self.open_poles])
         limit = np.pi / self.step if self.step else np.inf
         size = np.abs(poles)
@@ -189,10 +193,10 @@ class ClosedLoop:
             poles = np.ones(1, dtype=np.complex128)
         size = np.abs(poles)
         ratio = np.clip(np.abs(poles.real) / size, 1e-6, 0.02)
-        fine = size[:, None] * (1.0 + ratio[:, None] * NEAR)
+        fine = size[:, None] * (1.0 + ratio[:, None] * near)
         low, high = 0.01 * min(float(size.min()), limit), min(10.0 * float(size.max()), limit)
         decades = np.log10(high / low)
-        wide = np.geomspace(low, high, int(PER_DECADE * decades) + 2)
+        wide = np.geomspace(low, high, int(per_decade * decades) + 2)
         wide[-1] = high
         grid = np.unique(np.concatenate([fine.ravel(), wide]))
         return grid[(grid >= low) & (grid <= high)]
@@ -217,12 +221,21 @@ def close(plant: control.StateSpace, controller: Given) -> ClosedLoop:
     a, b, c, d = (np.asarray(getattr(plant, name), dtype=np.float64) for name in "ABCD")
     if not all(np.all(np.isfinite(part)) for part in (a, b, c, d)):
         raise InputError("plant: A, B, C or D holds a number that is not finite.")
+    return counted(closed_around((a, b, c, d), fed, names, plant_step))
+
+
+def closed_around(
+    plant: System, fed: Feedback, names: Names, plant_step: float = 0.0
+) -> ClosedLoop:
+    """The same from a plant's state space at a step [s], dead times not yet counted."""
+    a, b, c, d = plant
+    step = plant_step if fed.step is None else fed.step
     system = a, b[:, fed.columns], c[fed.rows], d[np.ix_(fed.rows, fed.columns)]
     keep = linking(system)
     system = sampled(with_states(system, keep), plant_step, step)
     loops = fed.realise(ORDER)
     _check_algebraic(system, loops)
-    closed = ClosedLoop(
+    return ClosedLoop(
         plant=system,
         controller=loops,
         fed=fed,
@@ -234,7 +247,6 @@ def close(plant: control.StateSpace, controller: Given) -> ClosedLoop:
         modes=names.modes,
         step=step,
     )
-    return _counted(closed) if fed.delayed else closed
 
 
 def _what_samples(controller: Given, step: float) -> str:
@@ -267,10 +279,10 @@ def _check_algebraic(plant: System, controller: System) -> None:
         )
 
 
-def _counted(closed: ClosedLoop) -> ClosedLoop:
+def counted(closed: ClosedLoop) -> ClosedLoop:
     """The same with a Pade approximation that has as many unstable poles as the dead times
     themselves, if there is one."""
-    count = unstable_count(closed)
+    count = unstable_count(closed) if closed.fed.delayed else None
     if count is None:
         return closed
     for order in ORDERS:

@@ -1,25 +1,20 @@
-"""Margins of a controller on a plant: at every input with the other loops closed, of all loops at
-once, and why a closed loop is unstable."""
+"""Margins of a closed loop: at every input with the other loops closed, and of all loops at
+once."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, NamedTuple, overload
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-import control
 import numpy as np
 from scipy.optimize import minimize_scalar
 
 from beamchain import report
 from beamchain.caution import Caution
-from beamchain.engine.library import one_thread
-from beamchain.plants.blame import Progress, instabilities, no_progress
-from beamchain.plants.closed_loop import ClosedLoop, close
+from beamchain.plants.closed_loop import ClosedLoop
 from beamchain.plants.controllers import Response
 from beamchain.plants.crossings import crossing
-from beamchain.plants.feedback import Given
 from beamchain.plants.instability import Instability, sentences
 from beamchain.plants.realisation import Plant
-from beamchain.plants.scheduled import ScheduledPlant
 from beamchain.plants.structured import balanced_bounds, bound
 from beamchain.plants.systems import Complex
 from beamchain.ports.motions import Array, locked
@@ -252,121 +247,34 @@ class Margins:
         }
 
 
-@overload
-def margins(plant: ScheduledPlant, controller: Given) -> tuple[Margins, ...]: ...
-@overload
-def margins(plant: control.StateSpace, controller: Given) -> Margins: ...
-@one_thread()
-def margins(
-    plant: control.StateSpace | ScheduledPlant, controller: Given
-) -> Margins | tuple[Margins, ...]:
-    """Margins of a controller on a plant, `input = -K output`: gain, phase, delay, modulus and disk
-    margin at every input that it drives with the other loops closed, the disk margin of all inputs
-    at once, peaks of sensitivities, and why the closed loop is unstable.
-
-    Everything refers to the inputs of the plant: `L = K G`, `S = 1/(1 + L)`, `T = 1 - S`. With the
-    other loops closed, the open loop at input i is `1/S_ii - 1`. Figures are the least (or largest)
-    over all frequencies, on a grid that resolves the poles of open and closed loop, and polished.
-
-    Dead times of a file are exact in all figures. Poles are those of a Pade approximation of order
-    6, or of a higher one that has as many unstable poles as Nyquist's criterion counts.
-
-    A sampled controller sees the plant at its samples and holds its inputs between them: a
-    continuous plant is sampled exactly; a plant of `discrete=h` at a multiple of h as well. All is
-    then said at the samples, at frequencies up to pi/T.
-
-    Args:
-        plant: of `bc.plant`, or any `control.StateSpace`; of several poses one result each.
-        controller: a TOML file of loops or what it holds (`bc.Controller`); a TransferFunction or
-            StateSpace of python-control, whose inputs are outputs of the plant and whose outputs
-            are inputs of it, by their labels (points as `_`), else in order where the sizes agree;
-            or `{(input, output): system}`, single systems or numbers, which add up at an input.
-            One with `dt=True` is refused, one without states fits any step.
-
-    Raises:
-        InputError: the controller names no signal of the plant, has other sizes, is improper or not
-            finite, makes an algebraic loop, is continuous on a sampled plant, or sampled at several
-            rates or at one that is no multiple of the plant's.
-
-    Example:
-        >>> import beamchain as bc, control
-        >>> craft = '''<mujoco><worldbody><body name="bus"><freejoint/>
-        ... <inertial pos="0 0 0" mass="300" diaginertia="90 90 90"/>
-        ... <site name="mount" pos="0.5 0 0"/></body></worldbody></mujoco>'''
-        >>> section = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
-        >>> spec = bc.Spec(segment=(bc.Segment(length=8.0, section=section),))
-        >>> plant = bc.plant(bc.embed(craft, {"mount": spec}), inputs=["torque:bus"])
-        >>> controller = {("torque_z", "attitude_z"): control.tf([200.0, 20.0], [0.1, 1.0])}
-        >>> bc.margins(plant, controller).stable
-        True
-    """
-    found = tuple(one.explained() for one in loop_verdicts(plant, controller))
-    return found if isinstance(plant, ScheduledPlant) else found[0]
-
-
-class LoopVerdict(NamedTuple):
-    """A closed loop and its margins, which do not yet say why it is unstable."""
-
-    closed: ClosedLoop
-    margins: Margins
-
-    def explained(self, tell: Progress = no_progress) -> Margins:
-        """The margins that say so; `tell` is told how many growing poles have been followed, and
-        of how many."""
-        if self.margins.stable:
-            return self.margins
-        causes = instabilities(self.closed, tell)
-        names = {name for one in causes for name in one.causes}
-        loops = (
-            replace(loop, causes=not names or loop.input in names) for loop in self.margins.loops
-        )
-        return replace(self.margins, loops=tuple(loops), instabilities=causes)
-
-
-@one_thread()
-def loop_verdicts(
-    plant: control.StateSpace | ScheduledPlant, controller: Given
-) -> list[LoopVerdict]:
-    """The closed loop of every pose with its margins."""
-    if isinstance(plant, ScheduledPlant):
-        pairs = zip(plant.plants, plant.labels, strict=True)
-        return [_loop_verdict(one, controller, label) for one, label in pairs]
-    return [_loop_verdict(plant, controller, plant.pose if isinstance(plant, Plant) else "")]
-
-
-def _loop_verdict(plant: control.StateSpace, controller: Given, pose: str) -> LoopVerdict:
-    closed = close(plant, controller)
+def margins_of(closed: ClosedLoop) -> Margins:
+    """All margins of a closed loop, without what only a `Plant` tells."""
     omega = closed.omega
     loop = closed.open_loop(omega)
     eye = np.eye(len(closed.inputs))
     sensitivity = np.asarray(np.linalg.inv(eye + loop), dtype=np.complex128)
-    loops = tuple(
-        _loop_margins(closed, i, 1.0 / sensitivity[:, i, i] - 1.0)
-        for i in range(len(closed.inputs))
-    )
-    if isinstance(plant, Plant):
-        loops = tuple(replace(loop, modes=_limiting(plant, loop, closed.step)) for loop in loops)
     at_all, peak_s, peak_t = _of_all(closed, sensitivity)
     poles = closed.to_s(closed.eigenvalues)
     limit = 1e3 * np.pi / closed.step if closed.step else np.inf
-    poles = poles[np.abs(poles) < limit]
-    found = Margins(
-        loops=loops,
+    return Margins(
+        loops=tuple(
+            _loop_margins(closed, i, 1.0 / sensitivity[:, i, i] - 1.0)
+            for i in range(len(closed.inputs))
+        ),
         stable=closed.stable,
         all_at_once=at_all,
         peak_sensitivity=peak_s,
         peak_complementary=peak_t,
-        poles=poles,
+        poles=poles[np.abs(poles) < limit],
         instabilities=(),
         timestep=closed.step,
-        pose=pose,
-        beyond=tuple(_beyond(plant, loops)),
+        pose="",
+        beyond=(),
         omega=locked(omega),
         sensitivity=locked(_largest(sensitivity)),
         complementary=locked(_largest(eye - sensitivity)),
         warnings=tuple(_long_delays(closed, loop)),
     )
-    return LoopVerdict(closed, found)
 
 
 def _long_delays(closed: ClosedLoop, loop: Complex) -> list[str]:
@@ -405,7 +313,7 @@ def _shares(plant: Plant, loop: LoopMargins) -> Array:
     return np.asarray((gains / np.maximum(largest, 1e-300)).max(axis=1), dtype=np.float64)
 
 
-def _limiting(plant: Plant, loop: LoopMargins, step: float) -> dict[str, str]:
+def limiting(plant: Plant, loop: LoopMargins, step: float) -> dict[str, str]:
     """By figure, the mode that answers most near the figure's frequency."""
     frequency = plant.frequency
     seen = frequency
@@ -432,10 +340,8 @@ def _highest_shown(plant: Plant, loop: LoopMargins) -> float:
     return max((float(plant.frequency[k]) for k in own or modes), default=np.inf)
 
 
-def _beyond(plant: control.StateSpace, found: Sequence[LoopMargins]) -> list[str]:
+def beyond(plant: Plant, found: Sequence[LoopMargins]) -> list[str]:
     """What to say of margins at frequencies that the plant's kept modes do not reach."""
-    if not isinstance(plant, Plant):
-        return []
     out: list[str] = []
     for one in found:
         top = _highest_shown(plant, one)
