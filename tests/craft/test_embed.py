@@ -449,7 +449,7 @@ class TestHub:
         whole = bc.embed(
             craft, {"mount": spec_of({"name": "rod", **given, "scene": scene}, "rod")}, retime=False
         )
-        assert whole.met
+        assert 1.01 * whole.craft_error <= 1e-2
         inside = true[true <= 20.0]
         np.testing.assert_allclose(frequencies(whole.model)[: inside.size], inside, rtol=1e-3)
 

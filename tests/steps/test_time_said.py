@@ -5,10 +5,12 @@ import json
 import re
 
 import mujoco
+import numpy as np
 import pytest
 
 import beamchain as bc
-from command import run
+import stepped
+from command import call, run
 
 TUBE = bc.Tube(outer_diameter=0.05, wall=0.002)
 ALUMINIUM = bc.Material(youngs_modulus=7e10, density=2700.0)
@@ -115,6 +117,37 @@ def test_retime_prints_both_errors_and_exits_with_3(tmp_path, capsys, monkeypatc
         monkeypatch,
     )
     assert "not known" in out
+
+
+def test_a_step_is_judged_without_timing_too_and_the_resonance_it_shifts_is_named(tmp_path):
+    """Two wings of 0.5 % damping at a step whose response is off by what it makes of one
+    resonance; the poles with and without the step are those of `mj_step` and of M, D, K."""
+    (tmp_path / "bus.xml").write_text(bus(0.01))
+    text = "name = 'boom'\n" + PART.format(8.0, 0.005) + SCENE.format(1e-3)
+    (tmp_path / "boom.toml").write_text(text)
+    at = ["--at", f"a={tmp_path}/boom.toml", "--at", f"b={tmp_path}/boom.toml"]
+    words = ["embed", tmp_path / "bus.xml", *at, "-o", tmp_path / "out.xml", "--no-report"]
+    answer = call(*words, "--no-retime")
+    assert answer.status == 3
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "out.xml"))
+    assert np.all(model.tendon_armature == 0.0)  # nothing was timed
+    said = " ".join(answer.out.split())
+    frequency, shift, ratio = re.search(
+        r"resonance at ([\d.]+) rad/s \(a and b [^)]*\), whose frequency the step shifts by "
+        r"(\S+) of itself and whose damping ratio, ([\d.e-]+),",
+        said,
+    ).groups()
+    exact = stepped.continuous(model)
+    s = exact[np.argmin(np.abs(exact - 1j * float(frequency)))]
+    shown = np.log(np.linalg.eigvals(stepped.stepped(model)[0]).astype(complex)) / 0.01
+    near = shown[np.argmin(np.abs(shown - s))]
+    assert float(frequency) == pytest.approx(abs(s), rel=1e-3)
+    assert float(shift) == pytest.approx(abs(near) / abs(s) - 1.0, rel=0.05)  # two digits
+    assert float(ratio) == pytest.approx(-s.real / abs(s), rel=0.01)
+    change = float(re.search(r"changes its response there by ([\d.e-]+)\.", said)[1])
+    stated = float(re.search(r"by ([\d.e-]+) when stepped", said)[1])
+    assert change == pytest.approx(stated, rel=0.3)  # the mode is most of the motion there
+    assert answer.out.count("above the tolerance") == 1
 
 
 def test_fit_is_decided_at_the_stated_step(tmp_path, capsys, monkeypatch):

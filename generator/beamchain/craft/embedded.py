@@ -42,7 +42,7 @@ from beamchain.ports.compare import keeps_tolerance, tolerance_statement
 from beamchain.ports.motions import Array, first_moment
 from beamchain.steps.retime import without_timing
 from beamchain.steps.sampled import SampledError, off_by
-from beamchain.steps.step_map import TimeError
+from beamchain.steps.step_map import TimeError, at_step_of, motion_at, shifted_peak
 from beamchain.structure.recovery_rows import RecoveryRows
 
 if TYPE_CHECKING:
@@ -66,8 +66,6 @@ class Embedded:
         document: the bare spacecraft's document; None for an `MjSpec`.
         form: "inline" or "attach".
         steps: modes that were added to meet the tolerance of the whole craft, one line each.
-        stepped: whether MuJoCo steps the model as its `<option>` says;
-            False where `retime=False` left the step to others.
         source: file of the spacecraft, if it was given as one.
         inputs: that file and all others that were read, which `write` does not replace.
         loaded: whether it is proved under its own load, as the argument of `embed` says.
@@ -92,7 +90,6 @@ class Embedded:
     form: str = "inline"
     steps: tuple[str, ...] = ()
     _layout: dict[str, Any] = field(default_factory=dict)
-    stepped: bool = True
     source: Path | None = None
     inputs: tuple[Path, ...] = ()
     loaded: bool = False
@@ -282,8 +279,8 @@ class Embedded:
         """Whether 1.01 times the spacecraft's error is within the tolerance;
         None without a tolerance.
 
-        The error is `sampled_error` where MuJoCo steps the model, and `craft_error` where another
-        host does (`retime=False`) or the appendages are rigid; where it is `loaded` the larger one.
+        The error is `sampled_error`, or `craft_error` where the appendages are rigid; where it is
+        `loaded` the larger one.
         """
         if self.tolerance is None:
             return None
@@ -300,7 +297,7 @@ class Embedded:
     @property
     def by_step(self) -> bool:
         """Whether the error that counts is that of the file as MuJoCo steps it."""
-        return self.stepped and not any(a.rigid for a in self.appendages)
+        return not any(a.rigid for a in self.appendages)
 
     @cached_property
     @one_thread()
@@ -313,8 +310,27 @@ class Embedded:
         return largest_step(self.craft, self.untimed, self._exact_poses, self.tolerance, band)
 
     @property
+    def blamed(self) -> str:
+        """The resonance whose shift by the step makes the error, in a sentence; empty where the
+        tolerance is met, or it is not the step."""
+        if self.met is not False or not self.by_step:
+            return ""
+        pose, worst = max(self.sampled_poses.items(), key=lambda item: item[1].error)
+        if not np.isfinite(worst.error):
+            return ""
+        places = poses(self.model) | poses_between(self.model, BETWEEN)
+        plain = at_step_of(self.untimed, self.model)
+        motions = (motion_at(quiet_copy(one), places[pose]) for one in (self.model, plain))
+        peak = shifted_peak(*motions, worst.frequency)
+        if peak is None or not peak.explains(worst.error, self.craft_error):
+            return ""
+        modes = self.modes_at(pose) if pose in poses(self.model) else ()
+        near = min(modes, key=lambda m: abs((m.mujoco or np.inf) - peak.frequency), default=None)
+        return peak.words(near.words if near is not None and near.mujoco is not None else "")
+
+    @property
     def headline(self) -> str:
-        """The craft's error in a sentence."""
+        """The craft's error in a sentence, and the resonance that makes it, if the step does."""
         found = self.promise
         tolerance = self.tolerance
         names = [name for name, i in AXES.items() if i in found.motions]
@@ -341,7 +357,8 @@ class Embedded:
             said += " without the load" if self.loaded else ""
         if tolerance is None:
             return f"{said}; no tolerance was requested."
-        return f"{said}, {tolerance_statement(self._decisive, tolerance)}."
+        said += f", {tolerance_statement(self._decisive, tolerance)}. {self.blamed}"
+        return said.rstrip()
 
     @property
     def modes_told(self) -> str:

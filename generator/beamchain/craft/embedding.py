@@ -104,8 +104,7 @@ def embed(
             or `NAME_PLACE_` if two would have the same.
         retime: whether to make the appendages exact in time for the spacecraft's own step and
             integrator; default: only if the step's error would exceed a tenth of the scenes'
-            tolerance (1e-4 without one). False also says that another host steps the model: `met`
-            is then decided in continuous time.
+            tolerance (1e-4 without one).
         max_modes: largest number of modes per appendage if modes are added to meet the
             scenes' tolerance.
         rigid: make the rigid twin: the same bodies, sites, masses and keyframes,
@@ -406,7 +405,6 @@ def _embed_in_document(
         form,
         steps,
         layout,
-        retime is not False,
     )
 
 
@@ -461,9 +459,7 @@ def _embed_in_spec(
     )
     attached(spec, appendages)  # the user's spec is touched only after a copy has proved itself
     made = spec.copy().compile()
-    return Embedded(
-        appendages, craft, made, (*warnings, *said), steps=steps, stepped=retime is not False
-    )
+    return Embedded(appendages, craft, made, (*warnings, *said), steps=steps)
 
 
 # -- both ------------------------------------------------------------------------------------------

@@ -127,7 +127,7 @@ class RetimedCraft:
         sentence += f", {side} the tolerance {self.tolerance:g}"
         if self.largest_step is not None:
             sentence += f", which is kept up to {self.largest_step:.3g} s"
-        return f"{sentence}."
+        return f"{sentence}. {self.proof.blamed if self.proof else ''}".rstrip()
 
 
 def retime_craft(

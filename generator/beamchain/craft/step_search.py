@@ -8,6 +8,7 @@ from beamchain.craft.sampled import craft_sampled_error
 from beamchain.craft.timing import with_timing
 from beamchain.engine.library import mujoco
 from beamchain.ports.compare import keeps_tolerance
+from beamchain.steps.modal import modal_tendons
 
 HALVINGS = 14  # of the step, before the search is given up
 BISECTIONS = 3  # of the last halving: the step is then known to 9 %
@@ -34,6 +35,8 @@ def largest_step(
         errors = craft_sampled_error(craft, timed, exact)
         return keeps_tolerance(max(error.error for error in errors.values()), tolerance)
 
+    if not modal_tendons(plain).names:
+        return None  # which timing would need
     if not keeps_tolerance(craft_error(craft, plain, exact).error, tolerance):
         return None  # it is not the step
     high = float(plain.opt.timestep)

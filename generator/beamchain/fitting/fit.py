@@ -37,7 +37,7 @@ from beamchain.structure.readers.imported import Imported
 from beamchain.structure.readers.recovery_file import read_recovery
 
 # cached by a fit, the same whatever its status
-READ_BACK = ("_scenes", "time", "time_error", "sampled_error")
+READ_BACK = ("_scenes", "time", "time_error", "_sampled")
 LEAST_INERTIA = 1.01 * SMALLEST  # a body's inertia is rounded once more on its way
 
 
@@ -113,6 +113,7 @@ def at_its_step(made: Fit) -> Fit:
     text = (
         f"{made.status.message} Stepped by {made.spec.integrator} at {made.spec.exact_step:g} s: "
         f"off {off_by(error)}, {tolerance_statement(error, scene.tolerance)}."
+        f"{' ' if made.blamed else ''}{made.blamed}"
     )
     decided = replace(
         made, status=replace(made.status, ok=made.status.ok and made.met, message=text)

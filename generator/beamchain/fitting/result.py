@@ -39,11 +39,18 @@ from beamchain.steps.budget import linear_model
 from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.large_motion import LargeMotion, large_limits
 from beamchain.steps.limits import StepChoice, StepLimits, choose_step, coupled_limits, step_limits
-from beamchain.steps.modal import timing_marks
+from beamchain.steps.modal import modal_tendons, timing_marks
 from beamchain.steps.poles import PoleRow, pole_rows
 from beamchain.steps.retime import time_sentence
-from beamchain.steps.sampled import sampled_error
-from beamchain.steps.step_map import WRONG, TimeError, lowest_wrong, motion_at, time_error
+from beamchain.steps.sampled import SampledError, sampled_error
+from beamchain.steps.step_map import (
+    WRONG,
+    TimeError,
+    lowest_wrong,
+    motion_at,
+    shifted_peak,
+    time_error,
+)
 from beamchain.steps.turn import central_inertia, turn_error
 from beamchain.structure.mass_line import MassLine
 from beamchain.structure.modal_data import ModalData
@@ -435,7 +442,7 @@ class Fit:
         band = None if self.spec.scene is None else self.spec.scene.bandwidth
         return time_error(written, plain, {"rest": np.array(plain.qpos0)}, band)
 
-    @cached_property
+    @property
     def sampled_error(self) -> float | None:
         """In-band error of the hub's positions at the samples, per wrench held over each step;
         None without a stated step.
@@ -443,6 +450,11 @@ class Fit:
         scene.xml as MuJoCo steps it (inputs through `HeldInput`; RK4: as they are),
         against the exact appendage on its hub.
         """
+        return None if self._sampled is None else self._sampled.error
+
+    @cached_property
+    def _sampled(self) -> SampledError | None:
+        """The same with the frequency at which it is largest."""
         if not self.spec.exact_step or not self.achieved:
             return None
         scene = self.spec.scene
@@ -465,7 +477,25 @@ class Fit:
             scale=np.outer(s, s),
             frozen=float(np.linalg.norm(rigid, 2)),
             band=band,
-        ).error
+        )
+
+    @property
+    def blamed(self) -> str:
+        """The resonance whose shift by the stated step makes the error, in a sentence; empty where
+        the tolerance is met, or it is not the step."""
+        worst = self._sampled
+        if self.met is not False or worst is None or not np.isfinite(worst.error):
+            return ""
+        plain = self._scenes[1]
+        motions = motion_at(self._scenes[0]), motion_at(plain)
+        peak = shifted_peak(*motions, worst.frequency)
+        if peak is None or not peak.explains(worst.error, self.in_band_error or 0.0):
+            return ""
+        modal = modal_tendons(plain)
+        shapes, w = motions[1].shapes, np.sqrt(np.abs(motions[1].squares))
+        shape = shapes[:, int(np.argmin(np.abs(w - peak.frequency)))]
+        energy = modal.stiffness * (modal.rows @ shape) ** 2
+        return peak.words(modal.names[int(np.argmax(energy))] if modal.names else "")
 
     @property
     def met(self) -> bool | None:

@@ -21,6 +21,7 @@ from beamchain.engine.library import mujoco
 from beamchain.engine.linear import STENCIL, linear_at
 from beamchain.engine.linearise import INTEGRATORS, NUMBERS, euler_damps_implicitly
 from beamchain.engine.operating_point import rest_point, still_copy
+from beamchain.ports.compare import DEFAULT_RATIO, NARROWEST
 from beamchain.ports.motions import Array
 from beamchain.steps.elements import elements
 from beamchain.steps.integrators import PHASE, SCHEMES, Complex
@@ -394,6 +395,63 @@ def lowest_wrong(
     wanted = complex(pairs.wanted[k])
     by = damped_by(plain, pose, still, wanted)
     return WrongPole(abs(wanted), float(pairs.error[k]), by)
+
+
+@dataclass(frozen=True)
+class ShiftedPeak:
+    """A resonance that a step shifts.
+
+    Args:
+        frequency: of the mode without the step, `|s|` [rad/s].
+        ratio: its damping ratio.
+        shift: of its frequency by the step, relative.
+        damped: change of its damping ratio by the step, relative.
+        change: of the response there, relative to the mode's own.
+    """
+
+    frequency: float
+    ratio: float
+    shift: float
+    damped: float
+    change: float
+
+    def explains(self, error: float, untimed: float) -> bool:
+        """Whether it makes at least half of an error at the step, of which `untimed` is there in
+        continuous time."""
+        return min(self.change, error - untimed) >= error / 2.0
+
+    def words(self, called: str = "") -> str:
+        """What the step does, of a mode `called` so."""
+        mode = f" ({called})" if called else ""
+        return (
+            f"The error comes from the resonance at {self.frequency:.4g} rad/s{mode}, whose "
+            f"frequency the step shifts by {self.shift:+.2g} of itself and whose damping ratio, "
+            f"{self.ratio:.3g}, by {self.damped:+.2g} of itself: that changes its response there "
+            f"by {self.change:.2g}."
+        )
+
+
+def shifted_peak(timed: Motion, plain: Motion, omega: float) -> ShiftedPeak | None:
+    """The mode nearest to `omega` [rad/s], and what the step makes of its response there.
+
+    Of a mode with the pole s, which the step shows at s', the response `1/(j w - s)` changes by
+    `|s' - s| / |j w - s'|`, where undamped as if its ratio were 0.005; `plain`: without timing.
+    """
+    pairs = pole_pairs(timed, plain)
+    ringing = pairs.wanted.imag > 0.0
+    if not np.any(ringing):
+        return None
+    wanted = pairs.wanted[ringing]
+    shown = np.log(1.0 + pairs.shown[ringing]) / plain.timestep
+    shown = shown.real + 1j * np.abs(shown.imag)
+    k = int(np.argmin(np.minimum(np.abs(np.abs(wanted) - omega), np.abs(np.abs(shown) - omega))))
+    size = float(np.abs(wanted[k]))
+    ratio = float(-wanted[k].real) / size
+    size_shown = float(np.abs(shown[k]))
+    damped = float(-shown[k].real) / size_shown / ratio - 1.0 if ratio > NARROWEST else 0.0
+    drag = 0.0 if ratio > NARROWEST else DEFAULT_RATIO * size
+    change = np.abs(shown[k] - wanted[k]) / np.abs(1j * omega + drag - shown[k])
+    return ShiftedPeak(size, max(ratio, 0.0), size_shown / size - 1.0, damped, float(change))
 
 
 def at_step_of(plain: "mujoco.MjModel", model: "mujoco.MjModel") -> "mujoco.MjModel":
