@@ -20,6 +20,9 @@ PART = (
     "}}\n"
 )
 PART += "material = {{ youngs_modulus = 7e10, density = 2700.0 }}\n[damping]\nratio = {}\n"
+JUDGED = re.compile(
+    r"judged up to ([\d.]+) rad/s: a band up to ([\d.]+) rad/s needs a step of ([\d.]+) s or less"
+)
 SCENE = "[scene]\nbandwidth = 10.0\ntolerance = {}\naxes = ['z']\n"
 
 
@@ -218,3 +221,27 @@ def test_a_pole_that_a_drive_damps_is_named_and_euler_is_not_advised(damper):
     assert made.time_error.damped_by == "drive"
     (slowed,) = bc.retime(made.model, 0.1, "implicitfast").slowed
     assert "joint 'drive' damps it, which timing cannot correct" in slowed
+
+
+def test_a_step_that_does_not_represent_the_band_does_not_meet_it(tmp_path):
+    # a sampled motion is judged up to 2.6 rad per step: up to there a stiff boom, whose modes lie
+    # beyond the band, has next to no error
+    band, step = 60.0, 0.2
+    wide = bc.Tube(outer_diameter=0.2, wall=0.002)
+    part = bc.Segment(length=2.0, section=wide, material=ALUMINIUM)
+    scene = bc.Scene(bandwidth=band, tolerance=0.2)
+    stiff = bc.Spec(name="boom", segment=(part,), scene=scene, modes=bc.Modes(xy=1, xz=1))
+    made = bc.embed(bus(step), {"a": stiff})
+    made.write(tmp_path / "out.xml")
+    fitted = bc.fit(stiff, timestep=step)
+    words = ["retime", tmp_path / "out.xml", "--timestep", step / 2, "-o", tmp_path / "half.xml"]
+    retimed = call(*words)
+    assert (made.met, fitted.met, fitted.status.ok, retimed.status) == (False, False, False, 3)
+    said = {made.headline: step, fitted.status.message: step, retimed.out: step / 2}
+    for text, h in said.items():
+        judged, asked, longest = map(float, JUDGED.search(" ".join(text.split())).groups())
+        assert (judged, asked) == (pytest.approx(2.6 / h, rel=1e-3), band)
+        assert 0.999 * 2.6 / band <= longest <= 2.6 / band
+    assert made.sampled_error < scene.tolerance
+    assert made.largest_step <= longest
+    assert not JUDGED.search(bc.embed(bus(longest), {"a": stiff}).headline)

@@ -41,7 +41,7 @@ from beamchain.mjcf.craft import Craft
 from beamchain.ports.compare import keeps_tolerance, tolerance_statement
 from beamchain.ports.motions import Array, first_moment
 from beamchain.steps.retime import without_timing
-from beamchain.steps.sampled import SampledError, off_by
+from beamchain.steps.sampled import SampledError, judged_part, off_by, represents
 from beamchain.steps.step_map import TimeError, at_step_of, motion_at, shifted_peak
 from beamchain.structure.recovery_rows import RecoveryRows
 
@@ -280,11 +280,13 @@ class Embedded:
         None without a tolerance.
 
         The error is `sampled_error`, or `craft_error` where the appendages are rigid; where it is
-        `loaded` the larger one.
+        `loaded` the larger one. A step that does not represent the band (beyond 2.6 rad per step)
+        does not meet it.
         """
         if self.tolerance is None:
             return None
-        return keeps_tolerance(self._decisive, self.tolerance)
+        whole = not self.by_step or represents(float(self.model.opt.timestep), self.band)
+        return whole and keeps_tolerance(self._decisive, self.tolerance)
 
     @property
     def _decisive(self) -> float:
@@ -346,6 +348,7 @@ class Embedded:
             )
         if self.loaded:
             said += f" {self._load_words}"
+        part = ""
         if self.by_step:
             option = self.model.opt
             step = f"{NUMBERS[int(option.integrator)]} at {float(option.timestep):g} s"
@@ -355,9 +358,14 @@ class Embedded:
             if len(sampled) > 1:
                 said += f" (worst: {max(sampled, key=lambda k: sampled[k].error)})"
             said += " without the load" if self.loaded else ""
+            part = judged_part(float(option.timestep), found.band)
+        said += part
         if tolerance is None:
             return f"{said}; no tolerance was requested."
-        said += f", {tolerance_statement(self._decisive, tolerance)}. {self.blamed}"
+        if part:
+            said += f"; the tolerance {tolerance:g} is not met. {self.blamed}"
+        else:
+            said += f", {tolerance_statement(self._decisive, tolerance)}. {self.blamed}"
         return said.rstrip()
 
     @property

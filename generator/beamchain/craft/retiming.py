@@ -17,7 +17,7 @@ from beamchain.errors import BeamchainError
 from beamchain.ports.compare import keeps_tolerance
 from beamchain.steps.retime import time_sentence
 from beamchain.steps.retime_file import RetimedFile, retimed_file
-from beamchain.steps.sampled import off_by
+from beamchain.steps.sampled import judged_part, off_by, represents
 from beamchain.steps.step_map import TimeError, time_error
 
 
@@ -81,11 +81,13 @@ class RetimedCraft:
 
     @property
     def met(self) -> bool | None:
-        """Whether 1.01 times the sampled error is within the tolerance;
-        None where either is not known."""
+        """Whether 1.01 times the sampled error is within the tolerance, and the step represents the
+        band; None where either is not known."""
         error = self.sampled_error
         tolerance = self.tolerance
-        return None if error is None or tolerance is None else keeps_tolerance(error, tolerance)
+        if self.proof is None or error is None or tolerance is None:
+            return None
+        return represents(self.timestep, self.proof.band) and keeps_tolerance(error, tolerance)
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
@@ -118,13 +120,17 @@ class RetimedCraft:
         step = f"{NUMBERS[int(option.integrator)]} at {float(option.timestep):g} s"
         exact = "exact in time" if error.exact else "not exact"
         sentence = f"{step}: poles are {exact}, {error.words}"
-        if self.sampled_error is None:
+        if self.proof is None or self.sampled_error is None:
             return f"{sentence}; the error of the response is not known, for {self.unknown}."
-        sentence += f"; motion off {off_by(self.sampled_error)}"
+        part = judged_part(self.timestep, self.proof.band)
+        sentence += f"; motion off {off_by(self.sampled_error)}{part}"
         if self.tolerance is None:
             return f"{sentence}; no tolerance was requested."
-        side = "within" if self.met else "above"
-        sentence += f", {side} the tolerance {self.tolerance:g}"
+        if part:
+            sentence += f"; the tolerance {self.tolerance:g} is not met"
+        else:
+            side = "within" if self.met else "above"
+            sentence += f", {side} the tolerance {self.tolerance:g}"
         if self.largest_step is not None:
             sentence += f", which is kept up to {self.largest_step:.3g} s"
         return f"{sentence}. {self.proof.blamed if self.proof else ''}".rstrip()

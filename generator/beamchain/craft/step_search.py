@@ -9,6 +9,7 @@ from beamchain.craft.timing import with_timing
 from beamchain.engine.library import mujoco
 from beamchain.ports.compare import keeps_tolerance
 from beamchain.steps.modal import modal_tendons
+from beamchain.steps.sampled import represents
 
 HALVINGS = 14  # of the step, before the search is given up
 BISECTIONS = 3  # of the last halving: the step is then known to 9 %
@@ -29,6 +30,8 @@ def largest_step(
     """
 
     def keeps(timestep: float) -> bool:
+        if not represents(timestep, next(iter(exact.values()))[0].band):
+            return False
         model = copy.copy(plain)
         model.opt.timestep = timestep
         timed = with_timing(model, band)[0]

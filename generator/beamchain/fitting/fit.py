@@ -28,7 +28,7 @@ from beamchain.fitting.warnings import doubtful
 from beamchain.mjcf.write import SMALLEST, UNITS
 from beamchain.ports.compare import tolerance_statement
 from beamchain.ports.motions import Array
-from beamchain.steps.sampled import off_by
+from beamchain.steps.sampled import judged_part, off_by
 from beamchain.steps.turn import central_inertia, turn_error
 from beamchain.structure.beam import Beam
 from beamchain.structure.mass_line import MassLine
@@ -108,12 +108,17 @@ def at_its_step(made: Fit) -> Fit:
     where there is one and a scene states a tolerance."""
     scene = made.spec.scene
     error = made.sampled_error
-    if scene is None or made.met is None or error is None:
+    if scene is None or scene.bandwidth is None or made.met is None or error is None:
         return made
+    part = judged_part(made.spec.exact_step, scene.bandwidth)
+    kept = (
+        f"{part}; the tolerance {scene.tolerance:g} is not met"
+        if part
+        else f", {tolerance_statement(error, scene.tolerance)}"
+    )
     text = (
         f"{made.status.message} Stepped by {made.spec.integrator} at {made.spec.exact_step:g} s: "
-        f"off {off_by(error)}, {tolerance_statement(error, scene.tolerance)}."
-        f"{' ' if made.blamed else ''}{made.blamed}"
+        f"off {off_by(error)}{kept}.{' ' if made.blamed else ''}{made.blamed}"
     )
     decided = replace(
         made, status=replace(made.status, ok=made.status.ok and made.met, message=text)

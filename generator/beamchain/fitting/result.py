@@ -42,7 +42,7 @@ from beamchain.steps.limits import StepChoice, StepLimits, choose_step, coupled_
 from beamchain.steps.modal import modal_tendons, timing_marks
 from beamchain.steps.poles import PoleRow, pole_rows
 from beamchain.steps.retime import time_sentence
-from beamchain.steps.sampled import SampledError, sampled_error
+from beamchain.steps.sampled import SampledError, represents, sampled_error
 from beamchain.steps.step_map import (
     WRONG,
     TimeError,
@@ -503,7 +503,8 @@ class Fit:
 
         The error is `sampled_error` where a step is stated (`fit.timestep`, or a `scene.timestep`
         that was typed), and `in_band_error` otherwise; both where the specification has no hub,
-        since `sampled_error` is that of one hub.
+        since `sampled_error` is that of one hub. A step that does not represent the bandwidth
+        (beyond 2.6 rad per step) does not meet it.
         """
         scene = self.spec.scene
         if scene is None or scene.bandwidth is None:
@@ -511,7 +512,10 @@ class Fit:
         one_hub = self.spec.root.hub is not None and self.sampled_error is not None
         errors = [self.sampled_error] if one_hub else [self.sampled_error, self.in_band_error]
         stated = [error for error in errors if error is not None]
-        return keeps_tolerance(max(stated), scene.tolerance) if stated else None
+        if not stated:
+            return None
+        whole = represents(self.spec.exact_step, scene.bandwidth)
+        return whole and keeps_tolerance(max(stated), scene.tolerance)
 
     @cached_property
     def written_limits(self) -> StepLimits:

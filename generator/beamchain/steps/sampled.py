@@ -135,6 +135,28 @@ class SampledError:
     frequency: float
 
 
+def represents(timestep: float, band: float) -> bool:
+    """Whether a step [s] is judged up to all of a band [rad/s]."""
+    return band * timestep <= FASTEST
+
+
+def judged_part(timestep: float, band: float) -> str:
+    """Up to which frequency a step is judged, as the end of a sentence, and the longest step that
+    represents the band; empty where this one does.
+
+    Example:
+        >>> judged_part(0.5, 64.57)
+        ', judged up to 5.2 rad/s: a band up to 64.57 rad/s needs a step of 0.04025 s or less'
+    """
+    if represents(timestep, band):
+        return ""
+    longest = (1.0 - 5e-4) * FASTEST / band  # so that it still does with four digits
+    return (
+        f", judged up to {FASTEST / timestep:.4g} rad/s: a band up to {band:.4g} rad/s needs a "
+        f"step of {longest:.4g} s or less"
+    )
+
+
 def off_by(error: float) -> str:
     """How far a motion is off, in words."""
     return f"by {error:.2e}" if np.isfinite(error) else "without bound, since the step is unstable"
