@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+import finite_elements as fe
 from appendages import (
     STEEL,
     close,
@@ -29,9 +30,11 @@ from beamchain import (
     Segment,
     Tube,
 )
+from spec_tables import table_of
 
 QUADRATURE = 1e-12  # scipy's quad on a smooth integrand, asked for 1e-13
 CLOSED = 1e-13  # a closed form in another order, summed over a few segments
+ELEMENTS = 1e-8  # two discretisations, each converged beyond it
 STRONG = 1e-8  # one Gauss rule of 40 points on x^-4 over a taper of 30 to 1
 
 TAPERS = {
@@ -284,6 +287,29 @@ def test_an_xz_stiffness_left_out_at_one_end_is_the_xy_stiffness_there():
 # -- what is refused -------------------------------------------------------------------------------
 BAR = Segment(length=1.0, section=Round(diameter=0.1), material=STEEL)
 TRUSS = Equivalent(bending_stiffness_xy=1.0, linear_mass=1.0)
+TWISTS = Equivalent(bending_stiffness_xy=1.0, linear_mass=1.0, torsion_stiffness=5.0)
+STRETCHES = Equivalent(bending_stiffness_xy=1.0, linear_mass=1.0, axial_stiffness=5.0)
+
+
+@pytest.mark.parametrize(
+    ("root", "tip"),
+    [
+        (Tube(outer_diameter=0.2, wall=0.1), Tube(outer_diameter=0.2, wall=0.005)),
+        (
+            Box(width_y=0.2, width_z=0.2, wall=0.005),
+            Box(width_y=0.2, width_z=0.05, wall=0.005),
+        ),
+    ],
+)
+def test_the_shear_factor_follows_the_taper(root, tip):
+    beam = Beam(
+        segments=(
+            Segment(length=1.0, section=root, section_end=tip, material=STEEL, theory="timoshenko"),
+        )
+    )
+    for port in ("xy", "xz"):
+        truth = fe.cantilever(table_of(beam), {port: 3}).frequencies
+        assert beam.port(port, 3).frequencies[:3] == close(truth, rel=ELEMENTS)
 
 
 @pytest.mark.parametrize(
@@ -301,6 +327,14 @@ TRUSS = Equivalent(bending_stiffness_xy=1.0, linear_mass=1.0)
         (
             lambda: Segment(length=1.0, section=TRUSS, theory="timoshenko"),
             'theory = "timoshenko" needs a drawn section',
+        ),
+        (
+            lambda: Segment(length=1.0, section=TRUSS, section_end=TWISTS),
+            "torsion_stiffness is 0 in section and 5 in section_end; 0 is rigid",
+        ),
+        (
+            lambda: Segment(length=1.0, section=STRETCHES, section_end=TRUSS),
+            "axial_stiffness is 5 in section and 0 in section_end; 0 is rigid",
         ),
         (
             lambda: Segment(

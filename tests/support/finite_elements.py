@@ -92,7 +92,7 @@ def section_properties(segment, fraction):
     young, shear, poisson, density = _material(segment["material"])
     stout = segment.get("theory", "euler") == "timoshenko"
     factor = {
-        p: segment.get("shear_factor") or _shear_factor(shape, start, poisson, p) for p in BENDING
+        p: segment.get("shear_factor") or _shear_factor(shape, at, poisson, p) for p in BENDING
     }
     return {
         "bending_xy": young * about_z,
@@ -170,13 +170,13 @@ def _rectangle_torsion(b, h):
     return wide * thin**3 / 3.0 * (1.0 - 192.0 / np.pi**5 * thin / wide * total)
 
 
-def _shear_factor(shape, root, nu, plane):
+def _shear_factor(shape, at, nu, plane):
     """G. R. Cowper, The shear coefficient in Timoshenko's beam theory, J. Appl. Mech.
     33 (1966) 335."""
     if shape == "round":
         return 6.0 * (1.0 + nu) / (7.0 + 6.0 * nu)
     if shape == "tube":
-        m = (1.0 - 2.0 * root["wall"] / root["outer_diameter"]) ** 2
+        m = (1.0 - 2.0 * at["wall"] / at["outer_diameter"]) ** 2
         return (
             6.0
             * (1.0 + nu)
@@ -187,11 +187,7 @@ def _shear_factor(shape, root, nu, plane):
         return 10.0 * (1.0 + nu) / (12.0 + 11.0 * nu)
     # thin walls of equal thickness; n: flange (across the plane) over web (in it)
     if shape == "box":
-        n = (
-            root["width_z"] / root["width_y"]
-            if plane == "xy"
-            else root["width_y"] / root["width_z"]
-        )
+        n = at["width_z"] / at["width_y"] if plane == "xy" else at["width_y"] / at["width_z"]
         below = 12.0 + 72.0 * n + 150.0 * n**2 + 90.0 * n**3
         below += nu * (11.0 + 66.0 * n + 135.0 * n**2 + 90.0 * n**3) + 10.0 * n**2 * (
             (3.0 + nu) * n + 3.0 * n**2

@@ -15,6 +15,7 @@ from beamchain.errors import InputError
 from beamchain.ports.motions import Array
 
 ZETA_5 = 1.03692775514337  # Riemann's zeta at 5
+ROOT = np.zeros(())  # fraction of a taper at which it starts
 
 SOFT = 1e6  #: modulus [N/m^2]: rubber has more
 IN_MEGA = 1e3  # a modulus from here on that is soft was meant in MPa, below in GPa
@@ -124,17 +125,19 @@ class _Section(Struct, frozen=True, kw_only=True):
 
     def pairs(self, end: "_Section") -> list[tuple[float, float]]:
         """Every dimension at the two ends, without those that are 0."""
-        names = [name for name in self.__struct_fields__ if name != "draw"]
-        pairs = [(getattr(self, name), getattr(end, name)) for name in names]
+        there = end.dimensions()
+        pairs = [(here, there[name]) for name, here in self.dimensions().items()]
         return [(a, b) for a, b in pairs if a > 0.0 and b > 0.0]
 
     def depth(self, plane: str) -> float:
         """Extent in the plane of bending [m], for drawing; 0 where the shape is not known."""
         return 0.0
 
-    def cowper(self, nu: float, plane: str) -> float:
+    def cowper(
+        self, nu: float, plane: str, end: "_Section | None" = None, fraction: Array = ROOT
+    ) -> Array | float:
         """Shear factor for Poisson's ratio `nu` in a `plane`, after G. R. Cowper, J. Appl. Mech.
-        33 (1966) 335."""
+        33 (1966) 335, at `fraction` of the way to `end`."""
         return 1.0
 
 
@@ -181,7 +184,9 @@ class Round(
     def depth(self, plane: str) -> float:
         return self.diameter
 
-    def cowper(self, nu: float, plane: str) -> float:
+    def cowper(
+        self, nu: float, plane: str, end: _Section | None = None, fraction: Array = ROOT
+    ) -> Array | float:
         return 6.0 * (1.0 + nu) / (7.0 + 6.0 * nu)
 
 
@@ -230,10 +235,13 @@ class Tube(
     def depth(self, plane: str) -> float:
         return self.outer_diameter
 
-    def cowper(self, nu: float, plane: str) -> float:
+    def cowper(
+        self, nu: float, plane: str, end: _Section | None = None, fraction: Array = ROOT
+    ) -> Array | float:
         # k = 6 (1 + nu) (1 + m^2)^2 / ((7 + 6 nu) (1 + m^2)^2 + (20 + 12 nu) m^2),
         # m: inner over outer diameter
-        m2 = (1.0 - 2.0 * self.wall / self.outer_diameter) ** 2
+        dims = self.at(end or self, fraction)
+        m2 = (1.0 - 2.0 * dims["wall"] / dims["outer_diameter"]) ** 2
         above = 6.0 * (1.0 + nu) * (1.0 + m2) ** 2
         below = (7.0 + 6.0 * nu) * (1.0 + m2) ** 2 + (20.0 + 12.0 * nu) * m2
         return above / below
@@ -279,7 +287,9 @@ class Rectangle(
     def depth(self, plane: str) -> float:
         return self.width_y if plane == "xy" else self.width_z
 
-    def cowper(self, nu: float, plane: str) -> float:
+    def cowper(
+        self, nu: float, plane: str, end: _Section | None = None, fraction: Array = ROOT
+    ) -> Array | float:
         return 10.0 * (1.0 + nu) / (12.0 + 11.0 * nu)
 
 
@@ -336,12 +346,15 @@ class Box(
     def depth(self, plane: str) -> float:
         return self.width_y if plane == "xy" else self.width_z
 
-    def cowper(self, nu: float, plane: str) -> float:
+    def cowper(
+        self, nu: float, plane: str, end: _Section | None = None, fraction: Array = ROOT
+    ) -> Array | float:
         # thin-walled box with n = b / h and m = b t_flange / (h t_web), here both the same:
         # k = 10 (1 + nu) (1 + 3 m)^2 / (12 + 72 m + 150 m^2 + 90 m^3
         #     + nu (11 + 66 m + 135 m^2 + 90 m^3) + 10 n^2 ((3 + nu) m + 3 m^2))
-        b, h = (self.width_y, self.width_z) if plane == "xz" else (self.width_z, self.width_y)
-        n = b / h
+        dims = self.at(end or self, fraction)
+        y, z = dims["width_y"], dims["width_z"]
+        n = y / z if plane == "xz" else z / y
         m = n
         above = 10.0 * (1.0 + nu) * (1.0 + 3.0 * m) ** 2
         without_nu = 12.0 + 72.0 * m + 150.0 * m**2 + 90.0 * m**3

@@ -107,6 +107,7 @@ class Segment(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
                     'theory = "timoshenko" needs a drawn section; an "equivalent" one takes theory '
                     '= "euler".'
                 )
+            self._check_rigid_ends(self.section)
         elif self.material is None:
             raise InputError(
                 "material is missing; "
@@ -117,6 +118,17 @@ class Segment(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
                 'shear_factor is given but theory = "euler" has no shear; set theory = '
                 '"timoshenko".'
             )
+
+    def _check_rigid_ends(self, section: Equivalent) -> None:
+        """Refuse a taper between rigid and a stiffness, which no line joins."""
+        here, there = section.dimensions(), self.end.dimensions()
+        for name in ("torsion_stiffness", "axial_stiffness"):
+            if (here[name] == 0.0) != (there[name] == 0.0):
+                raise InputError(
+                    f"{name} is {here[name]:g} in section and {there[name]:g} in section_end; 0 is "
+                    "rigid, from which no linear taper leads to a stiffness: give it at both ends, "
+                    "or leave it out at both."
+                )
 
     def _compute_profiles(self) -> None:
         """Put the computed section in the place of a profile."""
@@ -173,17 +185,17 @@ class Segment(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             axial=e * s.area,
             mass=rho * s.area + self.nonstructural_mass,
             polar=rho * s.polar_moment,
-            shear_xy=self._timoshenko_factor("xy") * g * s.area,
-            shear_xz=self._timoshenko_factor("xz") * g * s.area,
+            shear_xy=self._timoshenko_factor("xy", fraction) * g * s.area,
+            shear_xz=self._timoshenko_factor("xz", fraction) * g * s.area,
             rotary_xy=rho * s.second_moment_z,
             rotary_xz=rho * s.second_moment_y,
         )
 
-    def _timoshenko_factor(self, plane: str) -> float:
+    def _timoshenko_factor(self, plane: str, fraction: Array) -> Array | float:
         if self.shear_factor is not None:
             return self.shear_factor
         assert self.material is not None
-        return self.section.cowper(self.material.nu, plane)
+        return self.section.cowper(self.material.nu, plane, self.end, fraction)
 
     @property
     def shrinks(self) -> bool:
