@@ -20,12 +20,14 @@ from beamchain import (
     FitOptions,
     Hub,
     InputError,
+    Lump,
     Rectangle,
     Root,
     Segment,
     Spec,
     fit,
 )
+from beamchain.chain.margin import MassTable
 from beamchain.errors import RealisationError
 from spec_tables import table_of
 from written_chain import read_chain
@@ -295,3 +297,17 @@ def test_short_stocky_beam_keeps_its_rotary_inertia():
     real = fe.rigid_mass(table_of(beam))
     assert result.chain.rigid_mass() == close(real, abs=1e-11 * real[5, 5])
     assert rb.read(result.to_mjcf()).rigid == close(real, abs=1e-11 * real[5, 5])
+
+
+@pytest.mark.parametrize("x", [0.0, 0.4, 2.0031, 2.0034999, 2.0035, 2.004, 7.9999, 8.0])
+def test_a_body_is_behind_every_place_before_it(x):
+    """Cuts are chosen by the mass behind their hinges: 1 kg/m, and bodies between stations."""
+    bodies = {0.4: 5.0, 2.0035: 20.0, 8.0: 3.0}
+    rod = Equivalent(bending_stiffness_xy=1.0, linear_mass=1.0)
+    beam = Beam(
+        segments=(Segment(length=8.0, section=rod),),
+        lumps=tuple(Lump(x=at, mass=m) for at, m in bodies.items()),
+    )
+    mass = 8.0 - x + sum(m for at, m in bodies.items() if at > x)
+    found = MassTable(beam).behind(np.array([x]))[0]
+    assert found[1, 1] == close(mass, abs=OWN)

@@ -1,5 +1,6 @@
 """Imported modes: the same physics from any axes, point and units; checks; files; matrices."""
 
+import json
 import re
 from dataclasses import replace
 from itertools import pairwise
@@ -13,7 +14,16 @@ from scipy.linalg import eigh
 from scipy.spatial.transform import Rotation
 
 from appendages import panels, tapered_boom
-from beamchain import InputError, ModalData, fit, read_modes
+from beamchain import (
+    Beam,
+    Equivalent,
+    InputError,
+    Lump,
+    ModalData,
+    Segment,
+    fit,
+    read_modes,
+)
 from modes_of_beam import delivered, modes_of_beam, modes_text
 from prints import cantilever, plate
 from readback import PORTS, into_space
@@ -395,3 +405,64 @@ def test_a_length_that_does_not_hold_the_mass_is_refused():
     rigid[2, 4] = rigid[4, 2] = -1.5
     uniform = ModalData(rigid, np.array([1.0]), np.array([[0.0, 0.1, 0.0, 0.0, 0.0, 0.0]]))
     assert uniform.line().length == pytest.approx(1.0, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("stated", "says"),
+    [
+        ({"line": [{"start": 0.0, "length": 8.0, "mass": [3.75, 3.75]}]}, "has 0 in (rotation x"),
+        (
+            {"line": [{"start": 0.0, "length": 8.0, "mass": [3.75], "polar": [0.625]}]},
+            "has 5 in (rotation x",
+        ),
+        (
+            {"points": [{"x": x, "mass": 15.0, "polar": 0.25} for x in (3.0, 5.0)]},
+            "has 510 in (rotation y",
+        ),
+        (
+            {"points": [{"x": x, "mass": 15.0, "polar": 0.25} for x in (3.0, 5.5)]},
+            "has 127.5 in (y, rotation z)",
+        ),
+    ],
+)
+def test_a_line_with_other_moments_than_the_rigid_mass_is_refused(tmp_path, stated, says):
+    """A uniform rod of 30 kg and 8 m: 30 4 = 120 kg m, 30 8^2 / 3 = 640 kg m^2."""
+    mass = np.diag([30.0, 30.0, 30.0, 0.5, 640.0, 640.0])
+    mass[1, 5] = mass[5, 1] = 120.0
+    mass[2, 4] = mass[4, 2] = -120.0
+    modes = {
+        "mass": mass.tolist(),
+        "frequencies": [1.3],
+        "participation": [[0.0], [4.2], [0.0], [0.0], [0.0], [24.9]],
+    }
+    right = {"line": [{"start": 0.0, "length": 8.0, "mass": [3.75], "polar": [0.0625]}]}
+    for length in ({}, {"length": 8.0}):
+        (tmp_path / "modes.json").write_text(json.dumps(modes | right | length))
+        result = fit(read_modes(tmp_path / "modes.json"))
+        assert result.status.ok
+        assert result.chain.length == 8.0
+    (tmp_path / "modes.json").write_text(json.dumps(modes | stated | {"length": 8.0}))
+    with pytest.raises(InputError, match=re.escape(f"line: its mass matrix, with points, {says}")):
+        fit(read_modes(tmp_path / "modes.json"))
+
+
+def test_an_estimated_length_holds_the_mass():
+    """Most of the mass near the root: a uniform piece with its centre and gyration is too short,
+    for mass on [0, L] has x (L - x) >= 0 everywhere."""
+    root, boom, tip = 60.0, 0.4 * 5.0, 3.0  # kg at 0.125 m, along 5 m, at the end
+    mass = root + boom + tip
+    first = root * 0.125 + boom * 2.5 + tip * 5.0
+    second = root * 0.125**2 + boom * 25.0 / 3.0 + tip * 25.0
+    beam = Beam(
+        segments=(
+            Segment(length=5.0, section=Equivalent(bending_stiffness_xy=2e3, linear_mass=0.4)),
+        ),
+        lumps=(Lump(x=0.125, mass=root), Lump(x=5.0, mass=tip)),
+    )
+    data = modes_of_beam(beam, {"xy": 2, "xz": 2})
+    result = fit(replace(data, length=None, pieces=(), points=np.zeros((0, 5))))
+    assert result.status.ok
+    assert first / mass + np.sqrt(3.0 * (second / mass - (first / mass) ** 2)) < second / first
+    assert result.chain.length == pytest.approx(second / first, rel=SAME)
+    assert np.diag(result.chain.rigid_mass())[[1, 5]] == pytest.approx([mass, second], rel=SAME)
+    assert result.space.error.frequency < SAME

@@ -63,8 +63,10 @@ class MassTable:
 
     def __init__(self, line: MassLine) -> None:
         self.length: float = line.length
-        steps = np.array([[x, x + 1e-8 * line.length] for x in line.steps]).ravel()
-        self._grid = np.unique(np.concatenate([np.linspace(0.0, line.length, TABLE), steps]))
+        # what hangs at a place is behind all before it, and not behind the place itself
+        steps = np.array([[x - 1e-8 * line.length, x] for x in line.steps]).ravel()
+        places = np.concatenate([np.linspace(0.0, line.length, TABLE), steps])
+        self._grid = np.unique(places.clip(0.0, line.length))
         table = line.behind(np.concatenate([[-line.length], self._grid]))
         self.rigid: Array = table[0]
         self._behind = table[1:]

@@ -16,10 +16,12 @@ from beamchain.late import importing
 from beamchain.ports.motions import Array, body_mass_matrix, locked
 from beamchain.structure.beam import Beam, Moments, straight_mass_matrices
 from beamchain.structure.elements import gauss
+from beamchain.structure.planes import MOTIONS
 from beamchain.structure.segment import Lump
 
 FLAT = 1e-9  # of the second moment along x: a spread across it that is negative by less is none
 INNER = 0.2  # of the length: no point stands nearer to the root, unless the moments ask for it
+STATED = 1e-6  # relative, to which a line that is stated has the rigid mass matrix
 SMOOTH = 0.02  # least share of the smooth part where one is possible: no link is without mass
 
 
@@ -159,14 +161,28 @@ MassLine = Beam | SpreadMass
 
 
 def default_length(rigid_mass: Array) -> float:
+    """Length [m] of the uniform piece with the same moments along x, or, where that is longer, the
+    least on which mass can have them."""
+    _, first, second = _moments_along_x(rigid_mass)
+    # mass on [0, L] has x (L - x) >= 0 everywhere: first L >= second
+    least = second / first if first > 0.0 else 0.0
+    return max(uniform_length(rigid_mass), least)
+
+
+def uniform_length(rigid_mass: Array) -> float:
     """Length [m] of the uniform piece with the same centre and radius of gyration."""
+    mass, first, second = _moments_along_x(rigid_mass)
+    # a uniform piece from a to b has the centre (a + b) / 2 and the gyration (b - a) / sqrt(12)
+    centre = first / mass
+    gyration_squared = max(second / mass - centre**2, 0.0)
+    return float(centre + np.sqrt(3.0 * gyration_squared))
+
+
+def _moments_along_x(rigid_mass: Array) -> tuple[float, float, float]:
+    """Mass, first and second moment along x."""
     along = _moments_along_axis(rigid_mass)
     beside = _mass_beside_axis(rigid_mass)
-    second = along.second if beside is None else beside[0]
-    # a uniform piece from a to b has the centre (a + b) / 2 and the gyration (b - a) / sqrt(12)
-    centre = along.first / along.mass
-    gyration_squared = max(second / along.mass - centre**2, 0.0)
-    return float(centre + np.sqrt(3.0 * gyration_squared))
+    return along.mass, along.first, along.second if beside is None else beside[0]
 
 
 def _moments_along_axis(rigid_mass: Array) -> Moments:
@@ -317,7 +333,7 @@ def spread_mass(
     c = along.first / mass / length
     q = along.second / mass / length**2
     remainder = _Remainder(centre=c, second=q, power=power)
-    if not (0.0 < c < 1.0 and remainder.is_feasible(0.0)):
+    if not (0.0 < c <= 1.0 and remainder.is_feasible(0.0)):
         raise InputError(
             f"length = {length:.6g} m does not hold the mass: its centre lies at x = "
             f"{c * length:.6g} m with a radius of gyration of "
@@ -364,15 +380,14 @@ def mass_line_of_pieces(
         points=locked(points),
         stiffness=dict(stiffness),
     )
-    stated = line.moments(0.0, length, closed=True)
-    rigid = _moments_along_axis(rigid_mass)
-    for name, of_line, of_matrix in (
-        ("mass", stated.mass, rigid.mass),
-        ("first moment", stated.first, rigid.first),
-    ):
-        if abs(of_line / of_matrix - 1.0) > 1e-6:
-            raise InputError(
-                f"line: its {name} is {of_line:.8g}, but the rigid mass matrix has "
-                f"{of_matrix:.8g}; leave line out or make both agree."
-            )
+    stated = straight_mass_matrices(np.array([line.moments(0.0, length, closed=True)]))[0]
+    scale = np.sqrt(np.maximum(np.diag(stated), np.diag(rigid_mass)))
+    apart = np.abs(stated - rigid_mass) > STATED * np.outer(scale, scale)
+    if np.any(apart):
+        i, j = (int(k) for k in np.argwhere(apart)[0])
+        raise InputError(
+            f"line: its mass matrix, with points, has {stated[i, j]:.8g} in ({MOTIONS[i]}, "
+            f"{MOTIONS[j]}), but the rigid mass matrix has {rigid_mass[i, j]:.8g}; make both agree "
+            "(mass and where it lies, polar, rotary_xy, rotary_xz), or leave line and points out."
+        )
     return line

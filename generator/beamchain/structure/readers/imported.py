@@ -11,7 +11,7 @@ import numpy as np
 from beamchain.checks import Struct, field, whole_number
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
-from beamchain.structure.mass_line import default_length, spread_mass
+from beamchain.structure.mass_line import default_length, spread_mass, uniform_length
 from beamchain.structure.modal_data import ModalData
 from beamchain.structure.readers import READERS, read_modes
 from beamchain.structure.readers.superelement import InterfaceGrid
@@ -161,12 +161,12 @@ def with_length(data: ModalData, length: float | None) -> ModalData:
         return data
     if not data.states_line:
         check_outwards(data)
-    uniform_length = default_length(data.rigid_mass)
+    estimated = default_length(data.rigid_mass)
     step = (
-        f"length {uniform_length:.6g} m from mass centre and radius of gyration, as of a uniform "
-        "beam, for drawing and for sharing out the mass; not given (imported.length)"
+        f"length {estimated:.6g} m from mass centre and radius of gyration, for drawing and for "
+        "sharing out the mass; not given (imported.length)"
     )
-    return replace(data, length=uniform_length, steps=(*data.steps, step))
+    return replace(data, length=estimated, steps=(*data.steps, step))
 
 
 def check_outwards(data: ModalData, axes: Array | None = None, length: float | None = None) -> None:
@@ -210,8 +210,9 @@ def check_outwards(data: ModalData, axes: Array | None = None, length: float | N
 
 
 def _has_line(rigid_mass: Array, length: float | None) -> bool:
-    """Whether mass along x has the moments of a body, on the stated length or an estimated one."""
-    for tried in {default_length(rigid_mass), length or default_length(rigid_mass)}:
+    """Whether mass along x has the moments of a body, on the stated length or that of a uniform
+    piece."""
+    for tried in {uniform_length(rigid_mass), length or uniform_length(rigid_mass)}:
         try:
             spread_mass(rigid_mass, tried)
         except InputError:

@@ -49,6 +49,8 @@ class ModesFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         damping: ratio, one or per mode.
         tip: six rows, one column per mode: motion of the tip in each mode.
         digits: of the printed numbers; counted where left out.
+        length: root to tip; where line and points end, or estimated from the mass, where left
+            out.
         line, points: how the mass lies along x.
         uncertain: what is not known exactly of the modes, as in [uncertain] of a SPEC.toml.
     """
@@ -124,6 +126,9 @@ def _data(given: ModesFile, name: str) -> ModalData:
             "usual)."
         )
     tip = _table(name, "tip", given.tip, n).T if given.tip else None
+    length = given.length
+    if length is None and (given.line or given.points):
+        length = max([*(p.start + p.length for p in given.line), *(p.x for p in given.points)])
     digits = (
         given.digits if given.digits is not None else _digits([*given.participation, *given.mass])
     )
@@ -137,7 +142,7 @@ def _data(given: ModesFile, name: str) -> ModalData:
         table.T,
         damping,
         tip,
-        given.length,
+        length,
         tuple(_piece(name, p) for p in given.line),
         np.array([[p.x, p.mass, p.polar, p.rotary_xy, p.rotary_xz] for p in given.points]).reshape(
             -1, 5
