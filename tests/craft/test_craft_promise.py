@@ -287,3 +287,60 @@ def test_a_fit_for_the_same_hub_is_used_as_it_is(tmp_path):
     made = first.appendages[0].fit
     again = bc.embed(LIGHT, {"place": made}, retime=False, max_modes=0)
     assert again.appendages[0].fit is made
+
+
+def bus(name, x, mass):
+    """A free body with two places, as MJCF."""
+    return (
+        f'<body name="{name}" pos="{x} 0 0"><freejoint/><inertial pos="0 0 0" mass="{mass}" '
+        f'diaginertia="{0.3 * mass} {0.35 * mass} {0.4 * mass}"/><site name="{name}_fore"/>'
+        f'<site name="{name}_aft" pos="-0.5 0 0" euler="0 0 180"/></body>'
+    )
+
+
+def in_one_file(*craft):
+    """Spacecraft beside each other."""
+    return f'<mujoco><option gravity="0 0 0"/><worldbody>{"".join(craft)}</worldbody></mujoco>'
+
+
+def test_of_two_craft_in_a_file_the_worst_is_named(tmp_path):
+    light = bus("light", 50, 20)
+    spec = boom(modes={"xy": 1, "xz": 1}, damping={"ratio": 0.005}, root={"target": "clamped"})
+    spec["scene"]["axes"] = ["x", "y", "z", "tx", "ty", "tz"]
+    file = tmp_path / "boom.toml"
+    file.write_text(toml(spec))
+    both = in_one_file(bus("heavy", 0, 5000), light)
+    together = bc.embed(both, {"heavy_fore": file, "light_fore": file}, retime=False)
+    alone = bc.embed(in_one_file(light), {"light_fore": file}, retime=False)
+    written = alone.write(tmp_path / "alone.xml")[-1]
+    found = found_error(in_one_file(light), written, {"light_fore": spec})
+    assert together.promise.body == "light"
+    assert together.craft_error == pytest.approx(found, rel=AGREE)
+
+
+@pytest.mark.slow
+def test_modes_are_added_to_each_of_two_craft_in_a_file(tmp_path):
+    file = tmp_path / "boom.toml"
+    file.write_text(toml(boom(damping={"ratio": 0.005})))
+    at = dict.fromkeys(("a_fore", "a_aft", "b_fore", "b_aft"), file)
+    done = bc.embed(in_one_file(bus("a", 0, 60), bus("b", 50, 60)), at, retime=False)
+    assert done.met
+    assert {step[:2] for step in done.steps} == {"a_", "b_"}
+
+
+@pytest.mark.parametrize(
+    ("axes", "said"),
+    [
+        (["x"], "scene.axes = x: body 'bus' of the spacecraft can only make the motions z; name"),
+        (["x", "z"], "scene.axes = x, z: body 'bus' of the spacecraft can only make the motions z"),
+    ],
+)
+def test_axes_that_the_base_cannot_make_are_refused(axes, said):
+    turning = LIGHT.replace("<freejoint/>", '<joint name="turn" axis="0 0 1"/>')
+    section = bc.Equivalent(bending_stiffness_xy=2e3, bending_stiffness_xz=3e3, linear_mass=4.0)
+    spec = bc.Spec(
+        segment=(bc.Segment(length=8.0, section=section),),
+        scene=bc.Scene(bandwidth=5.0, axes=axes),
+    )
+    with pytest.raises(bc.InputError, match=said):
+        bc.embed(turning, {"place": spec})

@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import pairwise
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +37,7 @@ from beamchain.engine.operating_point import (
 )
 from beamchain.engine.partial_fractions import MOST, Accelerance, accelerance_of
 from beamchain.errors import InputError
+from beamchain.fitting.needs import AXES
 from beamchain.ports.compare import (
     DEFAULT_RATIO,
     Response,
@@ -88,8 +90,8 @@ class CraftError:
         error: the worst of all poses.
         band: upper end [rad/s].
         poses: error per pose: "rest", then keyframes by name or number.
-        motions: which motions of the base body count (0 to 5: x, y, z, rotations).
-        body: name of the base body.
+        motions: which motions of that body count (0 to 5: x, y, z, rotations).
+        body: name of the base body that is worst, where a file holds several craft.
     """
 
     error: float
@@ -170,7 +172,7 @@ def counterpart(craft: "mujoco.MjModel", model: "mujoco.MjModel", body: int) -> 
 class Pose:
     """The bare, quiet craft at a pose, and the exact answer on it.
 
-    Motions of the base body that are `wanted` but that it cannot make are left out; `band`:
+    `wanted`: motions of the base body that count; all six stand for those that it can make. `band`:
     upper end [rad/s]; `own`: the craft's own degrees of freedom in the compiled model, where left
     out those that are not of `carried`; `loading`: what acts on the craft there, None for nothing.
     """
@@ -203,7 +205,9 @@ class Pose:
         base = self.bare.outputs.acceleration
         rows = np.linalg.norm(base, axis=1)
         able = [i for i in range(6) if rows[i] > RANK * rows.max(initial=1e-300)]
-        self.motions: tuple[int, ...] = tuple(i for i in wanted if i in able) or tuple(able)
+        self.motions: tuple[int, ...] = tuple(i for i in wanted if i in able)
+        if len(self.motions) < len(wanted) < 6:
+            self._refuse_axes(wanted, able)
         # the base body's own joints: all others locked
         joints = np.abs(base).max(axis=0) > 0.0
         locked = self._rigid_mass[np.ix_(joints, joints)]
@@ -213,6 +217,14 @@ class Pose:
         self.scale: Array = np.outer(scale, scale)
         self.frozen: float = float(
             np.linalg.norm(rigid[np.ix_(self.motions, self.motions)] * self.scale, 2)
+        )
+
+    def _refuse_axes(self, wanted: Sequence[int], able: Sequence[int]) -> NoReturn:
+        names = {number: name for name, number in AXES.items()}
+        axes, can = (", ".join(names[i] for i in each) for each in (wanted, able))
+        raise InputError(
+            f"scene.axes = {axes}: body {self._model.body(self.body).name or self.body!r} of the "
+            f"spacecraft can only make the motions {can}; name some of these, or leave axes out."
         )
 
     @cached_property
@@ -477,22 +489,30 @@ def craft_poses(
     `positions`: which poses; `loaded`: under its own gravity and the ctrl of its keyframes.
     """
     quiet = quiet_copy(craft)
-    groups = _by_base(quiet, carried)
+    groups = by_base(quiet, [item.mount for item in carried])
     loadings = loadings_of(craft, carried) if loaded else {}
     return {
         name: [
-            Pose(quiet, qpos, group, band, wanted, own, loadings.get((name, base)))
-            for base, group in groups.items()
+            Pose(
+                quiet,
+                qpos,
+                [carried[i] for i in members],
+                band,
+                wanted,
+                own,
+                loadings.get((name, base)),
+            )
+            for base, members in groups.items()
         ]
         for name, qpos in positions(quiet).items()
     }
 
 
-def _by_base(craft: "mujoco.MjModel", carried: Sequence[Carried]) -> dict[int, list[Carried]]:
-    """Appendages by the base body that carries them."""
-    groups: dict[int, list[Carried]] = {}
-    for item in carried:
-        groups.setdefault(base_body(craft, item.mount.body), []).append(item)
+def by_base(craft: "mujoco.MjModel", mounts: Sequence[Mount]) -> dict[int, list[int]]:
+    """Numbers of the mounts by the base body that carries them."""
+    groups: dict[int, list[int]] = {}
+    for i, mount in enumerate(mounts):
+        groups.setdefault(base_body(craft, mount.body), []).append(i)
     return groups
 
 
@@ -505,11 +525,12 @@ def loadings_of(
         InputError: nothing acts, or the exact spacecraft under it is not known.
     """
     still = still_copy(craft)
-    groups = _by_base(craft, carried)
+    groups = by_base(craft, [item.mount for item in carried])
     out: dict[tuple[str, int], Loading] = {}
     for k, name in enumerate(poses(craft)):
         key = None if k == 0 else k - 1
-        for base, group in groups.items():
+        for base, members in groups.items():
+            group = [carried[i] for i in members]
             mass = float(craft.body_subtreemass[base])
             mass += sum(float(item.whole.rigid_mass[0, 0]) for item in group)
             loading = loading_at(craft, still, key, base, mass)
@@ -544,12 +565,15 @@ def craft_error(
     model = quiet_copy(model)
     positions = poses(model)
     errors: dict[str, float] = {}
-    names: list[str] = []
+    worst: tuple[float, Pose] | None = None
     for name, several in exact.items():
         for pose in several:
-            names.append(craft.body(pose.body).name or f"body {pose.body}")
             body = counterpart(craft, model, pose.body)
             error = pose.of_mujoco(model, positions[name], body)
             errors[name] = max(errors.get(name, 0.0), error)
-    first = next(iter(exact.values()))[0]
-    return CraftError(max(errors.values()), first.band, errors, first.motions, names[0])
+            if worst is None or error > worst[0]:
+                worst = error, pose
+    assert worst is not None  # an appendage hangs on some body
+    error, pose = worst
+    body_name = craft.body(pose.body).name or f"body {pose.body}"
+    return CraftError(error, pose.band, errors, pose.motions, body_name)

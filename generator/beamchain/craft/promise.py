@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from beamchain.craft.appendage import Appendage, carried
 from beamchain.craft.candidates import Candidate, candidate, model_of
-from beamchain.craft.error import Pose, craft_poses
+from beamchain.craft.error import Pose, by_base, craft_poses
 from beamchain.engine.library import mujoco
 from beamchain.errors import RealisationError
 from beamchain.fitting.needs import AXES
@@ -67,14 +67,33 @@ def keep_promise(
     want = joint_request([a.spec for a in appendages])
     if want.band is None or want.tolerance is None:
         return appendages, ()
+    kept = list(appendages)
+    steps = list[str]()
+    for members in by_base(craft, [a.mount for a in appendages]).values():
+        group = [appendages[i] for i in members]
+        for i, a in zip(
+            members, _keep_on_base(craft, group, want, most, refit, steps), strict=True
+        ):
+            kept[i] = a
+    return tuple(kept), tuple(steps)
+
+
+def _keep_on_base(
+    craft: "mujoco.MjModel",
+    appendages: Sequence[Appendage],
+    want: JointRequest,
+    most: int,
+    refit: Callable[[Appendage, Spec], Fit],
+    steps: list[str],
+) -> Sequence[Appendage]:
+    """`keep_promise` for the appendages of one base body; `steps` gets a line for each."""
+    assert want.band is not None
+    assert want.tolerance is not None
     found = craft_poses(craft, carried(None, appendages), want.band, want.motions)
-    if len(next(iter(found.values()))) > 1:  # several craft in one file
-        return appendages, ()
     flat = {name: several[0] for name, several in found.items()}
     best = appendages
     least = _worst(flat, [model_of(a) for a in appendages])[0]
     ours = list(appendages)
-    steps = list[str]()
     barred = set[int]()
     for _ in range(ROUNDS):
         if keeps_tolerance(least, want.tolerance):
@@ -93,7 +112,7 @@ def keep_promise(
         if error < least:
             best = tuple(ours)
             least = error
-    return best, tuple(steps)
+    return best
 
 
 def _grow(
