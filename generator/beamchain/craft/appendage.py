@@ -32,10 +32,9 @@ from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec
 from beamchain.mjcf import compatibility, insert, write
 from beamchain.ports.motions import UPRIGHT, Array
-from beamchain.steps.budget import linear_model, preload
+from beamchain.steps.budget import preload
 from beamchain.steps.driven import keyframes, limit_sentences
 from beamchain.steps.large_motion import LargeMotion
-from beamchain.steps.limits import step_limits
 from beamchain.steps.retime_file import put_time
 from beamchain.structure.modal_data import ModalData
 from beamchain.structure.slosh import Slosh
@@ -236,7 +235,6 @@ def motion_warnings(
     ids = ids_of(model, names(appendages))
     found = disturbances(
         final,
-        step_limits(linear_model(quiet_copy(final))),
         fastest=max(kept, default=0.0),
         zeta=min(ratios, default=0.0),
         geoms=ids["geom"],

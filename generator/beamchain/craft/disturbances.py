@@ -16,11 +16,19 @@ from beamchain.engine.constraints import (
 from beamchain.engine.forces import gravity_of
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import NUMBERS, euler_damps_implicitly
-from beamchain.engine.operating_point import base_body, quiet_copy
+from beamchain.engine.operating_point import (
+    base_body,
+    pose_words,
+    poses,
+    quiet_copy,
+    rest_point,
+)
 from beamchain.errors import InputError
+from beamchain.steps.budget import linear_model
 from beamchain.steps.culprit import Culprit, culprit
-from beamchain.steps.limits import StepLimits
+from beamchain.steps.limits import step_limits
 from beamchain.steps.saturation import servos_that_chatter
+from beamchain.steps.step_map import growing_poses
 
 DAMPS = 0.5  # numerical damping is worth a word from this share of the structure's own
 TENDON_DAMPING = "Euler treats the damping of tendons explicitly"
@@ -40,7 +48,6 @@ def check_flags(model: "mujoco.MjModel") -> None:
 
 def disturbances(
     model: "mujoco.MjModel",
-    limits: StepLimits,
     *,
     fastest: float,
     zeta: float,
@@ -55,7 +62,8 @@ def disturbances(
     return [
         *_surroundings(model, geoms),
         *left_out(model, "the proof", bodies),
-        *_integration(model, limits, fastest, zeta),
+        *_unstable_step(model),
+        *_integration(model, fastest, zeta),
         *servos_that_chatter(model),
     ]
 
@@ -159,24 +167,37 @@ def _other_bases(model: "mujoco.MjModel", bodies: Collection[int]) -> list[str]:
     ]
 
 
-def _integration(
-    model: "mujoco.MjModel", limits: StepLimits, fastest: float, zeta: float
-) -> Iterator[str]:
+def _unstable_step(model: "mujoco.MjModel") -> Iterator[str]:
+    """Where a motion grows at the model's own step: the pose that allows the shortest, and why."""
+    integrator = NUMBERS[int(model.opt.integrator)]
+    still = quiet_copy(model)
+    places = poses(still)
+    limits = {
+        pose: step_limits(linear_model(still, rest_point(still, places[pose]).data()))
+        for pose in growing_poses(still, places)
+    }
+    if not limits:
+        return
+    pose = min(limits, key=lambda pose: limits[pose].largest_step[integrator])
+    worst = limits[pose]
+    largest = worst.largest_step[integrator]
+    where = "" if pose == "rest" else f" in {pose_words(pose)}"
+    found = culprit(still, places[pose])
+    fastest_motion = "coupled mode" if worst.ratio < 1.0 else "motion, overdamped,"
+    unit = "rad/s" if worst.ratio < 1.0 else "1/s"
+    shorter = f'<option timestep="{_round_down(0.5 * largest):g}">'
+    yield Caution(
+        "unstable-step",
+        f"timestep {float(model.opt.timestep):g} s is above the {largest:.4g} s at which "
+        f"{integrator} becomes unstable{where} (fastest {fastest_motion} {worst.omega_max:.5g} "
+        f"{unit}{_held_by(found)}); {_cure(found, integrator, shorter)}.",
+    )
+
+
+def _integration(model: "mujoco.MjModel", fastest: float, zeta: float) -> Iterator[str]:
     """What the integrator at its step makes of the appendages."""
     integrator = NUMBERS[int(model.opt.integrator)]
     step = float(model.opt.timestep)
-    largest = limits.largest_step[integrator]
-    if step > largest:
-        found = culprit(quiet_copy(model), np.array(model.qpos0))
-        fastest_motion = "coupled mode" if limits.ratio < 1.0 else "motion, overdamped,"
-        unit = "rad/s" if limits.ratio < 1.0 else "1/s"
-        shorter = f'<option timestep="{_round_down(0.5 * largest):g}">'
-        yield Caution(
-            "unstable-step",
-            f"timestep {step:g} s is above the {largest:.4g} s at which {integrator} becomes "
-            f"unstable (fastest {fastest_motion} {limits.omega_max:.5g} {unit}{_held_by(found)}); "
-            f"{_cure(found, integrator, shorter)}.",
-        )
     if integrator == "discrete":
         allowed = DAMPS * max(zeta, 1e-3)
         added = step * fastest / 2.0

@@ -17,6 +17,7 @@ from beamchain.craft.quantities import AXES, Quantity, inertia_matrix
 from beamchain.engine.forces import wraps
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import dense_mass
+from beamchain.engine.operating_point import poses
 from beamchain.errors import InputError, RealisationError
 from beamchain.ports.motions import Array
 from beamchain.steps.forms import form2, form4
@@ -78,13 +79,16 @@ class Maker:
         self._modal = modal_tendons(self.model)
         self._margin = np.array(self.model.tendon_margin)
 
-    def mass(self, model: "mujoco.MjModel") -> Array:
-        """`(nv, nv)` mass matrix of an untimed variant at rest, armature included."""
+    def mass(self, model: "mujoco.MjModel", qpos: Array | None = None) -> Array:
+        """`(nv, nv)` mass matrix of an untimed variant in a pose, at rest where left out; armature
+        included."""
         modal = self._drawn(model)
         margin = np.array(model.tendon_margin)[modal.index]
         # so that MuJoCo never sees a mass matrix that is not positive
         model.tendon_armature[modal.index] -= margin
         mujoco.mj_resetData(model, self.data)
+        if qpos is not None:
+            self.data.qpos[:] = qpos
         mujoco.mj_forward(model, self.data)
         model.tendon_armature[modal.index] += margin
         mass = dense_mass(model, self.data) + (modal.rows.T * margin) @ modal.rows
@@ -97,18 +101,21 @@ class Maker:
         return mass
 
     def time(self, model: "mujoco.MjModel", mass: Array) -> None:
-        """Make an untimed variant of that mass matrix exact in time as the nominal
+        """Make an untimed variant of that mass matrix at rest exact in time as the nominal
         model is, in place."""
         if self.mark is not None and self.mark.form == 5:
             retime(model, self.mark.timestep, self.mark.integrator, form=5)
         elif self.mark is not None:  # what `retime` does, without reading the model anew
             modal = self._drawn(model)
-            c = condensed_mass(mass, modal.rows)[0]
+            places = list(poses(model).values())
+            masses = [mass, *(self.mass(model, qpos) for qpos in places[1:])]
+            c = np.array([condensed_mass(each, modal.rows)[0] for each in masses])
             name = self.mark.integrator
             h = self.mark.timestep
             plan = form2(modal, c, name, h)
             if self.mark.form == 4:
-                plan = form4(modal, c, name, h, plan, motion_for(model, h, name, None))
+                motions = [motion_for(model, h, name, qpos) for qpos in places]
+                plan = form4(modal, c, name, h, plan, motions)
             write_values(model, modal, plan, self.mark)
         mujoco.mj_setConst(model, self.data)
 

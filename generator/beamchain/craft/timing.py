@@ -14,7 +14,7 @@ from beamchain.craft.liquid import with_liquids_sprung
 from beamchain.engine.bench import composite
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import NUMBERS
-from beamchain.engine.operating_point import base_body, poses, quiet_copy
+from beamchain.engine.operating_point import base_body, pose_words, poses, quiet_copy
 from beamchain.fitting.result import Fit
 from beamchain.fitting.warnings import turn_warning
 from beamchain.ports.compare import DEFAULT_RATIO, NARROWEST
@@ -22,7 +22,7 @@ from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.modal import modal_tendons
 from beamchain.steps.poles import pole_rows
 from beamchain.steps.retime import retime, time_cure
-from beamchain.steps.step_map import GROWN, TimeError, motion_at, time_error
+from beamchain.steps.step_map import TimeError, growing_poses, time_error
 from beamchain.steps.turn import turn_error
 
 # of the scenes' tolerance: what the step's own error may take before the appendages are
@@ -41,9 +41,11 @@ class TimingDecision:
     warnings: tuple[str, ...] = ()
 
 
-def step_error(model: "mujoco.MjModel", appendages: Sequence[Appendage]) -> tuple[float, float]:
-    """Worst error of a response at a pole in the band asked for by the model's own step,
-    and the largest left alone.
+def step_error(
+    model: "mujoco.MjModel", appendages: Sequence[Appendage]
+) -> tuple[float, float, str]:
+    """Worst error of a response at a pole in the band asked for by the model's own step in any of
+    its poses, the largest left alone, and the pose.
 
     A pole that is off by d shifts its peak, which is as wide as its damping: the response there is
     off by about `|d| / |Re s|`. Where no scene asks for a response it is the error of the pole. The
@@ -54,14 +56,19 @@ def step_error(model: "mujoco.MjModel", appendages: Sequence[Appendage]) -> tupl
     ]
     band = max((float(scene.bandwidth or 0.0) for scene in scenes), default=np.inf)
     allowed = SHARE * min((scene.tolerance for scene in scenes), default=UNASKED / SHARE)
-    if motion_at(model).growth > 1.0 + GROWN:
-        return float("inf"), allowed
-    poles = [row for row in pole_rows(model) if row.frequency <= band]
-    if not scenes:
-        return max((pole.error for pole in poles), default=0.0), allowed
-    ratios = [pole.ratio if pole.ratio > NARROWEST else DEFAULT_RATIO for pole in poles]
-    errors = [pole.error / ratio for pole, ratio in zip(poles, ratios, strict=True)]
-    return max(errors, default=0.0), allowed
+    places = poses(model)
+    growing = growing_poses(model, places)
+    if growing:
+        return float("inf"), allowed, growing[0]
+    errors: dict[str, float] = {}
+    for pose, qpos in places.items():
+        poles = [row for row in pole_rows(model, qpos=qpos) if row.frequency <= band]
+        ratios = [pole.ratio if pole.ratio > NARROWEST else DEFAULT_RATIO for pole in poles]
+        widths = ratios if scenes else [1.0] * len(poles)
+        off = (pole.error / width for pole, width in zip(poles, widths, strict=True))
+        errors[pose] = max(off, default=0.0)
+    worst = max(errors, key=lambda pose: errors[pose])
+    return errors[worst], allowed, worst
 
 
 def decide_timing(
@@ -80,20 +87,21 @@ def decide_timing(
             "the user's."
         )
         return TimingDecision(False, warnings=(Caution("not-exact-in-time", text),))
-    error, allowed = step_error(model, appendages)
+    error, allowed, pose = step_error(model, appendages)
+    where = "" if pose == "rest" else f" in {pose_words(pose)}"
     if name == "RK4":
-        return TimingDecision(error == float("inf"), "it would be unstable by itself")
+        return TimingDecision(error == float("inf"), f"it would be unstable by itself{where}")
     if wanted:
         return TimingDecision(True, "as asked")
     if error == float("inf"):
-        return TimingDecision(True, "it would be unstable by itself")
+        return TimingDecision(True, f"it would be unstable by itself{where}")
     scenes = any(a.fit.spec.scene is not None for a in appendages)
     felt = (
         "without timing the step would change the response at a resonance by"
         if scenes
         else "without timing the step would move a pole, kept or not, by a share of"
     )
-    return TimingDecision(error > allowed, f"{felt} {error:.2g}, above {allowed:.2g}")
+    return TimingDecision(error > allowed, f"{felt} {error:.2g}{where}, above {allowed:.2g}")
 
 
 def time_notes(
@@ -121,7 +129,7 @@ def time_notes(
     cure = time_cure(with_timing)
     after = ". ".join(f"{text[0].upper()}{text[1:]}" for text in said)
     without = without_timing.words
-    if motion_at(untimed).growth > 1.0 + GROWN:
+    if growing_poses(untimed, poses(untimed)):
         without = "unstable at this step"
     text = (
         f"{cure[0].lower()}{cure[1:]} The appendages have timing for {step} ({reason}), but not "
@@ -153,7 +161,7 @@ def craft_time_error(
 
 def attitude_warnings(model: "mujoco.MjModel", appendages: Sequence[Appendage]) -> list[str]:
     """What the step does to the attitude of the rigid spacecraft at the rates that scenes state,
-    where that is above a tolerance."""
+    where that is above a tolerance in one of its poses."""
     name = NUMBERS[int(model.opt.integrator)]
     step = float(model.opt.timestep)
     warnings: list[str] = []
@@ -161,8 +169,13 @@ def attitude_warnings(model: "mujoco.MjModel", appendages: Sequence[Appendage]) 
         scene = a.fit.spec.scene
         if scene is not None and scene.rates is not None:
             base = base_body(model, model.body(f"{a.prefix}link1").id)
-            error = turn_error(composite(model, base).inertia, scene.rates, step, name)
-            warnings += turn_warning(error, scene, name, step)
+            errors = {
+                pose: turn_error(composite(model, base, qpos).inertia, scene.rates, step, name)
+                for pose, qpos in poses(model).items()
+            }
+            pose = max(errors, key=lambda pose: errors[pose])
+            where = "" if pose == "rest" else f" in {pose_words(pose)}"
+            warnings += turn_warning(errors[pose], scene, name, step, where)
     return list(dict.fromkeys(warnings))
 
 

@@ -365,9 +365,10 @@ class Composite(NamedTuple):
         return self._asdict()
 
 
-def composite(model: "mujoco.MjModel", body: int) -> Composite:
-    """Mass properties of a body, by its id, and all that hangs on it, at rest."""
-    data = rest(model)
+def composite(model: "mujoco.MjModel", body: int, qpos: Array | None = None) -> Composite:
+    """Mass properties of a body, by its id, and all that hangs on it, in a pose, at rest where left
+    out."""
+    data = rest(model, qpos)
     matrix = frozen_mass(model, data, body, data.xpos[body], data.xmat[body].reshape(3, 3))
     mass = float(np.trace(matrix[:3, :3])) / 3.0
     centre = first_moment(matrix) / max(mass, 1e-300)

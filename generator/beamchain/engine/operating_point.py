@@ -65,6 +65,11 @@ def poses(model: "mujoco.MjModel") -> dict[str, Array]:
     return out
 
 
+def pose_words(pose: str) -> str:
+    """What sentences call a pose of `poses`."""
+    return "the rest pose" if pose == "rest" else f"the pose {pose!r}"
+
+
 def poses_between(model: "mujoco.MjModel", share: float) -> dict[str, Array]:
     """Positions on the way from each pose to the next, at a share of it."""
     out: dict[str, Array] = {}

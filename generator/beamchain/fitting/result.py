@@ -236,7 +236,7 @@ class Fit:
         # RK4 is not made exact
         if off is None or off.exact or (off.integrator == "RK4" and off.error < WRONG):
             return []
-        first = lowest_wrong(written, plain)
+        first = lowest_wrong(written, plain, {"rest": np.array(written.qpos0)})
         more = (
             ""
             if first is None

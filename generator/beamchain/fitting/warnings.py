@@ -106,18 +106,18 @@ def fit_warnings(
 
 
 def turn_warning(
-    error: float | None, scene: Scene, integrator: str, timestep: float
+    error: float | None, scene: Scene, integrator: str, timestep: float, where: str = ""
 ) -> Iterator[str]:
     """Where a step turns the rigid spacecraft with more `error` of the rates per radian
-    than the scene allows."""
+    than the scene allows; `where`: words for its pose."""
     if error is not None and scene.rates is not None and error > scene.tolerance:
         rates = ", ".join(f"{rate:g}" for rate in scene.rates)
         yield Caution(
             "turn-error",
-            f"{integrator} at {timestep:g} s turns the rigid spacecraft from rates of ({rates}) "
-            f"rad/s with an error of {error:.2g} of them in one radian, above the tolerance "
-            f"{scene.tolerance:g}, whatever the appendages do; take RK4, for which modes beyond "
-            "the step are slowed, or a shorter step.",
+            f"{integrator} at {timestep:g} s turns the rigid spacecraft{where} from rates of "
+            f"({rates}) rad/s with an error of {error:.2g} of them in one radian, above the "
+            f"tolerance {scene.tolerance:g}, whatever the appendages do; take RK4, for which modes "
+            "beyond the step are slowed, or a shorter step.",
         )
 
 

@@ -101,7 +101,7 @@ class Modes:
         return out
 
     def _timing_for(self, timestep: float | None) -> "Array | TreeDraws | None":
-        """What makes draws exact in time: the condensed mass, or, where appendages carry bodies,
+        """What makes draws exact in time: the condensed masses, or, where appendages carry bodies,
         the timing of the nominal model."""
         if timestep is None:
             return None

@@ -3,6 +3,7 @@
 Theory: docs/theory.md, section 5.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -70,20 +71,19 @@ class TendonValues:
 def stability(
     integrator: str, c: Array, stiffness: Array, damping: Array, armature: Array, timestep: float
 ) -> float:
-    """`h^2 lambda_max` of modal springs and dampers `(n, n)` on a craft:
+    """`h^2 lambda_max` of modal springs and dampers `(n, n)` on a craft, worst of its poses:
     stable below 4, RK4's below 8.
 
-    `c`: condensed mass of the modal coordinates; the pencil is `(h^2 K +- 2 h D, C + mu)`,
-    minus where tendon damping is implicit. Damped RK4: 8 times the squared ratio of the step
-    to its largest one.
+    `c` `(p, n, n)`: condensed mass of the modal coordinates in every pose; the pencil is
+    `(h^2 K +- 2 h D, C + mu)`, minus where tendon damping is implicit. Damped RK4: 8 times the
+    squared ratio of the step to its largest one.
     """
     h = float(timestep)
     if integrator == "RK4" and np.any(damping):
-        return _explicit(c + armature, stiffness, damping, h)
+        return max(_explicit(mass, stiffness, damping, h) for mass in c + armature)
     sign = 0.0 if integrator == "RK4" else -1.0 if SCHEMES[integrator].implicit_damping else 1.0
-    return float(
-        np.max(eigh(h**2 * stiffness + 2.0 * sign * h * damping, c + armature, eigvals_only=True))
-    )
+    force = h**2 * stiffness + 2.0 * sign * h * damping
+    return max(float(np.max(eigh(force, mass, eigvals_only=True))) for mass in c + armature)
 
 
 def _explicit(mass: Array, stiffness: Array, damping: Array, h: float) -> float:
@@ -99,7 +99,8 @@ def _limit(integrator: str) -> float:
 
 
 def form2(modal: Modal, c: Array, integrator: str, h: float) -> TendonValues:
-    """Every mode of the held appendage exact; the phase limit lowered until the craft is stable."""
+    """Every mode of the held appendage exact; the phase limit lowered until the craft is stable in
+    every pose; `c` as of `stability`."""
     many, phase = _form2(integrator, c, modal.stiffness[None], modal.damping[None], h)
     t = Timed(*(values[0] for values in many))
     largest = stability(
@@ -120,8 +121,8 @@ def form2_many(
 ) -> Timed:
     """What `form2` gives each of k crafts, in one array operation for all of them.
 
-    `c` `(n, n)` or `(k, n, n)`: condensed mass of the modal coordinates; `stiffness` [1/s^2] and
-    `damping` [1/s] `(k, n)` of the tendons before they were made exact.
+    `c` as of `stability`; `stiffness` [1/s^2] and `damping` [1/s] `(k, n)` of the tendons before
+    they were made exact.
     """
     return _form2(integrator, c, stiffness, damping, timestep)[0]
 
@@ -131,7 +132,7 @@ def _form2(
 ) -> tuple[Timed, Array]:
     """The modes of k crafts, and their phase limits `(k, 1)`."""
     w = np.sqrt(stiffness)
-    zeta, c = damping / (2.0 * w), np.broadcast_to(c, (w.shape[0], *c.shape[-2:]))
+    zeta = damping / (2.0 * w)
     phase = np.full((w.shape[0], 1), SCHEMES[integrator].phase)
     out = time_modes(integrator, w, zeta, timestep, phase=phase)
     short = np.flatnonzero(~_stable(integrator, c, stiffness, out, timestep))
@@ -141,7 +142,7 @@ def _form2(
         for _ in range(HALVINGS):
             middle = np.sqrt(low * high)
             tried = time_modes(integrator, w[short], zeta[short], timestep, phase=middle)
-            good = _stable(integrator, c[short], stiffness[short], tried, timestep)[:, None]
+            good = _stable(integrator, c, stiffness[short], tried, timestep)[:, None]
             low, high = np.where(good, middle, low), np.where(good, high, middle)
         phase[short] = low
         out = time_modes(integrator, w, zeta, timestep, phase=phase)
@@ -149,7 +150,15 @@ def _form2(
 
 
 def _stable(integrator: str, c: Array, stiffness: Array, t: Timed, h: float) -> NDArray[np.bool_]:
-    """`(k,)`: whether `h^2 lambda_max` of each craft is within the margin of its integrator."""
+    """`(k,)`: whether `h^2 lambda_max` of each craft is within the margin of its integrator, in
+    every pose."""
+    return np.all([_stable_on(integrator, mass, stiffness, t, h) for mass in c], axis=0)
+
+
+def _stable_on(
+    integrator: str, c: Array, stiffness: Array, t: Timed, h: float
+) -> NDArray[np.bool_]:
+    """The same for one condensed mass `(n, n)`."""
     n = stiffness.shape[1]
     mass = c + (t.mass - 1.0)[:, :, None] * np.eye(n)
     if integrator == "RK4":  # the poles of the modes, within the same share of its stability region
@@ -183,26 +192,26 @@ def form4(
     integrator: str,
     h: float,
     plan: TendonValues,
-    motion: Motion,
-    poles: Complex | None = None,
+    motions: Sequence[Motion],
+    poles: Sequence[Complex] | None = None,
 ) -> TendonValues:
     """Form 2's plan, tuned; or itself where that cannot be or would cost stability.
 
-    `motion`: of the whole craft without timing in its tendons, at this step; what its own springs
-    and dampers do is taken into account, but only the poles of appendages are asked for; `poles`:
-    what they should be, where that motion has not them itself.
+    `c` as of `stability`; `motions`: of the whole craft without timing in its tendons, at this
+    step, in every pose; what its own springs and dampers do is taken into account, but only the
+    poles of appendages are asked for; `poles`: what they should be in every pose, where those
+    motions have not them themselves.
     """
     if not SCHEMES[integrator].exact:
         return plan
-    craft = Craft.of(modal, motion)
-    poles = craft.appendage_poles() if poles is None else poles
-    if not poles.size:
+    crafts = [Craft.of(modal, motion) for motion in motions]
+    poles = [craft.appendage_poles() for craft in crafts] if poles is None else poles
+    if not all(each.size for each in poles):
         return plan
-    turn = np.abs(poles) * h
     for phase in dict.fromkeys((SCHEMES[integrator].phase, plan.phase)):
         # tuned to the craft's own poles, the usual limit may do where form 2 had to lower it
-        wanted = np.exp(poles * h * np.where(turn > phase, phase / turn, 1.0))
-        found = tune(integrator, craft, plan.armature, plan.damping, wanted, h)
+        wanted = [np.exp(each * h * np.minimum(phase / (np.abs(each) * h), 1.0)) for each in poles]
+        found = tune(integrator, crafts, plan.armature, plan.damping, wanted, h)
         largest = stability(
             integrator,
             c,
@@ -307,29 +316,40 @@ class Tuned(NamedTuple):
 
 
 def tune(
-    integrator: str, craft: Craft, armature: Array, damping: Array, wanted: Complex, timestep: float
+    integrator: str,
+    crafts: Sequence[Craft],
+    armature: Array,
+    damping: Array,
+    wanted: Sequence[Complex],
+    timestep: float,
 ) -> Tuned:
-    """Armature and damping `(n,)` for which the craft's step has the poles `wanted` `(k,)`,
-    by Newton's method.
+    """Armature and damping `(n,)` for which the craft's step has the poles `wanted` `(k,)` in each
+    of its poses, by Newton's method.
 
     The poles obey `P(z) y = 0` with all of P symmetric, so that a change of P moves a pole by `dz =
-    -y^T dP y/(y^T P'(z) y)`. Like appendages get the least-squares answer, in which slow poles
-    count more than fast ones; no damping stays none.
+    -y^T dP y/(y^T P'(z) y)`. Like appendages, and several poses, get the least-squares answer, in
+    which slow poles count more than fast ones; no damping stays none.
     """
     h = float(timestep)
-    turn = np.abs(np.log(wanted))
-    size = np.abs(wanted - 1.0) * (turn / np.min(turn)) ** PRIORITY
+    turns = [np.abs(np.log(each)) for each in wanted]
+    slowest = min(float(np.min(turn)) for turn in turns)
+    sizes = [
+        np.abs(each - 1.0) * (turn / slowest) ** PRIORITY
+        for each, turn in zip(wanted, turns, strict=True)
+    ]
+    # in which the dampers weigh as the armature does
+    unit = (1.0 - np.exp(-h * np.sqrt(crafts[0].stiffness))) / h
+    unit = unit if np.any(damping > 0.0) else unit[:0]
     now = Tuned(np.array(armature), np.array(damping), float("inf"))
     best: Tuned | None = None
     for _ in range(ITERATIONS):
-        step = _Step.of(integrator, craft, now.armature, now.damping, h)
-        z, y = step.poles()
-        if z.size < wanted.size:
+        steps = [_Step.of(integrator, craft, now.armature, now.damping, h) for craft in crafts]
+        shown = [step.paired(each) for step, each in zip(steps, wanted, strict=True)]
+        if any(z.size < each.size for (z, _), each in zip(shown, wanted, strict=True)):
             break
-        distance = np.abs(z[None, :] - wanted[:, None]) / np.abs(wanted - 1.0)[:, None]
-        pick = linear_sum_assignment(distance)[1]
-        z, y = z[pick], y[:, pick]
-        miss = (wanted - z) / size
+        miss = np.concatenate(
+            [(each - z) / size for (z, _), each, size in zip(shown, wanted, sizes, strict=True)]
+        )
         error = float(np.max(np.abs(miss)))
         before = float("inf") if best is None else best.error
         if best is None or error < before:
@@ -338,12 +358,14 @@ def tune(
         stays = abs(error - before) < STUCK * before
         if error < CLOSE or rises or stays:
             break
-        by_armature, by_damping = step.derivatives(z, y)
-        if not np.any(damping > 0.0):
-            by_damping = by_damping[:, :0]
-        # (2 k, n) or (2 k, 2 n); the dampers in units in which they weigh as the armature does
-        unit = ((1.0 - np.exp(-h * np.sqrt(craft.stiffness))) / h)[: by_damping.shape[1]]
-        jacobian = np.hstack([by_armature, by_damping * unit]) / size[:, None]
+        slopes = [step.derivatives(*found) for step, found in zip(steps, shown, strict=True)]
+        # (2 k, n) or (2 k, 2 n), pose by pose
+        jacobian = np.vstack(
+            [
+                np.hstack([by_armature, by_damping[:, : unit.size] * unit]) / size[:, None]
+                for (by_armature, by_damping), size in zip(slopes, sizes, strict=True)
+            ]
+        )
         lowest = -np.concatenate([now.armature, now.damping[: unit.size] / unit])
         change = _bounded_step(jacobian, miss, lowest)
         n = now.armature.size
@@ -392,6 +414,14 @@ class _Step(NamedTuple):
     def poles(self) -> tuple[Complex, Complex]:
         """Oscillating poles of the step, upper half plane, and the modes in columns."""
         return _step_poles(self.mass, self.craft.squares, self.implicit, self.explicit, self.h)
+
+    def paired(self, wanted: Complex) -> tuple[Complex, Complex]:
+        """Of these the ones nearest to the `wanted` `(k,)`, in their order; fewer where the step
+        has not so many."""
+        z, y = self.poles()
+        distance = np.abs(z[None, :] - wanted[:, None]) / np.abs(wanted - 1.0)[:, None]
+        pick = linear_sum_assignment(distance)[1]
+        return z[pick], y[:, pick]
 
     def derivatives(self, z: Complex, y: Complex) -> tuple[Complex, Complex]:
         """`(k, n)` of poles `(k,)` with modes `(nv, k)` by armature and by damping."""

@@ -18,8 +18,8 @@ import numpy as np
 
 from beamchain.engine.library import mujoco
 from beamchain.engine.linear import linear_at
-from beamchain.engine.linearise import INTEGRATORS
-from beamchain.engine.operating_point import quiet_copy, rest_point
+from beamchain.engine.linearise import INTEGRATORS, mass_matrix
+from beamchain.engine.operating_point import poses, quiet_copy, rest_point
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
 from beamchain.steps.integrators import SCHEMES, stable_armature
@@ -51,8 +51,11 @@ def joint_armature(
     is_rk4 = integrator == "RK4"
     if not SCHEMES[integrator].exact and not (is_rk4 and slowed):
         return out
-    linear = linear_at(rest_point(quiet_copy(model)))
-    lightness = np.diag(np.linalg.inv(linear.mass))
+    still = quiet_copy(model)
+    linear = linear_at(rest_point(still))
+    lightness = np.max(
+        [np.diag(np.linalg.inv(mass_matrix(still, qpos))) for qpos in poses(still).values()], axis=0
+    )
     for dof, stiffness in sprung_joints(model, modal).items():
         spring = stiffness * timestep**2 / 12.0
         damping = float(linear.damping[dof, dof])

@@ -51,9 +51,13 @@ class PoleRow:
         return abs(got - wanted) / abs(wanted)
 
 
-def pole_rows(model: "mujoco.MjModel", plain: "mujoco.MjModel | None" = None) -> list[PoleRow]:
+def pole_rows(
+    model: "mujoco.MjModel",
+    plain: "mujoco.MjModel | None" = None,
+    qpos: Array | None = None,
+) -> list[PoleRow]:
     """Every oscillating mode of a craft at its own step and integrator,
-    against the same craft without timing.
+    against the same craft without timing, in a pose, the initial one where left out.
 
     `plain`: that craft; made from `model`, by taking the timing out of its tendons, where left out.
     """
@@ -63,7 +67,7 @@ def pole_rows(model: "mujoco.MjModel", plain: "mujoco.MjModel | None" = None) ->
             retime(plain, 0.0)
     h = float(model.opt.timestep)
     phase = phase_limit(model)
-    pairs = pole_pairs(motion_at(model), motion_at(at_step_of(plain, model)))
+    pairs = pole_pairs(motion_at(model, qpos), motion_at(at_step_of(plain, model), qpos))
     ringing = np.flatnonzero(pairs.wanted.imag > OVERDAMPED * np.abs(pairs.wanted))
     rows: list[PoleRow] = []
     for i in ringing:
@@ -86,9 +90,10 @@ def pole_rows(model: "mujoco.MjModel", plain: "mujoco.MjModel | None" = None) ->
     return rows
 
 
-def growing_frequencies(model: "mujoco.MjModel") -> Array:
-    """Frequencies of the modes of a file, timing included, that its own step makes grow [rad/s]."""
-    motion = motion_at(model)
+def growing_frequencies(model: "mujoco.MjModel", qpos: Array) -> Array:
+    """Frequencies of the modes of a file in a pose, timing included, that its own step makes
+    grow [rad/s]."""
+    motion = motion_at(model, qpos)
     poles, vectors = np.linalg.eig(motion.difference)
     growing = np.abs(1.0 + poles) > 1.0 + GROWN
     shapes = np.abs(vectors[: motion.squares.size, growing]) ** 2

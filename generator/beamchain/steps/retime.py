@@ -2,7 +2,8 @@
 armature and damping on its modal tendons.
 
 * Form 2: every mode of the held appendage is exact; coefficients stay, and no hub is needed.
-* Form 4: form 2 with armature and damping tuned until the craft's own poles are exact.
+* Form 4: form 2 with armature and damping tuned until the craft's own poles are exact, or, in
+  several poses, as near as they can be in all of them.
 * Form 5: where appendages carry bodies; stable for every payload and pose, the response near
   that of exact motion at the poses of the craft (`steps/tree_time.py`).
 
@@ -25,6 +26,7 @@ from beamchain.checks import finite_array, not_negative, of_type, one_of, positi
 from beamchain.dropped import check
 from beamchain.engine.library import mujoco, one_thread
 from beamchain.engine.linearise import INTEGRATORS, NUMBERS, mass_matrix
+from beamchain.engine.operating_point import poses
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
 from beamchain.steps.forms import ModeTime, TendonValues, appendage_poles, form2, form4
@@ -70,7 +72,7 @@ class Retimed:
         before: the arrays as they were, for `undo`.
         model: a copy of the model as it was written, with its step and integrator; None:
             the timing was taken out.
-        qpos: the pose in which the craft's coupling was looked at.
+        qpos: the pose in which the craft's coupling was looked at; None: rest and keyframes.
 
     Example:
         >>> import beamchain as bc, mujoco
@@ -103,7 +105,7 @@ class Retimed:
         slow = [mode for mode in self.modes if mode.slowed]
         if not slow or self.model is None:
             return []
-        first = lowest_wrong(self.model, without_timing(self.model), self.qpos)
+        first = lowest_wrong(self.model, without_timing(self.model), _places(self.model, self.qpos))
         felt = "no pole of the spacecraft is off by more than 0.1 %"
         if first is not None:
             felt = (
@@ -125,12 +127,13 @@ class Retimed:
         """The largest error of a coupled pole up to the last kept mode,
         read back from the step of the model as written.
 
-        It holds for the pose that `retime` was given; None where the timing was taken out.
+        It holds for the pose that `retime` was given, else for the worst of rest and keyframes;
+        None where the timing was taken out.
         """
         if self.model is None:
             return None
-        pose = np.array(self.model.qpos0) if self.qpos is None else self.qpos
-        return time_error(self.model, without_timing(self.model), {"rest": pose})
+        places = _places(self.model, self.qpos)
+        return time_error(self.model, without_timing(self.model), places)
 
     @property
     def warnings(self) -> list[str]:
@@ -179,13 +182,13 @@ def retime(
             limit are slowed; "discrete": nothing is changed, it is stable at every step and
             cannot be made exact.
         form: 2: each tendon by itself, errors of the coupled poles of fourth order in the step;
-            4: form 2 corrected until the
-            coupled poles are exact, for one pose. 4 needs Euler, implicit or implicitfast;
+            4: form 2 corrected until the coupled poles are exact, or as near as they can be in
+            several poses at once. 4 needs Euler, implicit or implicitfast;
             otherwise it is 2. 5: for appendages that carry bodies, taken by itself where one does:
             stable for every payload and pose; stiffness, damping and armature are chosen for the
             response at rest, at the keyframes and on the way between them.
-        qpos: pose at which the craft's coupling is computed; default: the initial one. Form 5
-            looks at several poses, whatever is given.
+        qpos: pose at which the craft's coupling is computed; default: the initial one and every
+            keyframe. Form 5 looks at several poses, whatever is given.
         band: up to where form 5 keeps the response [rad/s]; default: the last kept mode, and at
             most 0.2 rad per step. Beyond half a radian per step nothing is kept.
         joints: put armature on the spacecraft's own sprung and servo-driven joints as well, whose
@@ -280,9 +283,17 @@ def _plan(
     plan = form2(modal, c, integrator, timestep)
     if form == 2:
         return plan
-    poles = appendage_poles(modal, motion_for(model, timestep, integrator, qpos))
-    motion = motion_for(stepped, timestep, integrator, qpos)
-    return form4(modal, c, integrator, timestep, plan, motion, poles)
+    places = _places(model, qpos).values()
+    motions = [motion_for(model, timestep, integrator, place) for place in places]
+    poles = [appendage_poles(modal, motion) for motion in motions]
+    if np.any(joints):
+        motions = [motion_for(stepped, timestep, integrator, place) for place in places]
+    return form4(modal, c, integrator, timestep, plan, motions, poles)
+
+
+def _places(model: "mujoco.MjModel", qpos: Array | None) -> dict[str, Array]:
+    """The pose that was given, or rest and every keyframe."""
+    return poses(model) if qpos is None else {"rest": qpos}
 
 
 def _grows(
@@ -359,8 +370,10 @@ def _check_alone(model: "mujoco.MjModel", modal: Modal) -> None:
 
 
 def coupled_mass(model: "mujoco.MjModel", modal: Modal, qpos: Array | None) -> Array:
-    """`(n, n)` condensed mass; a tendon whose own modal mass is not 1 is refused."""
-    mass = mass_matrix(model, qpos)
+    """`(p, n, n)` condensed mass in a pose, or at rest and every keyframe; a tendon whose own modal
+    mass is not 1 is refused."""
+    masses = [mass_matrix(model, place) for place in _places(model, qpos).values()]
+    mass = masses[0]
     for i, name in enumerate(modal.names):
         own = _modal_mass(mass, modal.rows[i])
         if own > 1.0 + UNIT_MASS and _is_unit(model, modal):
@@ -374,7 +387,7 @@ def coupled_mass(model: "mujoco.MjModel", modal: Modal, qpos: Array | None) -> A
                 "mode is not 1; rename it if it is not an appendage's, or write the appendage "
                 "again."
             )
-    return condensed_mass(mass, modal.rows)[0]
+    return np.array([condensed_mass(each, modal.rows)[0] for each in masses])
 
 
 def _modal_mass(mass: Array, row: Array) -> float:

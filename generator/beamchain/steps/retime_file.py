@@ -11,6 +11,7 @@ from beamchain.checks import one_of
 from beamchain.engine.door import TRIAL, check_step, steps_well
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import INTEGRATORS, NUMBERS, compile_model
+from beamchain.engine.operating_point import pose_words, poses
 from beamchain.errors import InputError
 from beamchain.mjcf.craft import Craft, read_craft
 from beamchain.mjcf.relocate import relocate
@@ -21,6 +22,7 @@ from beamchain.steps.joint_time import timed_joints
 from beamchain.steps.modal import modal_tendons
 from beamchain.steps.poles import PoleRow, growing_frequencies, pole_rows
 from beamchain.steps.retime import retime
+from beamchain.steps.step_map import growing_poses
 
 SAFE = 1.8  # rad per step of a spring that nothing slows; 2 is the limit without damping
 
@@ -153,16 +155,19 @@ def retimed_file(
 
 
 def _check_stable(model: "mujoco.MjModel") -> None:
-    """The model, as it is written, does not grow at its step."""
+    """The model, as it is written, does not grow at its step in any pose."""
     name = NUMBERS[int(model.opt.integrator)]
     timestep = model.opt.timestep
-    grown = growing_frequencies(model)
-    if grown.size:
+    places = poses(model)
+    growing = growing_poses(model, places)
+    if growing:
+        grown = growing_frequencies(model, places[growing[0]])
+        where = "" if growing[0] == "rest" else f" in {pose_words(growing[0])}"
         raise InputError(
             f"{name} at {timestep:g} s is unstable whatever the appendages do: the spacecraft's "
-            f"own springs vibrate at {max(grown):.4g} rad/s, and only modes of appendages are "
-            f"slowed; take a step below {SAFE / max(grown):.2g} s, let their joints have armature "
-            "(--retime-joints), or leave those springs out."
+            f"own springs vibrate at {max(grown):.4g} rad/s{where}, and only modes of appendages "
+            f"are slowed; take a step below {SAFE / max(grown):.2g} s, let their joints have "
+            "armature (--retime-joints), or leave those springs out."
         )
     if not steps_well(model):
         raise InputError(

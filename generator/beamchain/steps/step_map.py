@@ -20,7 +20,7 @@ from scipy.optimize import linear_sum_assignment
 from beamchain.engine.library import mujoco
 from beamchain.engine.linear import STENCIL, linear_at
 from beamchain.engine.linearise import INTEGRATORS, NUMBERS, euler_damps_implicitly
-from beamchain.engine.operating_point import rest_point, still_copy
+from beamchain.engine.operating_point import pose_words, rest_point, still_copy
 from beamchain.ports.compare import DEFAULT_RATIO, NARROWEST
 from beamchain.ports.motions import Array
 from beamchain.steps.elements import elements
@@ -146,6 +146,13 @@ def motion_for(
     out = copy.copy(model)
     out.opt.timestep, out.opt.integrator = timestep, INTEGRATORS[integrator]
     return motion_at(out, qpos)
+
+
+def growing_poses(model: "mujoco.MjModel", places: Mapping[str, Array]) -> list[str]:
+    """The poses in which the model's own step makes a motion grow, the worst first."""
+    growth = {pose: motion_at(model, qpos).growth for pose, qpos in places.items()}
+    growing = [pose for pose in places if growth[pose] > 1.0 + GROWN]
+    return sorted(growing, key=lambda pose: -growth[pose])
 
 
 def _implicit(model: "mujoco.MjModel", integrator: str, damping: Array, shapes: Array) -> Array:
@@ -308,11 +315,10 @@ class TimeError:
         """The pole that is off most, and by how much."""
         if self.frequency is None:
             return "no pole lies in the band"
-        pose = "the rest pose" if self.pose == "rest" else f"the pose {self.pose!r}"
         return (
             f"the pole at {self.frequency:.4g} rad/s"
             f"{', damped by ' + repr(self.damped_by) + ',' if self.damped_by else ''} is off by "
-            f"{self.error:.2g} of |z - 1| in {pose}"
+            f"{self.error:.2g} of |z - 1| in {pose_words(self.pose)}"
         )
 
     def as_dict(self) -> dict[str, Any]:
@@ -382,19 +388,21 @@ class WrongPole:
 
 
 def lowest_wrong(
-    model: "mujoco.MjModel", plain: "mujoco.MjModel", qpos: Array | None = None
+    model: "mujoco.MjModel", plain: "mujoco.MjModel", places: Mapping[str, Array]
 ) -> WrongPole | None:
-    """The lowest coupled pole that the step has off by more than 1e-3; None without one."""
-    still = motion_at(at_step_of(plain, model), qpos)
-    pairs = pole_pairs(motion_at(model, qpos), still)
-    wrong = np.flatnonzero(pairs.error > WRONG)
-    if not wrong.size:
-        return None
-    k = int(wrong[np.argmin(np.abs(pairs.wanted[wrong]))])
-    pose = np.array(model.qpos0) if qpos is None else qpos
-    wanted = complex(pairs.wanted[k])
-    by = damped_by(plain, pose, still, wanted)
-    return WrongPole(abs(wanted), float(pairs.error[k]), by)
+    """The lowest coupled pole of all poses that the step has off by more than 1e-3;
+    None without one."""
+    found: list[WrongPole] = []
+    for qpos in places.values():
+        still = motion_at(at_step_of(plain, model), qpos)
+        pairs = pole_pairs(motion_at(model, qpos), still)
+        wrong = np.flatnonzero(pairs.error > WRONG)
+        if wrong.size:
+            k = int(wrong[np.argmin(np.abs(pairs.wanted[wrong]))])
+            wanted = complex(pairs.wanted[k])
+            by = damped_by(plain, qpos, still, wanted)
+            found.append(WrongPole(abs(wanted), float(pairs.error[k]), by))
+    return min(found, key=lambda pole: pole.frequency, default=None)
 
 
 @dataclass(frozen=True)
