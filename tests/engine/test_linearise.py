@@ -439,3 +439,28 @@ def test_numbers_too_far_apart_are_said():
         bc.BeamchainError, match="too (far apart for double precision|nearly dependent)"
     ):
         bc.fit(bc.Beam(segments=[thread, wire]), modes={"xy": 1, "xz": 1, "torsion": 3})
+
+
+@pytest.mark.parametrize("gravity", [0.0, 9.81])
+@pytest.mark.parametrize("base", ["<freejoint/>", '<joint type="slide" axis="1 0 0"/>'])
+@pytest.mark.parametrize("stiff", [1e6, 2e12, 1e15])
+def test_a_slow_mode_beside_a_fast_one_is_no_rigid_motion(stiff, base, gravity):
+    """Two masses on springs along x, on a hub that is free: a mode of 1.4 rad/s keeps its digits
+    beside one of up to 1e7 rad/s, and rounding of the fall is none."""
+    soft, hub, masses = 20.0, 300.0, np.array([10.0, 10.0])
+    bodies = "".join(
+        f'<body pos="{x} 0 0"><joint type="slide" axis="1 0 0" stiffness="{k}"/>'
+        f'<inertial pos="0 0 0" mass="{m}" diaginertia="1 1 1"/></body>'
+        for x, k, m in zip((1.0, -1.0), (soft, stiff), masses, strict=True)
+    )
+    text = (
+        f'<mujoco><option timestep="1e-3" gravity="0 0 {-gravity}"/><worldbody>'
+        f'<body quat="0.8 0.2 0.3 0.4">{base}'
+        f'<inertial pos="0 0 0" mass="{hub}" diaginertia="90 90 90"/>{bodies}</body>'
+        "</worldbody></mujoco>"
+    )
+    # of the free craft K^(-1/2) (m - m m^T / sum) K^(-1/2) has the eigenvalues 1 / W^2
+    inertia = np.diag(masses) - np.outer(masses, masses) / (hub + masses.sum())
+    springs = np.sqrt([soft, stiff])
+    truth = 1.0 / np.sqrt(np.linalg.eigvalsh(inertia / np.outer(springs, springs)))[::-1]
+    assert linearise(text).frequencies() == close(truth, rel=1e-9)
