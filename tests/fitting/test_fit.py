@@ -186,6 +186,32 @@ def test_the_scene_has_the_coupled_modes():
     assert found == close(coupled, rel=1e-7)
 
 
+@pytest.mark.parametrize("integrator", ["Euler", "implicitfast", "RK4"])
+@pytest.mark.parametrize("hub", [None, bc.Hub(mass=3.0, inertia=(0.2, 0.3, 0.3))])
+def test_a_scene_without_a_step_is_written_with_one_that_is_stable(tmp_path, integrator, hub):
+    """A thin boom with fast modes, alone and on a light hub: run by mj_step, it does not grow."""
+    boom = bc.Beam(
+        segments=(
+            bc.Segment(
+                length=2.4,
+                section=bc.Tube(outer_diameter=0.012, wall=0.0004),
+                material=bc.Material(youngs_modulus=7e10, density=1600.0),
+            ),
+        )
+    )
+    scene = bc.Scene(bandwidth=40.0, integrator=integrator)
+    result = bc.fit(boom, scene=scene, hub=hub, damping=0.002)
+    model = mujoco.MjModel.from_xml_string(result.scene_mjcf())
+    assert model.opt.timestep <= 0.01
+    data = mujoco.MjData(model)
+    data.qvel[6:] = np.random.default_rng(7).normal(size=model.nv - 6)
+    mujoco.mj_forward(model, data)
+    start = np.abs(data.qvel).max()
+    mujoco.mj_step(model, data, nstep=3000)
+    assert data.time == pytest.approx(3000 * model.opt.timestep)  # MuJoCo did not start it again
+    assert np.abs(data.qvel).max() < 2.0 * start
+
+
 def test_the_default_scene_has_a_safe_round_step():
     result = bc.fit(tube(), modes=KEPT)
     model = mujoco.MjModel.from_xml_string(result.scene_mjcf())

@@ -322,8 +322,8 @@ class Embedded:
             return ""
         places = poses(self.model) | poses_between(self.model, BETWEEN)
         plain = at_step_of(self.untimed, self.model)
-        motions = (motion_at(quiet_copy(one), places[pose]) for one in (self.model, plain))
-        peak = shifted_peak(*motions, worst.frequency)
+        timed, still = (motion_at(quiet_copy(one), places[pose]) for one in (self.model, plain))
+        peak = shifted_peak(timed, still, worst.frequency)
         if peak is None or not peak.explains(worst.error, self.craft_error):
             return ""
         modes = self.modes_at(pose) if pose in poses(self.model) else ()

@@ -201,7 +201,7 @@ def study_fit(result: Fit, say: Say = silent) -> StabilityStudy:
     say("comparing with a chain of 60 links in large motion")
     large, reasons = result.large_motion
     scene = result.spec.scene
-    unstable = [] if scene is None else _warnings(budgets[0], scene.step, scene.integrator)
+    unstable = [] if scene is None else _warnings(budgets[0], result.step, scene.integrator)
     own_step = _own_step(budgets[0], result.spec.integrator)
     return StabilityStudy(rows, budgets, large, [*reasons, *overdamped, *unstable], own_step)
 

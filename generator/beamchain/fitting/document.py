@@ -13,6 +13,7 @@ from beamchain.mjcf import write
 from beamchain.mjcf.skin import Skin
 from beamchain.mjcf.tank import tank_shapes
 from beamchain.steps.integrators import SCHEMES
+from beamchain.steps.limits import StepLimits
 from beamchain.steps.retime import retime
 from beamchain.steps.retime_file import put_hinge_armature, put_time
 from beamchain.structure.mass_line import MassLine
@@ -54,6 +55,13 @@ def put_timing(tree: Element, spec: Spec, *, sprung: bool, form: int) -> None:
         put_time(tree, model)
     elif spec.fit.springs == "hinges":
         put_hinge_armature(tree, step, integrator)
+
+
+def scene_step(spec: Spec, limits: StepLimits) -> float:
+    """Step of scene.xml [s]: the one stated, else one that is well below the limit of its
+    integrator; with a scene 0.01 s at most."""
+    safe = safe_step(limits.largest_step[spec.integrator])
+    return spec.exact_step or (safe if spec.scene is None else min(spec.scene.step, safe))
 
 
 def safe_step(largest: float) -> float:

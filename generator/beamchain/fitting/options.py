@@ -306,8 +306,8 @@ class Scene(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     timestep: Annotated[
         float | None,
         field(
-            "step of scene.xml, 0.01 where left out; if given, the written files are exact in time "
-            "for it",
+            "step of scene.xml, where left out 0.01 or, where that is not well below the limit, "
+            "less; if given, the written files are exact in time for it",
             "s",
             above=0.0,
         ),

@@ -23,7 +23,7 @@ from beamchain.engine.linearise import compile_model
 from beamchain.engine.mount import motion
 from beamchain.errors import InputError
 from beamchain.files import check_outputs, to_json, write_files
-from beamchain.fitting.document import appendage_tree, put_timing, safe_step
+from beamchain.fitting.document import appendage_tree, put_timing, scene_step
 from beamchain.fitting.exact import exact_appendage
 from beamchain.fitting.hub import Hub, default_hub
 from beamchain.fitting.look import Look, look_of
@@ -223,10 +223,15 @@ class Fit:
             return self.cautions
         if scene is None:
             return (*self.cautions, *self._time_warnings) if self.spec.exact_step else self.cautions
-        out = (*self.cautions, *turn_warning(self.turn_error, scene, scene.integrator, scene.step))
+        out = (*self.cautions, *turn_warning(self.turn_error, scene, scene.integrator, self.step))
         if self.spec.exact_step and self.tendon_sprung and scene.integrator in SCHEMES:
             return (*out, *self._time_warnings)
-        return (*out, *step_warnings(scene, self.scene_limits, self.steps))
+        return (*out, *step_warnings(scene, self.step, self.scene_limits, self.steps))
+
+    @property
+    def step(self) -> float:
+        """Step of scene.xml [s]."""
+        return scene_step(self.spec, self.limits)
 
     @property
     def _time_warnings(self) -> list[str]:
@@ -281,7 +286,7 @@ class Fit:
         return turn_error(
             central_inertia(hub + self.measured.rigid_mass),
             scene.rates,
-            scene.step,
+            self.step,
             scene.integrator,
         )
 
@@ -487,13 +492,13 @@ class Fit:
         if self.met is not False or worst is None or not np.isfinite(worst.error):
             return ""
         plain = self._scenes[1]
-        motions = motion_at(self._scenes[0]), motion_at(plain)
-        peak = shifted_peak(*motions, worst.frequency)
+        timed, still = motion_at(self._scenes[0]), motion_at(plain)
+        peak = shifted_peak(timed, still, worst.frequency)
         if peak is None or not peak.explains(worst.error, self.in_band_error or 0.0):
             return ""
         modal = modal_tendons(plain)
-        shapes, w = motions[1].shapes, np.sqrt(np.abs(motions[1].squares))
-        shape = shapes[:, int(np.argmin(np.abs(w - peak.frequency)))]
+        nearest = int(np.argmin(np.abs(np.sqrt(np.abs(still.squares)) - peak.frequency)))
+        shape = still.shapes[:, nearest]
         energy = modal.stiffness * (modal.rows @ shape) ** 2
         return peak.words(modal.names[int(np.argmax(energy))] if modal.names else "")
 
@@ -543,9 +548,6 @@ class Fit:
         """The same without timing."""
         scene = self.spec.scene or Scene()
         hub = self.hub
-        timestep = self.spec.exact_step or (
-            scene.step if self.spec.scene else safe_step(self.limits.largest_step[scene.integrator])
-        )
         # the hub is given in the appendage's axes; in the scene its axes are those of the place
         turn = Rotation.from_quat(self.spec.turn, scalar_first=True).as_matrix()
         root = write.scene_document(
@@ -554,7 +556,7 @@ class Fit:
             mass=hub.mass,
             inertia=turn @ hub.inertia_matrix() @ turn.T,
             offset=turn @ hub.offset,
-            timestep=timestep,
+            timestep=self.step,
             integrator=scene.integrator,
             contacts=scene.contacts,
         )

@@ -11,7 +11,6 @@ from beamchain.engine.bench import Measured
 from beamchain.fitting.options import Damping, Scene
 from beamchain.fitting.spec import Spec
 from beamchain.ports.model import PortModel
-from beamchain.steps.integrators import apparent_pole, step_pole
 from beamchain.steps.limits import StepChoice, StepLimits
 from beamchain.structure.modal_data import ModalData
 from beamchain.structure.readers.imported import Units
@@ -49,38 +48,18 @@ def fit_warnings(
     """What to know before the file is used."""
     for port in spec.unsaid:
         yield Caution("rigid-plane", rigid_plane(port))
-    modes = [
-        (t, port)
-        for port, model in achieved.items()
-        for t in chain.tendons
-        if t.is_mode and t.damping > 0.0 and t.label.endswith(f"_{port}") and model.modes
-    ]
+    damped = any(tendon.is_mode and tendon.damping > 0.0 for tendon in chain.tendons)
     # a scene that says another is heard
     euler_runs = spec.scene is None or spec.scene.integrator == "Euler"
-    if modes and euler_runs and not spec.exact_step:
+    if damped and euler_runs and not spec.exact_step:
         euler = limits.largest_step["Euler"]
         other = limits.largest_step["implicitfast"]
         text = (
             "the damping tendons are made for implicit, implicitfast and RK4: Euler, which MuJoCo "
             "takes where nothing is said, integrates tendon damping explicitly and is stable up "
-            f"to {euler:.4g} s only (implicitfast {other:.4g} s)"
+            f"to {euler:.4g} s only (implicitfast {other:.4g} s)."
         )
-        scene = spec.scene or Scene()
-        if scene.integrator == "Euler":
-            worst, port = max(modes, key=lambda m: m[0].damping)
-            number = int(worst.label.removeprefix("mode").partition("_")[0])
-            model = achieved[port]
-            k = min(number, model.modes) - 1
-            w = float(model.frequencies[k])
-            zeta = float(model.damping[k])
-            _, shown = apparent_pole(
-                step_pole("Euler", 1.0, 2.0 * zeta * w, w**2, scene.step), scene.step
-            )
-            text += (
-                f"; at the scene's step of {scene.step:g} s mode {number} in {port} will show a "
-                f"damping ratio of {shown:.4g} instead of {zeta:.4g}"
-            )
-        yield Caution("tendon-damping", f'{text}. Use implicitfast, or damping.form = "hinge".')
+        yield Caution("tendon-damping", text)
     if spec.damping is not None and spec.damping.form == "hinge":
         missed: list[str] = []
         for port, model in achieved.items():
@@ -121,19 +100,21 @@ def turn_warning(
         )
 
 
-def step_warnings(scene: Scene, limits: StepLimits, steps: Sequence[StepChoice]) -> Iterator[str]:
+def step_warnings(
+    scene: Scene, step: float, limits: StepLimits, steps: Sequence[StepChoice]
+) -> Iterator[str]:
     """Where scene.xml's own step is unstable, or its vibration misses the tolerance;
     the best of `steps` first."""
     largest = limits.largest_step[scene.integrator]
-    taken = f"{scene.integrator} at {scene.step:g} s"
+    taken = f"{scene.integrator} at {step:g} s"
     kept = next((choice for choice in steps if choice.integrator == scene.integrator), None)
-    if scene.step > largest:
+    if step > largest:
         yield Caution(
             "unstable-step",
             f"scene.xml takes {taken}, which is unstable above {largest:.4g} s; "
             "give scene.timestep half of that, or less.",
         )
-    elif kept is not None and scene.step > kept.step:
+    elif kept is not None and step > kept.step:
         best = steps[0]
         yield Caution(
             "inaccurate-step",

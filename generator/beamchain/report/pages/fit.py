@@ -173,7 +173,7 @@ def _specification(fit: "Fit") -> list[tuple[str, str]]:
         payload = f"{short(spec.payload.mass)} kg at the tip, attached by the scene"
         lines.append(("payload", payload))
     if (scene := spec.scene) is not None:
-        timing = f"{scene.integrator}, step {scene.step:g} s, tolerance {scene.tolerance:g}"
+        timing = f"{scene.integrator}, step {fit.step:g} s, tolerance {scene.tolerance:g}"
         lines.append(("scene", timing))
     return lines
 
