@@ -10,9 +10,11 @@ tolerance must say so. The seed is fixed but in `make fuzz`, and printed; BEAMCH
 import mujoco
 import numpy as np
 import pytest
+from scipy.linalg import eigh
 
 import beamchain as bc
 import finite_elements as fe
+from beamchain.craft.candidates import candidate
 from command import call
 from mechanics import damping_matrix, mass_matrix, stiffness_matrix
 from random_appendages import random_appendage, toml
@@ -344,3 +346,98 @@ def test_axes_that_the_base_cannot_make_are_refused(axes, said):
     )
     with pytest.raises(bc.InputError, match=said):
         bc.embed(turning, {"place": spec})
+
+
+def with_arms(count, joint):
+    """MJCF of a craft with places for equal arms around it."""
+    angles = 2.0 * np.pi * np.arange(count) / count
+    sites = "".join(
+        f'<site name="arm{k}" pos="{0.5 * np.cos(a):.9f} {0.5 * np.sin(a):.9f} 0" '
+        f'euler="0 0 {np.degrees(a):.9f}"/>'
+        for k, a in enumerate(angles)
+    )
+    return (
+        f'<mujoco><option gravity="0 0 0"/><worldbody><body name="bus">{joint}<inertial '
+        f'pos="0 0 0" mass="300" diaginertia="90 105 120"/>{sites}</body></worldbody></mujoco>'
+    )
+
+
+def flexible_frequencies(mass, stiffness):
+    """Ascending, without those of rigid motions [rad/s]."""
+    squares = eigh(stiffness, mass, eigvals_only=True)
+    return np.sqrt(squares[squares > 1e-3])
+
+
+@pytest.mark.parametrize(
+    ("count", "joint"),
+    [
+        (8, "<freejoint/>"),
+        pytest.param(6, "<freejoint/>", marks=pytest.mark.slow),
+        pytest.param(4, '<joint type="ball"/>', marks=pytest.mark.slow),
+        pytest.param(5, '<joint axis="0 0 1"/>', marks=pytest.mark.slow),
+    ],
+)
+def test_modes_of_equal_arms_are_paired_by_frequency(count, joint):
+    """As many modes share a frequency as there are arms that cancel: their shapes are any."""
+    section = {
+        "bending_stiffness_xy": 2e3,
+        "bending_stiffness_xz": 3e3,
+        "torsion_stiffness": 1e3,
+        "linear_mass": 0.5,
+        "polar_inertia": 0.05,
+        "axial_stiffness": 1e7,
+    }
+    spec = {"segment": [{"length": 8.0, "section": {"shape": "equivalent", **section}}]}
+    arm = bc.Spec(
+        segment=(bc.Segment(length=8.0, section=bc.Equivalent(**section)),),
+        modes=bc.Modes(xy=2, xz=2, torsion=1, axial=0),
+    )
+    text = with_arms(count, joint)
+    done = bc.embed(text, {f"arm{k}": arm for k in range(count)}, retime=False)
+    _, mass, _, stiffness = at_pose(done.model, done.model.qpos0)
+    found = flexible_frequencies(mass, stiffness)
+
+    craft = mujoco.MjModel.from_xml_string(text)
+    data, own, _, _ = at_pose(craft, craft.qpos0)
+    rigid, rows, w = in_space(spec)
+    nv, n = craft.nv, w.size
+    mass = np.eye(nv + count * n)
+    mass[:nv, :nv] = own
+    stiffness = np.diag(np.r_[np.zeros(nv), np.tile(w**2, count)])
+    for k in range(count):
+        site = craft.site(f"arm{k}").id
+        shift, turn = np.zeros((3, nv)), np.zeros((3, nv))
+        mujoco.mj_jacSite(craft, data, shift, turn, site)
+        axes = data.site_xmat[site].reshape(3, 3)
+        motion = np.vstack([axes.T @ shift, axes.T @ turn])
+        mass[:nv, :nv] += motion.T @ rigid @ motion
+        at = slice(nv + k * n, nv + (k + 1) * n)
+        mass[at, :nv] = rows @ motion
+        mass[:nv, at] = mass[at, :nv].T
+    exact = flexible_frequencies(mass, stiffness)
+
+    errors = []
+    for mode in done.assembly.judged:
+        true = exact[np.argmin(np.abs(exact - mode.exact))]
+        assert mode.exact == pytest.approx(true, rel=1e-6)
+        errors.append(np.min(np.abs(found / true - 1.0)))
+    assert len(errors) > 4 * count
+    assert done.assembly.worst == pytest.approx(max(errors), rel=AGREE)
+
+
+def test_what_one_port_costs_is_judged_with_all_others_exact():
+    """Also of an appendage without a scene, whose torsion and axial motion no chain keeps."""
+    section = bc.Equivalent(
+        bending_stiffness_xy=2e3,
+        bending_stiffness_xz=3e3,
+        torsion_stiffness=1e3,
+        axial_stiffness=1e6,
+        linear_mass=0.5,
+        polar_inertia=0.05,
+    )
+    spec = bc.Spec(segment=(bc.Segment(length=8.0, section=section),))
+    placed = bc.embed(LIGHT, {"place": spec}, retime=False).appendages[0]
+    alone = candidate(placed).alone("xy")
+    other = [w for port in ("xz", "torsion", "axial") for w in spec.beam.port(port, 3).frequencies]
+    apart = np.abs(alone.frequencies[:, None] / np.array(other) - 1.0)
+    assert np.max(np.min(apart, axis=0)) < 1e-6

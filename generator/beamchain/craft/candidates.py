@@ -9,7 +9,7 @@ import msgspec
 from beamchain.craft.appendage import Appendage, carried
 from beamchain.errors import InputError
 from beamchain.fitting.choose import further_columns
-from beamchain.fitting.exact import kept_counts
+from beamchain.fitting.exact import exact_appendage, kept_counts
 from beamchain.fitting.fewest import weights
 from beamchain.fitting.hub import port_hub_mass
 from beamchain.fitting.options import Modes
@@ -134,13 +134,11 @@ class PerPort:
 
     def alone(self, key: str) -> PortModel:
         """The exact appendage, but for one port, which stays as it is."""
-        own = {
-            port: model
-            for port in PORTS
-            if port != key and (model := self._exact(port)) is not None
-        }
-        now = self.changed.get(key, _kept(self.a).get(key))
-        return model_in_space(own if now is None else {**own, key: now}, self._rigid_mass)
+        ports = dict(self._exact)
+        ports.pop(key, None)
+        if (now := self.changed.get(key, _kept(self.a).get(key))) is not None:
+            ports[key] = now
+        return model_in_space(ports, self._rigid_mass)
 
     @property
     def _rigid_mass(self) -> Array:
@@ -163,13 +161,16 @@ class PerPort:
         except InputError:
             return None
 
-    def _exact(self, port: str) -> PortModel | None:
+    @cached_property
+    def _exact(self) -> Mapping[str, PortModel]:
+        """Every mode, damped, of each port that is not rigid."""
         fit = self.a.fit
-        if fit.space is not None:
-            return self._whole(port, 0)
-        if port in fit.full:
-            return fit.spec.with_ratios(port, fit.full[port])
-        return _kept(self.a).get(port)
+        if fit.space is None:
+            return exact_appendage(fit).ports
+        return {
+            port: fit.space.data.port(port, own=True)
+            for port in dict.fromkeys(fit.space.data.belongs)
+        }
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,6 +17,7 @@ from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, PORTS, Array, square_root
 
 SHARE = 0.1  # of the strain energy, above which an appendage is named
+CLUSTER = 1e-3  # relative gap of frequencies, below which modes may mix their shapes
 STILL = 1e-4  # of the kinetic energy, below which the bus is called still
 ALONG = 0.5  # cosine between the momenta of two appendages, above which they move in phase
 WORDS = {"xy": "bending xy", "xz": "bending xz", "torsion": "torsion", "axial": "axial"}
@@ -97,27 +98,47 @@ def _shares(energy: Array, parts: Sequence[NDArray[np.intp]]) -> Array:
 def _pairs(exact: _Modes, ours: _Modes, kept: NDArray[np.bool_], mass: Array) -> dict[int, int]:
     """The mode of MuJoCo that belongs to an exact one, by their numbers; the kept ones first.
 
-    Modes belong together by frequency; `mass` `(nv, nv)`: of the bare craft. Neighbours in
-    frequency may mix their shapes, so alike is what moves the craft and strains the appendages
-    half alike.
+    Modes belong together by frequency; `mass` `(nv, nv)`: of the bare craft. Modes of one cluster
+    may mix their shapes, so it is clusters that are alike: what moves the craft along the same
+    direction and strains the appendages half alike.
     """
     root = square_root(mass)
-    a = root @ ours.shapes
-    b = root @ exact.shapes
-    kinetic = np.linalg.norm(a, axis=0), np.linalg.norm(b, axis=0)
-    aligned = np.abs(a.T @ b) / np.clip(np.outer(*kinetic), 1e-300, None)
-    both_still = np.outer(kinetic[0] ** 2 < STILL, kinetic[1] ** 2 < STILL)
-    aligned = np.where(both_still, 1.0, aligned)
-    difference = np.abs(ours.share[:, :, None] - exact.share[:, None, :]).sum(axis=0)
-    alike = 1.0 - difference / 2.0
+    ours_of, exact_of = _clusters(ours.frequency), _clusters(exact.frequency)
+    a, b = _spans(root @ ours.shapes, ours_of), _spans(root @ exact.shapes, exact_of)
+    aligned = np.array(
+        [[np.linalg.norm(p.T @ q, 2) if p.size and q.size else 0.0 for q in b] for p in a]
+    )
+    still = [np.array([not span.size for span in spans]) for spans in (a, b)]
+    aligned[np.ix_(*still)] = 1.0
+    mean = [
+        np.array([m.share[:, of == k].mean(axis=1) for k in range(of[-1] + 1)])
+        for m, of in ((ours, ours_of), (exact, exact_of))
+    ]
+    alike = 1.0 - np.abs(mean[0][:, None] - mean[1][None]).sum(axis=2) / 2.0
+    unlike = np.clip(0.5 - aligned, 0.0, None) + np.clip(0.5 - alike, 0.0, None)
     apart = np.abs(np.log(ours.frequency[:, None] / exact.frequency[None, :]))
-    cost = apart + np.clip(0.5 - aligned, 0.0, None) + np.clip(0.5 - alike, 0.0, None)
+    cost = apart + unlike[np.ix_(ours_of, exact_of)]
     partner: dict[int, int] = {}
     for group in (np.flatnonzero(kept), np.flatnonzero(~kept)):
         free = np.setdiff1d(np.arange(ours.frequency.size), list(partner.values()))
         rows, columns = linear_sum_assignment(cost[free][:, group])
         partner |= {int(group[j]): int(free[i]) for i, j in zip(rows, columns, strict=True)}
     return partner
+
+
+def _clusters(frequency: Array) -> NDArray[np.intp]:
+    """Number of the cluster of each ascending frequency."""
+    return np.cumsum(np.diff(np.log(frequency), prepend=np.log(frequency[:1])) > CLUSTER)
+
+
+def _spans(motion: Array, cluster: NDArray[np.intp]) -> list[Array]:
+    """Orthonormal directions in which the modes of each cluster move the craft; none of still
+    ones. `motion` `(nv, n)`: squared norms are kinetic energies."""
+    spans: list[Array] = []
+    for k in range(cluster[-1] + 1):
+        u, size, _ = np.linalg.svd(motion[:, cluster == k], full_matrices=False)
+        spans.append(u[:, size**2 >= STILL])
+    return spans
 
 
 def slow_modes(linear: Linear, reach: float) -> tuple[Array, Array]:
