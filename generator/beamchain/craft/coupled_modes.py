@@ -102,6 +102,8 @@ def _pairs(exact: _Modes, ours: _Modes, kept: NDArray[np.bool_], mass: Array) ->
     may mix their shapes, so it is clusters that are alike: what moves the craft along the same
     direction and strains the appendages half alike.
     """
+    if not ours.frequency.size or not exact.frequency.size:
+        return {}
     root = square_root(mass)
     ours_of, exact_of = _clusters(ours.frequency), _clusters(exact.frequency)
     a, b = _spans(root @ ours.shapes, ours_of), _spans(root @ exact.shapes, exact_of)
