@@ -1,6 +1,9 @@
 """The two errors that timing states, of random craft,
 against differences of `mj_step` and finite elements."""
 
+import re
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
@@ -55,6 +58,26 @@ def test_nothing_grows(both):
     z = np.linalg.eigvals(stepped.stepped(made.model)[0])
     assert np.max(np.abs(z[np.abs(z - 1.0) > 1e-4]), initial=0.0) < 1.0 + 1e-7
     assert stepped.grows(made.model, STEPS) < GROWTH
+
+
+@pytest.mark.parametrize("integrator", ["Euler", "implicitfast"])
+def test_timing_that_gains_less_than_a_third_is_left_out_unless_asked_for(integrator):
+    """Implicit integrators cannot place the pole of a mode so damped: timing changes nothing."""
+    drawn = stepped.draw(5)
+    option = re.sub(
+        'timestep="[^"]*" integrator="[^"]*"',
+        f'timestep="0.005" integrator="{integrator}"',
+        drawn.text,
+    )
+    one = {"first": drawn.specs["first"]}
+    drawn = replace(drawn, text=option, specs=one, step=0.005, integrator=integrator, ratio=0.05)
+    plain, timed, default = (stepped.embedded(drawn, retime=r) for r in (False, True, None))
+    without, with_timing = (stepped.sampled_error(drawn, e.model)[0] for e in (plain, timed))
+    gains = with_timing <= 2.0 / 3.0 * without
+    assert gains is (integrator == "Euler")
+    assert timed.appendages[0].timed is not None
+    assert (default.appendages[0].timed is not None) is gains
+    assert default.sampled_error == pytest.approx(min(with_timing, without), rel=SAME)
 
 
 @pytest.mark.parametrize(

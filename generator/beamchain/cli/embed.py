@@ -58,7 +58,8 @@ Retime = Annotated[
     bool | None,
     typer.Option(
         help="Make the appendages exact in time for the spacecraft's own step, or not. Default: "
-        "only if the step's error exceeds a tenth of the tolerance."
+        "only if the step's error exceeds a tenth of the tolerance, and timing lowers what is "
+        "stated by a third or to within the tolerance."
     ),
 ]
 Report = Annotated[bool, typer.Option(help="Write OUT_report.html as well.")]
