@@ -39,6 +39,7 @@ CODES = {
     "held-ports": "the spacecraft's joints hold a port, wholly or in part",
     "large-motion": "a run or a keyframe exceeds a chain's large-motion limits",
     "large-motion-unknown": "the large-motion limits of the chain could not be computed",
+    "last-mode": "the modes of an imported file end too soon for the scene's bandwidth",
     "left-certain": "structural properties that are uncertain are left certain in an uncertain "
     "plant",
     "light-material": "a density below that of foam is stated",

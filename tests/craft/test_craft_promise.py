@@ -330,6 +330,15 @@ def test_modes_are_added_to_each_of_two_craft_in_a_file(tmp_path):
     assert {step[:2] for step in done.steps} == {"a_", "b_"}
 
 
+TURNING = LIGHT.replace("<freejoint/>", '<joint name="turn" axis="0 0 1"/>')
+
+
+def stiff_boom(axes):
+    section = bc.Equivalent(bending_stiffness_xy=2e3, bending_stiffness_xz=3e3, linear_mass=4.0)
+    scene = bc.Scene(bandwidth=2.0, axes=axes)
+    return bc.Spec(segment=(bc.Segment(length=8.0, section=section),), scene=scene)
+
+
 @pytest.mark.parametrize(
     ("axes", "said"),
     [
@@ -338,14 +347,20 @@ def test_modes_are_added_to_each_of_two_craft_in_a_file(tmp_path):
     ],
 )
 def test_axes_that_the_base_cannot_make_are_refused(axes, said):
-    turning = LIGHT.replace("<freejoint/>", '<joint name="turn" axis="0 0 1"/>')
-    section = bc.Equivalent(bending_stiffness_xy=2e3, bending_stiffness_xz=3e3, linear_mass=4.0)
-    spec = bc.Spec(
-        segment=(bc.Segment(length=8.0, section=section),),
-        scene=bc.Scene(bandwidth=5.0, axes=axes),
-    )
     with pytest.raises(bc.InputError, match=said):
-        bc.embed(turning, {"place": spec})
+        bc.embed(TURNING, {"place": stiff_boom(axes)})
+
+
+@pytest.mark.parametrize(
+    ("text", "axes", "said"),
+    [
+        (TURNING, ["z"], "motion of bus (z under a torque about z) up to"),
+        (LIGHT, ["y", "tx"], "motion of bus (tx, y under a force along x and a torque about y)"),
+        (LIGHT, ["x", "y", "z", "tx", "ty", "tz"], "motion of bus (tx, ty, tz, x, y, z) up to"),
+    ],
+)
+def test_the_headline_says_what_pushes(text, axes, said):
+    assert said in bc.embed(text, {"place": stiff_boom(axes)}).headline
 
 
 def with_arms(count, joint):

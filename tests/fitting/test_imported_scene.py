@@ -11,6 +11,7 @@ from appendages import tapered_boom, tip_loaded_boom
 from beamchain import Beam, Equivalent, FitOptions, Hub, ModalData, Root, Scene, Segment, fit
 from modes_of_beam import modes_of_beam
 from prints import cantilever, plate, whole
+from uniform_beam import held_roots
 
 AXES = {"tx": 0, "ty": 1, "tz": 2, "x": 3, "y": 4, "z": 5}  # turns are x, y, z of a scene
 PRINT = 5e-7  # relative precision of seven printed digits
@@ -251,3 +252,26 @@ def test_a_rigid_appendage_goes_through_every_command(spec, tmp_path):
     code, said = run("study", beam, "-o", tmp_path / "study")
     assert code == 2
     assert "needs no mode" in said
+
+
+@pytest.mark.parametrize(
+    ("modes", "reach", "told"), [(3, 3.4, True), (3, 12.0, False), (12, 3.4, False)]
+)
+def test_modes_that_end_too_soon_for_the_band_are_told(modes, reach, told):
+    """The modes of a uniform cantilever in one plane: what is left to those beyond moves some
+    m_left (band / last)^2 of the mass."""
+    z = held_roots(modes)
+    shape = (np.sinh(z) - np.sin(z)) / (np.cosh(z) + np.cos(z))
+    rows = np.zeros((6, modes))
+    rows[1], rows[5] = 2.0 * shape / z, 2.0 / z**2
+    mass = np.diag([1.0, 1.0, 1.0, 1e-3, 1.0 / 3.0, 1.0 / 3.0])
+    mass[1, 5] = mass[5, 1] = 0.5
+    mass[2, 4] = mass[4, 2] = -0.5
+    data = ModalData(mass, z**2, rows.T)
+    left = 1.0 - np.sum(rows[1] ** 2)
+    scene = Scene(bandwidth=float(z[-1] ** 2 / reach), tolerance=5e-3, axes=("ty", "z"))
+    found = [w for w in fit(data, scene=scene).warnings if w.code == "last-mode"]
+    assert bool(found) is told
+    if told:
+        assert f"leave {left:.1%} of the effective mass in ty" in found[0]
+        assert f"{left / reach**2:.1e} of the motion" in found[0]

@@ -1,6 +1,6 @@
 """A spacecraft with its appendages: the result of `embed`, and its error."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from pathlib import Path
@@ -336,10 +336,11 @@ class Embedded:
         found = self.promise
         tolerance = self.tolerance
         names = [name for name, i in AXES.items() if i in found.motions]
+        pushed = "" if len(names) == len(AXES) else f" under {_pushes(names)}"
         twin = "rigid twin: " if self.appendages[0].rigid else ""
         said = (
-            f"{twin}motion of {found.body} ({', '.join(names)}) up to {found.band:.4g} rad/s, all "
-            f"appendages together: off by at most {found.error:.2e}"
+            f"{twin}motion of {found.body} ({', '.join(names)}{pushed}) up to {found.band:.4g} "
+            f"rad/s, all appendages together: off by at most {found.error:.2e}"
         )
         if len(found.poses) > 1:
             said += (
@@ -538,3 +539,11 @@ class Embedded:
                 "or proves a file, which is there already."
             )
         return assemble(self.document, self.appendages, self.form, folder, stem, self._layout)
+
+
+def _pushes(names: Sequence[str]) -> str:
+    """What pushes in the motions of these names, in words."""
+    along = ", ".join(name[1:] for name in names if len(name) > 1)
+    about = ", ".join(name for name in names if len(name) == 1)
+    words = (f"a force along {along}" if along else "", f"a torque about {about}" if about else "")
+    return " and ".join(filter(None, words))

@@ -233,7 +233,7 @@ class ImportedCase:
         units = None if imported is None else imported.units
         return (
             *doubtful((), self.spec.damping),
-            *imported_warnings(self.data, self.numbers, self.spec.damping, units),
+            *imported_warnings(self.data, self.numbers, self.spec.damping, units, self.spec.scene),
         )
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from beamchain.caution import Caution
 from beamchain.chain.chain import Chain
 from beamchain.engine.bench import Measured
+from beamchain.fitting.needs import AXES
 from beamchain.fitting.options import Damping, Scene
 from beamchain.fitting.spec import Spec
 from beamchain.ports.model import PortModel
@@ -27,6 +28,8 @@ LONG = 200.0  # m: no appendage yet, where a file in mm is read as metres
 THREAD = 1e-3  # kg/m: thinner than any, where a file in tonnes is read as kilograms
 DAMPED = 0.1  # ratio from which an aerospace structure is asked about: rubber has as much
 STOCKY = 10.0  # length over depth, below which Euler's theory misses shear
+REACH = 10.0  # times the band: modes beyond matter little
+MOVED = 0.1  # of a motion's mass: what modes of a file carry of it where they are of that motion
 DECOUPLED = 1e-9  # relative: what two independent ports may share
 
 
@@ -189,9 +192,10 @@ def imported_warnings(
     numbers: Sequence[int],
     damping: Damping | None = None,
     units: Units | None = None,
+    scene: Scene | None = None,
 ) -> list[str]:
-    """Warnings about a file of modes: what its reader noted, forgotten units, and a table of
-    damping that leaves out kept modes (`numbers`, from 1)."""
+    """Warnings about a file of modes: what its reader noted, forgotten units, modes that end too
+    soon for the scene, and a table of damping that leaves out kept modes (`numbers`, from 1)."""
     out: list[str] = []
     for step in data.steps:
         if not isinstance(step, Caution):
@@ -222,6 +226,8 @@ def imported_warnings(
                 "models in mm and tonne need units = { length = 1e-3, mass = 1e3 } in [imported].",
             )
         )
+    if scene is not None and scene.bandwidth is not None:
+        out += _ends_too_soon(data, scene, scene.bandwidth)
     ratio = None if damping is None else damping.ratio
     if isinstance(ratio, dict) and any(any(values) for values in ratio.values()):
         bare = [k for k in numbers if data.belongs[k - 1] not in ratio]
@@ -237,6 +243,33 @@ def imported_warnings(
                 )
             )
     return out
+
+
+def _ends_too_soon(data: ModalData, scene: Scene, band: float) -> list[str]:
+    """Where modes beyond the last of a file matter in the band."""
+    reach = float(np.max(data.frequencies, initial=0.0)) / band
+    if not 0.0 < reach < REACH:
+        return []
+    carried = data.effective_mass_fractions.sum(axis=0)
+    missing = {
+        axis: 1.0 - carried[number]
+        for axis, number in AXES.items()
+        if axis in scene.axes and carried[number] > MOVED
+    }
+    axis = max(missing, key=lambda name: missing[name], default=None)
+    # m_left (w / w_beyond)^2 of the mass is not felt, and no mode left out is below the last one
+    if axis is None or missing[axis] / reach**2 <= scene.tolerance:
+        return []
+    return [
+        Caution(
+            "last-mode",
+            f"{data.source}: its modes end at {reach * band:.4g} rad/s, {reach:.2g} times the "
+            f"scene's bandwidth, and leave {missing[axis]:.1%} of the effective mass in {axis} to "
+            f"modes beyond. The stated error knows none of these: up to some "
+            f"{missing[axis] / reach**2:.1e} of the motion. Ask for modes up to "
+            f"{REACH * band:.4g} rad/s, or for residual vectors.",
+        )
+    ]
 
 
 def _ratios(damping: Damping | None) -> list[tuple[str, float]]:
