@@ -157,11 +157,10 @@ def plant(
     from beamchain.files import beside, check_outputs
     from beamchain.plants.controllers import read_controller, signals_with, takes_time
     from beamchain.plants.jitter_sources import read_disturbances
-    from beamchain.plants.margins import margin_warnings
     from beamchain.plants.plant import plant as linearise
     from beamchain.plants.pointing import pointing
     from beamchain.plants.realisation import Plant
-    from beamchain.plants.verdicts import loop_verdicts
+    from beamchain.plants.verdicts import loop_verdicts, margin_warnings
     from beamchain.report.pages.plant import plant_report
 
     _check_poses(poses or [], at, angle, single=disturbances is not None)

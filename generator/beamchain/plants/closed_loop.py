@@ -10,11 +10,9 @@ from typing import NamedTuple
 import control
 import numpy as np
 
-from beamchain.checks import of_type
 from beamchain.errors import InputError
 from beamchain.plants.controllers import ORDER, Controller
 from beamchain.plants.feedback import Feedback, Given, Signals, feedback
-from beamchain.plants.realisation import Plant
 from beamchain.plants.sampling import sampled
 from beamchain.plants.systems import (
     GROWS,
@@ -44,15 +42,6 @@ class Names(NamedTuple):
     signals: Signals
     states: tuple[str, ...]
     modes: tuple[str, ...]
-
-
-def names_of(plant: control.StateSpace) -> Names:
-    """Those of `bc.plant`, or python-control's labels."""
-    inputs, outputs = list(plant.input_labels), list(plant.output_labels)
-    if isinstance(plant, Plant):
-        own = Signals(list(plant.input_names), list(plant.output_names), inputs, outputs)
-        return Names(own, plant.state_names, plant.modes)
-    return Names(Signals(inputs, outputs, inputs, outputs), tuple(plant.state_labels), ())
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,14 +191,12 @@ class ClosedLoop:
         return grid[(grid >= low) & (grid <= high)]
 
 
-def close(plant: control.StateSpace, controller: Given) -> ClosedLoop:
+def close(plant: control.StateSpace, names: Names, controller: Given) -> ClosedLoop:
     """A controller closed around a plant.
 
     Raises:
         InputError: they do not fit each other.
     """
-    of_type("plant", plant, control.StateSpace, "what bc.plant returns, or a control.StateSpace")
-    names = names_of(plant)
     fed = feedback(controller, names.signals)
     plant_step = _plant_step(plant)
     step = plant_step if fed.step is None else fed.step

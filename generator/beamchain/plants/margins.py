@@ -1,7 +1,7 @@
 """Margins of a closed loop: at every input with the other loops closed, and of all loops at
 once."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -14,11 +14,9 @@ from beamchain.plants.closed_loop import ClosedLoop
 from beamchain.plants.controllers import Response
 from beamchain.plants.crossings import crossing
 from beamchain.plants.instability import Instability, sentences
-from beamchain.plants.realisation import Plant
 from beamchain.plants.structured import balanced_bounds, bound
 from beamchain.plants.systems import Complex
 from beamchain.ports.motions import Array, locked
-from beamchain.steps.modal import FILLER, PATTERN
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -26,9 +24,6 @@ if TYPE_CHECKING:
 POLISHED = 4  # maxima on the grid that are polished
 AT_ZERO = 1e-6  # of the lowest frequency, at which the response at rest is taken
 VANISHING = 1e-8  # size of a response beside that at neighbouring frequencies, which is rounding
-SHOWN = 1e-2  # of the largest modal gain: modes with less are not those of a loop
-MOVED = 0.05  # relative, by which a margin that belongs to a mode may lie above it
-NEAR = 0.2  # relative, of a margin's frequency and that of the mode it is named after
 REAL = 1e-4  # imaginary by real part of a response that is real at rest
 NO = float("nan")
 
@@ -150,7 +145,7 @@ class LoopMargins:
         }
 
     @property
-    def _frequencies(self) -> dict[str, float]:
+    def limited(self) -> dict[str, float]:
         """Frequencies of the figures that are limited [rad/s]."""
         names = ("gain", "lowest_gain", "phase", "modulus", "disk")
         at = {name: float(getattr(self, f"{name}_frequency")) for name in names}
@@ -292,75 +287,6 @@ def _long_delays(closed: ClosedLoop, loop: Complex) -> list[str]:
                     f"({2.0 * np.pi / float(crossings[0]):.3g} s, at {float(crossings[0]):.3g} "
                     "rad/s); delays are in seconds.",
                 )
-            )
-    return out
-
-
-def margin_warnings(plants: Sequence[Plant], found: Sequence[Margins]) -> list[str]:
-    """Warnings of the first plant, and what to say of the margins of each;
-    there are none without a controller."""
-    far = (said for one in found for said in (*one.warnings, *one.beyond))
-    return [*plants[0].warnings, *dict.fromkeys(far)]
-
-
-def _shares(plant: Plant, loop: LoopMargins) -> Array:
-    """`(modes,)` modal gains from the input of a loop to its outputs, in the output where they are
-    largest beside those of the appendages' other modes."""
-    rows = [plant.output_names.index(name) for name in loop.outputs]
-    gains = plant.gain[:, rows, plant.input_names.index(loop.input)]
-    own = [k for k, name in enumerate(plant.modes) if PATTERN.fullmatch(name)]
-    largest = (gains[own] if own else gains).max(axis=0, initial=0.0)
-    return np.asarray((gains / np.maximum(largest, 1e-300)).max(axis=1), dtype=np.float64)
-
-
-def limiting(plant: Plant, loop: LoopMargins, step: float) -> dict[str, str]:
-    """By figure, the mode that answers most near the figure's frequency."""
-    frequency = plant.frequency
-    seen = frequency
-    if step:  # the samples of a mode beyond pi/T are those of a slower one
-        turn = 2.0 * np.pi / step
-        seen = np.abs((frequency + turn / 2.0) % turn - turn / 2.0)
-    shares = _shares(plant, loop)
-    out: dict[str, str] = {}
-    for figure, w in loop._frequencies.items():
-        near = np.flatnonzero((np.abs(seen - w) <= NEAR * w) & (shares >= SHOWN))
-        width = 2.0 * plant.damping_ratio[near] * frequency[near] * w
-        answers = shares[near] / np.hypot(seen[near] ** 2 - w**2, width)
-        if near.size:
-            out[figure] = plant.modes[int(near[np.argmax(answers)])]
-    return out
-
-
-def _highest_shown(plant: Plant, loop: LoopMargins) -> float:
-    """Frequency of the highest mode of an appendage that a loop's input and outputs show [rad/s];
-    of the highest of all modes where they show none."""
-    modes = [k for k, name in enumerate(plant.modes) if not FILLER.search(name)]
-    shares = _shares(plant, loop)
-    own = [k for k in modes if PATTERN.fullmatch(plant.modes[k]) and shares[k] >= SHOWN]
-    return max((float(plant.frequency[k]) for k in own or modes), default=np.inf)
-
-
-def beyond(plant: Plant, found: Sequence[LoopMargins]) -> list[str]:
-    """What to say of margins at frequencies that the plant's kept modes do not reach."""
-    out: list[str] = []
-    for one in found:
-        top = _highest_shown(plant, one)
-        at = {
-            "gain": one.gain_frequency,
-            "phase": one.phase_frequency,
-            "modulus": one.modulus_frequency,
-            "disk": one.disk_frequency,
-        }
-        far = [
-            f"{what} margin (at {omega:.4g} rad/s)"
-            for what, omega in at.items()
-            if (1.0 + MOVED) * top < omega and (omega < np.inf or np.isfinite(getattr(one, what)))
-        ]
-        if far:
-            out.append(
-                f"{one.name}: {', '.join(far)} above the highest mode kept that this loop shows "
-                f"({top:.4g} rad/s); keep more modes before relying on it, for example by a scene "
-                "with a larger bandwidth."
             )
     return out
 

@@ -1,18 +1,27 @@
-"""`bc.margins`: the margins of a controller on a plant, of one pose or several, and why a closed
-loop is unstable."""
+"""`bc.margins`: the margins of a controller on a plant, of one pose or several, which mode limits
+them, and why a closed loop is unstable."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple, overload
 
 import control
+import numpy as np
 
+from beamchain.checks import of_type
 from beamchain.engine.library import one_thread
 from beamchain.plants.blame import Progress, instabilities, no_progress
-from beamchain.plants.closed_loop import ClosedLoop, close
-from beamchain.plants.feedback import Given
-from beamchain.plants.margins import Margins, beyond, limiting, margins_of
+from beamchain.plants.closed_loop import ClosedLoop, Names, close
+from beamchain.plants.feedback import Given, Signals
+from beamchain.plants.margins import LoopMargins, Margins, margins_of
 from beamchain.plants.realisation import Plant
 from beamchain.plants.scheduled import ScheduledPlant
+from beamchain.ports.motions import Array
+from beamchain.steps.modal import FILLER, PATTERN
+
+SHOWN = 1e-2  # of the largest modal gain: modes with less are not those of a loop
+MOVED = 0.05  # relative, by which a margin that belongs to a mode may lie above it
+NEAR = 0.2  # relative, of a margin's frequency and that of the mode it is named after
 
 
 @overload
@@ -98,11 +107,90 @@ def loop_verdicts(
 
 
 def _loop_verdict(plant: control.StateSpace, controller: Given, pose: str) -> LoopVerdict:
-    closed = close(plant, controller)
+    of_type("plant", plant, control.StateSpace, "what bc.plant returns, or a control.StateSpace")
+    closed = close(plant, _names_of(plant), controller)
     found = replace(margins_of(closed), pose=pose)
     if isinstance(plant, Plant):
         loops = tuple(
-            replace(loop, modes=limiting(plant, loop, closed.step)) for loop in found.loops
+            replace(loop, modes=_limiting(plant, loop, closed.step)) for loop in found.loops
         )
-        found = replace(found, loops=loops, beyond=tuple(beyond(plant, loops)))
+        found = replace(found, loops=loops, beyond=tuple(_beyond(plant, loops)))
     return LoopVerdict(closed, found)
+
+
+def margin_warnings(plants: Sequence[Plant], found: Sequence[Margins]) -> list[str]:
+    """Warnings of the first plant, and what to say of the margins of each;
+    there are none without a controller."""
+    far = (said for one in found for said in (*one.warnings, *one.beyond))
+    return [*plants[0].warnings, *dict.fromkeys(far)]
+
+
+def _shares(plant: Plant, loop: LoopMargins) -> Array:
+    """`(modes,)` modal gains from the input of a loop to its outputs, in the output where they are
+    largest beside those of the appendages' other modes."""
+    rows = [plant.output_names.index(name) for name in loop.outputs]
+    gains = plant.gain[:, rows, plant.input_names.index(loop.input)]
+    own = [k for k, name in enumerate(plant.modes) if PATTERN.fullmatch(name)]
+    largest = (gains[own] if own else gains).max(axis=0, initial=0.0)
+    return np.asarray((gains / np.maximum(largest, 1e-300)).max(axis=1), dtype=np.float64)
+
+
+def _limiting(plant: Plant, loop: LoopMargins, step: float) -> dict[str, str]:
+    """By figure, the mode that answers most near the figure's frequency."""
+    frequency = plant.frequency
+    seen = frequency
+    if step:  # the samples of a mode beyond pi/T are those of a slower one
+        turn = 2.0 * np.pi / step
+        seen = np.abs((frequency + turn / 2.0) % turn - turn / 2.0)
+    shares = _shares(plant, loop)
+    out: dict[str, str] = {}
+    for figure, w in loop.limited.items():
+        near = np.flatnonzero((np.abs(seen - w) <= NEAR * w) & (shares >= SHOWN))
+        width = 2.0 * plant.damping_ratio[near] * frequency[near] * w
+        answers = shares[near] / np.hypot(seen[near] ** 2 - w**2, width)
+        if near.size:
+            out[figure] = plant.modes[int(near[np.argmax(answers)])]
+    return out
+
+
+def _highest_shown(plant: Plant, loop: LoopMargins) -> float:
+    """Frequency of the highest mode of an appendage that a loop's input and outputs show [rad/s];
+    of the highest of all modes where they show none."""
+    modes = [k for k, name in enumerate(plant.modes) if not FILLER.search(name)]
+    shares = _shares(plant, loop)
+    own = [k for k in modes if PATTERN.fullmatch(plant.modes[k]) and shares[k] >= SHOWN]
+    return max((float(plant.frequency[k]) for k in own or modes), default=np.inf)
+
+
+def _beyond(plant: Plant, found: Sequence[LoopMargins]) -> list[str]:
+    """What to say of margins at frequencies that the plant's kept modes do not reach."""
+    out: list[str] = []
+    for one in found:
+        top = _highest_shown(plant, one)
+        at = {
+            "gain": one.gain_frequency,
+            "phase": one.phase_frequency,
+            "modulus": one.modulus_frequency,
+            "disk": one.disk_frequency,
+        }
+        far = [
+            f"{what} margin (at {omega:.4g} rad/s)"
+            for what, omega in at.items()
+            if (1.0 + MOVED) * top < omega and (omega < np.inf or np.isfinite(getattr(one, what)))
+        ]
+        if far:
+            out.append(
+                f"{one.name}: {', '.join(far)} above the highest mode kept that this loop shows "
+                f"({top:.4g} rad/s); keep more modes before relying on it, for example by a scene "
+                "with a larger bandwidth."
+            )
+    return out
+
+
+def _names_of(plant: control.StateSpace) -> Names:
+    """Those of `bc.plant`, or python-control's labels."""
+    inputs, outputs = list(plant.input_labels), list(plant.output_labels)
+    if isinstance(plant, Plant):
+        own = Signals(list(plant.input_names), list(plant.output_names), inputs, outputs)
+        return Names(own, plant.state_names, plant.modes)
+    return Names(Signals(inputs, outputs, inputs, outputs), tuple(plant.state_labels), ())

@@ -3,9 +3,10 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from beamchain.plants.margins import Margins, margin_warnings
+from beamchain.plants.margins import Margins
 from beamchain.plants.realisation import Plant
 from beamchain.plants.uncertain_plant import WorstCase
+from beamchain.plants.verdicts import margin_warnings
 from beamchain.report import margin_plots, plant_plots
 from beamchain.report.page import Verdict, page_text
 from beamchain.report.svg import to_svg
