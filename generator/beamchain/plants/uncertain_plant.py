@@ -25,13 +25,12 @@ from beamchain.plants.worst_case import Loops, Peak, climb, search
 from beamchain.plants.worst_margins import (
     ALL,
     DISK,
-    GAIN,
-    LESS,
     PHASE,
     LeastMargin,
     SampleLoops,
     WorstMargins,
-    least,
+    figure,
+    smallness,
 )
 from beamchain.ports.motions import Array, locked
 
@@ -39,7 +38,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SECONDS = 120.0  # after which a bound is refined no further
-UNLIMITED = 1e6  # of a margin that nothing limits, in a search for the least
 CORNERS = 40  # of the ranges, whose gains say where a bound is to be close
 GRID = 300  # frequencies of the curves over the band of the closed loop
 # frequencies of the curves at a resonance, in its half widths
@@ -422,14 +420,16 @@ class UncertainPlant(Lft):
         them: at every input that loops drive, the loops of the others closed, and of the disk
         margin all loops at once.
 
-        Tried are draws, corners of the ranges, the worst for every disk margin, and for gain and
-        phase a local search from the least of these.
+        Tried are draws, corners of the ranges, those to which slopes point at every frequency, and
+        for every figure a local search from the least of all that was tried for any. What is stated
+        is what `bc.margins` states at these values, the least over all of them.
 
         Args:
             controller: loops, or the path of their file.
             samples: number of draws from the distributions.
             seed: of the draws.
-            bound: prove as well what no value lets the disk margins fall below.
+            bound: prove as well what no value lets the disk margins fall below; not where an
+                unstable sample was found, of which no margin is left.
             seconds: for the bounds together, after which they are refined no further.
 
         Raises:
@@ -441,63 +441,47 @@ class UncertainPlant(Lft):
         loops_of = read_controller(controller)
         blocks = [int(number) for number in self._group[self._of]]
         loops = SampleLoops(self._system, blocks, self.inputs, self.outputs, loops_of)
-        drawn = self.drawn_deltas(samples, seed)
-        count = len(self.blocks)
-        nominal = np.zeros(count)
-        corners = np.random.default_rng(seed).choice([-1.0, 1.0], (CORNERS, count))
-        rows: list[LeastMargin] = []
-        bounds: dict[str, GainBound] = {}
-        worst_of_disks: list[Array] = []
-        for name, disk in zip(loops.names, loops.disks, strict=True):
-            deltas, peak, peaks = search(disk, drawn, seed)
-            proved = None
-            if bound:
-                grid = _grid(disk, peak, [deltas, nominal], [*peaks, disk.peak(nominal)])
-                found = Search(disk, (name, name), deltas, peak, peaks, grid)
-                bounds[name], deltas, peak = self._bound(found, seconds / len(loops.names))
-                proved = 1.0 / bounds[name].gain
-            worst_of_disks.append(deltas)
-            start = 1.0 / disk.peak(nominal).gain
-            least_disk = 1.0 / peak.gain
-            values, by_block = self._sample(deltas)
-            rows.append(
-                LeastMargin(name, DISK, "", start, least_disk, peak.omega, values, proved, by_block)
+        nominal = np.zeros(len(self.blocks))
+        if not loops.margins(nominal).stable:
+            raise InputError(
+                "controller: the closed loop of the nominal plant is not stable, so that nothing "
+                "can be worse; bc.margins says why."
             )
-        tried = [nominal, *worst_of_disks, *drawn, *corners]
-        rows += self._limits(loops, tried)
-        rows.append(self._at_once(loops, tried))
-        stable = all(row.worst > 0.0 for row in rows if row.kind == DISK)
-        return WorstMargins(tuple(rows), stable, bounds)
-
-    def _limits(self, loops: SampleLoops, tried: Sequence[Array]) -> list[LeastMargin]:
-        """The least gain and phase margins at every input."""
+        drawn = self.drawn_deltas(samples, seed)
+        corners = np.random.default_rng(seed).choice([-1.0, 1.0], (CORNERS, nominal.size))
+        points = [nominal, *loops.search([nominal, *drawn, *corners])]
+        found = [loops.margins(deltas) for deltas in points]
+        bounds: dict[str, GainBound] = {}
+        # of an unstable sample no margin is left, which needs no proof
+        for i, name in enumerate(loops.names if bound and found[-1].stable else ()):
+            disk = loops.disk(name)
+            peaks = [disk.peak(deltas) for deltas in points]
+            k = min(range(len(found)), key=lambda k: found[k].loops[i].disk)
+            grid = _grid(disk, peaks[k], [points[k], nominal], peaks)
+            search_of = Search(disk, (name, name), points[k], peaks[k], peaks, grid)
+            bounds[name], better, _ = self._bound(search_of, seconds / len(loops.names))
+            points.append(better)
+            found.append(loops.margins(better))
         rows: list[LeastMargin] = []
-        for i, name in enumerate(loops.names):
-            for kind, unit in ((GAIN, ""), (LESS, ""), (PHASE, "degrees")):
-                which = (GAIN, LESS, PHASE).index(kind)
-                sign = -1.0 if kind == LESS else 1.0
-
-                def cost(
-                    deltas: Array, i: int = i, which: int = which, sign: float = sign
-                ) -> float:
-                    return min(sign * loops.limits(deltas)[i][which][0], UNLIMITED)
-
-                deltas = least(cost, tried)
-                worst, frequency = loops.limits(deltas)[i][which]
-                start = loops.limits(tried[0])[i][which][0]
-                values, by_block = self._sample(deltas)
-                rows.append(
-                    LeastMargin(name, kind, unit, start, worst, frequency, values, None, by_block)
+        for at, kind in loops.rows:
+            each = [figure(one, at, kind) for one in found]
+            k = min(range(len(each)), key=lambda k: smallness(kind, each[k].value))
+            values, by_block = self._sample(points[k])
+            unit = "degrees" if kind == PHASE else ""
+            proved = 1.0 / bounds[at].gain if at in bounds else 0.0
+            rows.append(
+                LeastMargin(
+                    at,
+                    kind,
+                    unit,
+                    each[0].value,
+                    *each[k],
+                    values,
+                    proved if bound and kind == DISK and at != ALL else None,
+                    by_block,
                 )
-        return rows
-
-    def _at_once(self, loops: SampleLoops, tried: Sequence[Array]) -> LeastMargin:
-        """The least disk margin of all loops at once."""
-        deltas = least(lambda each: loops.at_once(each)[0], tried)
-        worst, frequency = loops.at_once(deltas)
-        start = loops.at_once(tried[0])[0]
-        values, by_block = self._sample(deltas)
-        return LeastMargin(ALL, DISK, "", start, worst, frequency, values, None, by_block)
+            )
+        return WorstMargins(tuple(rows), all(one.stable for one in found), bounds)
 
     def _sample(self, deltas: Array) -> tuple[dict[str, float], dict[str, float]]:
         """Values of the quantities for `(blocks,)` deltas, and these by block."""

@@ -5,7 +5,7 @@ d added to one of its inputs, e one of its outputs.
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +47,18 @@ class Peak(NamedTuple):
     def stable(self) -> bool:
         """Whether the loop is stable."""
         return bool(np.isfinite(self.gain))
+
+
+class Peaks(Protocol):
+    """What a search makes large: a gain of samples at its peak."""
+
+    def peak(self, deltas: Array) -> Peak:
+        """Of a sample `(blocks,)`."""
+        ...
+
+    def slope(self, deltas: Array, omega: float) -> Array:
+        """`(blocks,)` slope of its logarithm."""
+        ...
 
 
 class Resonances(NamedTuple):
@@ -290,7 +302,7 @@ def search(loops: Loops, samples: Array, seed: int = 0) -> tuple[Array, Peak, li
     for start in starts:
         if any(not sample.peak.stable for sample in tried):
             break  # nothing is worse
-        tried += _ascent(loops, start.deltas)
+        tried += ascent(loops, start.deltas)
     worst = max(tried, key=lambda sample: sample.peak.gain)
     if worst.peak.stable:
         return worst.deltas, worst.peak, peaks
@@ -299,10 +311,10 @@ def search(loops: Loops, samples: Array, seed: int = 0) -> tuple[Array, Peak, li
 
 def climb(loops: Loops, start: Array) -> Tried:
     """The worst of what a local search from a stable sample tries."""
-    return max(_ascent(loops, start), key=lambda sample: sample.peak.gain)
+    return max(ascent(loops, start), key=lambda sample: sample.peak.gain)
 
 
-def _ascent(loops: Loops, start: Array) -> list[Tried]:
+def ascent(loops: Peaks, start: Array) -> list[Tried]:
     """What a local search from a stable sample tries, and the corner to which the slopes point
     where it ends."""
     tried: list[Tried] = []

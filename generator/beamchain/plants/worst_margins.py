@@ -1,34 +1,43 @@
 """The least margins of a controller over the values of a plant's uncertain quantities.
 
-At every input that loops drive, the loops of the others closed, with S and T there: the disk margin
-is `1 / max |(S - T)/2|`, all inputs at once `1 / max mu((S - T)/2)` for diagonal complex changes,
-mu by its upper bound with diagonal scaling. All from exact frequency responses.
+All figures that are stated are those of `bc.margins` at the values that are stated; where they are
+the least is searched for at once.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from beamchain import report
 from beamchain.checks import unknown
 from beamchain.plants.bounds import GainBound
-from beamchain.plants.controllers import Controller, Response, places
-from beamchain.plants.controllers import response as loop_response
-from beamchain.plants.crossings import crossing
-from beamchain.plants.structured import balanced_bounds, bound
-from beamchain.plants.systems import Complex, System, response
-from beamchain.plants.worst_case import Loops
+from beamchain.plants.closed_loop import ClosedLoop, Names, closed_around, counted
+from beamchain.plants.controllers import Controller
+from beamchain.plants.feedback import Signals, feedback
+from beamchain.plants.margins import AT_ZERO, REAL, Extremum, Margins, margins_of
+from beamchain.plants.structured import balanced_bounds
+from beamchain.plants.systems import Complex, System, response, with_deltas
+from beamchain.plants.worst_case import Loops, Peak, ascent
 from beamchain.ports.motions import Array
 
 READ = "total of "  # before the name of an input: an output that reads it, controller included
 DISK, GAIN, LESS, PHASE = "disk", "gain up, factor", "gain down, factor", "phase"
 ALL = "all loops at once"
-PATTERN = (1.0, 0.5, 0.25)  # steps of the local search for gain and phase, from the least
-PLACED = 1e-7  # relative, of the frequency of the largest mu
+FIGURES = (DISK, GAIN, LESS, PHASE)  # of every input
+# least reach of each that is a limit: that of an open loop which is zero, or infinite
+LIMITED = (0.0, 0.5, 0.5, 0.0)
+# frequencies per decade, and half widths beside a resonance, at which a sample is looked at
+SPARSE = 40, np.sinh(np.linspace(-4.0, 4.0, 13))
+FINER = np.linspace(-1.0, 1.0, 17)  # points about what reaches farthest, between its neighbours
+ROUNDS = 2  # of these
+TURNS = 6  # of the slopes at a frequency, to a corner
+AGAIN = 1e-3  # relative, by which what was tried for others is worse, to search from there
+BESIDE = 1e-6  # relative, of what a slope is taken over
+FAR = 1e3  # of the fastest pole: a slope at infinite frequency is taken there
+LEAST = 1e-9  # of a reach, which has a logarithm
 
 
 class LeastMargin(NamedTuple):
@@ -36,12 +45,14 @@ class LeastMargin(NamedTuple):
 
     Args:
         at: the input that is broken, or all loops at once.
-        kind, unit: disk, gain up or down as a factor, or phase [degrees].
+        kind, unit: disk, gain up or down as a factor, or phase [degrees], signed as in
+            `LoopMargins`.
         nominal, worst: of the nominal plant and of the worst sample; infinite where nothing limits
             it, 0 of an unstable sample (1 of a factor).
-        frequency: of the worst one [rad/s].
+        frequency: of the worst one [rad/s]; NaN where nothing limits it.
         values: of the quantities in that sample.
-        proved: what no value of the quantities goes below; None where it was not asked for.
+        proved: what no value of the quantities goes below, 0 where one is unstable; None where it
+            was not asked for.
         deltas: of the blocks in that sample, -1 and 1 at the ends of their ranges: one each where
             many quantities move together.
     """
@@ -65,7 +76,8 @@ class WorstMargins:
         margins: at every input broken, others closed: disk, gain, phase; of the disk also all at
             once.
         stable: whether no sample was found unstable.
-        bounds: by input, of `|(S - T)/2|`; empty where they were not asked for.
+        bounds: by input, of `|(S - T)/2|`; empty where they were not asked for, or a sample is
+            unstable.
         pose: of the craft, one of several; empty where there is one.
 
     Example:
@@ -106,7 +118,7 @@ class WorstMargins:
         if not several:
             kinds = dict.fromkeys(row.kind for row in self.margins if row.at != ALL)
             raise unknown("kind", kind, kinds)
-        return (max if kind == LESS else min)(several, key=lambda row: row.worst)
+        return min(several, key=lambda row: smallness(kind, row.worst))
 
     @property
     def all_at_once(self) -> LeastMargin:
@@ -210,20 +222,58 @@ class WorstMarginsOfPoses:
         return report.table_html(self.table, [self.worst.sentence])
 
 
-class Limits(NamedTuple):
-    """Margins of an open loop, each a value and its frequency [rad/s]."""
+def figure(found: Margins, at: str, kind: str) -> Extremum:
+    """One of the figures of a sample; of an unstable one nothing is left."""
+    if not found.stable:
+        return Extremum(1.0 if kind in (GAIN, LESS) else 0.0, np.nan)
+    if at == ALL:
+        return found.all_at_once
+    loop = next(loop for loop in found.loops if loop.input == at)
+    value, frequency = {
+        DISK: (loop.disk, loop.disk_frequency),
+        GAIN: (loop.gain, loop.gain_frequency),
+        LESS: (loop.lowest_gain, loop.lowest_gain_frequency),
+        PHASE: (loop.phase, loop.phase_frequency),
+    }[kind]
+    limited = np.isfinite(value) and value != 0.0
+    return Extremum(value, frequency if limited else np.nan)
 
-    gain: tuple[float, float]
-    less: tuple[float, float]
-    phase: tuple[float, float]
+
+def smallness(kind: str, value: float) -> float:
+    """What is the less, the less of a margin is left."""
+    return -value if kind == LESS else abs(value)
 
 
-NOTHING_LIMITS = Limits((np.inf, np.nan), (0.0, np.nan), (np.inf, np.nan))
-UNSTABLE = Limits((1.0, np.nan), (1.0, np.nan), (0.0, np.nan))
+def _beside(deltas: Array) -> Iterator[Array]:
+    """The same with one of them after the other at either end of its range."""
+    for k in range(deltas.size):
+        for end in (-1.0, 1.0):
+            moved = deltas.copy()
+            moved[k] = end
+            yield moved
+
+
+class Reach(NamedTuple):
+    """How far E of a sample reaches where each figure looks.
+
+    Args:
+        sizes: `(figures,)`, infinite of an unstable sample.
+        omega: `(figures,)` where [rad/s].
+    """
+
+    sizes: Array
+    omega: Array
 
 
 class SampleLoops:
-    """The closed loops of an uncertain plant at the inputs that a controller drives.
+    """The closed loops of an uncertain plant at the inputs that a controller drives, and one search
+    for the samples of all their least margins.
+
+    At an input, the open loop is `L = 1/S - 1`, and every margin is a point on the locus of
+    `E = S - 1/2`: the disk margin is `1/max |E|`; `L = -1/g` where `E = (g + 1)/(2 (g - 1))`, so
+    that the gain may rise the least where E reaches farthest along the positive real axis, and fall
+    the least where it does along the negative one; `L = -exp(j phi)` where
+    `E = j/(2 tan(phi/2))`, the phase. Of all inputs at once it is mu of the matrix E.
 
     Args:
         system, blocks, inputs, outputs: M, the number of the delta of every channel, the signals.
@@ -238,145 +288,237 @@ class SampleLoops:
         outputs: list[str],
         controller: Controller,
     ) -> None:
-        channels = len(blocks)
         self._m = system
-        self._blocks = np.asarray(blocks, dtype=np.intp)
         self._controller = controller
-        rows, columns = places(controller, inputs, outputs)
-        driven = list(dict.fromkeys(columns))
-        self.names = [inputs[column] for column in driven]
-        self._rows = [channels + row for row in rows]
-        self._columns = [channels + column for column in driven]
-        # `(inputs, loops)` which loop drives which
-        self._drives = np.equal.outer(driven, columns).astype(np.float64)
-        extended, labels = _with_totals(system, channels, inputs, outputs)
-        self._known: dict[bytes, list[Limits]] = {}
-        # from d at an input to its total, which is S d; S - 1/2 is (S - T)/2
-        self.disks = [
-            Loops(
-                extended,
-                blocks,
-                inputs,
-                labels,
-                controller,
-                (name, READ + name),
-                offset=-0.5,
-                undamped=True,
-            )
-            for name in self.names
-        ]
+        self._of = np.asarray(blocks, dtype=np.intp)
+        self._count = max(blocks, default=-1) + 1
+        signals = Signals(inputs, outputs, inputs, outputs)
+        self._labels = Names(signals, ("",) * system[0].shape[0], ())
+        self._fed = feedback(controller, signals)
+        self._rows = [len(blocks) + row for row in self._fed.rows]
+        self._columns = [len(blocks) + column for column in self._fed.columns]
+        self.names = [inputs[column] for column in self._fed.columns]
+        single = [(name, kind) for name in self.names for kind in FIGURES]
+        self.figures = (*single, (ALL, DISK)) if len(self.names) > 1 else tuple(single)
+        self._reaches: dict[bytes, Reach] = {}
+        self.tried: list[Array] = []
 
-    def sensitivity(self, deltas: Array, omega: Array) -> Complex:
-        """`(k, inputs, inputs)` S of a sample `(blocks,)` at frequencies `(k,)`, dead times
-        exact."""
-        s = (1j * omega).astype(np.complex128)
-        m = response(self._m, s)
-        n = self._blocks.size
-        delta = deltas[self._blocks]
-        inside = np.linalg.solve(np.eye(n) - m[:, :n, :n] * delta, m[:, :n, self._columns])
-        # G = M_yu + M_yw Delta (1 - M_zw Delta)^-1 M_zu
-        through = (m[:, self._rows, :n] * delta) @ inside
-        g = m[:, self._rows][:, :, self._columns] + through
-        k = np.array([loop_response(loop, s) for loop in self._controller.loop]).T
-        back = (self._drives * k[:, None, :]) @ g
-        return np.asarray(np.linalg.inv(np.eye(len(self._columns)) + back), dtype=np.complex128)
-
-    def limits(self, deltas: Array) -> list[Limits]:
-        """Gain and phase margins of a sample at every input; of an unstable one none is left."""
-        key = deltas.tobytes()
-        if key not in self._known:
-            self._known[key] = self._limits(deltas)
-        return self._known[key]
-
-    def _limits(self, deltas: Array) -> list[Limits]:
-        if not self.disks[0].peak(deltas).stable:
-            return [UNSTABLE] * len(self.names)
-        omega = self.disks[0].frequencies(deltas)
-        s = self.sensitivity(deltas, omega)
-
-        def open_loop(i: int) -> Callable[[float], complex]:
-            return lambda w: 1.0 / self.sensitivity(deltas, np.array([w]))[0, i, i] - 1.0
-
-        return [
-            limits_of(omega, 1.0 / s[:, i, i] - 1.0, open_loop(i)) for i in range(len(self.names))
-        ]
-
-    def at_once(self, deltas: Array) -> tuple[float, float]:
-        """Disk margin of simultaneous changes at all inputs, and its frequency [rad/s]."""
-        single = [disk.peak(deltas) for disk in self.disks]
-        if not single[0].stable:
-            return 0.0, float("nan")
-        half = np.eye(len(self.names)) / 2.0
-        omega = self.disks[0].frequencies(deltas)
-        rough = balanced_bounds(self.sensitivity(deltas, omega) - half)
-
-        def size(w: float) -> float:
-            return bound(self.sensitivity(deltas, np.array([w]))[0] - half)
-
-        starts = [float(omega[np.argmax(rough)]), *(peak.omega for peak in single)]
-        start = max(starts, key=size)
-        k = int(np.searchsorted(omega, start))
-        low, high = float(omega[max(k - 1, 0)]), float(omega[min(k + 1, omega.size - 1)])
-        best = minimize_scalar(
-            lambda w: -size(float(w)),
-            bounds=(low, high),
-            method="bounded",
-            options={"xatol": PLACED * high},
+    @property
+    def rows(self) -> list[tuple[str, str]]:
+        """Where and what is stated: the disk margins, the others, all loops at once."""
+        single = sorted(
+            ((at, kind) for at, kind in self.figures if at != ALL), key=lambda each: each[1] != DISK
         )
-        # mu is at least every element of the diagonal, which is the size of a single loop's
-        found = [(-float(best.fun), float(best.x)), (size(start), start)]
-        found += [(peak.gain, peak.omega) for peak in single]
-        largest, at = max(found)
-        return 1.0 / largest, at
+        return [*single, (ALL, DISK)]
+
+    def disk(self, name: str) -> Loops:
+        """The loop from a disturbance d at an input to E d there."""
+        a, b, c, d = self._m
+        inputs, outputs = self._labels.signals.inputs, self._labels.signals.outputs
+        # one more output per input reads its total, which is S d
+        reading = np.hstack([np.zeros((len(inputs), self._of.size)), np.eye(len(inputs))])
+        system = a, b, np.vstack([c, np.zeros((len(inputs), len(a)))]), np.vstack([d, reading])
+        return Loops(
+            system,
+            self._of.tolist(),
+            inputs,
+            [*outputs, *(READ + each for each in inputs)],
+            self._controller,
+            (name, READ + name),
+            offset=-0.5,
+            undamped=True,
+        )
+
+    def closed(self, deltas: Array) -> ClosedLoop:
+        """The closed loop of a sample `(blocks,)`, its poles counted with Pade approximations."""
+        return closed_around(with_deltas(self._m, deltas[self._of]), self._fed, self._labels)
+
+    def margins(self, deltas: Array) -> Margins:
+        """What `bc.margins` says of a sample `(blocks,)`."""
+        return margins_of(counted(self.closed(deltas)))
+
+    def search(self, starts: Sequence[Array]) -> list[Array]:
+        """The deltas of the worst samples that were found, each once.
+
+        Tried are `starts`, the corners to which slopes point, and for every figure a local search
+        from the worst of all that was tried for any of them, with the ends of every range, one at a
+        time, where that ends; again where others have found a worse one.
+        """
+        if not self._all_stable([*starts, *self._corners()]):
+            return self._worst()[0][:1]
+        known = np.resize(LIMITED, len(self.figures))
+        while True:
+            worst, sizes = self._worst()
+            again = np.flatnonzero(sizes > known * (1.0 + AGAIN))
+            if not again.size:
+                return list({deltas.tobytes(): deltas for deltas in worst}.values())
+            figure = int(again[0])
+            ascent(FigureOfSamples(self, figure), worst[figure])
+            worst, sizes = self._worst()
+            known[figure] = sizes[figure]
+            if not np.isfinite(known[figure]) or not self._all_stable(_beside(worst[figure])):
+                return self._worst()[0][:1]
+
+    def _all_stable(self, samples: Iterable[Array]) -> bool:
+        """Whether all samples are stable; none is tried after one that is not."""
+        return all(np.isfinite(self.reach(deltas).sizes[0]) for deltas in samples)
+
+    def _worst(self) -> tuple[list[Array], Array]:
+        """Of every figure the worst sample that was tried, and how far it reaches."""
+        sizes = np.array([self._reaches[deltas.tobytes()].sizes for deltas in self.tried])
+        at = np.argmax(sizes, axis=0)
+        return [self.tried[int(k)] for k in at], sizes.max(axis=0)
+
+    def _corners(self) -> list[Array]:
+        """Corners of the ranges to which the slopes of E point, turn by turn, at the frequencies
+        of the nominal loop, in every direction in which a figure looks: where they reach farther
+        than at neighbouring frequencies."""
+        omega = self.closed(np.zeros(self._count)).frequencies(*SPARSE)
+        m, law = self._responses(omega)
+        member = np.equal.outer(self._of, np.arange(self._count)).astype(np.float64)
+        found: dict[bytes, Array] = {}
+        for i in range(len(self.names)):
+            for ray in (None, 1.0, -1.0, 1j, -1j):
+                deltas = np.zeros((omega.size, self._count))
+                best, farthest = deltas, np.full(omega.size, -np.inf)
+                for _ in range(TURNS):
+                    e, left, right = self._middles(m, law, deltas)
+                    here = e[:, i, i]
+                    turned = np.conj(here / np.abs(here) if ray is None else ray)
+                    size = (here * turned).real
+                    better = size > farthest
+                    best = np.where(better[:, None], deltas, best)
+                    farthest = np.where(better, size, farthest)
+                    each = (left[:, i] * right[:, :, i] * np.reshape(turned, (-1, 1))).real
+                    deltas = np.where(each @ member < 0.0, -1.0, 1.0)
+                ends = np.concatenate([[-np.inf], farthest, [-np.inf]])
+                tops = (farthest >= ends[:-2]) & (farthest >= ends[2:]) & (farthest > 0.5)
+                found |= {row.tobytes(): row for row in best[tops]}
+        return list(found.values())
+
+    def reach(self, deltas: Array) -> Reach:
+        """How far a sample `(blocks,)` reaches."""
+        key = deltas.tobytes()
+        if key not in self._reaches:
+            self.tried.append(deltas.copy())
+            self._reaches[key] = self._reach(self.closed(deltas))
+        return self._reaches[key]
+
+    def _reach(self, closed: ClosedLoop) -> Reach:
+        if closed.growing.size and not counted(closed).stable:
+            nowhere = np.full(len(self.figures), np.inf)
+            return Reach(nowhere, np.full(len(self.figures), np.nan))
+        half = np.eye(len(self.names)) / 2.0
+
+        def middle(omega: Array) -> Complex:
+            loop = closed.open_loop(omega)
+            return np.asarray(np.linalg.inv(2.0 * half + loop) - half, dtype=np.complex128)
+
+        omega = closed.frequencies(*SPARSE)
+        omega = np.append(AT_ZERO * omega[0], omega)
+        e = middle(omega)
+        # at rest E is real, of an integrator but for rounding
+        e[0] = np.where(np.abs(e[0].imag) < REAL * np.abs(e[0]), e[0].real, e[0])
+        at = self._farthest(e)[1]
+        for _ in range(ROUNDS):
+            low, high = omega[np.maximum(at - 1, 0)], omega[np.minimum(at + 1, omega.size - 1)]
+            more = np.setdiff1d(
+                (low[:, None] + high[:, None]) / 2.0 + (high - low)[:, None] / 2.0 * FINER, omega
+            )
+            order = np.argsort(np.append(omega, more))
+            omega = np.append(omega, more)[order]
+            e = np.concatenate([e, middle(more)])[order]
+            at = self._farthest(e)[1]
+        sizes, at = self._farthest(e)
+        where = omega[at]
+        if closed.limit is not None:
+            end = np.linalg.inv(2.0 * half + closed.limit) - half
+            last = self._farthest(np.array([end, end], dtype=np.complex128))[0]
+            where = np.where(last > sizes, np.inf, where)
+            sizes = np.maximum(last, sizes)
+        return Reach(sizes, where)
+
+    def _farthest(self, e: Complex) -> tuple[Array, NDArray[np.intp]]:
+        """Of E `(k, inputs, inputs)` over frequency, `(figures,)` how far it reaches for every
+        figure, and the number of the frequency there or before."""
+        found: list[tuple[float, int]] = []
+        for i in range(len(self.names)):
+            here = e[:, i, i]
+            size = np.abs(here)
+            found.append((float(size.max()), int(np.argmax(size))))
+            for turned, sides in ((here, 1), (-here, 1), (here / 1j, 2)):
+                low, high = turned[:-1], turned[1:]
+                k = np.flatnonzero(low.imag * high.imag <= 0.0)
+                of = low.imag[k] - high.imag[k]
+                share = low.imag[k] / np.where(of == 0.0, 1.0, of)
+                axis = low.real[k] + share * (high.real - low.real)[k]
+                axis = np.maximum(np.abs(axis) if sides == 2 else axis, LEAST)
+                top = int(np.argmax(axis)) if k.size else -1
+                found.append((float(axis[top]), int(k[top])) if k.size else (LEAST, 0))
+        if len(self.names) > 1:
+            # mu is between the largest element of the diagonal and the norm
+            top = max(size for size, _ in found[:: len(FIGURES)])
+            k = np.flatnonzero(np.linalg.norm(e, axis=(1, 2)) >= top)
+            mu = balanced_bounds(e[k])
+            found.append((float(mu.max()), int(k[np.argmax(mu)])))
+        sizes, at = zip(*found, strict=True)
+        return np.array(sizes), np.array(at, dtype=np.intp)
+
+    def slope(self, figure: int, deltas: Array, omega: float) -> Array:
+        """`(blocks,)` slope of the logarithm of a reach, which is at a frequency."""
+        omega = min(omega, FAR * self.closed(deltas).top)
+        m, law = self._responses(omega * (1.0 + BESIDE * np.array([-1.0, 0.0, 1.0])))
+        e, left, right = self._middles(m, law, np.broadcast_to(deltas, (3, self._count)))
+        # dE/d(delta_c) is the column of channel c in `left` times its row in `right`
+        slopes = np.zeros((self._count, *e.shape[1:]), dtype=np.complex128)
+        np.add.at(slopes, self._of, left[1].T[:, :, None] * right[1][:, None, :])
+        if self.figures[figure][0] == ALL:
+            mu = balanced_bounds(np.concatenate([e[1:2], e[1] + BESIDE * slopes]))
+            return (mu[1:] / mu[0] - 1.0) / BESIDE
+        i, kind = divmod(figure, len(FIGURES))
+        here = complex(e[1, i, i])
+        up = 1j if here.imag > 0.0 else -1j
+        ray = np.conj((here / abs(here), 1.0, -1.0, up)[kind])
+        each = slopes[:, i, i] * ray
+        along = (e[2, i, i] - e[0, i, i]) * ray
+        # the crossing of the ray moves by d(omega) = -Im(dE/d(delta))/Im(dE/d(omega))
+        moving = 0.0 if kind == 0 or along.imag == 0.0 else along.real / along.imag
+        return np.asarray(each.real - moving * each.imag, dtype=np.float64) / abs(here)
+
+    def _responses(self, omega: Array) -> tuple[Complex, Complex]:
+        """M and K at frequencies `(k,)`."""
+        s = (1j * omega).astype(np.complex128)
+        return response(self._m, s), self._fed.response(s)
+
+    def _middles(self, m: Complex, law: Complex, deltas: Array) -> tuple[Complex, Complex, Complex]:
+        """E `(k, inputs, inputs)` at frequencies with a sample each, `(k, blocks)`, and the factors
+        `(k, inputs, channels)` and `(k, channels, inputs)` of its slopes."""
+        delta = deltas[:, self._of]
+        n = self._of.size
+        eye, ones = np.eye(n), np.eye(len(self.names))
+        zw, yw = m[:, :n, :n], m[:, self._rows, :n]
+        # z = Z u, Z = (1 - M_zw Delta)^-1 M_zu;  G = M_yu + M_yw Delta Z
+        z = np.linalg.solve(eye - zw * delta[:, None, :], m[:, :n, self._columns])
+        g = m[:, self._rows][:, :, self._columns] + (yw * delta[:, None, :]) @ z
+        s = np.asarray(np.linalg.inv(ones + law @ g), dtype=np.complex128)
+        # dG/d(delta_c) = l_c z_c, l = M_yw (1 - Delta M_zw)^-1, and dS = -S K dG S
+        transposed = np.swapaxes(eye - delta[:, :, None] * zw, 1, 2)
+        out = np.swapaxes(np.linalg.solve(transposed, np.swapaxes(yw, 1, 2)), 1, 2)
+        e = np.asarray(s - ones / 2.0, dtype=np.complex128)
+        return e, np.asarray(-(s @ law) @ out, dtype=np.complex128), z @ s
 
 
-def _with_totals(
-    system: System, channels: int, inputs: list[str], outputs: list[str]
-) -> tuple[System, list[str]]:
-    """M with an output more per input, which reads it."""
-    a, b, c, d = system
-    count = len(inputs)
-    reading = np.hstack([np.zeros((count, channels)), np.eye(count)])
-    more = np.vstack([c, np.zeros((count, a.shape[0]))]), np.vstack([d, reading])
-    return (a, b, *more), [*outputs, *(READ + name for name in inputs)]
+class FigureOfSamples(NamedTuple):
+    """How far samples reach for one figure, as a gain that a search makes large."""
 
+    loops: SampleLoops
+    figure: int
 
-def limits_of(omega: Array, values: Response, open_loop: Callable[[float], complex]) -> Limits:
-    """Gain and phase margins from the open loop at a grid `(k,)` that resolves it, and at any
-    frequency."""
+    def peak(self, deltas: Array) -> Peak:
+        """How far a sample reaches."""
+        sizes, omega = self.loops.reach(deltas)
+        return Peak(float(sizes[self.figure]), float(omega[self.figure]))
 
-    def crossings(of: Array) -> tuple[NDArray[np.intp], Response]:
-        """Where a quantity changes its sign, and the open loop there, by interpolation."""
-        at = np.flatnonzero(of[1:] * of[:-1] <= 0.0)
-        share = of[at] / np.where(of[at] == of[at + 1], 1.0, of[at] - of[at + 1])
-        return at, values[at] + share * (values[at + 1] - values[at])
-
-    at, there = crossings(values.imag)
-    factor = np.where(there.real < 0.0, -1.0 / np.minimum(there.real, -1e-300), np.nan)
-    limits = [NOTHING_LIMITS.gain, NOTHING_LIMITS.less, NOTHING_LIMITS.phase]
-    for which, found in enumerate((np.where(factor > 1.0, factor, np.nan), 1.0 / factor)):
-        if np.any(found > 1.0):
-            k = int(at[np.nanargmin(np.where(found > 1.0, found, np.nan))])
-            w = crossing(lambda w: open_loop(w).imag, omega[k], omega[k + 1])
-            limits[which] = -1.0 / open_loop(w).real, w
-    at, there = crossings(np.abs(values) - 1.0)
-    if at.size:
-        k = int(at[np.argmin(np.abs(np.angle(-there)))])
-        w = crossing(lambda w: abs(open_loop(w)) - 1.0, omega[k], omega[k + 1])
-        limits[2] = float(np.degrees(abs(np.angle(-open_loop(w))))), w
-    return Limits(*limits)
-
-
-def least(cost: Callable[[Array], float], tried: Sequence[Array]) -> Array:
-    """Deltas of the least cost over those tried, and a pattern search from the least: one delta
-    after the other is moved by a step, which is halved."""
-    deltas = min(tried, key=cost)
-    best = cost(deltas)
-    for step in PATTERN:
-        for k in range(deltas.size):
-            for sign in (-1.0, 1.0):
-                moved = deltas.copy()
-                moved[k] = np.clip(moved[k] + sign * step, -1.0, 1.0)
-                if (there := cost(moved)) < best:
-                    best, deltas = there, moved
-    return deltas
+    def slope(self, deltas: Array, omega: float) -> Array:
+        """The slope of its logarithm."""
+        return self.loops.slope(self.figure, deltas, omega)

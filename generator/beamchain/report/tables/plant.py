@@ -93,6 +93,11 @@ def margin_text(value: float, count: int = 4) -> str:
     return "-" if math.isnan(value) else f"{value:.{count}g}"
 
 
+def _at_text(frequency: float) -> str:
+    """Where a margin is; an open loop's limit may be at infinite frequency."""
+    return "infinite" if math.isinf(frequency) else margin_text(frequency)
+
+
 def margin_at_text(pair: tuple[float, float]) -> str:
     """A margin and the frequency at which it is."""
     value, frequency = pair
@@ -247,7 +252,7 @@ def worst_margin_table(several: "Sequence[WorstMargins]") -> Table:
         Column("nominal", [row.nominal for row in rows], format=margin_text, key="nominal"),
         Column("worst", [row.worst for row in rows], format=margin_text, key="worst"),
         Column("unit", [row.unit for row in rows], key="unit"),
-        Column("at", [row.frequency for row in rows], "rad/s", margin_text, key="frequency"),
+        Column("at", [row.frequency for row in rows], "rad/s", _at_text, key="frequency"),
         Column("proved", [row.proved for row in rows], format=margin_text, key="proved"),
     )
     shown = columns if any(row.proved for row in rows) else columns[:-1]
