@@ -225,3 +225,14 @@ def test_static_shapes_for_the_tip_are_not_counted_as_modes_kept():
     )
     assert result.target["xy"].modes == 4
     assert "modes kept: 2 in xy (and 2 for further points)" in result.status.message
+
+
+def test_the_file_says_how_far_the_site_at_the_tip_is_off():
+    """The tip of a uniform beam moves by 2 / sqrt(mass) in every mass-normalised mode."""
+    text = fit(unit_beam(), name="boom", modes={"xy": 2}).to_mjcf()
+    _, moved = tip_through_differences(text, "boom_tip", 1)
+    mass = mujoco.MjModel.from_xml_string(text).body_mass.sum()
+    off = moved / (2.0 / np.sqrt(mass)) - 1.0
+    worst = int(np.argmax(np.abs(off)))
+    before = text[: text.index('<site name="boom_tip"')].rpartition("<!--")[2]
+    assert f"tip motion off by {off[worst]:+.1%} in mode {worst + 1} of xy" in before

@@ -421,6 +421,9 @@ class Fit:
     def _untimed(self) -> bytes:
         """The document without timing; text, since a `Fit` has to be pickled."""
         tree = appendage_tree(self.spec, self.chain, self.mass_line, self.look.skins)
+        tips = tree.xpath(f"//site[@name='{self.spec.name}_tip']")
+        if tips and self.tip_told is not None:
+            tips[0].addprevious(etree.Comment(f" {self.tip_told} "))
         return etree.tostring(tree)
 
     @cached_property
