@@ -13,6 +13,7 @@ from lxml import etree, html
 
 import beamchain as bc
 from appendages import panels, seed_boom, stepped_boom, tapered_boom, timoshenko_boom, unit_beam
+from beamchain.report.tables.fit import bench_table
 
 DRAWN = 1e-4  # coordinates in pt with a few digits
 
@@ -163,6 +164,17 @@ def test_integrator_and_model_error_stand_apart(boom):
     assert "Model error in xy" in text
     for value in discrete:
         assert f"{value:.6g}" in text
+
+
+def test_the_integrator_error_is_that_of_the_scenes_integrator():
+    """A step of RK4 is the polynomial of degree 4 of exp."""
+    scene = bc.Scene(integrator="RK4", timestep=0.02)
+    found = bench_table(bc.fit(seed_boom(), modes={"xy": 2}, scene=scene))
+    assert found.title == "Integrator error: RK4 at a step of 0.02 s"
+    columns = {column.name: np.array(column.values, dtype=float) for column in found.columns}
+    x = 0.02j * columns["continuous"]
+    step = 1.0 + x + x**2 / 2.0 + x**3 / 6.0 + x**4 / 24.0
+    assert columns["at this step"] == pytest.approx(np.abs(np.log(step)) / 0.02, rel=1e-8)
 
 
 @pytest.mark.parametrize("name", SEVERAL)

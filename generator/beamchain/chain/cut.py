@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import OptimizeResult, minimize
+from scipy.special import expit, logit
 
 from beamchain.chain.margin import (
     MARGIN,
@@ -207,7 +208,7 @@ def _climb(search: Margins, fixed: Array, margin: float, x: Array) -> tuple[Arra
         return x, margin
 
     def places(free: Array) -> Array:
-        return np.sort(np.concatenate([fixed, length / (1.0 + np.exp(-free))]))
+        return np.sort(np.concatenate([fixed, length * expit(free)]))
 
     def lost(free: Array) -> float:
         value = search.value(places(free))
@@ -220,7 +221,7 @@ def _climb(search: Margins, fixed: Array, margin: float, x: Array) -> tuple[Arra
 
     found = minimize(
         lost,
-        np.log(own / (length - own)),
+        logit(np.clip(own / length, SAME_PLACE, 1.0 - SAME_PLACE)),
         method="Nelder-Mead",
         callback=enough,
         options={"maxfev": 60 * own.size, "xatol": 1e-3, "fatol": 1e-3},

@@ -122,6 +122,7 @@ def measure(
     blocks: Sequence[Sequence[str]],
     *,
     timestep: float,
+    integrator: str = "implicitfast",
     ballast: Array | None = None,
     live: Sequence[int] = tuple(range(6)),
 ) -> Measured:
@@ -131,6 +132,7 @@ def measure(
         appendage: its drop-in element.
         blocks: ports that modes or mass couple stand together; ports of no block are held.
         timestep: of the bench [s].
+        integrator: of the bench, MuJoCo's name.
         ballast: `(4,)`, see `mjcf.write.bench_document`.
         live: motions in which the appendage has inertia (0 to 5).
 
@@ -138,7 +140,7 @@ def measure(
         EngineError: the modes of a block lie too far apart for double precision.
     """
     ports = [port for block in blocks for port in block]
-    document = write.bench_document(appendage, ports, timestep, ballast)
+    document = write.bench_document(appendage, ports, timestep, ballast, integrator)
     model = compile_model(write.document_text(document))
     linear = linearise(model, epsilon=STRAIGHT)
     extra = np.zeros((6, 6)) if ballast is None else np.diag([ballast[0]] * 3 + list(ballast[1:]))

@@ -171,6 +171,7 @@ def _fit(spec: Spec, data: ModalData | None = None) -> Fit:
         tree,
         case.blocks,
         timestep=(spec.scene or Scene()).step,
+        integrator=spec.integrator,
         ballast=root_body(chain),
         live=case.live,
     )

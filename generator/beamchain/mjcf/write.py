@@ -381,7 +381,11 @@ def attach_appendage(appendage_root: Element, host_root: Element, body: Element)
 
 
 def bench_document(
-    appendage_root: Element, ports: Iterable[str], timestep: float, ballast: Array | None = None
+    appendage_root: Element,
+    ports: Iterable[str],
+    timestep: float,
+    ballast: Array | None = None,
+    integrator: str = "implicitfast",
 ) -> Element:
     """The appendage with its root on slides and hinges, one motor each;
     motions of other ports are held.
@@ -390,7 +394,7 @@ def bench_document(
     chain leaves massless.
     """
     root = template("bench")
-    set_attributes(find(root, "option"), timestep=timestep)
+    set_attributes(find(root, "option"), timestep=timestep, integrator=integrator)
     body = find(root, "worldbody/body")
     kept: set[str] = set()
     for port in ports:

@@ -465,9 +465,10 @@ def with_si_prefix(value: float, unit: str) -> str:
 def _springs(stiffness: Mapping[str, float]) -> str:
     if len(stiffness) == 1:
         ((port, value),) = stiffness.items()
-        return with_si_prefix(value, "N/m" if port == "axial" else "N m/rad")
+        return with_si_prefix(value, "N/m" if port == "axial" else "N m/rad") if value else "free"
     return ", ".join(
-        f"{port} {with_si_prefix(value, '').strip()}" for port, value in stiffness.items()
+        f"{port} {with_si_prefix(value, '').strip() if value else 'free'}"
+        for port, value in stiffness.items()
     )
 
 
