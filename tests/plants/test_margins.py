@@ -10,6 +10,7 @@ import re
 import sys
 
 import control
+import mpmath
 import mujoco
 import numpy as np
 import pytest
@@ -251,7 +252,7 @@ def test_poles_are_followed_past_gains_without_a_closed_loop():
 
     poles = follow(closed, end, 0.0).poles
     np.testing.assert_allclose(poles[-1].value, -1.0, rtol=1e-6)  # at the smallest gain
-    gain, ending = crossing(closed, poles[::-1], lambda poles: poles.real + 0.5, 1e-9)
+    gain, ending = crossing(closed, poles[::-1], lambda poles: (poles.real + 0.5) / 1e-9 - 1.0)
     np.testing.assert_allclose(gain, 0.5, atol=1e-6)
     assert not np.isfinite(ending)
 
@@ -564,6 +565,78 @@ def test_mujoco_rings_at_the_gain_margin_of_a_slow_controller(embedded, stepped)
         change = growth(sampled_run(model, factor * loop.gain * SAMPLED, 400.0))
         sys.stdout.write(f"{factor:g} of the gain margin: amplitude times {change:.4g}\n")
         assert (change > 1.0) == (factor > 1.0)
+
+
+# -- slow growth -----------------------------------------------------------------------------------
+SERVOED = """<mujoco><option gravity="0 0 0"/><worldbody><body name="bus"><freejoint/>
+<inertial pos="0 0 0" mass="140" diaginertia="60 45 80"/>
+<body name="yoke"><joint name="drive" axis="1 0 0"/>
+<inertial pos="0 0 0" mass="2" diaginertia="0.02 0.02 0.02"/></body></body></worldbody>
+<actuator><position joint="drive" kp="4000" kv="{kv}"/></actuator></mujoco>"""
+
+
+def servoed(kv, kp, kd, ki):
+    """Growth [1/s] of bus and drive, from the roots in 30 digits of
+    det [[J s^2 + kd s + kp + ki/s, J_y s^2], [J_y s^2, J_y s^2 + kv s + 4000]]."""
+    j, yoke = 60.02, 0.02
+    law = [kd, kp, ki] if ki else [kd, kp]  # with an integral, times s
+    whole = np.polymul([j, *law], [yoke, kv, 4000.0])
+    whole[0] -= yoke**2
+    with mpmath.workdps(30):
+        roots = mpmath.polyroots([mpmath.mpf(one) for one in whole], maxsteps=500, extraprec=300)
+        return float(max(root.real for root in roots))
+
+
+@pytest.mark.parametrize("kv", [50.0, 1e4])
+@pytest.mark.parametrize(
+    "gains",
+    [(60.0, 300.0, -0.06), (-2e-5, 0.05, 0.0), (0.06, 5.0, 6e-5), (2e-5, 0.05, 0.0)],
+)
+def test_slow_growth_beside_a_fast_servo_is_unstable(kv, gains):
+    """The servo's fastest pole, some kv/0.02, is 1e6 to 1e9 times as fast as what grows."""
+    kp, kd, ki = gains
+    plant = bc.plant(
+        mujoco.MjModel.from_xml_string(SERVOED.format(kv=kv)),
+        ["torque:bus"],
+        ["attitude", "rate"],
+    )
+    found = bc.margins(
+        plant,
+        {
+            ("torque_x", "attitude_x"): control.tf([kp, ki], [1.0, 0.0]) if ki else kp,
+            ("torque_x", "rate_x"): kd,
+        },
+    )
+    expected = servoed(kv, kp, kd, ki)
+    assert found.stable == (expected < 0.0)
+    if not found.stable:
+        grown = max(one.pole.real for one in found.instabilities)
+        np.testing.assert_allclose(grown, expected, rtol=1e-5)
+
+
+@pytest.mark.parametrize("step", [0.0, 0.01, 1.0])
+@pytest.mark.parametrize("integral", [-1e-14, 1e-14])
+def test_slow_loops_beside_a_fast_mode_are_judged_by_their_integral(integral, step):
+    """kd s^2 + kp s + ki on two bodies with a mode of 2,000 rad/s, one of them under no loop. At
+    1e-4 rad/s the mode follows the body, and the characteristic polynomial begins with ki: below
+    zero it has a root that grows (of z: it is below zero at z = 1)."""
+    w, ratio, coupling = 2000.0, 0.005, 0.3
+    mass = np.array([[1.0, 0.0, coupling], [0.0, 1.0, 0.0], [coupling, 0.0, 1.0]])
+    inverse = np.linalg.inv(mass)
+    a = np.zeros((6, 6))
+    a[:3, 3:] = np.eye(3)
+    a[3:, 2], a[3:, 5] = -(w**2) * inverse[:, 2], -2.0 * ratio * w * inverse[:, 2]
+    b = np.vstack([np.zeros((3, 2)), inverse[:, :2]])
+    c = np.kron(np.eye(2), np.eye(3))[[0, 1, 3, 4]]
+    plant = control.ss(a, b, c, 0.0)
+    integrator = control.tf([integral * step], [1.0, -1.0], step)
+    if not step:
+        integrator = control.tf([integral], [1.0, 0.0])
+    slow = 1e-4
+    controller = {("u[0]", "y[0]"): slow**2 + integrator, ("u[0]", "y[2]"): 1.4 * slow}
+    found = bc.margins(plant, controller)
+    assert found.stable == (integral > 0.0)
+    assert any(abs(pole) < 0.1 * slow for pole in found.poles)
 
 
 # -- why it is unstable ----------------------------------------------------------------------------

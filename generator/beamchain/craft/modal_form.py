@@ -139,9 +139,11 @@ class ModalForm:
             return self
         parts = slice(0, chain, 2), slice(1, chain, 2)
         w = self.weight[parts[1]]
-        driven, pick = _range(np.hstack([self.b[part] for part in parts]) / w[:, None], self.limit)
+        driven, pick = column_range(
+            np.hstack([self.b[part] for part in parts]) / w[:, None], self.limit
+        )
         driven = driven * w[:, None] / w[pick]  # all directions by those that are kept
-        seen, among = _range(
+        seen, among = column_range(
             np.vstack([_level(self.c[:, part] @ driven * w[pick]) for part in parts]).T, self.limit
         )
         # Z = C driven diag(w) = Z[:, among] seen^T, so that x' = diag(w[among]) seen^T diag(1/w) x
@@ -161,7 +163,7 @@ def _level(rows: Array) -> Array:
     return rows / np.maximum(np.abs(rows).max(axis=1, keepdims=True, initial=0.0), 1e-300)
 
 
-def _range(matrix: Array, limit: float) -> tuple[Array, list[int]]:
+def column_range(matrix: Array, limit: float) -> tuple[Array, list[int]]:
     """`(n, k)` basis of the columns of `(n, m)` which is the identity in k rows, and those rows."""
     u, s, _ = np.linalg.svd(matrix, full_matrices=False)
     u = u[:, s > limit * s.max(initial=0.0)]
@@ -376,7 +378,7 @@ def _standing_still(still: Array, group: list[int], coordinates: _Coordinates) -
     """A block for each direction `(n, k)` in which a group does not move of itself."""
     if not still.size:
         return []
-    basis, rows = _range(still, 0.0)
+    basis, rows = column_range(still, 0.0)
     blocks: list[Block] = []
     for column, row in enumerate(rows):
         i = group[row]

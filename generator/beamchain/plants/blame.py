@@ -57,18 +57,18 @@ def instabilities(closed: ClosedLoop, tell: Progress = no_progress) -> tuple[Ins
         pole = pole_of(partial(closed.closed, loops=every), 1.0, value, right)
         if owner is None:
             whole = _from_open(closed, every, pole, start)
-            gain, at = crossing(whole.closed, whole.poles, closed.growth, closed.rounding)
+            gain, at = crossing(whole.closed, whole.poles, closed.growth)
             blames = [_Blame(closed, i, pole, start) for i in range(len(closed.inputs))]
             alone = {blame.input: blame.alone() for blame in blames}
             without = tuple(blame.input for blame in blames if blame.ends_without())
         else:
             whole = owner.way
-            factor, at = crossing(whole.closed, whole.poles, closed.growth, closed.rounding)
+            factor, at = crossing(whole.closed, whole.poles, closed.growth)
             alone = {owner.input: factor}
             gain = factor
             if not owner.is_same:
                 both = _from_open(closed, every, pole, start)
-                gain, at = crossing(both.closed, both.poles, closed.growth, closed.rounding)
+                gain, at = crossing(both.closed, both.poles, closed.growth)
             without = (owner.input,) if owner.ends_without else ()
         origin = whole.origin(start)
         out.append(
@@ -237,7 +237,7 @@ class _Blame:
         if not self._grows(pole):
             return None
         way = _from_open(closed, self._only, pole._replace(gain=1.0), self._start)
-        return crossing(way.closed, way.poles, closed.growth, closed.rounding)[0]
+        return crossing(way.closed, way.poles, closed.growth)[0]
 
     def ends_without(self) -> bool:
         """Whether the pole no longer grows with this loop open."""

@@ -15,13 +15,14 @@ from beamchain.plants.controllers import ORDER, Controller
 from beamchain.plants.feedback import Feedback, Given, Signals, feedback
 from beamchain.plants.sampling import sampled
 from beamchain.plants.systems import (
-    GROWS,
+    ROUNDED,
     Complex,
     System,
     growth,
     linking,
     response,
     size_at_rest,
+    touched,
     with_states,
 )
 from beamchain.ports.motions import Array
@@ -116,18 +117,14 @@ class ClosedLoop:
 
     @cached_property
     def rest(self) -> float:
-        """Size of a pole below which it is at rest [rad/s]."""
+        """Size of an open pole below which it is at rest [rad/s]; no pole of the closed loop is."""
         poles = self.to_s(np.linalg.eigvals(self.plant[0]).astype(np.complex128))
-        return size_at_rest(poles, self.top)
+        return size_at_rest(poles, self.to_s(self.eigenvalues), self.top)
 
     def growth(self, poles: Complex) -> Array:
-        """`(k,)` growth [1/s] of poles s, or z; above zero: unstable. Those at rest do not grow."""
+        """`(k,)` growth of poles s, or z, beside rounding, less one: above zero they are unstable,
+        at -1 on the axis. Those at rest do not grow."""
         return growth(self.to_s(poles), self.rest, self.top)
-
-    @property
-    def rounding(self) -> float:
-        """Growth of a pole on the axis that may be rounding [1/s]."""
-        return GROWS * self.top
 
     @cached_property
     def limit(self) -> Array | None:
@@ -176,7 +173,7 @@ class ClosedLoop:
         poles = np.concatenate([self.to_s(self.eigenvalues), self.open_poles])
         limit = np.pi / self.step if self.step else np.inf
         size = np.abs(poles)
-        seen = (size > self.rest) & (size < 1e3 * limit)
+        seen = (size > max(self.rest, ROUNDED * self.top)) & (size < 1e3 * limit)
         poles = poles[seen & (poles.imag >= 0.0)]
         if not poles.size:
             poles = np.ones(1, dtype=np.complex128)
@@ -219,7 +216,10 @@ def closed_around(
     step = plant_step if fed.step is None else fed.step
     system = a, b[:, fed.columns], c[fed.rows], d[np.ix_(fed.rows, fed.columns)]
     keep = linking(system)
-    system = sampled(with_states(system, keep), plant_step, step)
+    # motion at rest that no loop touches stays at rest, and is no part of what is closed
+    system, among = touched(with_states(system, keep), 1.0 if plant_step else 0.0)
+    keep = [keep[i] for i in among]
+    system = sampled(system, plant_step, step)
     loops = fed.realise(ORDER)
     _check_algebraic(system, loops)
     return ClosedLoop(

@@ -97,7 +97,7 @@ def open_pole(closed: Closed, pole: Pole, start: Eigen) -> int:
 
 
 def crossing(
-    closed: Closed, poles: Sequence[Pole], growth: Callable[[Complex], Array], rounding: float
+    closed: Closed, poles: Sequence[Pole], growth: Callable[[Complex], Array]
 ) -> tuple[float, complex]:
     """The gain from which on a pole grows until the end, and the pole there, infinite where it
     comes back from infinity; the gain is 0 if it grows from the smallest gain on.
@@ -105,14 +105,13 @@ def crossing(
     Args:
         closed: the matrix at a gain.
         poles: one that grows at the end, from gain 0 upwards.
-        growth: says of poles how fast they grow; not above zero: they do not.
-        rounding: growth of a pole on the axis, with the minus.
+        growth: says of poles how fast they grow beside rounding, less one: -1 on the axis.
     """
     rates = growth(np.array([pole.value for pole in poles]))
-    resting = np.flatnonzero(rates <= -rounding)
+    resting = np.flatnonzero(rates <= -1.0)
     last = int(resting[-1]) if resting.size else 0
     # that which begins on the axis, as rigid motion does, does not cross it there
-    if np.all(rates[: last + 1] > -2.0 * rounding):
+    if np.all(rates[: last + 1] > -2.0):
         return 0.0, poles[0].value
     low, high = poles[last], poles[last + 1]
     for _ in range(HALVINGS):
@@ -121,7 +120,7 @@ def crossing(
         if found is None and _eigen(closed, middle) is None:
             return middle, complex("inf")
         found = found or _assigned(closed, high, middle)[0]
-        if growth(np.array([found.value]))[0] > -rounding:
+        if growth(np.array([found.value]))[0] > -1.0:
             high = found
         else:
             low = found

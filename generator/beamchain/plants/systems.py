@@ -4,8 +4,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag, schur, solve_sylvester
+from scipy.linalg import block_diag, matrix_balance, schur, solve_sylvester
 
+from beamchain.craft.modal_form import column_range
 from beamchain.ports.motions import Array
 
 System = tuple[Array, Array, Array, Array]
@@ -13,10 +14,12 @@ Complex = NDArray[np.complex128]
 UNSEEN = 1e-11  # relative, below which a state takes no part
 LINKED = 1e-14  # of the largest in its row, below which an element of A is rounding
 CHUNK = 100  # frequencies that are solved together
-GROWS = 1e-9  # growth of a pole relative to the fastest one, below which it is rounding
-# size of a pole relative to the plant's fastest one, below which it is at zero: what rounding,
-# 1e-16, makes of a double integrator
+GROWS = 1e-9  # negative damping ratio of a pole that is rounding
+ROUNDED = 1e-12  # size of a pole relative to the fastest one, below which it is rounding
+# size of an open pole relative to the plant's fastest one, below which it may be at zero: what
+# rounding, 1e-16, makes of a double integrator
 AT_REST = 1e-7
+SLOWER = 0.01  # than the slowest pole of a closed loop: an open pole that it takes for one at zero
 
 
 def close_feedback(system: System, gain: Array) -> System:
@@ -85,16 +88,71 @@ def with_states(system: System, keep: list[int]) -> System:
     return a[np.ix_(keep, keep)], b[keep], c[:, keep], d
 
 
-def size_at_rest(plant_poles: Complex, top: float) -> float:
-    """Size of a pole s below which it is at rest [rad/s], beside a plant and a closed loop whose
-    fastest pole has the size `top`."""
-    return AT_REST * min(float(np.abs(plant_poles).max(initial=0.0)), top)
+def touched(system: System, rest: float = 0.0) -> tuple[System, list[int]]:
+    """A system without the motions at rest that its inputs do not drive, or its outputs do not
+    see, however small the others are; and which of its states are left.
+
+    `rest`: what poles at rest are, 0 of s and 1 of z.
+    """
+    a, b, c, d = system
+    keep = list(range(a.shape[0]))
+    a, b, c, keep = _without_unseen(a, b, c, keep, rest)
+    # what is not driven is not seen by the transposed system
+    a, c, b, keep = _without_unseen(a.T, c.T, b.T, keep, rest)
+    return (a.T, b.T, c.T, d), keep
+
+
+def _without_unseen(
+    a: Array, b: Array, c: Array, keep: list[int], rest: float
+) -> tuple[Array, Array, Array, list[int]]:
+    """A, B and C without the motions at rest that C does not see, in coordinates of which each is
+    one that was there; from displacements on to the rates that lead to them."""
+    while keep:
+        still = standing_still(a - rest * np.eye(len(keep)), c)
+        if not still.size:
+            break
+        # x = y + V x_p with A V = rest V, C V = 0 and V_p = 1: y' = (A - V A_p) y + (B - V B_p) u
+        still, pivots = column_range(still, 0.0)
+        still = np.where(np.abs(still) > LINKED, still, 0.0)
+        others = np.setdiff1d(np.arange(len(keep)), pivots)
+        a = (a - still @ a[pivots])[np.ix_(others, others)]
+        b = (b - still @ b[pivots])[others]
+        c = c[:, others]
+        keep = [keep[i] for i in others]
+    return a, b, c, keep
+
+
+def standing_still(a: Array, c: Array) -> Array:
+    """`(n, k)` directions in which nothing moves of itself and C sees nothing, beside what each row
+    of A and C sees elsewhere, states scaled so that they compare; never more than there are poles
+    at zero."""
+    size = np.abs(np.linalg.eigvals(a))
+    count = int(np.sum(size <= AT_REST * size.max(initial=0.0)))
+    _, (scale, _) = matrix_balance(a, permute=False, separate=True)
+    rows = np.vstack([a, c]) * scale
+    rows = rows / np.maximum(np.abs(rows).max(axis=1, keepdims=True, initial=0.0), 1e-300)
+    _, sizes, directions = np.linalg.svd(rows)
+    count = min(count, int(np.sum(sizes <= UNSEEN * max(1.0, float(sizes.max(initial=0.0))))))
+    return np.asarray(scale[:, None] * directions[size.size - count :].T, dtype=np.float64)
+
+
+def size_at_rest(plant_poles: Complex, poles: Complex, top: float) -> float:
+    """Size of an open pole s below which it is at rest [rad/s], for a closed loop with `poles`,
+    whose fastest has the size `top`, around a plant that it touches in all that is at rest."""
+    size = np.abs(poles)
+    slowest = float(size[size > ROUNDED * top].min(initial=top))
+    return min(AT_REST * min(float(np.abs(plant_poles).max(initial=0.0)), top), SLOWER * slowest)
 
 
 def growth(poles: Complex, rest: float, top: float) -> Array:
-    """`(k,)` growth [1/s] of poles s; above zero: unstable. Those at rest do not grow, and what
-    rounding makes of poles on the axis does not count."""
-    return np.where(np.abs(poles) < rest, 0.0, poles.real) - GROWS * top
+    """`(k,)` growth of poles s beside what rounding makes of poles on the axis, less one: above
+    zero they are unstable, at -1 they are on the axis. Those at rest do not grow.
+
+    `top`: size of the fastest pole [rad/s].
+    """
+    size = np.abs(poles)
+    rounding = GROWS * size + max(ROUNDED * top, 1e-300)
+    return np.where(size < rest, 0.0, poles.real) / rounding - 1.0
 
 
 def parted(system: System, apart: Callable[[complex], bool]) -> tuple[System, System]:

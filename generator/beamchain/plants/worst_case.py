@@ -23,7 +23,8 @@ from beamchain.plants.systems import (
     parted,
     picked,
     response,
-    size_at_rest,
+    standing_still,
+    touched,
     with_deltas,
 )
 from beamchain.ports.motions import Array
@@ -124,13 +125,14 @@ class Loops:
         self.system = picked(whole, self.seen, self.driven)
         self.offset = offset
         self.system[3][-1, -1] += offset
-        self._plant_poles = np.linalg.eigvals(system[0]).astype(np.complex128)
-        self.poles = self._resonances(np.zeros(max(blocks, default=-1) + 1)).poles
+        nominal = np.zeros(max(blocks, default=-1) + 1)
+        self.poles = self._resonances(nominal).poles
         top = float(np.abs(self.poles).max(initial=1e-300))
-        held = np.abs(self.poles) >= size_at_rest(self._plant_poles, top)
-        if not undamped:
-            held &= self.poles.real <= -GROWS * top
-        if not held.all() or self._growing(self.poles).size:
+        # beside rounding, from the axis to the left
+        damped = -1.0 - growth(self.poles, 0.0, top)
+        a, _, c, _ = self._from_end_to_end(nominal)
+        drifts = standing_still(a, c[:0]).size
+        if drifts or damped.min(initial=np.inf) < (-1.0 if undamped else 1.0):
             raise InputError(
                 "the closed loop of the nominal plant is not stable, so that nothing can be "
                 f"worse; close loops that hold all that {ends[1]!r} shows, stably (bc.plant's "
@@ -179,42 +181,35 @@ class Loops:
 
     def _resonances(self, deltas: Array) -> Resonances:
         """The gain of a sample `(blocks,)` from d to e, dead times by Pade."""
-        a, b, c, d = with_deltas(self.system, deltas[self.blocks])
-        a, b, c, d = self._taking_part((a, b[:, -1:], c[-1:], d[-1:, -1:]))
+        a, b, c, d = self._from_end_to_end(deltas)
         poles, vectors = (np.asarray(part, dtype=np.complex128) for part in np.linalg.eig(a))
         weights = (c[0] @ vectors) * np.linalg.solve(vectors, b[:, 0].astype(np.complex128))
         return Resonances(poles, weights, float(d[0, 0]))
 
-    def _taking_part(self, system: System) -> System:
-        """A system from d to e without its poles at rest, and without those on the axis, where
-        what they add to it is rounding."""
+    def _from_end_to_end(self, deltas: Array) -> System:
+        """A sample from d to e without motion at rest that takes no part in it, and without its
+        poles on the axis, where what they add to it is rounding."""
+        a, b, c, d = with_deltas(self.system, deltas[self.blocks])
+        system, _ = touched((a, b[:, -1:], c[-1:], d[-1:, -1:]))
         poles = np.linalg.eigvals(system[0]).astype(np.complex128)
         top = float(np.abs(poles).max(initial=1e-300))
-        rest = size_at_rest(self._plant_poles, top)
-
-        def at_rest(pole: complex) -> bool:
-            return abs(pole) < rest
 
         def on_axis(pole: complex) -> bool:
             return abs(pole.real) <= GROWS * top
 
-        for apart in (at_rest, on_axis):
-            there = np.array([apart(complex(pole)) for pole in poles], dtype=np.bool_)
-            if not there.any() or there.all():
-                continue
-            kept, idle = parted(system, apart)
-            # on the real axis, where no pole of a stable loop is near
-            s = np.geomspace(np.abs(poles[~there]).min(), top, 30).astype(np.complex128)
-            share = np.abs(response(idle, s)).max() / np.abs(response(system, s)).max()
-            if share < IDLE:
-                system = kept
-                poles = poles[~there]
-        return system
+        there = np.array([on_axis(complex(pole)) for pole in poles], dtype=np.bool_)
+        if not there.any() or there.all():
+            return system
+        kept, idle = parted(system, on_axis)
+        # on the real axis, where no pole of a stable loop is near
+        s = np.geomspace(np.abs(poles[~there]).min(), top, 30).astype(np.complex128)
+        share = np.abs(response(idle, s)).max() / np.abs(response(system, s)).max()
+        return kept if share < IDLE else system
 
     def _growing(self, poles: Complex) -> Complex:
         """The unstable ones of a sample's poles."""
         top = float(np.abs(poles).max(initial=1e-300))
-        return poles[growth(poles, size_at_rest(self._plant_poles, top), top) > 0.0]
+        return poles[growth(poles, 0.0, top) > 0.0]
 
     def peak(self, deltas: Array) -> Peak:
         """The largest gain of a sample over all frequencies, resonances resolved."""
