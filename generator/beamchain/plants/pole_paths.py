@@ -13,7 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import lu_factor, lu_solve
+from scipy.linalg import lu_solve
+from scipy.linalg.lapack import zgetrf
 from scipy.optimize import linear_sum_assignment
 
 from beamchain.plants.systems import Complex
@@ -189,8 +190,11 @@ def _left(matrix: Array, value: complex, right: Complex) -> Complex:
 
 def _factors(matrix: Array, value: complex) -> tuple[Complex, NDArray[np.int32]]:
     """Of a matrix less a pole, which is kept just beside it."""
-    beside = value + ROUNDED * max(float(np.linalg.norm(matrix)), 1e-300)
-    lu, pivots = lu_factor(matrix - beside * np.eye(matrix.shape[0]), check_finite=False)
+    noise = ROUNDED * max(float(np.linalg.norm(matrix)), 1e-300)
+    lu, pivots, _ = zgetrf(matrix - (value + noise) * np.eye(matrix.shape[0]))
+    # beside a pole that is off by as much the matrix is singular: its pivot is rounding, not zero
+    diagonal = np.einsum("ii->i", lu)
+    diagonal[diagonal == 0.0] = noise
     return np.asarray(lu, dtype=np.complex128), np.asarray(pivots, dtype=np.int32)
 
 
