@@ -3,11 +3,13 @@ energy by hand, the impact by its formula; what a hinge was before, and what is 
 
 ACROSS: momentum before and after a latch, of its scale: rounding. DEPLOYED: over the whole
 deployment, and GROWS: of the energy in a step, what RK4 leaves at 0.5 ms. HERE: a hinge at its
-angle [rad]. IMPACT: the loss against its formula, relative.
+angle [rad]. STABLE: of |z| - 1, rounding of differences of `mj_step`. IMPACT: the loss
+against its formula, relative.
 """
 
 import copy
 import pickle
+import re
 
 import mujoco
 import numpy as np
@@ -15,12 +17,14 @@ import pytest
 
 import beamchain as bc
 from mechanics import after_a_step, kinetic_energy, momentum, total_energy
+from stepped import stepped, time_error
 
 LATCHED = {"stiffness": 400.0, "damping": 2.0}
 ACROSS = 1e-12
 DEPLOYED = 1e-7
 GROWS = 1e-9
 HERE = 1e-12
+STABLE = 1e-6
 IMPACT = 1e-9
 FIELDS = (
     "jnt_stiffness",
@@ -173,6 +177,80 @@ def test_what_latch_returns_is_a_number_that_travels():
         assert vars(same) == vars(done)
     assert (done.joint, done.angle, done.stiffness, done.time) == ("hinge2", -3.0, 400.0, 0.0)
     assert done + 1.0 == pytest.approx(1.0 + 0.4 * (-3.0 - np.pi / 3.0) ** 2, rel=1e-12)
+
+
+# -- a latched hinge and the step ------------------------------------------------------------------
+def boom_on_hinge(**held):
+    """A boom on a hinge that stands at its angle and turns, latched there."""
+    text = """<mujoco><option timestep="0.001" gravity="0 0 0" integrator="RK4"/><worldbody>
+<body name="bus"><freejoint/><inertial pos="0 0 0" mass="60" diaginertia="9 14 11"/>
+<body name="root" pos="0.6 0 0"><joint name="hinge" axis="0 1 0" stiffness="0.8" damping="0.02"/>
+<inertial pos="0 0 0" mass="0.4" diaginertia="0.01 0.02 0.01"/><site name="mount"/></body></body>
+</worldbody></mujoco>"""
+    section = bc.Equivalent(bending_stiffness_xy=4e4, bending_stiffness_xz=150.0, linear_mass=2.5)
+    part = bc.Segment(length=3.0, section=section)
+    boom = bc.Spec(segment=(part,), damping=bc.Damping(ratio=0.004), modes=bc.Modes(xy=1, xz=2))
+    model = bc.embed(text, {"mount": boom}, retime=False).model
+    data = mujoco.MjData(model)
+    data.qvel[model.joint("hinge").dofadr[0]] = 0.3
+    mujoco.mj_forward(model, data)
+    return model, bc.latch(model, data, "hinge", **held)
+
+
+def growth(model):
+    return np.max(np.abs(np.linalg.eigvals(stepped(model)[0]))) - 1.0
+
+
+def test_retime_takes_back_what_it_gives_a_latched_hinge_and_says_what_that_brings():
+    model, _ = boom_on_hinge(stiffness=400.0, damping=3.0)
+    latched = copy.copy(model)
+    dof = model.joint("hinge").dofadr[0]
+    for step in (0.2, 0.01, 0.02):
+        done = bc.retime(model, step, "Euler")
+        model.opt.timestep, model.opt.integrator = step, mujoco.mjtIntegrator.mjINT_EULER
+        assert growth(model) < STABLE
+        more = model.dof_armature[dof] - latched.dof_armature[dof]
+        assert 0.0 < more <= step**2 * 400.0 / 4.0  # h^2 k/4 suffices on any neighbour
+        (said,) = (note for note in done.slowed if "latched hinge 'hinge'" in note)
+        brought = float(re.search(r"brings ([\d.e-]+) w\^2 J", said)[1])
+        assert brought == pytest.approx(more / 2.0, rel=1e-2)
+    error, frequency = time_error(model, latched, 1.001 * done.time_error.frequency)
+    assert done.time_error.error == pytest.approx(error, rel=1e-3)
+    assert done.time_error.frequency == pytest.approx(frequency, rel=1e-3)
+
+    bc.retime(model, 0.001, "RK4")  # the step that it was latched at
+    assert model.dof_armature[dof] == latched.dof_armature[dof]
+    bc.retime(model, 0.1, "Euler")
+    free = copy.copy(model)
+    bc.unlatch(free, mujoco.MjData(free), "hinge")
+    bc.retime(model, 0.0)
+    bc.unlatch(latched, mujoco.MjData(latched), "hinge")
+    for name in FIELDS:
+        assert np.array_equal(getattr(free, name), getattr(latched, name)), name
+    bc.unlatch(model, mujoco.MjData(model), "hinge")
+    for name in FIELDS:
+        assert np.array_equal(getattr(model, name), getattr(latched, name)), name
+
+
+@pytest.mark.parametrize("stiffness", [1e6, 4e6])
+def test_an_armature_with_which_the_step_is_unstable_is_warned_of(stiffness):
+    model, done = boom_on_hinge(stiffness=stiffness, armature=0.0)
+    assert growth(model) > 1e-3
+    (said,) = done.warnings
+    assert said.code == "unstable-step"
+    needed = float(re.search(r"give armature=([\d.e+-]+),", said)[1])
+    model, done = boom_on_hinge(stiffness=stiffness, armature=needed)
+    assert growth(model) < STABLE
+    assert done.warnings == ()
+    model, done = boom_on_hinge(stiffness=stiffness)
+    assert growth(model) < STABLE
+    assert done.warnings == ()
+
+
+def test_a_step_that_bears_the_latched_hinge_is_not_warned_of():
+    model, done = boom_on_hinge(stiffness=400.0, armature=0.0)
+    assert growth(model) < STABLE
+    assert done.warnings == ()
 
 
 # -- the angle, if none is given -------------------------------------------------------------------

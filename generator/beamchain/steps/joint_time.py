@@ -9,7 +9,8 @@ step error is then of fourth order, as that of a tendon is. Where the step would
 joints that turn by more than `sqrt(2)` per step get `k h^2/4` instead, which is stable whatever
 they join. RK4 needs none for its error; where its step would be unstable, such joints get
 `k h^2/8 + h d/2`. What was before stands in `solimpfriction`, which MuJoCo reads for joints with
-friction only. What is damped at the end of the step leaves `zeta x^2/6`.
+friction only; a last number of 1 marks what latched hinges get more. What is damped at the end of
+the step leaves `zeta x^2/6`.
 
 Theory: docs/theory.md, section 9.
 """
@@ -23,7 +24,7 @@ from beamchain.engine.operating_point import poses, quiet_copy, rest_point
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
 from beamchain.steps.integrators import SCHEMES, stable_armature
-from beamchain.steps.latch import ARMATURE, is_latched
+from beamchain.steps.latch import ARMATURE, RAISED, is_latched, is_raised
 from beamchain.steps.modal import HINGE_OR_SLIDE, TREE, UNMARKED, MadeFor, Modal, made_for
 
 FAST = 2.0  # h^2 k (RK4: and h d) over the inertia that a joint feels, above which it is slowed
@@ -86,7 +87,8 @@ def write_joints(model: "mujoco.MjModel", added: Array, mark: MadeFor) -> None:
             )
         number = float(INTEGRATORS[mark.integrator])
         before = float(model.dof_armature[dof])
-        model.dof_solimp[dof] = (mark.timestep, number, TREE, before, 0.0)
+        raised = RAISED * is_latched(model, int(model.dof_jntid[dof]))
+        model.dof_solimp[dof] = (mark.timestep, number, TREE, before, raised)
         model.dof_armature[dof] += added[dof]
 
 
@@ -99,7 +101,8 @@ def take_out_joints(model: "mujoco.MjModel") -> None:
     """The joints as they were before they got timing."""
     for dof in timed_joints(model):
         joint = int(model.dof_jntid[dof])
-        if is_latched(model, joint):  # since then: what it gets back when it is unlatched
+        if is_latched(model, joint) and not is_raised(model, dof):
+            # since then: what it gets back when it is unlatched
             model.jnt_solimp[joint, ARMATURE] = model.dof_solimp[dof, 3]
         else:
             model.dof_armature[dof] = model.dof_solimp[dof, 3]

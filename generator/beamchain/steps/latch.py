@@ -7,11 +7,15 @@ MuJoCo reads only where there are any; a latched hinge has none:
     jnt_solimp = -1 or -2, stiffness, springref, damping, armature    (-2: it has stops)
     dof_solref = frictionloss, 1
 
+Where `retime` gives a latched hinge more armature, `dof_solimp` is the mark of a joint with timing
+(`steps/joint_time.py`) whose last number is 1.
+
 Copies, binary files and worlds therefore keep it.
 
 Theory: docs/theory.md, section 9.
 """
 
+from copy import copy
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -24,7 +28,8 @@ from beamchain.engine.linearise import NUMBERS, mass_matrix
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
 from beamchain.steps.integrators import stable_armature
-from beamchain.steps.modal import modal_tendons
+from beamchain.steps.modal import made_for, modal_tendons
+from beamchain.steps.step_map import grows
 
 #: All that `latch` and `unlatch` change in a model.
 LATCH_FIELDS = (
@@ -35,9 +40,11 @@ LATCH_FIELDS = (
     "dof_armature",
     "dof_frictionloss",
     "dof_solref",
+    "dof_solimp",
     "jnt_solimp",
 )
 ARMATURE = 4  # place of the armature in the record of a latched hinge
+RAISED = 1.0  # last number of the mark of a latched hinge with more armature for another step
 PHASE = 0.2  # rad per step of the latched hinge, where no stiffness is given
 NEAR = 1e-6  # rad: a hinge at rest so near to its angle is there
 LONGEST = 1.125  # of a step: what ends just before the angle goes on to it
@@ -62,7 +69,8 @@ class Latched(float):
         angle: at which the hinge is held [rad].
         stiffness: of the latched hinge [N m/rad].
         impact: part of the energy that the impact took [J].
-        warnings: where the loss is no property of the structure.
+        warnings: where the loss is no property of the structure, or the step is unstable with the
+            latched hinge.
 
     Example:
         >>> import beamchain as bc, mujoco
@@ -212,11 +220,14 @@ def latch(
         model.dof_armature[hinge.dof] = inertia
     if spring is None:
         spring = _default_stiffness(model, data, hinge.dof)
-    if inertia is None and is_flexible:
-        model.dof_armature[hinge.dof] += _armature_of_spring(model, spring, hinge.dof)
     model.jnt_stiffness[hinge.joint] = spring
     model.qpos_spring[hinge.position] = target
+    integrator, step = NUMBERS[int(model.opt.integrator)], float(model.opt.timestep)
+    stable = _stable_armature(model, hinge.joint, integrator, step)
+    if inertia is None and is_flexible:
+        model.dof_armature[hinge.dof] = stable
     mujoco.mj_forward(model, data)
+    warnings += _unstable(model, data, hinge, stable)
     # an armature has no rows on the root: it brings energy, and no momentum
     added = 0.5 * (float(model.dof_armature[hinge.dof]) - before) * float(data.qvel[hinge.dof]) ** 2
     return Latched(
@@ -270,23 +281,48 @@ def unlatch(model: "mujoco.MjModel", data: "mujoco.MjData", joint: str) -> float
     return _spring_energy(model, data, hinge) - held + added
 
 
-def keep_latches_stable(model: "mujoco.MjModel") -> None:
-    """Raise the armature of hinges that are latched beside flexible bodies to what their springs
-    need at the step of the model; what they were before stays on record."""
+def latch_armature(model: "mujoco.MjModel", integrator: str, timestep: float) -> Array:
+    """`(nv,)` armature that hinges which are latched beside flexible bodies lack at a step."""
+    out = np.zeros(model.nv)
     for joint in range(model.njnt):
         if is_latched(model, joint) and _has_flexible_neighbour(model, joint):
             dof = int(model.jnt_dofadr[joint])
-            stiffness = float(model.jnt_stiffness[joint])
-            needed = _armature_of_spring(model, stiffness, dof)
-            least = float(model.jnt_solimp[joint, ARMATURE]) + needed
-            model.dof_armature[dof] = max(float(model.dof_armature[dof]), least)
+            needed = _stable_armature(model, joint, integrator, timestep)
+            out[dof] = max(needed - float(model.dof_armature[dof]), 0.0)
+    return out
 
 
-def _armature_of_spring(model: "mujoco.MjModel", stiffness: float, dof: int) -> float:
-    """With which the spring of a latched hinge is stable at the step of the model."""
-    integrator = NUMBERS[int(model.opt.integrator)]
-    step = float(model.opt.timestep)
-    return stable_armature(integrator, step, stiffness, float(model.dof_damping[dof]))
+def _stable_armature(
+    model: "mujoco.MjModel", joint: int, integrator: str, timestep: float
+) -> float:
+    """With which the spring of a latched hinge is stable at a step, whatever it joins."""
+    stiffness = float(model.jnt_stiffness[joint])
+    damping = float(model.dof_damping[int(model.jnt_dofadr[joint])])
+    before = float(model.jnt_solimp[joint, ARMATURE])
+    return before + stable_armature(integrator, timestep, stiffness, damping)
+
+
+@one_thread()
+def _unstable(
+    model: "mujoco.MjModel", data: "mujoco.MjData", hinge: Hinge, armature: float
+) -> list[str]:
+    """A warning where the step is unstable with a latched hinge, and is not with an armature."""
+    own = float(model.dof_armature[hinge.dof])
+    heavier = copy(model)
+    heavier.dof_armature[hinge.dof] = armature
+    if own >= armature or not grows(model, data.qpos) or grows(heavier, data.qpos):
+        return []
+    text = (
+        f"joint {hinge.name!r} was latched with an armature of {own:g} kg m^2, with which "
+        f"{NUMBERS[int(model.opt.integrator)]} at {float(model.opt.timestep):g} s is unstable; "
+        f"give armature={_round_up(armature):g}, or take a shorter step."
+    )
+    return [Caution("unstable-step", text)]
+
+
+def _round_up(value: float) -> float:
+    digit = 10.0 ** (np.floor(np.log10(value)) - 2.0)
+    return float(np.ceil(value / digit) * digit)
 
 
 def is_latched(model: "mujoco.MjModel", joint: int) -> bool:
@@ -299,6 +335,12 @@ def is_mark(impedance: Array) -> bool:
     return float(impedance[0]) in (WITHOUT_STOPS, WITH_STOPS)
 
 
+def is_raised(model: "mujoco.MjModel", dof: int) -> bool:
+    """Whether `retime` gave a latched hinge more armature."""
+    mark = model.dof_solimp[dof]
+    return made_for(mark) is not None and float(mark[4]) == RAISED
+
+
 def take_out(model: "mujoco.MjModel", joint: int) -> None:
     """The fields of a latched hinge as they were before."""
     dof = int(model.jnt_dofadr[joint])
@@ -309,6 +351,8 @@ def take_out(model: "mujoco.MjModel", joint: int) -> None:
     model.dof_damping[dof] = damping
     model.dof_armature[dof] = armature
     model.dof_frictionloss[dof] = model.dof_solref[dof, 0]
+    if is_raised(model, dof):
+        model.dof_solimp[dof] = UNMARKED[1]
     model.dof_solref[dof], model.jnt_solimp[joint] = UNMARKED
 
 

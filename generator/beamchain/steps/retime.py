@@ -32,7 +32,7 @@ from beamchain.ports.motions import Array
 from beamchain.steps.forms import ModeTime, TendonValues, appendage_poles, form2, form4
 from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.joint_time import joint_armature, take_out_joints, write_joints
-from beamchain.steps.latch import keep_latches_stable
+from beamchain.steps.latch import is_raised, latch_armature
 from beamchain.steps.modal import (
     FORMS,
     TREE,
@@ -54,6 +54,7 @@ ARRAYS = (
     "tendon_solimp_lim",
     "dof_armature",
     "dof_solimp",
+    "jnt_solimp",
 )
 
 
@@ -100,8 +101,24 @@ class Retimed:
 
     @property
     def slowed(self) -> list[str]:
-        """A warning where modes were slowed, with the coupled frequency from which on it is felt;
-        empty where none was."""
+        """A warning where modes were slowed, with the coupled frequency from which on it is felt,
+        and one for every latched hinge that was; empty where none was."""
+        if self.model is None:
+            return []
+        raised = [dof for dof in range(self.model.nv) if is_raised(self.model, dof)]
+        return [*self._slowed_modes(), *(self._slowed_latch(self.model, dof) for dof in raised)]
+
+    def _slowed_latch(self, model: "mujoco.MjModel", dof: int) -> str:
+        name = model.joint(int(model.dof_jntid[dof])).name
+        more = float(model.dof_armature[dof] - model.dof_solimp[dof, 3])
+        text = (
+            f"the latched hinge {name!r} has {more:.3g} kg m^2 more armature, with which its "
+            f"spring is stable for {self.integrator} at {self.timestep:g} s and slower; where it "
+            f"turns at w rad/s, that brings {more / 2.0:.3g} w^2 J. Take a shorter step to keep it."
+        )
+        return Caution("slowed-modes", text)
+
+    def _slowed_modes(self) -> list[str]:
         slow = [mode for mode in self.modes if mode.slowed]
         if not slow or self.model is None:
             return []
@@ -241,7 +258,8 @@ def retime(
         if with_joints and _grows(model, modal, plan, added, MadeFor(h, name, form), qpos):
             added = joint_armature(model, modal, name, h, slowed=True)
             plan = _plan(model, modal, form, name, h, added, qpos, band)
-        write_joints(model, added, MadeFor(h, name, TREE))
+        # tendons are stable without what latched hinges get: their springs take all of it
+        write_joints(model, added + latch_armature(model, name, h), MadeFor(h, name, TREE))
     except BaseException:
         for array, values in before.items():
             getattr(model, array)[:] = values
@@ -249,8 +267,6 @@ def retime(
     write_values(model, modal, plan, MadeFor(h, name, form))
     written = copy.copy(model)
     written.opt.timestep, written.opt.integrator = h, INTEGRATORS[name]
-    keep_latches_stable(written)
-    model.dof_armature[:] = written.dof_armature
     return Retimed(
         h,
         name,

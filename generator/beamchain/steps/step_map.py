@@ -148,6 +148,11 @@ def motion_for(
     return motion_at(out, qpos)
 
 
+def grows(model: "mujoco.MjModel", qpos: Array) -> bool:
+    """Whether the model's own step makes a motion about a pose grow."""
+    return motion_at(model, qpos).growth > 1.0 + GROWN
+
+
 def growing_poses(model: "mujoco.MjModel", places: Mapping[str, Array]) -> list[str]:
     """The poses in which the model's own step makes a motion grow, the worst first."""
     growth = {pose: motion_at(model, qpos).growth for pose, qpos in places.items()}
