@@ -216,7 +216,7 @@ def test_a_pole_that_a_drive_damps_is_named_and_euler_is_not_advised(damper):
     made = bc.embed(text, {"a": boom("boom", 0.01)}, retime=True)
     (said,) = [w for w in made.warnings if w.code == "time-error"]
     assert "damped by 'drive'" in said
-    assert said.startswith("timing cannot correct what joint 'drive' damps")
+    assert "Timing cannot correct what joint 'drive' damps" in said
     assert "Euler" not in said
     assert made.time_error.damped_by == "drive"
     (slowed,) = bc.retime(made.model, 0.1, "implicitfast").slowed
@@ -243,5 +243,5 @@ def test_a_step_that_does_not_represent_the_band_does_not_meet_it(tmp_path):
         assert (judged, asked) == (pytest.approx(2.6 / h, rel=1e-3), band)
         assert 0.999 * 2.6 / band <= longest <= 2.6 / band
     assert made.sampled_error < scene.tolerance
-    assert made.largest_step <= longest
+    assert made.cure.setting.timestep <= longest
     assert not JUDGED.search(bc.embed(bus(longest), {"a": stiff}).headline)

@@ -184,7 +184,9 @@ def _take_out(
 
 
 def _prove(result: "Embedded") -> "Assembly":
-    """Compare the whole with exact appendages; the result keeps what it computes."""
+    """Compare the whole with exact appendages, and where it misses what was asked for look for a
+    cure; the result keeps what it computes."""
+    _ = result.cure
     return result.assembly
 
 
@@ -192,7 +194,7 @@ def _is_good(result: "Embedded") -> bool:
     """Whether the whole keeps its tolerance or, without one, every appendage is as asked."""
     if result.met is not None:
         return result.met
-    return all(appendage.fit.status.ok for appendage in result.appendages)
+    return not result.ruined and all(a.fit.status.ok for a in result.appendages)
 
 
 def places(at: "Sequence[str]") -> dict[str, str]:
@@ -255,9 +257,9 @@ def _show(result: "Embedded") -> None:
 
     out = console()
     assembly = result.assembly
+    if result.cure_words:
+        out.print(result.cure_words, markup=False)
     out.print(result.headline, markup=False)
-    if result.largest_step is not None:
-        out.print(f"With timing the tolerance is kept up to a step of {result.largest_step:.3g} s.")
     out.print(result.composite.sentence, markup=False)
     for line in appendage_sentences(result):
         out.print(line, markup=False)

@@ -205,15 +205,13 @@ def _integration(model: "mujoco.MjModel", fastest: float, zeta: float) -> Iterat
             yield Caution(
                 "discrete-damping",
                 f"the integrator discrete adds a damping ratio of {added:.2g} to the fastest kept "
-                f"mode at timestep {step:g} s (the structure has {zeta:g}); take implicitfast, or "
-                f"a timestep below {_round_down(allowed * 2.0 / fastest):g} s.",
+                f"mode at timestep {step:g} s (the structure has {zeta:g}); below "
+                f"{_round_down(allowed * 2.0 / fastest):g} s it is less than half of that.",
             )
     has_tendon_damping = bool(model.ntendon) and bool(np.any(np.asarray(model.tendon_damping) > 0))
     is_explicit = not euler_damps_implicitly(model)
     if integrator == "Euler" and (has_tendon_damping or is_explicit) and zeta > 0.0:
-        yield Caution(
-            "tendon-damping", f"{TENDON_DAMPING}, which shifts it by about w h; take implicitfast."
-        )
+        yield Caution("tendon-damping", f"{TENDON_DAMPING}, which shifts it by about w h.")
 
 
 def _round_down(value: float) -> float:

@@ -1,6 +1,6 @@
 """A spacecraft with its appendages: the result of `embed`, and its error."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from pathlib import Path
@@ -14,14 +14,14 @@ from beamchain.checks import one_of, path_of, true_or_false
 from beamchain.craft.appendage import Appendage, carried, craft_elements
 from beamchain.craft.assembly import Assembly, assembly_at_rest, modes_at_pose
 from beamchain.craft.coupled_modes import Mode, slow_modes
-from beamchain.craft.documents import assemble
+from beamchain.craft.cures import changes_of, models_at
+from beamchain.craft.documents import assemble, compile_document
 from beamchain.craft.error import CraftError, Pose, counterpart, craft_error, craft_poses
 from beamchain.craft.promise import JointRequest, joint_request, kept_band
 from beamchain.craft.recovered_body import BeamBody
 from beamchain.craft.recovery import Recorder, Recovery, recover
 from beamchain.craft.sampled import craft_sampled_error
-from beamchain.craft.step_search import largest_step
-from beamchain.craft.timing import craft_time_error
+from beamchain.craft.timing import craft_time_error, is_worth_timing
 from beamchain.engine.bench import Composite, composite
 from beamchain.engine.library import mujoco, one_thread, rest
 from beamchain.engine.linear import linear_at
@@ -34,12 +34,13 @@ from beamchain.engine.operating_point import (
     quiet_copy,
     rest_point,
 )
-from beamchain.errors import InputError
+from beamchain.errors import BeamchainError, InputError
 from beamchain.files import check_name, write_files
 from beamchain.fitting.needs import AXES
 from beamchain.mjcf.craft import Craft
 from beamchain.ports.compare import keeps_tolerance, tolerance_statement
 from beamchain.ports.motions import Array, first_moment
+from beamchain.steps.cures import RUINED, UNCURED, Cure, Names, Setting, find_cure
 from beamchain.steps.retime import without_timing
 from beamchain.steps.sampled import SampledError, judged_part, off_by, represents
 from beamchain.steps.step_map import TimeError, at_step_of, motion_at, shifted_peak
@@ -51,6 +52,11 @@ if TYPE_CHECKING:
 # of the way from one pose to the next, where timing is read back between them: it is chosen at
 # halves, thirds, quarters, ... of the way
 BETWEEN = 0.3
+IN_FILE = Names(
+    'write integrator="{}" in the <option> of the spacecraft',
+    'write timestep="{}" in the <option> of the spacecraft',
+    "leave out --no-retime (retime=False)",
+)
 CENTRED = 1e-12  # of the largest coordinate of a mass centre: rounding
 
 
@@ -69,6 +75,10 @@ class Embedded:
         source: file of the spacecraft, if it was given as one.
         inputs: that file and all others that were read, which `write` does not replace.
         loaded: whether it is proved under its own load, as the argument of `embed` says.
+        call: the call that made it, without the appendages by place; None where there was none, or
+            it changed what it was given.
+        given: the appendages by place of that call.
+        retime: whether timing was asked for, as the argument of `embed` says.
 
     Example:
         >>> import beamchain as bc
@@ -93,6 +103,11 @@ class Embedded:
     source: Path | None = None
     inputs: tuple[Path, ...] = ()
     loaded: bool = False
+    call: "Callable[[Mapping[str, Any]], Embedded] | None" = None
+    given: Mapping[str, Any] = field(default_factory=dict)
+    retime: bool | None = None
+    joints: bool = False
+    names: Names = IN_FILE
 
     def __repr__(self) -> str:
         return report.embedded_text(self)
@@ -175,12 +190,16 @@ class Embedded:
         Where appendages carry bodies, their timing is chosen for some poses: then between the
         poses as well.
         """
-        errors = craft_sampled_error(self.craft, self.model, self._exact_poses)
-        if any(a.loads and a.timed is not None for a in self.appendages):
+        return self._sampled(self.model, timed=any(a.timed is not None for a in self.appendages))
+
+    def _sampled(self, model: "mujoco.MjModel", *, timed: bool) -> dict[str, SampledError]:
+        """The same of the model at any step."""
+        errors = craft_sampled_error(self.craft, model, self._exact_poses)
+        if timed and any(a.loads for a in self.appendages):
             between = partial(poses_between, share=BETWEEN)
             exact = self._exact_at(between, loaded=False)
             if exact:
-                errors |= craft_sampled_error(self.craft, self.model, exact, between)
+                errors |= craft_sampled_error(self.craft, model, exact, between)
         return errors
 
     @property
@@ -301,15 +320,69 @@ class Embedded:
         """Whether the error that counts is that of the file as MuJoCo steps it."""
         return not any(a.rigid for a in self.appendages)
 
+    @property
+    def ruined(self) -> bool:
+        """Whether the step makes an error above 0.1 where no tolerance is stated."""
+        return self.tolerance is None and self.by_step and self.sampled_error > RUINED
+
     @cached_property
     @one_thread()
-    def largest_step(self) -> float | None:
-        """The largest step with which timing would keep the tolerance [s], to 9 %; None where the
-        model's own step keeps it, where none would, or without a tolerance."""
-        if self.tolerance is None or self.met or not self.by_step:
+    def cure(self) -> Cure | None:
+        """The cheapest change of integrator, step, timing or modes that was tried and keeps the
+        tolerance, or without one an error at the step below 0.1; None where it is kept, or nothing
+        that was tried helps."""
+        if self.met is not False and not self.ruined:
             return None
-        band = self._asked.band
-        return largest_step(self.craft, self.untimed, self._exact_poses, self.tolerance, band)
+        option = self.model.opt
+        step = float(option.timestep) if self.by_step else 0.0
+        now = Setting(NUMBERS[int(option.integrator)], step, self.retime)
+        places = [] if self.call is None else [a.at for a in self.appendages if a.at in self.given]
+        wished = changes_of(self.appendages, places, self._exact_poses) if places else {}
+        tried: dict[str, Embedded | None] = {"": self}
+
+        def changed(change: str) -> "Embedded | None":
+            if change not in tried:
+                assert self.call is not None
+                try:
+                    tried[change] = self.call({**self.given, **wished[change]})
+                except BeamchainError:  # there is no such chain
+                    tried[change] = None
+            return tried[change]
+
+        def error(setting: Setting) -> float:
+            one = changed(setting.change)
+            return float("inf") if one is None else one._error_at(setting)
+
+        return find_cure(now, error, wished, self.names, self.tolerance)
+
+    @property
+    def cure_words(self) -> str:
+        """The cure in a sentence, or that none was found; empty where none is needed."""
+        if self.met is not False and not self.ruined:
+            return ""
+        return UNCURED if self.cure is None else self.cure.words
+
+    def _error_at(self, setting: Setting) -> float:
+        """What is held against the tolerance at another step, integrator or timing."""
+        if setting.timestep == 0.0:
+            return self.craft_error
+        if self.tolerance is not None and not represents(setting.timestep, self.band):
+            return float("inf")
+        plain, timed = models_at(
+            setting, self.untimed, self.appendages, self._compiled, joints=self.joints
+        )
+        error = max(found.error for found in self._sampled(plain, timed=False).values())
+        if timed is not None:
+            with_it = max(found.error for found in self._sampled(timed, timed=True).values())
+            if setting.timing or is_worth_timing(error, with_it, self.tolerance):
+                error = with_it
+        return max(error, self.craft_error) if self.loaded else error
+
+    def _compiled(self, appendages: tuple[Appendage, ...]) -> "mujoco.MjModel | None":
+        """The spacecraft with other appendages; None where it has no document."""
+        if self.document is None:
+            return None
+        return compile_document(self.document, appendages, self.form, self._layout)
 
     @property
     def blamed(self) -> str:
@@ -362,7 +435,8 @@ class Embedded:
             part = judged_part(float(option.timestep), found.band)
         said += part
         if tolerance is None:
-            return f"{said}; no tolerance was requested."
+            above = f", above {RUINED:g}" if self.ruined else ""
+            return f"{said}{above}; no tolerance was requested."
         if part:
             said += f"; the tolerance {tolerance:g} is not met. {self.blamed}"
         else:

@@ -3,11 +3,11 @@
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import msgspec
-import numpy as np
 
 from beamchain.checks import is_mjcf_text, list_of_names, of_type, one_of, true_or_false
 from beamchain.checks import whole_number as checked_int
@@ -50,6 +50,7 @@ from beamchain.craft.timing import (
     craft_time_error,
     decide_timing,
     fit_on_tendons,
+    is_worth_timing,
     time_notes,
     with_timing,
 )
@@ -71,8 +72,6 @@ from beamchain.mjcf.relocate import relocate
 from beamchain.structure.beam import Beam
 from beamchain.structure.modal_data import ModalData
 from beamchain.structure.readers.imported import with_length
-
-LEAST_GAIN = 1.0 / 3.0  # of the stated error, that timing must take off unless it is asked for
 
 
 @one_thread()
@@ -149,7 +148,29 @@ def embed(
         isinstance(craft, str | Path) and result.document is not None and not is_mjcf_text(craft)
     )
     source = Path(str(craft)) if is_file else None
-    result = replace(result, source=source, inputs=tuple(inputs), loaded=loaded)
+    call = None
+    if not isinstance(craft, mujoco.MjSpec):
+        call = partial(
+            embed,
+            craft,
+            form=form,
+            prefixes=prefixes,
+            retime=retime,
+            max_modes=max_modes,
+            carry=carry,
+            retime_joints=retime_joints,
+            loaded=loaded,
+        )
+    result = replace(
+        result,
+        source=source,
+        inputs=tuple(inputs),
+        loaded=loaded,
+        call=call,
+        given=at,
+        retime=True if retime_joints else retime,
+        joints=retime_joints,
+    )
     return replace(result, warnings=(*result.warnings, *load_warnings(result)))
 
 
@@ -494,9 +515,10 @@ def _time_and_check(
         band = joint_request([a.spec for a in appendages]).band
         timed, slowed = with_timing(plain, band, joints=joints)
         made = tuple(replace(a, timed=timed) for a in on_tendons)
-        if retime or _is_worth_it(
-            Embedded(appendages, craft, model, ()), Embedded(made, craft, timed, ())
-        ):
+        before, after = (
+            Embedded(those, craft, one, ()) for those, one in ((appendages, model), (made, timed))
+        )
+        if retime or is_worth_timing(before.sampled_error, after.sampled_error, before.tolerance):
             appendages, model, final = made, plain, timed
             with_error = craft_time_error(final, model, appendages, band)
             without_error = craft_time_error(model, model, appendages, band)
@@ -507,14 +529,6 @@ def _time_and_check(
     warnings += motion_warnings(model, appendages, final)
     warnings += driven_too_far(model, appendages) + attitude_warnings(model, appendages)
     return appendages, final, warnings
-
-
-def _is_worth_it(plain: Embedded, timed: Embedded) -> bool:
-    """Whether timing lowers the stated error enough for its price, changed stiffnesses and
-    averaged inputs: by a third, or to within the tolerance."""
-    error = timed.sampled_error
-    lower = error <= (1.0 - LEAST_GAIN) * plain.sampled_error
-    return bool(np.isfinite(error)) and (lower or (timed.met is True and plain.met is False))
 
 
 def _owner(spec: "mujoco.MjSpec", kind: str, name: str) -> Any:

@@ -1,7 +1,7 @@
 """The command `retime`: a file with timing for another step,
 and what its step makes of the spacecraft, read back."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -15,10 +15,13 @@ from beamchain.engine.linearise import NUMBERS
 from beamchain.engine.operating_point import poses, quiet_copy
 from beamchain.errors import BeamchainError
 from beamchain.ports.compare import keeps_tolerance
+from beamchain.steps.cures import Cure, Names
 from beamchain.steps.retime import time_sentence
 from beamchain.steps.retime_file import RetimedFile, retimed_file
 from beamchain.steps.sampled import judged_part, off_by, represents
 from beamchain.steps.step_map import TimeError, time_error
+
+OF_RETIME = Names("give --integrator {}", "give --timestep {}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,12 +75,10 @@ class RetimedCraft:
         return self.proof.sampled_error
 
     @property
-    def largest_step(self) -> float | None:
-        """The largest step that keeps the tolerance [s], to 9 %; None where this one does, where
-        none would, or where the exact appendages or a tolerance are not known."""
-        if self.timestep == 0.0 or self.proof is None:
-            return None
-        return self.proof.largest_step
+    def cure(self) -> Cure | None:
+        """What was tried and keeps the tolerance; None where this step does, where nothing that
+        was tried does, or where the exact appendages are not known."""
+        return None if self.timestep == 0.0 or self.proof is None else self.proof.cure
 
     @property
     def met(self) -> bool | None:
@@ -106,7 +107,7 @@ class RetimedCraft:
             "sampled_error": self.sampled_error,
             "tolerance": self.tolerance,
             "met": self.met,
-            "largest_step": self.largest_step,
+            "cure": None if self.cure is None else self.cure.as_dict(),
             **warnings_record(self.warnings),
         }
 
@@ -131,9 +132,7 @@ class RetimedCraft:
         else:
             side = "within" if self.met else "above"
             sentence += f", {side} the tolerance {self.tolerance:g}"
-        if self.largest_step is not None:
-            sentence += f", which is kept up to {self.largest_step:.3g} s"
-        return f"{sentence}. {self.proof.blamed if self.proof else ''}".rstrip()
+        return f"{self.proof.cure_words} {sentence}. {self.proof.blamed}".strip()
 
 
 def retime_craft(
@@ -152,6 +151,7 @@ def retime_craft(
     file = retimed_file(path, timestep, integrator, folder, band, joints=joints)
     try:
         proof = proved(*known, file.model) if known else None
+        proof = proof and replace(proof, retime=True, joints=joints, names=OF_RETIME)
     except BeamchainError as error:
         proof, unknown = None, str(error).rstrip(".")
     return RetimedCraft(file, timestep, proof, unknown)

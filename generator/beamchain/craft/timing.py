@@ -17,17 +17,18 @@ from beamchain.engine.linearise import NUMBERS
 from beamchain.engine.operating_point import base_body, pose_words, poses, quiet_copy
 from beamchain.fitting.result import Fit
 from beamchain.fitting.warnings import turn_warning
-from beamchain.ports.compare import DEFAULT_RATIO, NARROWEST
+from beamchain.ports.compare import DEFAULT_RATIO, NARROWEST, keeps_tolerance
 from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.modal import modal_tendons
 from beamchain.steps.poles import pole_rows
-from beamchain.steps.retime import retime, time_cure
+from beamchain.steps.retime import retime, time_reason
 from beamchain.steps.step_map import TimeError, growing_poses, time_error
 from beamchain.steps.turn import turn_error
 
 # of the scenes' tolerance: what the step's own error may take before the appendages are
 # made exact in time
 SHARE = 0.1
+LEAST_GAIN = 1.0 / 3.0  # of the stated error, that timing must take off unless it is asked for
 UNASKED = 1e-4  # the same where no scene states a tolerance
 
 
@@ -126,15 +127,14 @@ def time_notes(
             f"{with_timing.error:.1e}); {'; '.join(said)}."
         )
         return [Caution("exact-in-time", text)]
-    cure = time_cure(with_timing)
     after = ". ".join(f"{text[0].upper()}{text[1:]}" for text in said)
     without = without_timing.words
     if growing_poses(untimed, poses(untimed)):
         without = "unstable at this step"
     text = (
-        f"{cure[0].lower()}{cure[1:]} The appendages have timing for {step} ({reason}), but not "
-        "every pole is exact. Worst of those up to the highest mode kept, with timing: "
-        f"{with_timing.words}; without: {without}. {after}."
+        f"the appendages have timing for {step} ({reason}), but not every pole is exact. Worst of "
+        f"those up to the highest mode kept, with timing: {with_timing.words}; without: {without}. "
+        f"{after}. {time_reason(with_timing)}".rstrip()
     )
     return [Caution("time-error", text)]
 
@@ -190,6 +190,16 @@ def fit_on_tendons(fit: Fit) -> Fit:
         for port in chain.ports
     }
     return replace(fit, chain=springs_as_modes(chain, ratios))
+
+
+def is_worth_timing(plain: float, timed: float, tolerance: float | None) -> bool:
+    """Whether timing lowers the error at the step enough for its price, changed stiffnesses and
+    averaged inputs: by a third, or to within the tolerance."""
+    kept = tolerance is not None and keeps_tolerance(timed, tolerance)
+    lower = timed <= (1.0 - LEAST_GAIN) * plain
+    return bool(np.isfinite(timed)) and (
+        lower or (kept and tolerance is not None and not keeps_tolerance(plain, tolerance))
+    )
 
 
 def with_timing(

@@ -15,6 +15,7 @@ from beamchain.engine.hanging import sprung_by_acceleration
 from beamchain.engine.library import one_thread
 from beamchain.errors import EngineError, InputError, RealisationError
 from beamchain.fitting.beam_case import beam_case, on_modes
+from beamchain.fitting.cure import cure_of
 from beamchain.fitting.document import appendage_tree
 from beamchain.fitting.hub import Hub
 from beamchain.fitting.imported import imported_case
@@ -28,6 +29,7 @@ from beamchain.fitting.warnings import doubtful
 from beamchain.mjcf.write import SMALLEST, UNITS
 from beamchain.ports.compare import tolerance_statement
 from beamchain.ports.motions import Array
+from beamchain.steps.cures import RUINED, UNCURED
 from beamchain.steps.sampled import judged_part, off_by
 from beamchain.steps.turn import central_inertia, turn_error
 from beamchain.structure.beam import Beam
@@ -100,31 +102,43 @@ def fit(
         scene=scene,
         timestep=timestep,
     )
-    return at_its_step(fit_spec(spec, appendage if isinstance(appendage, ModalData) else None))
+    data = appendage if isinstance(appendage, ModalData) else None
+    return decide(fit_spec(spec, data), data)
 
 
-def at_its_step(made: Fit) -> Fit:
-    """The fit, its status decided at the stated step,
-    where there is one and a scene states a tolerance."""
-    scene = made.spec.scene
-    error = made.sampled_error
-    if scene is None or scene.bandwidth is None or made.met is None or error is None:
-        return made
-    part = judged_part(made.spec.exact_step, scene.bandwidth)
-    kept = (
-        f"{part}; the tolerance {scene.tolerance:g} is not met"
-        if part
-        else f", {tolerance_statement(error, scene.tolerance)}"
-    )
-    text = (
-        f"{made.status.message} Stepped by {made.spec.integrator} at {made.spec.exact_step:g} s: "
-        f"off {off_by(error)}{kept}.{' ' if made.blamed else ''}{made.blamed}"
-    )
-    decided = replace(
-        made, status=replace(made.status, ok=made.status.ok and made.met, message=text)
-    )
+def decide(made: Fit, data: ModalData | None = None) -> Fit:
+    """The fit, its status decided at the stated step where there is one, and where it misses what
+    was asked for with the cure, which its message begins with; `data`: its imported modes."""
+    text = f"{made.status.message}{_at_its_step(made)}"
+    missed = made.met is False or made.ruined
+    cautions = made.cautions
+    hinged = made.spec.damping is not None and made.spec.damping.form == "hinge"
+    cure = None
+    if missed or (hinged and made.met is None and (made.in_band_error or 0.0) > RUINED):
+        cure = cure_of(made, lambda spec: fit_spec(spec, data))
+    if missed:
+        text = f"{UNCURED if cure is None else cure.words} {text}"
+    elif cure is not None:
+        cautions = (*cautions, Caution("hinge-damping", cure.words))
+    status = replace(made.status, ok=made.status.ok and not missed, message=text)
+    decided = replace(made, status=status, cautions=cautions, cure=cure)
     vars(decided).update({name: vars(made)[name] for name in READ_BACK if name in vars(made)})
     return decided
+
+
+def _at_its_step(made: Fit) -> str:
+    """The error at the stated step, as the end of a message; empty where none is stated, or where
+    neither a tolerance nor 0.1 is held against it."""
+    scene, error, step = made.spec.scene, made.sampled_error, made.spec.exact_step
+    if error is None or (made.met is None and not made.ruined):
+        return ""
+    kept = f", above {RUINED:g}"
+    if scene is not None and scene.bandwidth is not None:
+        part = judged_part(step, scene.bandwidth)
+        kept = f", {tolerance_statement(error, scene.tolerance)}"
+        kept = f"{part}; the tolerance {scene.tolerance:g} is not met" if part else kept
+    said = f" Stepped by {made.spec.integrator} at {step:g} s: off {off_by(error)}{kept}."
+    return f"{said} {made.blamed}".rstrip()
 
 
 def fit_spec(spec: Spec, data: ModalData | None = None) -> Fit:

@@ -36,6 +36,7 @@ from beamchain.ports.compare import Comparison, keeps_tolerance
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORTS, Array
 from beamchain.steps.budget import linear_model
+from beamchain.steps.cures import RUINED, Cure
 from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.large_motion import LargeMotion, large_limits
 from beamchain.steps.limits import StepChoice, StepLimits, choose_step, coupled_limits, step_limits
@@ -150,6 +151,7 @@ class Fit:
         cut: the hinge positions, if they were chosen for modal tendons.
         line: the mass distribution along x, if it is not that of the spec's beam.
         space: the fit in all six motions at once, if the modes were imported.
+        cure: what was tried and keeps the tolerance, where the fit misses it.
 
     Example:
         >>> import beamchain as bc
@@ -181,6 +183,7 @@ class Fit:
     cut: Cut | None = None
     line: MassLine | None = None
     space: InSpace | None = None
+    cure: Cure | None = None
 
     if not TYPE_CHECKING:  # a type checker knows what there is
 
@@ -515,15 +518,27 @@ class Fit:
         (beyond 2.6 rad per step) does not meet it.
         """
         scene = self.spec.scene
-        if scene is None or scene.bandwidth is None:
+        if scene is None or scene.bandwidth is None or self.decisive is None:
             return None
+        return keeps_tolerance(self.decisive, scene.tolerance)
+
+    @property
+    def decisive(self) -> float | None:
+        """The error that a tolerance is held against, infinite where the step does not represent
+        the bandwidth; without a bandwidth `sampled_error`."""
+        scene = self.spec.scene
+        if scene is None or scene.bandwidth is None:
+            return self.sampled_error
+        if not represents(self.spec.exact_step, scene.bandwidth):
+            return float("inf")
         one_hub = self.spec.root.hub is not None and self.sampled_error is not None
         errors = [self.sampled_error] if one_hub else [self.sampled_error, self.in_band_error]
-        stated = [error for error in errors if error is not None]
-        if not stated:
-            return None
-        whole = represents(self.spec.exact_step, scene.bandwidth)
-        return whole and keeps_tolerance(max(stated), scene.tolerance)
+        return max((error for error in errors if error is not None), default=None)
+
+    @property
+    def ruined(self) -> bool:
+        """Whether the stated step makes an error above 0.1 where no tolerance is stated."""
+        return self.met is None and (self.sampled_error or 0.0) > RUINED
 
     @cached_property
     def written_limits(self) -> StepLimits:

@@ -75,8 +75,7 @@ def fit_warnings(
         if missed:
             yield Caution(
                 "hinge-damping",
-                f"plain joint damping cannot give every mode its ratio ({'; '.join(missed)}); "
-                'damping.form = "modal" is exact.',
+                f"plain joint damping cannot give every mode its ratio ({'; '.join(missed)}).",
             )
     for pair, value in measured.couplings.items():
         if value > DECOUPLED:
@@ -98,8 +97,7 @@ def turn_warning(
             "turn-error",
             f"{integrator} at {timestep:g} s turns the rigid spacecraft{where} from rates of "
             f"({rates}) rad/s with an error of {error:.2g} of them in one radian, above the "
-            f"tolerance {scene.tolerance:g}, whatever the appendages do; take RK4, for which modes "
-            "beyond the step are slowed, or a shorter step.",
+            f"tolerance {scene.tolerance:g}, whatever the appendages do.",
         )
 
 
@@ -114,8 +112,7 @@ def step_warnings(
     if step > largest:
         yield Caution(
             "unstable-step",
-            f"scene.xml takes {taken}, which is unstable above {largest:.4g} s; "
-            "give scene.timestep half of that, or less.",
+            f"scene.xml takes {taken}, which is unstable above {largest:.4g} s.",
         )
     elif kept is not None and step > kept.step:
         best = steps[0]
@@ -123,8 +120,7 @@ def step_warnings(
             "inaccurate-step",
             f"scene.xml takes {taken}, whose own error is above the tolerance {scene.tolerance:g}: "
             f"it keeps that up to {kept.step:.3g} s, {best.integrator} up to {best.step:.3g} s "
-            "with the chain made anew for it; give scene.integrator and scene.timestep, or "
-            "fit.timestep for a chain made for its step.",
+            "with the chain made anew for it.",
         )
 
 

@@ -134,8 +134,7 @@ class Retimed:
             felt += f" (joint {first.damped_by!r} damps it, which timing cannot correct)"
         text = (
             f"{len(slow)} of {len(self.modes)} appendage modes are too fast for {self.integrator} "
-            f"at {self.timestep:g} s on this spacecraft and were slowed; {felt}. Take a shorter "
-            "step to keep them."
+            f"at {self.timestep:g} s on this spacecraft and were slowed; {felt}."
         )
         return [Caution("slowed-modes", text)]
 
@@ -333,26 +332,24 @@ def _grows(
 
 def time_sentence(off: TimeError) -> str:
     """A sentence for a step whose poles are not those of exact motion: the one that is off most,
-    and the cure."""
-    return (
+    and why, where that is known."""
+    said = (
         f"{off.integrator} at {off.step:g} s does not keep every pole of this spacecraft: "
-        f"{off.words}. {time_cure(off)}"
+        f"{off.words}."
     )
+    return f"{said} {time_reason(off)}".rstrip()
 
 
-def time_cure(off: TimeError) -> str:
-    """What helps where poles are off."""
+def time_reason(off: TimeError) -> str:
+    """Why poles are off; empty where that is not known."""
     if off.damped_by:
-        return (
-            f"Timing cannot correct what joint {off.damped_by!r} damps; take a shorter step where "
-            "that matters."
-        )
+        return f"Timing cannot correct what joint {off.damped_by!r} damps."
     if off.integrator in ("implicit", "implicitfast"):
         return (
-            f"Use Euler, or a shorter step: {off.integrator} cannot reproduce the pole of a mode "
-            "whose damping ratio exceeds omega h/12; Euler can."
+            f"{off.integrator} cannot reproduce the pole of a mode whose damping ratio exceeds "
+            "omega h/12, as Euler can."
         )
-    return "Take a shorter step where that matters."
+    return ""
 
 
 def without_timing(model: "mujoco.MjModel") -> "mujoco.MjModel":

@@ -152,15 +152,17 @@ def _difference(a: "Appendage", b: "Appendage") -> float:
 def _verdict(embedded: "Embedded") -> Verdict:
     assembly = embedded.assembly
     kept = assembly.judged
-    text = f"{embedded.headline[:1].upper()}{embedded.headline[1:]} " + (
+    said = f"{embedded.headline[:1].upper()}{embedded.headline[1:]} "
+    text = f"{embedded.cure_words} {said}".lstrip() + (
         f"{count(len(embedded.appendages), 'appendage')}, {count(len(kept), 'coupled mode')} kept "
         f"up to {short(assembly.band)} rad/s: the worst is off by {percent(assembly.worst)} from "
         "exact appendages on the same spacecraft, read back through MuJoCo."
     )
     short_of = [a.at for a in embedded.appendages if not a.fit.status.ok]
+    missed = embedded.met is False or embedded.ruined
     if short_of and embedded.met is not False:
         text = f"Less than was asked for at {', '.join(short_of)}. {text}"
-    return Verdict(embedded.met is not False and not short_of, text)
+    return Verdict(not missed and not short_of, text)
 
 
 def _command(embedded: "Embedded", craft: str, output: str, files: list[str]) -> str:

@@ -71,6 +71,7 @@ def fit_record(fit: "Fit") -> dict[str, Any]:
         "time_error": None if fit.time_error is None else fit.time_error.as_dict(),
         "sampled_error": fit.sampled_error,
         "met": fit.met,
+        "cure": None if fit.cure is None else fit.cure.as_dict(),
         "mass": {
             **mass_record(fit.measured.rigid_mass),
             "target": mass_record(fit.mass_line.rigid_mass()),
@@ -181,7 +182,7 @@ def embed_record(embedded: "Embedded") -> dict[str, Any]:
         ],
         **_fields(embedded, "form", "craft_error", "sampled_error", "band", "tolerance", "met"),
         "time_error": embedded.time_error.as_dict(),
-        "largest_step": embedded.largest_step,
+        "cure": None if embedded.cure is None else embedded.cure.as_dict(),
         "composite": embedded.composite.as_dict(),
         "modes": coupled_table(assembly).records(),
         "poses": embedded.promise.poses,
