@@ -9,6 +9,7 @@ MuJoCo; the run is as long as leaves 2 % of any difference from the prediction u
 import json
 
 import control
+import mujoco
 import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
@@ -151,3 +152,51 @@ def test_what_was_dropped_is_answered(name, tmp_path):
     with pytest.raises(AttributeError, match=f"{name} is gone: .*gain is the worst that a search"):
         getattr(worst, name)
     assert not hasattr(worst, name)
+
+
+SPRUNG = """<mujoco><option gravity="0 0 0"/><worldbody><body name="bus">
+<joint name="drive" axis="0 0 1" stiffness="20" damping="6"/>
+<inertial pos="0 0 0" mass="1" diaginertia="5 5 5"/></body></worldbody></mujoco>"""
+ROTOR = """<body name="rotor"><joint name="drive" axis="0 0 1" stiffness="12" damping="0.04"/>
+<inertial pos="0 0 0" mass="5" diaginertia="1 1 2"/></body>"""
+
+
+def with_uncertain_drive(text):
+    plant = bc.plant(mujoco.MjModel.from_xml_string(text), ["torque:bus"], ["attitude"])
+    third = bc.Uncertainty(relative=0.3, distribution="uniform")
+    return plant.uncertain(bc.UncertainCraft(joint={"drive": bc.UncertainJoint(stiffness=third)}))
+
+
+def controller(axes, top, bottom):
+    return bc.Controller(
+        loop=tuple(
+            bc.Loop(input=f"torque_{a}", output=f"attitude_{a}", numerator=top, denominator=bottom)
+            for a in axes
+        )
+    )
+
+
+@pytest.mark.parametrize("options", [{}, {"bound": True}, {"omega": [1.0, 2.0]}])
+def test_a_loop_that_drifts_away_does_not_ring(options):
+    """A push of 18 N m/rad along, which a spring of 14 to 26 N m/rad holds or does not."""
+    uncertain = with_uncertain_drive(SPRUNG)
+    push = controller("z", (-18.0,), (1.0,))
+    worst = uncertain.worst_case(push, samples=3, **options)
+    assert not worst.stable
+    assert worst.values["drive.stiffness"] < 18.0
+    assert worst.frequency == 0.0
+    assert worst.bound is None
+    assert worst.sentence.endswith("the loop begins to drift away")
+    assert worst.omega.min() > 0.0
+    s = 1j * worst.omega
+    assert worst.nominal == pytest.approx(abs(1.0 / (5.0 * s**2 + 6.0 * s + 2.0)), rel=1e-9)
+    worst.plot()
+
+
+def test_an_output_that_the_input_does_not_move_is_refused():
+    """The axes of a craft without products of inertia do not know of each other."""
+    uncertain = with_uncertain_drive(CRAFT.format(ROTOR, ""))
+    loops = controller("xyz", (80.0, 30.0), (0.05, 1.0))
+    assert uncertain.worst_case(loops, "torque_z", "attitude_z", simulate=False).stable
+    with pytest.raises(bc.InputError, match="'torque_z' does not move output 'attitude_x'"):
+        uncertain.worst_case(loops, "torque_z", "attitude_x")

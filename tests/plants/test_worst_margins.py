@@ -82,3 +82,18 @@ def test_limits_at_rest_and_at_infinite_frequency_and_signs_of_phases_count(
     assert found["disk"].worst == pytest.approx(min(disk), rel=FOUND)
     assert found["phase"].nominal == pytest.approx(nominal[2], rel=FOUND)
     assert found["phase"].worst == pytest.approx(min(phase, key=abs), rel=FOUND)
+
+
+def test_no_bound_is_sought_where_an_unstable_sample_is_found():
+    """The push is stronger than the softest spring."""
+    plant = bc.plant(mujoco.MjModel.from_xml_string(SPRUNG), ["torque:bus"], ["attitude"])
+    joint = {"drive": bc.UncertainJoint(stiffness=uniform(0.2))}
+    uncertain = plant.uncertain(bc.UncertainCraft(joint=joint))
+    push = bc.Controller(loop=(loop("torque_z", "attitude_z", (-0.9 * STIFFNESS,)),))
+    found = uncertain.worst_margins(push, samples=3, bound=True, seconds=1.0)
+    assert not found.stable
+    assert found.bounds == {}
+    rest = rows(found, "torque_z")
+    assert rest["disk"].worst == rest["disk"].proved == rest["phase"].worst == 0.0
+    assert rest["gain up, factor"].worst == 1.0
+    assert rest["disk"].values["drive.stiffness"] < 0.9 * STIFFNESS

@@ -58,12 +58,14 @@ class WorstCase:
         deltas, values: of the worst sample.
         gain: peak gain of the worst sample; infinite where the loop becomes unstable.
         frequency: where the peak is [rad/s]; where the loop becomes unstable, that at which it
-            begins to ring on the way from the nominal values to the worst ones.
+            begins to ring on the way from the nominal values to the worst ones; 0 where it begins
+            to drift away, without ringing.
         simulated: the same gain in a run of MuJoCo at that frequency; NaN where there is none.
         nominal_values, percent: of every quantity, and where the worst value lies in its range,
             -100 to 100, 0 the nominal one.
         value_units: of the quantities.
-        bound: what no value exceeds; None where it was not asked for.
+        bound: what no value exceeds; None where it was not asked for, or the worst sample is
+            unstable.
         pose: of the craft, one of several; empty where there is one.
 
     Example:
@@ -133,9 +135,10 @@ class WorstCase:
         """The finding in a sentence."""
         where = f"{self.pose}: " if self.pose else ""
         if not self.stable:
+            how = f"ring at {self.frequency:.4g} rad/s" if self.frequency else "drift away"
             return (
                 f"{where}unstable for some values of the uncertain quantities; on the way to them "
-                f"from the nominal ones the loop begins to ring at {self.frequency:.4g} rad/s"
+                f"from the nominal ones the loop begins to {how}"
             )
         seen = "" if np.isnan(self.simulated) else f", {self.simulated:.4g} in MuJoCo"
         above = "" if self.bound is None else f"; {self.bound.sentence}"
@@ -333,7 +336,8 @@ class UncertainPlant(Lft):
             samples: number of draws from the distributions.
             seed: of the draws.
             simulate: run the worst sample in MuJoCo.
-            bound: prove an upper bound as well, see `bound`.
+            bound: prove an upper bound as well, see `bound`; not where an unstable sample was
+                found.
             seconds: for the bound, after which it is refined no further.
 
         Raises:
@@ -344,9 +348,9 @@ class UncertainPlant(Lft):
         loops, ends, deltas, worst, peaks, grid = search_of
         limit = None
         nominal = np.zeros(len(self.blocks))
-        if bound:
+        if bound and worst.stable:
             limit, deltas, worst = self._bound(search_of, seconds)
-        grid = np.unique([*grid, worst.omega])
+        grid = _with_peak(grid, worst)
         simulated = float("nan")
         if simulate and worst.stable:
             sample = self._again(deltas[self._group])
@@ -518,7 +522,7 @@ class UncertainPlant(Lft):
         if omega is None:
             grid = _grid(loops, worst, [deltas, nominal], [*peaks, loops.peak(nominal)])
         else:
-            grid = np.unique([*asked, worst.omega])
+            grid = _with_peak(np.array(asked), worst)
         return Search(loops, ends, deltas, worst, peaks, grid)
 
     def _bound(self, found: "Search", seconds: float) -> tuple[GainBound, Array, Peak]:
@@ -558,17 +562,22 @@ class UncertainPlant(Lft):
         return np.array([each[int(np.argmax(self._group == k))] for k in range(len(self.blocks))])
 
 
+def _with_peak(omega: Array, worst: Peak) -> Array:
+    """Frequencies with that of the worst sample, unless it drifts away."""
+    return np.unique(np.append(omega, [worst.omega] if worst.omega else []))
+
+
 def _grid(loops: Loops, worst: Peak, samples: Sequence[Array], peaks: Sequence[Peak]) -> Array:
     """Frequencies over the band of the closed loop, closer about its resonances in `samples`."""
-    if not worst.stable:
+    if not worst.stable and worst.omega:
         return worst.omega * np.unique([*np.geomspace(0.5, 2.0, GRID), 1.0])
     poles = np.concatenate([loops._resonances(deltas).poles for deltas in samples])
     light = poles[(np.abs(poles.real) < 0.1 * np.abs(poles)) & (poles.imag > 0.0)]
-    tops = [peak.omega for peak in peaks if peak.stable]
-    low = 0.3 * min([*tops, worst.omega])
-    high = 1.5 * max([*np.abs(light), float(np.abs(poles).min()), worst.omega])
+    tops = [peak.omega for peak in (*peaks, worst) if peak.stable]
+    low = 0.3 * min(tops)
+    high = 1.5 * max([*np.abs(light), float(np.abs(poles).min()), tops[-1]])
     near = (light.imag[:, None] - light.real[:, None] * AROUND).ravel()
-    omega = np.concatenate([np.geomspace(low, high, GRID), near, [worst.omega]])
+    omega = np.concatenate([np.geomspace(low, high, GRID), near, [tops[-1]]])
     return np.unique(omega[(omega >= low) & (omega <= high)])
 
 

@@ -16,6 +16,7 @@ from beamchain.plants.controllers import Controller, place, places, realise
 from beamchain.plants.controllers import response as loop_response
 from beamchain.plants.systems import (
     GROWS,
+    UNSEEN,
     Complex,
     System,
     close_loop,
@@ -122,6 +123,12 @@ class Loops:
         self.seen = [*range(channels), channels + e]
         self.driven = [*range(channels), channels + d]
         whole = close_loop(system, realise(controller), self.rows, self.columns)
+        if not _reaches(whole, self.blocks, self.driven[-1], self.seen[-1]):
+            raise InputError(
+                f"input {ends[0]!r} does not move output {ends[1]!r} at any values of the "
+                "uncertain quantities, so that there is no worst gain between them; ask for an "
+                "output that it moves."
+            )
         self.system = picked(whole, self.seen, self.driven)
         self.offset = offset
         self.system[3][-1, -1] += offset
@@ -203,8 +210,8 @@ class Loops:
         kept, idle = parted(system, on_axis)
         # on the real axis, where no pole of a stable loop is near
         s = np.geomspace(np.abs(poles[~there]).min(), top, 30).astype(np.complex128)
-        share = np.abs(response(idle, s)).max() / np.abs(response(system, s)).max()
-        return kept if share < IDLE else system
+        of_all = float(np.abs(response(system, s)).max())
+        return kept if np.abs(response(idle, s)).max() <= IDLE * of_all else system
 
     def _growing(self, poles: Complex) -> Complex:
         """The unstable ones of a sample's poles."""
@@ -272,6 +279,17 @@ class Loops:
         return float(brentq(excess, 0.0, long))
 
 
+def _reaches(whole: System, blocks: NDArray[np.intp], driven: int, seen: int) -> bool:
+    """Whether an input of a closed loop reaches an output, beside what its other inputs do there:
+    at deltas without symmetry, about its poles."""
+    deltas = np.random.default_rng(0).uniform(-1.0, 1.0, int(blocks.max(initial=-1)) + 1)
+    system = with_deltas(whole, deltas[blocks])
+    poles = np.abs(np.linalg.eigvals(system[0]))
+    s = 1j * np.geomspace(max(1e-3 * poles.max(), poles.min()), poles.max(), 30)
+    row = np.abs(response(system, s.astype(np.complex128))[:, seen - blocks.size])
+    return bool(row[:, driven - blocks.size].max() > UNSEEN * row.max())
+
+
 class Tried(NamedTuple):
     """Deltas `(blocks,)` and the peak of their sample."""
 
@@ -294,7 +312,7 @@ def search(loops: Loops, samples: Array, seed: int = 0) -> tuple[Array, Peak, li
     tried = [Tried(row, peak) for row, peak in zip(samples, peaks, strict=True)]
     tried += [Tried(row, loops.peak(row)) for row in (*corners, np.zeros(count))]
     starts = sorted(tried, key=lambda sample: -sample.peak.gain)[:STARTS]
-    for start in starts:
+    for start in (each for each in starts if each.peak.gain > 0.0):
         if any(not sample.peak.stable for sample in tried):
             break  # nothing is worse
         tried += ascent(loops, start.deltas)
@@ -334,7 +352,7 @@ def ascent(loops: Peaks, start: Array) -> list[Tried]:
 
 def _stability_limit(loops: Loops, unstable: Tried) -> Peak:
     """Where on the way from the nominal values to unstable ones stability ends, by bisection:
-    an infinite gain at the frequency at which the loop begins to ring."""
+    an infinite gain at the frequency at which the loop begins to ring, 0 where it drifts away."""
     limit = unstable.peak
     low = 0.0
     high = 1.0
