@@ -1,5 +1,5 @@
-"""A beam bent by its modes as far as it matters to forces that act on it: straight cells one behind
-the other, turned by the rotations of the modes.
+"""A beam bent by its modes as far as it matters to forces that act on it: cells one behind the
+other, turned by the rotations of the modes, each as long as the chord of its arc.
 
 To second order in the modal coordinates its points move as those of the beam: they come nearer to
 the root as it bends (foreshortening), and twist turns the plane in which it is bent.
@@ -37,6 +37,7 @@ class BentLine:
         inertias: `(c, 3, 3)` about their centres.
         turns: `(m, c, 3)` by how much each mode turns a cell against the one before; `stretches`
             `(m, c)` [m]: by how much it lengthens a cell.
+        bows: `(m, c, 3)` by how much each mode bends a cell, from its start to its end.
         ends: per port number of the cell that ends there, and `(m, 3)` the turn against it.
         size: `(m,)` largest rotation in each mode, or elongation over the length.
     """
@@ -49,6 +50,7 @@ class BentLine:
     inertias: Array
     turns: Array
     stretches: Array
+    bows: Array
     ends: tuple[tuple[int, Array], ...]
     size: Array
 
@@ -60,7 +62,9 @@ class BentLine:
         axes[:, 0] = steps[:, 0]
         for i in range(1, steps.shape[1]):
             axes[:, i] = axes[:, i - 1] @ steps[:, i]
-        lengths = self.lengths + eta @ self.stretches
+        # the chord of an arc of length h that bends by t: h (1 - t^2 / 24)
+        shorter = np.sum(np.einsum("bm,mci->bci", eta, self.bows) ** 2, axis=-1) / 24.0
+        lengths = self.lengths * (1.0 - shorter) + eta @ self.stretches
         along = axes[..., 0] * lengths[..., None]
         ends = np.cumsum(along, axis=1)
         centres = ends - along * (1.0 - self.centres / self.lengths)[:, None]
@@ -109,11 +113,13 @@ def bent_line(
     cells: list[Array] = []
     turned: list[Array] = []
     stretches: list[Array] = []
+    bows: list[Array] = []
     for port, part in low.items():
         if not part.modes:
             continue
-        motion, slope = _motion(part, x, sorted({0.0, *lines, beam.length}))
+        motion, slope, bend = _motion(part, x, sorted({0.0, *lines, beam.length}))
         axis = {"xy": (0, 0, 1), "xz": (0, -1, 0), "torsion": (1, 0, 0), "axial": (0, 0, 0)}[port]
+        bows.append((bend * np.diff(x))[:, :, None] * (np.array(axis) * [0, 1, 1]))
         if port == "torsion":
             along = (motion[:, 1:] + motion[:, :-1]) / 2.0
             at_nodes = motion
@@ -141,6 +147,7 @@ def bent_line(
         np.einsum("ci,ij->cij", diagonals, np.eye(3)),
         np.diff(cell_turns, axis=1, prepend=0.0),
         longer,
+        np.vstack([np.zeros((0, x.size - 1, 3)), *bows]),
         tuple(ends),
         np.maximum(np.abs(cell_turns).max(axis=(1, 2)), np.abs(longer).sum(axis=1) / beam.length),
     )
@@ -175,9 +182,10 @@ def _numbers(ports: Mapping[str, PortModel]) -> dict[str, NDArray[np.intp]]:
     }
 
 
-def _motion(model: PortModel, x: Array, breaks: Sequence[float]) -> tuple[Array, Array]:
-    """Motion of modes and its slope at `x`, both `(modes, x)`: splines through the points where the
-    beam has mass, one between each two of its hinge lines."""
+def _motion(model: PortModel, x: Array, breaks: Sequence[float]) -> tuple[Array, Array, Array]:
+    """Motion of modes and its slope at `x`, `(modes, x)`, and its second derivative halfway between
+    them: splines through the points where the beam has mass, one between each two of its hinge
+    lines."""
     shapes = model.shapes
     assert shapes is not None
     known = shapes.moved > 0.0
@@ -188,6 +196,8 @@ def _motion(model: PortModel, x: Array, breaks: Sequence[float]) -> tuple[Array,
     values = np.hstack([np.zeros((count, 1)), values[:, values.shape[1] - (at.size - 1) :]])
     motion = np.zeros((count, x.size))
     slope = np.zeros((count, x.size))
+    middles = (x[1:] + x[:-1]) / 2.0
+    bend = np.zeros((count, middles.size))
     for low, high in zip(breaks[:-1], breaks[1:], strict=True):
         edge = SHORT * breaks[-1]
         inside = (at >= low - edge) & (at <= high + edge)
@@ -195,7 +205,9 @@ def _motion(model: PortModel, x: Array, breaks: Sequence[float]) -> tuple[Array,
         here = (x > low + edge) & (x <= high + edge) | ((x <= edge) & (low == 0.0))
         motion[:, here] = spline(x[here])
         slope[:, here] = spline(x[here], 1)
-    return motion, slope
+        within = (middles > low) & (middles < high)
+        bend[:, within] = spline(middles[within], 2)
+    return motion, slope, bend
 
 
 def turned_by(vectors: Array) -> Array:
