@@ -85,7 +85,7 @@ def test_keyframes_of_a_model():
 
 
 def test_exceeded_names_the_plane_and_the_limit():
-    limits = {"xz": LargeMotion("xz", 0.2, 0.5, 0.05, 0.3)}
+    limits = {"xz": LargeMotion("xz", 0.2, 0.5, 0.05, 0.3, 0.01)}
     assert (
         limit_sentences(limits, Driven(0.1, {"xy": 9.0, "xz": 0.4}, {"xy": 9.0, "xz": 0.04})) == []
     )

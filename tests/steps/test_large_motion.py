@@ -13,6 +13,7 @@ import pytest
 import beamchain as bc
 from arrays import space_beam
 from mechanics import compiled
+from pressed_boom import along
 from rival_files import equal_file
 from spinning import spinning
 
@@ -95,3 +96,20 @@ def test_a_run_beyond_the_limit_is_said(chains):
     [said] = limit.exceeded(spin=1.1 * limit.spin)
     assert "spin reached" in said
     assert "keep more modes" in said
+
+
+@pytest.mark.parametrize("tip", [0.0, 200.0])
+def test_the_acceleration_along_that_lowers_the_first_frequency_by_one_percent(tip):
+    """Finite elements with geometric stiffness, and that a beam buckles at 50 times this or
+    before."""
+    section = bc.Equivalent(bending_stiffness_xy=1277.4, linear_mass=1.0)
+    spec = bc.Spec(
+        segment=(bc.Segment(length=10.0, section=section),),
+        lump=(bc.Lump(x=10.0, mass=tip),) if tip else (),
+        modes={"xy": 2},
+    )
+    (row,) = bc.stability(spec).as_dict()["large_motion"]
+    assert row["axial"] == pytest.approx(along(10.0, 1277.4, 1.0, tip, LEFT), rel=1e-3)
+    # g m L^3 / EI = 7.837 of a uniform beam, P L^2 / EI = pi^2 / 4 of a mass at the tip
+    buckles = 0.155 if tip else 7.837 * 1.2774
+    assert 45.0 < buckles / row["axial"] < 50.26
