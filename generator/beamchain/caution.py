@@ -75,6 +75,7 @@ CODES = {
     "unstable-step": "the step is beyond the integrator's stability limit",
     "coloured-residuals": "what an identified model leaves of a log is not white",
     "delay": "torques of a log act later or earlier than the log says",
+    "load-left-out": "a keyframe was judged without its load, which changes the motion",
     "log-gaps": "a log has gaps",
     "modes-refused": "[imported] refuses the modes that were identified",
     "model-order": "a log supports another number of modes than was asked for",

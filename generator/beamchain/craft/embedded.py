@@ -16,7 +16,14 @@ from beamchain.craft.assembly import Assembly, assembly_at_rest, modes_at_pose
 from beamchain.craft.coupled_modes import Mode, slow_modes
 from beamchain.craft.cures import changes_of, models_at
 from beamchain.craft.documents import assemble, compile_document
-from beamchain.craft.error import CraftError, Pose, counterpart, craft_error, craft_poses
+from beamchain.craft.error import (
+    CraftError,
+    Pose,
+    acting,
+    counterpart,
+    craft_error,
+    craft_poses,
+)
 from beamchain.craft.promise import JointRequest, joint_request, kept_band
 from beamchain.craft.recovered_body import BeamBody
 from beamchain.craft.recovery import Recorder, Recovery, recover
@@ -301,7 +308,10 @@ class Embedded:
         The error is `sampled_error`, or `craft_error` where the appendages are rigid; where it is
         `loaded` the larger one. A step that does not represent the band (beyond 2.6 rad per step)
         does not meet it.
+        Nor does what a load lets grow, the exact spacecraft or the file.
         """
+        if self.promise.growth:
+            return False
         if self.tolerance is None:
             return None
         whole = not self.by_step or represents(float(self.model.opt.timestep), self.band)
@@ -331,7 +341,7 @@ class Embedded:
         """The cheapest change of integrator, step, timing or modes that was tried and keeps the
         tolerance, or without one an error at the step below 0.1; None where it is kept, or nothing
         that was tried helps."""
-        if self.met is not False and not self.ruined:
+        if self.promise.growth or (self.met is not False and not self.ruined):
             return None
         option = self.model.opt
         step = float(option.timestep) if self.by_step else 0.0
@@ -358,7 +368,7 @@ class Embedded:
     @property
     def cure_words(self) -> str:
         """The cure in a sentence, or that none was found; empty where none is needed."""
-        if self.met is not False and not self.ruined:
+        if self.promise.growth or (self.met is not False and not self.ruined):
             return ""
         return UNCURED if self.cure is None else self.cure.words
 
@@ -436,12 +446,34 @@ class Embedded:
         said += part
         if tolerance is None:
             above = f", above {RUINED:g}" if self.ruined else ""
-            return f"{said}{above}; no tolerance was requested."
+            return f"{said}{above}; no tolerance was requested.{self._growth_words}"
         if part:
             said += f"; the tolerance {tolerance:g} is not met. {self.blamed}"
         else:
             said += f", {tolerance_statement(self._decisive, tolerance)}. {self.blamed}"
-        return said.rstrip()
+        return said.rstrip() + self._growth_words
+
+    @property
+    def _growth_words(self) -> str:
+        """Where a load lets the spacecraft grow, in sentences; empty where it does not."""
+        out = ""
+        for name, rates in self.promise.growth.items():
+            exact, file = (
+                f"grows by a factor of e in {1.0 / rate:.3g} s" if rate else "does not grow"
+                for rate in rates
+            )
+            cure = (
+                "it needs more stiffness, or less load"
+                if rates[0]
+                else "chains of four to six modes in a plane buckle most nearly as their beams do; "
+                "if they grow as well, take less load"
+            )
+            load = " and ".join(self.loads[name])
+            out += (
+                f" Unstable at {name}, {load}: the exact spacecraft {exact}, the file {file}; "
+                f"{cure}."
+            )
+        return out
 
     @property
     def modes_told(self) -> str:
@@ -463,6 +495,30 @@ class Embedded:
             name: [pose.loading.words for pose in several if pose.loading is not None]
             for name, several in (self._exact_poses.items() if self.loaded else ())
         }
+
+    @property
+    def loads_left_out(self) -> dict[str, tuple[str, float]]:
+        """Keyframes that push the spacecraft and are proved without it: what acts, in words, and
+        the in-band change that it makes to the base body's motion in the file."""
+        out: dict[str, tuple[str, float]] = {}
+        if self.loaded or not (np.any(self.craft.key_ctrl) or np.any(self.craft.key_act)):
+            return out
+        craft = quiet_copy(self.craft)  # its gravity has a warning of its own
+        for (name, base), loading in acting(craft, carried(None, self.appendages)).items():
+            pose = next(each for each in self._exact_poses[name] if each.body == base)
+            body = counterpart(self.craft, self.untimed, base)
+            model = quiet_copy(self.untimed)
+            change = pose.changed_by(loading, model, poses(model)[name], body)
+            if change > out.get(name, ("", -1.0))[1]:
+                out[name] = loading.words, change
+        return out
+
+    @property
+    def growth(self) -> dict[str, dict[str, float]]:
+        """Rates at which the exact spacecraft and the file grow by themselves [1/s], at the poses
+        whose load lets them; 0 for one that does not."""
+        found = self.promise.growth
+        return {name: dict(zip(("exact", "mujoco"), found[name], strict=True)) for name in found}
 
     @cached_property
     def untimed(self) -> "mujoco.MjModel":

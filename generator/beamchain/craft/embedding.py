@@ -1,5 +1,6 @@
 """`embed`: attach appendages to an existing spacecraft and verify the assembled model."""
 
+import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -9,6 +10,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
+from beamchain.caution import Caution
 from beamchain.checks import is_mjcf_text, list_of_names, of_type, one_of, true_or_false
 from beamchain.checks import whole_number as checked_int
 from beamchain.craft.appendage import (
@@ -34,7 +36,7 @@ from beamchain.craft.documents import (
     with_probes,
 )
 from beamchain.craft.embedded import Embedded
-from beamchain.craft.error import counterpart, loadings_of
+from beamchain.craft.error import Carried, counterpart, loadings_of
 from beamchain.craft.fits import Fits, fit_all
 from beamchain.craft.liquid import liquid_cautions
 from beamchain.craft.loads import (
@@ -46,6 +48,8 @@ from beamchain.craft.loads import (
 )
 from beamchain.craft.promise import MOST_MODES, joint_request
 from beamchain.craft.timing import (
+    SHARE,
+    UNASKED,
     attitude_warnings,
     craft_time_error,
     decide_timing,
@@ -58,7 +62,7 @@ from beamchain.engine import mount as mounting
 from beamchain.engine.door import check_model
 from beamchain.engine.library import mujoco, one_thread
 from beamchain.engine.linearise import compile_model
-from beamchain.engine.loaded import offset_cautions
+from beamchain.engine.loaded import Loading, offset_cautions
 from beamchain.engine.operating_point import poses
 from beamchain.errors import EngineError, InputError
 from beamchain.files import noted_inputs
@@ -171,23 +175,57 @@ def embed(
         retime=True if retime_joints else retime,
         joints=retime_joints,
     )
-    return replace(result, warnings=(*result.warnings, *load_warnings(result)))
+    return with_loads_told(result)
 
 
-def load_warnings(result: Embedded) -> list[str]:
-    """What a load, or that there is none, does to liquids; refused is a load under which the exact
-    spacecraft is not known."""
+def with_loads_told(result: Embedded) -> Embedded:
+    """With warnings of what its loads do, or of what their absence does; refused is a load under
+    which the exact spacecraft is not known."""
     items = carried(None, result.appendages)
     loadings = loadings_of(result.craft, items) if result.loaded else None
+    said = result.warnings
+    if loadings is not None and all(loading.free is None for loading in loadings.values()):
+        said = [w for w in said if not (isinstance(w, Caution) and w.code == "gravity")]
+    return replace(result, warnings=(*said, *_load_warnings(result, items, loadings)))
+
+
+def _load_warnings(
+    result: Embedded,
+    items: Sequence[Carried],
+    loadings: Mapping[tuple[str, int], Loading] | None,
+) -> list[str]:
     if any(a.rigid for a in result.appendages):
         return []
     found = liquid_cautions(result.craft, items, loadings)
+    if loadings is None:
+        found += _left_out_cautions(result, items)
+        return found
     places = poses(result.model)
-    for name, body in loadings or ():
+    for name, body in loadings:
         key = None if name == "rest" else list(places).index(name) - 1
         base = counterpart(result.craft, result.model, body)
         found += offset_cautions(result.model, key, base, places[name], name)
     return found
+
+
+def _left_out_cautions(result: Embedded, items: Sequence[Carried]) -> list[str]:
+    """Keyframes whose load, which the proof is without, changes the motion by more than the
+    tolerance."""
+    out: list[str] = []
+    for name, (words, change) in result.loads_left_out.items():
+        if change <= (result.tolerance or UNASKED / SHARE):
+            continue
+        cure = "prove it under the load: --loaded (loaded=True)"
+        try:
+            loadings_of(result.craft, items)
+        except InputError as error:
+            cure = str(error).rstrip(".")
+        differs = "finds no rest"
+        if math.isfinite(change):
+            differs = f"moves otherwise by up to {100.0 * change:.2g} % in its band"
+        text = f"keyframe {name} was judged without its load; {words} the file {differs}; {cure}."
+        out.append(Caution("load-left-out", text))
+    return out
 
 
 def _embed(

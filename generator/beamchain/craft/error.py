@@ -36,7 +36,7 @@ from beamchain.engine.operating_point import (
     still_copy,
 )
 from beamchain.engine.partial_fractions import MOST, Accelerance, accelerance_of
-from beamchain.errors import InputError
+from beamchain.errors import EngineError, InputError
 from beamchain.fitting.needs import AXES
 from beamchain.ports.compare import (
     DEFAULT_RATIO,
@@ -55,6 +55,8 @@ from beamchain.ports.motions import Array, system_matrix
 RANK = 1e-9  # relative singular value below which a motion of the base is held
 FAR = 1000.0  # times the band: modes beyond are gathered in searches
 NEARLY = 1e-4  # in-band error that this may make
+STARTED = 0.1  # of the band: the rate about which poles are looked for that grow
+GROWS = 1e-4  # of the band: slower growth is rounding
 STILLEST = 1e-12  # of the largest squared frequency, below which a motion is rigid
 
 
@@ -92,6 +94,8 @@ class CraftError:
         poses: error per pose: "rest", then keyframes by name or number.
         motions: which motions of that body count (0 to 5: x, y, z, rotations).
         body: name of the base body that is worst, where a file holds several craft.
+        growth: by pose, where its load lets something grow, the rates of the exact craft and of
+            MuJoCo's [1/s]; 0 for one that is stable.
     """
 
     error: float
@@ -99,6 +103,7 @@ class CraftError:
     poses: dict[str, float]
     motions: tuple[int, ...]
     body: str
+    growth: dict[str, tuple[float, float]]
 
 
 def default_damping(stiffness: Array, mass: Array) -> Array:
@@ -138,6 +143,24 @@ def peaks_of_craft(craft: Linear) -> Array:
     return np.vstack(
         [moving, unresolved_peaks(np.vstack([_modes(*part) for part in parts]), moving)]
     )
+
+
+def growth(craft: Linear, reach: float) -> float:
+    """The fastest rate at which a motion of a craft grows by itself [1/s]; 0 for none.
+
+    `reach`: a frequency of interest [rad/s].
+    """
+    n = craft.mass.shape[0]
+    # poles from the inverse about a rate s0, so that those of rigid motion keep their digits:
+    # u = -(s0^2 M + s0 C + K)^-1 ((C + s0 M) f + M g)
+    start = STARTED * reach
+    dragged = craft.damping + start * craft.mass
+    dynamic = craft.stiffness + start * dragged
+    moved = -np.linalg.solve(dynamic, np.hstack([dragged, craft.mass]))
+    rates = start * moved + np.eye(n, 2 * n)
+    poles = start + 1.0 / np.linalg.eigvals(np.vstack([moved, rates]))
+    growing = poles.real[np.abs(poles) < FAR * reach]
+    return float(np.max(growing[growing > GROWS * reach], initial=0.0))
 
 
 def _poles(mass: Array, damping: Array, stiffness: Array) -> NDArray[np.complex128]:
@@ -426,9 +449,8 @@ class Pose:
         accelerance = accelerance_of(hub, self.band, plain or hub.response)
         return partial(_scaled, accelerance, self.scale)
 
-    def of_mujoco(self, model: "mujoco.MjModel", qpos: Array, body: int) -> float:
-        """In-band error of the compiled `model` at `qpos`, where the base is its `body`."""
-        compiled = self.compiled(model, qpos, body)
+    def of_compiled(self, compiled: Linear) -> float:
+        """In-band error of what `compiled` gave."""
         by_poles = self.carrying is not None and self.loading is None
         response = self._by_poles(compiled) if by_poles else partial(self.accelerance, compiled)
         return self._error(response, peaks_of_craft(compiled))
@@ -444,6 +466,22 @@ class Pose:
             free = int(self.own_dofs(model.nv)[free])
         dofs = [dof for item in self.carried for dof in item.dofs]
         return loaded_linear(linear, model, qpos, dofs, replace(self.loading, free=free))
+
+    def changed_by(
+        self, loading: Loading, model: "mujoco.MjModel", qpos: Array, body: int
+    ) -> float:
+        """In-band change of the compiled `model` by a load; infinity where it finds no rest."""
+        loaded = Pose(
+            self._model, self._qpos, self.carried, self.band, self.motions, self._own, loading
+        )
+        before = self.compiled(model, qpos, body)
+        try:
+            after = loaded.compiled(model, qpos, body)
+        except EngineError:
+            return float("inf")
+        omega = grid_of([peaks_of_craft(before), peaks_of_craft(after)], self.band)
+        moved, still = (self.accelerance(each, omega) for each in (after, before))
+        return float(np.max(relative_error(moved, still, self.frozen)))
 
     def _peaks(self, models: Sequence[PortModel]) -> Array:
         return peaks_of_craft(self.with_appendages(models))
@@ -516,36 +554,40 @@ def by_base(craft: "mujoco.MjModel", mounts: Sequence[Mount]) -> dict[int, list[
     return groups
 
 
+def acting(craft: "mujoco.MjModel", carried: Sequence[Carried]) -> dict[tuple[str, int], Loading]:
+    """What acts on the bare craft at each pose, by its name and the base body."""
+    still = still_copy(craft)
+    out: dict[tuple[str, int], Loading] = {}
+    for k, name in enumerate(poses(craft)):
+        for base, members in by_base(craft, [item.mount for item in carried]).items():
+            mass = float(craft.body_subtreemass[base])
+            mass += sum(float(carried[i].whole.rigid_mass[0, 0]) for i in members)
+            loading = loading_at(craft, still, k - 1 if k else None, base, mass)
+            if loading is not None:
+                out[name, base] = loading
+    return out
+
+
 def loadings_of(
     craft: "mujoco.MjModel", carried: Sequence[Carried]
 ) -> dict[tuple[str, int], Loading]:
-    """What acts on the bare craft at each pose, by its name and the base body.
+    """`acting`, where the exact spacecraft under it is known.
 
     Raises:
-        InputError: nothing acts, or the exact spacecraft under it is not known.
+        InputError: nothing acts, or it is not.
     """
-    still = still_copy(craft)
     groups = by_base(craft, [item.mount for item in carried])
-    out: dict[tuple[str, int], Loading] = {}
-    for k, name in enumerate(poses(craft)):
-        key = None if k == 0 else k - 1
-        for base, members in groups.items():
-            group = [carried[i] for i in members]
-            mass = float(craft.body_subtreemass[base])
-            mass += sum(float(item.whole.rigid_mass[0, 0]) for item in group)
-            loading = loading_at(craft, still, key, base, mass)
-            if loading is None:
-                continue
-            for item in group:
-                if item.line is None:
-                    raise InputError(
-                        f"the appendage at {item.mount.at} is imported modes, which do not say how "
-                        "it stiffens under a load; leave the load out, or describe it as a beam."
-                    )
-            if key is not None:
-                bodies = {b for item in group for load in item.loads for b in load.bodies}
-                check_pushes(craft, key, sorted(bodies), name)
-            out[name, base] = loading
+    out = acting(craft, carried)
+    for name, base in out:
+        for item in (carried[i] for i in groups[base]):
+            if item.line is None:
+                raise InputError(
+                    f"the appendage at {item.mount.at} is imported modes, which do not say how "
+                    "it stiffens under a load; leave the load out, or describe it as a beam."
+                )
+        if name != "rest":
+            bodies = {b for i in groups[base] for load in carried[i].loads for b in load.bodies}
+            check_pushes(craft, list(poses(craft)).index(name) - 1, sorted(bodies), name)
     if not out:
         raise InputError(
             "no load acts on the spacecraft: its gravity is zero or its base is free and falls "
@@ -566,14 +608,21 @@ def craft_error(
     positions = poses(model)
     errors: dict[str, float] = {}
     worst: tuple[float, Pose] | None = None
+    grows: dict[str, tuple[float, float]] = {}
     for name, several in exact.items():
         for pose in several:
             body = counterpart(craft, model, pose.body)
-            error = pose.of_mujoco(model, positions[name], body)
+            compiled = pose.compiled(model, positions[name], body)
+            error = pose.of_compiled(compiled)
             errors[name] = max(errors.get(name, 0.0), error)
             if worst is None or error > worst[0]:
                 worst = error, pose
+            if pose.loading is not None:
+                rates = [growth(each, pose.band) for each in (pose.with_exact, compiled)]
+                known = grows.get(name, (0.0, 0.0))
+                grows[name] = max(rates[0], known[0]), max(rates[1], known[1])
     assert worst is not None  # an appendage hangs on some body
     error, pose = worst
     body_name = craft.body(pose.body).name or f"body {pose.body}"
-    return CraftError(error, pose.band, errors, pose.motions, body_name)
+    grows = {name: rates for name, rates in grows.items() if max(rates) > 0.0}
+    return CraftError(error, pose.band, errors, pose.motions, body_name, grows)

@@ -16,7 +16,7 @@ from beamchain.checks import is_mjcf_text, path_of, true_or_false
 from beamchain.craft.appendage import Appendage, motion_warnings, moved_bodies
 from beamchain.craft.disturbances import check_flags
 from beamchain.craft.embedded import Embedded
-from beamchain.craft.embedding import load_warnings, marked_appendages
+from beamchain.craft.embedding import marked_appendages, with_loads_told
 from beamchain.craft.loads import split_port
 from beamchain.craft.timing import attitude_warnings
 from beamchain.engine.library import mujoco, one_thread
@@ -80,8 +80,7 @@ def prove(path: str | Path, *, loaded: bool = False) -> Embedded:
         marked = _read(file, called)
     if marked is None:
         raise InputError(f"{called}: {UNMARKED}; prove what embed wrote.")
-    result = replace(proved(*marked, model), inputs=tuple(inputs), loaded=loaded)
-    return replace(result, warnings=(*result.warnings, *load_warnings(result)))
+    return with_loads_told(replace(proved(*marked, model), inputs=tuple(inputs), loaded=loaded))
 
 
 def _read(file: str | Path, called: str) -> "tuple[mujoco.MjModel, tuple[Appendage, ...]] | None":

@@ -186,7 +186,7 @@ def embed_record(embedded: "Embedded") -> dict[str, Any]:
         "composite": embedded.composite.as_dict(),
         "modes": coupled_table(assembly).records(),
         "poses": embedded.promise.poses,
-        **({"loads": embedded.loads} if embedded.loaded else {}),
+        **(_fields(embedded, "loads", "growth") if embedded.loaded else {}),
         "sampled_poses": {name: found.error for name, found in embedded.sampled_poses.items()},
         "kept_band": assembly.band,
         "steps": list(embedded.steps),
