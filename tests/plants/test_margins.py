@@ -485,6 +485,41 @@ def test_a_sampled_plant_agrees_with_the_continuous_one(plant, stepped):
         np.testing.assert_allclose(one.disk, other.disk, rtol=5e-3)
 
 
+@pytest.mark.parametrize("frequency", [6.0, 8.0, 19.0])
+def test_a_dead_time_between_samples_turns_a_mode_beyond_half_the_rate_at_its_own_frequency(
+    frequency,
+):
+    """Hub and mode under a torque one sample late, pi/T = 7.85 rad/s, the mode coupled at 10, 13.3
+    and 31.7 rad/s: with a fractional dead time f the torque of the sample before acts over f, that
+    of this one over the rest. The loop is stable up to the stated dead time, and no longer."""
+    inertia, ratio, share, step, kp, kd = 100.0, 0.003, 8.0, 0.4, 4.0, 60.0
+    inverse = np.linalg.inv([[inertia, share], [share, 1.0]])
+    a = np.zeros((5, 5))
+    a[:2, 2:4] = np.eye(2)
+    a[2:4, 1], a[2:4, 3] = -(frequency**2) * inverse[:, 1], -2 * ratio * frequency * inverse[:, 1]
+    a[2:4, 4] = inverse[:, 0]  # the fifth state is the torque that is held
+    c = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
+    plant = control.ss(a[:4, :4], a[:4, 4:], c, 0.0)
+    late = [control.tf([k], [1.0, 0.0], step) for k in (kp, kd)]
+    found = bc.margins(plant, {("u[0]", "y[0]"): late[0], ("u[0]", "y[1]"): late[1]})
+
+    def radius(delay):
+        whole = int(delay // step)
+        free, rest = expm(a * step), expm(a * (step - delay + whole * step))
+        count = whole + 2
+        matrix = np.zeros((4 + count, 4 + count))  # torques of the last samples behind the states
+        matrix[:4, :4] = free[:4, :4]
+        matrix[:4, 4 + whole] = rest[:4, 4]
+        matrix[:4, 5 + whole] = free[:4, 4] - rest[:4, 4]
+        matrix[4, :4] = -kp * c[0] - kd * c[1]
+        matrix[5:, 4:-1] = np.eye(count - 1)
+        return np.abs(np.linalg.eigvals(matrix)).max()
+
+    delay = found.loops[0].delay
+    assert all(radius(part * delay) < 1.0 for part in np.linspace(0.0, 0.999, 200))
+    assert radius(1.001 * delay) > 1.0
+
+
 # -- MuJoCo with the loop closed -------------------------------------------------------------------
 def attitude_z(data):
     """Rotation about z [rad], of a small one."""

@@ -58,6 +58,8 @@ class ClosedLoop:
         states: names of the states of the plant.
         modes: names of its modes.
         step: [s] of the samples; 0: continuous.
+        held: A, B, C, D of a continuous plant that is sampled; None: it is not, or known only at
+            its samples.
         count: of unstable poles by Nyquist's criterion, dead times exact; None: not counted.
     """
 
@@ -69,6 +71,7 @@ class ClosedLoop:
     states: tuple[str, ...]
     modes: tuple[str, ...]
     step: float
+    held: System | None = None
     count: int | None = None
 
     def closed(self, gain: float, loops: Array) -> Array:
@@ -219,6 +222,7 @@ def closed_around(
     # motion at rest that no loop touches stays at rest, and is no part of what is closed
     system, among = touched(with_states(system, keep), 1.0 if plant_step else 0.0)
     keep = [keep[i] for i in among]
+    held = system if step and not plant_step else None
     system = sampled(system, plant_step, step)
     loops = fed.realise(ORDER)
     _check_algebraic(system, loops)
@@ -233,6 +237,7 @@ def closed_around(
         states=tuple(names.states[i] for i in keep),
         modes=names.modes,
         step=step,
+        held=held,
     )
 
 

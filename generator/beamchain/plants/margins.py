@@ -13,6 +13,7 @@ from beamchain.caution import Caution
 from beamchain.plants.closed_loop import ClosedLoop
 from beamchain.plants.controllers import Response
 from beamchain.plants.crossings import crossing
+from beamchain.plants.delay_margin import sampled_delay_margin
 from beamchain.plants.instability import Instability, sentences
 from beamchain.plants.structured import balanced_bounds, bound
 from beamchain.plants.systems import Complex
@@ -440,7 +441,9 @@ def _figures(closed: ClosedLoop, i: int, response: Complex) -> _Figures:
         gain,
         lowest,
         phase,
-        min(later, default=float("inf")),
+        min(later, default=float("inf"))
+        if closed.held is None
+        else sampled_delay_margin(closed, closed.held, i),
         Extremum(-modulus.value, modulus.frequency),
         Extremum(2.0 / disk.value, disk.frequency),
     )
