@@ -96,6 +96,10 @@ def build_exact(
     if not kept:
         return _rigid(beam)
     wishes = wishes or Wishes()
+
+    def whole_target(port: str, count: int) -> PortModel:
+        return with_modes(target_of(port, count), count, port)
+
     if wishes.springs == "hinges" and (wishes.lines or wishes.further or wishes.per_mode):
         what = (
             "fit.cuts"
@@ -112,19 +116,19 @@ def build_exact(
     if not wishes.lines and not wishes.further and wishes.cut is None:
         try:
             return _recursive(
-                beam, kept, target_of, wishes, history, fewer=wishes.springs == "hinges"
+                beam, kept, whole_target, wishes, history, fewer=wishes.springs == "hinges"
             )
         except RealisationError as error:
             if wishes.springs == "hinges":
                 raise
             history.append(f"recursion: {error}")
     try:
-        return _cut_beam(beam, kept, target_of, wishes, history)
+        return _cut_beam(beam, kept, whole_target, wishes, history)
     except RealisationError:
         if not history:
             raise
         try:  # the modes that the recursion holds
-            return _recursive(beam, kept, target_of, wishes, history, fewer=True)
+            return _recursive(beam, kept, whole_target, wishes, history, fewer=True)
         except RealisationError:
             pass
         raise
@@ -188,6 +192,16 @@ def _modes_of(port: str, target: PortModel, wishes: Wishes, count: int) -> ModeG
         band=wishes.band,
         neutral=wishes.neutral,
     )
+
+
+def with_modes(target: PortModel, count: int, where: str) -> PortModel:
+    """A target that has the `count` modes asked for, which a free root may not leave."""
+    if target.modes < count:
+        raise RealisationError(
+            f"a free root leaves {target.modes} of {count} modes in {where}, since modes carry all "
+            'mass there; keep fewer modes, or choose target "clamped" or "hub".'
+        )
+    return target
 
 
 def _available(target_of: TargetOf, port: str, count: int, notes: list[str]) -> PortModel:

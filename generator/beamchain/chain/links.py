@@ -167,8 +167,8 @@ def rigid_in_torsion(beam: MassLine, links: list[Link], cuts: Array) -> list[Lin
 
 
 def raise_polar_inertia(chain: Chain, least: float) -> tuple[Chain, str]:
-    """The chain with no polar inertia below `least` [kg m^2], and a sentence that says so;
-    both as before where none is.
+    """The chain with no inertia below `least` [kg m^2], the polar one first, and a sentence that
+    says so; both as before where none is.
 
     A chain that bends in torsion is left alone,
     as is one whose roll inertia would no longer be small.
@@ -178,17 +178,18 @@ def raise_polar_inertia(chain: Chain, least: float) -> tuple[Chain, str]:
     low = [
         i
         for i, link in enumerate(chain.links)
-        if link.inertia[0] < least <= min(link.mass, *link.inertia[1:])
+        if min(link.inertia) < least <= link.mass
     ]
     rigid = chain.rigid_mass()
     across = float(max(rigid[4, 4], rigid[5, 5]))
-    added = sum(least - chain.links[i].inertia[0] for i in low)
+    added = sum(least - min(chain.links[i].inertia) for i in low)
     if not low or "torsion" in chain.ports or added > ROLL * across:
         return chain, ""
     links = list(chain.links)
     for i in low:
-        links[i] = replace(links[i], inertia=(least, *links[i].inertia[1:]))
-    smallest = min(chain.links[i].inertia[0] for i in low)
+        a, b, c = links[i].inertia
+        links[i] = replace(links[i], inertia=(max(a, least), max(b, least), max(c, least)))
+    smallest = min(min(chain.links[i].inertia) for i in low)
     roll = float(rigid[3, 3])
     return replace(chain, links=tuple(links)), (
         f"the links are so thin that their polar inertia falls to {smallest:.3g} kg m^2; MuJoCo "

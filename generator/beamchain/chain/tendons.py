@@ -89,10 +89,10 @@ class ModeGroup:
         if float(np.linalg.eigvalsh(left / np.outer(size, size))[0]) > LEAST_LEFT:
             return self  # the participation as it is leaves these bodies something
         scale = 1.0 / np.sqrt(np.diag(rigid))
-        both = [
-            np.linalg.cholesky(matrix * np.outer(scale, scale)) for matrix in (rigid, self.rigid)
-        ]
-        turn = (both[0] @ np.linalg.inv(both[1])) * np.outer(1.0 / scale, scale)
+        # symmetric roots: a motion without mass in the file has no participation to be turned
+        bodies, file = (_root(matrix * np.outer(scale, scale)) for matrix in (rigid, self.rigid))
+        inverse = np.linalg.pinv(file, rcond=SINGULAR, hermitian=True)
+        turn = (bodies @ inverse) * np.outer(1.0 / scale, scale)
         rows = np.column_stack([self.rows[:, :m] @ turn.T, self.rows[:, m:]])
         return replace(self, rows=rows, rigid=rigid)
 
@@ -112,6 +112,12 @@ class ModeGroup:
     def on(self, hinges: Array) -> "ModeGroup":
         """The modes seen from hinges at `(f,)` x of their freedoms [m]."""
         return self if self.shapes is None else replace(self, momenta=self.shapes.momenta(hinges))
+
+
+def _root(matrix: Array) -> Array:
+    """The symmetric square root of a matrix that is nowhere negative."""
+    values, vectors = np.linalg.eigh(matrix)
+    return np.asarray((vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T, dtype=np.float64)
 
 
 def modal_matrix(

@@ -159,6 +159,12 @@ def make_plan(
         exact = model_in_space(whole, with_polar_inertia(rigid_mass))
         wanted_motions = {AXES[axis] for axis in scene.axes}
         promise = Promise(exact, hub, sorted(wanted_motions), scene.bandwidth)
+    for port, count in ({} if spec.modes is None else spec.modes.given()).items():
+        if port in full and count > full[port].modes:
+            raise InputError(
+                f"modes.{port} = {count}, but the appendage has only {full[port].modes} there; ask "
+                "for fewer."
+            )
     if not spec.chooses or promise is None or scene is None:
         return Plan(dict(spec.kept), wanted or "clamped", full, reduce, None, promise)
     free = ["clamped", "free"] if hub is None else ["clamped", "hub", "free"]

@@ -10,7 +10,7 @@ import numpy as np
 from msgspec import structs
 
 from beamchain.caution import Caution
-from beamchain.chain.build import Built, Status, Wishes, build_exact, cut_chain
+from beamchain.chain.build import Built, Status, Wishes, build_exact, cut_chain, with_modes
 from beamchain.chain.chain import Chain
 from beamchain.chain.cut import MOST_ADDED
 from beamchain.chain.tendons import ModeGroup, group_motion, joint_damping
@@ -39,6 +39,7 @@ from beamchain.structure.rigid_body import body_departure
 
 SLIGHT = 1e-6  # part of a mode in a port up to which the port's table leaves it out
 ROUNDING = 1e-11  # relative: a residual mass below zero by less is zero
+MASSLESS = 1e-9  # of the masses: a motion with less has none of its own
 MOST_LACKING = 1.1  # more than a few printed digits explain
 # of x, with which mass may grow from the root where only its moments are known
 POWERS = (0, 1, 2, 4)
@@ -351,10 +352,10 @@ def _roomy(line: MassLine, kept: ModalData) -> MassLine:
     own = line.behind(np.array([-line.length]))[0][np.ix_(live, live)]
     size = np.sqrt(np.diag(own))
     rows = kept.participation[:, live] / size
-    root = np.linalg.cholesky(own / np.outer(size, size))
-    most = float(
-        np.linalg.eigvalsh(np.linalg.solve(root, np.linalg.solve(root, rows.T @ rows).T))[-1]
-    )
+    # largest participation squared over the mass that moves with it, where any does
+    values, vectors = np.linalg.eigh(own / np.outer(size, size))
+    moved = values > MASSLESS
+    most = float(np.linalg.norm(rows @ vectors[:, moved] / np.sqrt(values[moved]), 2) ** 2)
     if not 1.0 + ROUNDING < most < MOST_LACKING:
         return line
     factor = most + 0.2 * (most - 1.0)
@@ -427,6 +428,7 @@ def _couple_ports(case: ImportedCase, line: MassLine, most_added: int) -> Built:
         live = list(kept.live)
         hub = case.carrier[np.ix_(live, live)]
         reduced = case.data.space().reduced(kept.modes, hub)
+        with_modes(reduced, kept.modes, " and ".join(case.coupled_ports))
         rows = np.zeros((kept.modes, 6))
         rows[:, live] = reduced.participation
         kept = replace(kept, frequencies=reduced.frequencies, participation=rows, tip=None)

@@ -53,8 +53,9 @@ def joined(
 
 def _points_in_space(tip: Array, motion: Array) -> Array:
     """`(n, 6 k)` motion in space of the tip and of further points, of `tip` `(n, m k)`."""
-    points = tip.reshape(len(tip), -1, motion.shape[1])
-    return np.asarray((points @ motion.T).reshape(len(tip), -1), dtype=np.float64)
+    points = tip.reshape(len(tip), tip.shape[1] // motion.shape[1], motion.shape[1])
+    in_space = points @ motion.T
+    return np.asarray(in_space.reshape(len(tip), 6 * points.shape[1]), dtype=np.float64)
 
 
 def port_from_rows(

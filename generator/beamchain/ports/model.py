@@ -299,8 +299,9 @@ class PortModel:
             raise RealisationError(
                 "the rigid mass matrix (diagonal "
                 f"{', '.join(f'{v:.3g}' for v in np.diag(self.rigid_mass))}) is singular in double "
-                "precision: one mass or inertia is too far above all others; check their sizes and "
-                "units."
+                "precision: a motion of the root moves no mass, as about a body that is a point, "
+                "or one mass or inertia is too far above all others; state root.hub, or check "
+                "sizes and units."
             )
         values = -np.linalg.solve(r, along @ v) / s
         return _FreeModes(

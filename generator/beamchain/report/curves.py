@@ -146,10 +146,11 @@ def span(fit: "Fit", port: str) -> tuple[float, float]:
     """Frequencies shown [rad/s]: from well below the first cantilever mode to past the first
     free mode left out."""
     full = fit.full[port]
-    kept = fit.target[port].modes
-    low = 0.3 * min(float(full.frequencies[0]), float(fit.achieved[port].frequencies[0]))
-    beyond = float(full.free_frequencies[min(kept, full.free_frequencies.size - 1)])
-    return low, max(1.3 * beyond, 1.6 * fit.bandwidth[port])
+    held = np.concatenate([full.frequencies[:1], fit.achieved[port].frequencies[:1]])
+    # modes that carry all mass at the root leave no free mode
+    beyond = full.free_frequencies[: fit.target[port].modes + 1][-1:]
+    last = np.concatenate([1.3 * beyond, [1.6 * fit.bandwidth[port]]])
+    return 0.3 * float(np.min(held)), float(np.max(last))
 
 
 def response(accelerance: Accelerance, limits: tuple[float, float], points: int = 280) -> Response:

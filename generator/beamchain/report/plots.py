@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 
 # blue, black and grey differ in lightness too, and rivals by their dashes: readable without colour
 OURS, BEAM, RIVAL, SHADE, HATCH = "#0a5fb4", "#000000", "#8a8a8a", "#e9f1fa", "#cfcfcf"
+ROUNDING = 1e-16  # the top of a picture of errors that are all less
 LONGEST, ENDING = 48, 16  # characters of a name, and of its end where the middle is left out
 # of a figure [inch]; text is then as large as the page's where the figure has the page's width
 WIDTH = 8.6
@@ -205,7 +206,7 @@ def error_figure(fit: "Fit", port: str) -> Figure:
     rival_models = [rival_model(fit, port, chain) for chain in rivals.values()]
     models = [read_back_model(fit, port), *rival_models]
     ours, *others = error_curves(fit, port, models, hub, limits)
-    top = max(float(curve.error.max()) for curve in (ours, *others))
+    top = max(float(curve.error.max(initial=ROUNDING)) for curve in (ours, *others))
     bottom = float(np.clip(ours.error.min(), 1e-7 * top, 0.1 * top))
     frame(ax, limits, (bottom / 2.0, 3.0 * top), band)
     for dash, curve, (label, chain) in zip(DASHES, others, rivals.items(), strict=False):

@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.optimize import brentq, fsolve
+from scipy.optimize import brentq, root
 
 from beamchain.caution import Caution
 from beamchain.chain.chain import Chain
@@ -115,8 +115,8 @@ class _Plane:
             angles = angles - change
             if np.max(np.abs(change)) <= SETTLED * np.max(np.abs(angles)):
                 return angles
-        angles = fsolve(lambda a: self._unbalance(a, acceleration, slew, span), start)
-        return np.asarray(angles, dtype=np.float64)
+        found = root(lambda a: self._unbalance(a, acceleration, slew, span), start)
+        return np.asarray(found.x, dtype=np.float64)
 
     def _places(self, angles: Array, span: Array) -> tuple[Array, Array]:
         x = np.concatenate([self.com[:1], self.hinges[0] + span @ np.cos(angles)])

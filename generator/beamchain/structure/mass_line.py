@@ -210,13 +210,13 @@ def _mass_beside_axis(rigid_mass: Array) -> tuple[float, MassBesideAxis] | None:
     inertia = (rigid_mass[3:, 3:] + rigid_mass[3:, 3:].T) / 2.0
     moments = np.trace(inertia) / 2.0 * np.eye(3) - inertia
     central = moments - mass * np.outer(centre, centre)
-    if central[0, 0] <= 0.0:
+    second = float(moments[0, 0])
+    if central[0, 0] < -FLAT * second:
         return None
-    # regression of y and z on x
-    slope = central[1:, 0] / central[0, 0]
+    # regression of y and z on x; a body at one x has none
+    slope = central[1:, 0] / central[0, 0] if central[0, 0] > FLAT * second else np.zeros(2)
     covariance = central[1:, 1:] / mass - np.outer(slope, slope) * central[0, 0] / mass
     values, vectors = np.linalg.eigh(covariance)
-    second = float(moments[0, 0])
     if values[0] < -FLAT * second / mass:
         return None
     covariance = (vectors * np.maximum(values, 0.0)) @ vectors.T
