@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 from scipy.linalg import expm
-from scipy.optimize import minimize_scalar
+from scipy.optimize import brentq, minimize_scalar
 
 import beamchain as bc
 
@@ -386,6 +386,63 @@ def test_the_displacement_of_the_tip_is_that_of_the_load():
         bc.pointing(ONE_MODE, *z_only(snap=(snap,))).ape.peak for snap in (displacement, moment)
     )
     assert np.allclose(one, other, rtol=1e-9, atol=1e-15)
+
+
+TIP_MASS, LONG, BEND, PER_LENGTH = 0.5, 5.0, 900.0, 1.1
+BUS = """<mujoco><option gravity="0 0 0"/><worldbody><body name="bus"><freejoint/>
+<inertial pos="0 0 0" mass="140" diaginertia="60 45 80"/><site name="mount" pos=".5 0 0"/></body>
+</worldbody></mujoco>"""
+
+
+def turned_by_the_first_mode(displacement):
+    """Angle of a free bus at rest with a beam bent in its first mode, in closed form: neither
+    momentum nor angular momentum has changed."""
+
+    def end_force(b):  # of a cantilever with a body at its tip
+        ratio = TIP_MASS / PER_LENGTH / LONG
+        return (
+            1
+            + np.cos(b) * np.cosh(b)
+            + ratio * b * (np.cos(b) * np.sinh(b) - np.sin(b) * np.cosh(b))
+        )
+
+    b = brentq(end_force, 0.5, 2.5)
+    part = (np.cosh(b) + np.cos(b)) / (np.sinh(b) + np.sin(b))
+
+    def shape(x):
+        z = b * x / LONG
+        return np.cosh(z) - np.cos(z) - part * (np.sinh(z) - np.sin(z))
+
+    def over_mass(f):
+        return PER_LENGTH * quad(f, 0.0, LONG)[0] + TIP_MASS * f(LONG)
+
+    def reach(x):
+        return 0.5 + x
+
+    bent = displacement / shape(LONG)
+    first = over_mass(reach)
+    mass = np.array([[140 + over_mass(lambda _: 1.0), first], [first, 80]])
+    mass[1, 1] += over_mass(lambda x: reach(x) ** 2)
+    moved = [over_mass(shape), over_mass(lambda x: reach(x) * shape(x))]
+    return -bent * np.linalg.solve(mass, moved)[1]
+
+
+def test_the_displacement_is_that_of_the_beams_tip_however_many_modes_are_kept(tmp_path):
+    snap = bc.ThermalSnap(appendage="boom_", displacement=2e-3, time_constant=60.0)
+    section = bc.Equivalent(bending_stiffness_xy=BEND, linear_mass=PER_LENGTH)
+    for modes, from_file in ((1, True), (3, False)):
+        boom = bc.Spec(
+            name="boom",
+            segment=(bc.Segment(length=LONG, section=section),),
+            lump=(bc.Lump(x=LONG, mass=TIP_MASS),),
+            damping=bc.Damping(ratio=0.005),
+            modes=bc.Modes(xy=modes, xz=0),
+        )
+        craft = bc.embed(BUS, {"mount": boom}, retime=False)
+        craft.write(tmp_path / f"{modes}.xml")
+        given = tmp_path / f"{modes}.xml" if from_file else craft
+        peak = bc.pointing(given, *z_only(snap=(snap,))).ape.peak[2]
+        assert peak == pytest.approx(abs(turned_by_the_first_mode(2e-3)), rel=1e-4)
 
 
 # -- all together ----------------------------------------------------------------------------------

@@ -84,9 +84,7 @@ def tables(draw):
     axis or beside it, that move along y, z and x, and turn about x."""
     count = draw(st.integers(1, 3))
     beside = draw(MAYBE)
-    at = np.array(
-        [[1.0 + 2.0 * i, 0.3 * beside * (i - 1), 0.2 * beside] for i in range(count)]
-    )
+    at = np.array([[1.0 + 2.0 * i, 0.3 * beside * (i - 1), 0.2 * beside] for i in range(count)])
     mass = np.array([3.0, 4.5, 0.7])[:count]
     polar = draw(st.sampled_from((0.0, 0.4)))
     # motion of each body's mass per unit motion of the root, times the root of its mass

@@ -211,6 +211,16 @@ def beam_body(model: "mujoco.MjModel", appendage: Appendage, stations: Array) ->
     return BeamBody(coordinates, ports)
 
 
+def tip_displacement(model: "mujoco.MjModel", appendage: Appendage, port: str) -> Array:
+    """`(nv,)` displacement of a beam's tip in a port per motion of the model, in its own modes:
+    the last link of the chain moves otherwise."""
+    tip = appendage.fit.target[port].tip
+    body = beam_body(model, appendage, np.array([appendage.fit.spec.beam.length]))
+    assert tip is not None
+    modes = body.coordinates[port].rates(np.eye(model.nv))
+    return np.asarray(modes @ tip[:, 0], dtype=np.float64)
+
+
 def _attachment_turn(appendage: Appendage, chain: Chain, port: str, count: int) -> Array:
     """`(a, a)` from the coordinates of the last a tendons to those of the attachment modes: where
     there are fillers, the file has combinations of them.

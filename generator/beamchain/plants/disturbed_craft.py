@@ -7,7 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from beamchain.checks import unknown
+from beamchain.craft.appendage import Appendage
 from beamchain.craft.linear_craft import LinearCraft, craft_with_signals
+from beamchain.craft.recovered_body import tip_displacement
 from beamchain.engine.combinations import OutputNames, inputs_of, outputs_of
 from beamchain.engine.library import mujoco
 from beamchain.engine.linear import Linear, Signal
@@ -94,9 +96,16 @@ class DisturbedCraft:
 
 
 def disturbed_craft(
-    model: "mujoco.MjModel", disturbances: Disturbances, outputs: OutputNames, at: At, rates: Rates
+    model: "mujoco.MjModel",
+    disturbances: Disturbances,
+    outputs: OutputNames,
+    at: At,
+    rates: Rates,
+    appendages: Sequence[Appendage] = (),
 ) -> DisturbedCraft:
     """A compiled model with the inputs of all sources; arguments as of `pointing`.
+
+    `appendages`: those of the model that are known, for the displacement of their tips.
 
     Raises:
         InputError: a joint, signal or appendage that is not there, or a wheel that is not balanced.
@@ -120,7 +129,7 @@ def disturbed_craft(
         forces.append(
             _joint_force(point, source)
             if isinstance(source, StepperDisturbance)
-            else _thermal_force(craft, source)
+            else _thermal_force(craft, source, appendages)
         )
     whole = replace(craft, linear=_with_forces(craft.linear, forces))
     turning: dict[str, Linear] = {}
@@ -236,7 +245,9 @@ def _joint_force(point: OperatingPoint, source: StepperDisturbance) -> tuple[Sig
     return Signal(f"{source.joint}_torque", "N m"), force
 
 
-def _thermal_force(craft: LinearCraft, source: ThermalSnap) -> tuple[Signal, Array]:
+def _thermal_force(
+    craft: LinearCraft, source: ThermalSnap, appendages: Sequence[Appendage]
+) -> tuple[Signal, Array]:
     """`(nv,)` load that holds the final deformation of an appendage."""
     model = craft.point.model
     name = source.appendage.removesuffix("_")
@@ -266,13 +277,17 @@ def _thermal_force(craft: LinearCraft, source: ThermalSnap) -> tuple[Signal, Arr
     shape = np.zeros(model.nv)
     # the appendage alone, its root held: K q = f
     shape[dofs] = np.linalg.solve(craft.linear.stiffness[np.ix_(dofs, dofs)], load[dofs])
-    moved = float(np.linalg.norm(_tip_motion(craft.point, name) @ shape))
+    beams = [a for a in appendages if a.prefix == f"{name}_" and a.fit.space is None]
+    if beams:
+        moved = abs(float(tip_displacement(model, beams[0], source.port) @ shape))
+    else:
+        moved = float(np.linalg.norm(_site_motion(craft.point, name) @ shape))
     assert source.displacement is not None
     return signal, load * (source.displacement / moved)
 
 
-def _tip_motion(point: OperatingPoint, appendage: str) -> Array:
-    """`(3, nv)` displacement of an appendage's tip."""
+def _site_motion(point: OperatingPoint, appendage: str) -> Array:
+    """`(3, nv)` displacement of the site at an appendage's tip."""
     model = point.model
     site = int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, f"{appendage}_tip"))
     if site < 0:

@@ -10,7 +10,9 @@ import numpy as np
 from beamchain import report
 from beamchain.caution import Caution
 from beamchain.checks import positive, unknown
+from beamchain.craft.appendage import Appendage
 from beamchain.craft.embedded import Embedded
+from beamchain.craft.embedding import marked_appendages
 from beamchain.craft.linear_craft import LinearCraft
 from beamchain.craft.source import compiled_model, linear_omissions
 from beamchain.engine.combinations import OutputNames
@@ -274,7 +276,7 @@ def pointing(
     window = positive("window", window, "s")
     model = without_timing(compiled_model(craft))
     asked = ["attitude"] if outputs is None else outputs
-    whole = disturbed_craft(model, given, asked, at, rates)
+    whole = disturbed_craft(model, given, asked, at, rates, _appendages(craft, given))
     _check_stable(whole)
     errors: list[SourceError] = []
     for number, (name, source) in enumerate(given.named):
@@ -299,6 +301,18 @@ def pointing(
         _whole=whole,
         _given=given,
     )
+
+
+def _appendages(
+    craft: "Embedded | mujoco.MjSpec | mujoco.MjModel | str | Path", given: Disturbances
+) -> tuple[Appendage, ...]:
+    """The appendages of a craft where the displacement of a tip asks for them, and known."""
+    if all(snap.displacement is None for snap in given.snap):
+        return ()
+    if isinstance(craft, Embedded):
+        return craft.appendages
+    marked = marked_appendages(craft) if isinstance(craft, str | Path) else None
+    return () if marked is None else marked[1]
 
 
 def _total(indices: list[ErrorIndex], kinds: list[str]) -> ErrorIndex:
