@@ -229,6 +229,55 @@ def test_rollouts_before_3_17_give_the_same(craft, monkeypatch):
     assert list(old.diverged) == [2]
 
 
+@pytest.mark.parametrize("before_3_17", [False, True])
+def test_sensors_are_of_the_state_that_is_seen(craft, before_3_17, monkeypatch):
+    if before_3_17:
+        monkeypatch.setitem(sys.modules, "mujoco.batch", None)
+    many = bc.worlds(craft, count=2, observe=("gyro", "place"))
+    start = np.zeros(craft.model.nv)
+    start[:6] = [0.1, 0.2, -0.1, 0.3, -0.2, 0.1]
+    data = mujoco.MjData(craft.model)
+
+    def agree(seen):
+        mujoco.mj_forward(craft.model, data)
+        for name in ("gyro", "place"):
+            np.testing.assert_allclose(seen[name][1], data.sensor(name).data, atol=1e-12)
+
+    data.qvel[:] = start
+    agree(many.reset(qvel=start))
+    for _ in range(3):
+        mujoco.mj_step(craft.model, data)
+    agree(many.step(np.zeros(3), nstep=3))
+    kept = many.state()
+    many.step([1.0, 0.0, 0.0])
+    agree(many.restore(kept))
+
+
+@pytest.mark.parametrize(
+    "files",
+    [
+        {
+            "memory.max": "4000000000",
+            "memory.current": "3900000000",
+            "memory.stat": "inactive_file 50000000",
+        },
+        {
+            "memory/memory.limit_in_bytes": "4000000000",
+            "memory/memory.usage_in_bytes": "3900000000",
+            "memory/memory.stat": "cache 7\ntotal_inactive_file 50000000",
+        },
+    ],
+    ids=["version 2", "version 1"],
+)
+def test_memory_that_a_container_uses_already_is_not_free(files, craft, tmp_path, monkeypatch):
+    for name, text in files.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text + "\n")
+    monkeypatch.setattr("beamchain.fleet.hosts.CGROUP", tmp_path)
+    with pytest.raises(bc.InputError, match="150 MB are free"):
+        bc.worlds(craft, count=10_000_000)
+
+
 # -- variants --------------------------------------------------------------------------------------
 def test_fields_of_a_sweep(tmp_path):
     spec = bc.read_spec(APPENDAGES / "rod.toml")

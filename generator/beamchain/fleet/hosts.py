@@ -6,7 +6,7 @@ nsensordata)` as they are now.
 """
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -27,8 +27,17 @@ WHOLE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 FULL = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
 FEW = 32  # worlds for which waking other threads costs more than they save
 LARGEST = 1e10  # mjMAXVAL
-# of a container
-LIMITS = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes")
+CGROUP = Path("/sys/fs/cgroup")  # of a container
+# its limit, what it uses, and the part of that which the system takes back when it is needed
+LIMITS = (
+    ("memory.max", "memory.current", "memory.stat", "inactive_file"),
+    (
+        "memory/memory.limit_in_bytes",
+        "memory/memory.usage_in_bytes",
+        "memory/memory.stat",
+        "total_inactive_file",
+    ),
+)
 
 Ids = NDArray[np.intp]
 Flags = NDArray[np.bool_]
@@ -40,7 +49,7 @@ def host_of(
     """The host of that name."""
     if name in NEEDS:
         return _module(name).Host(model, count, stage)
-    return Batch(model, count, threads, stage) if has_batch() else Rollouts(model, count, threads)
+    return (Batch if has_batch() else Rollouts)(model, count, threads, stage)
 
 
 def bytes_of(name: str, model: "mujoco.MjModel") -> float:
@@ -62,11 +71,16 @@ def available() -> float:
     except (OSError, StopIteration, ValueError):
         if hasattr(os, "sysconf") and "SC_PHYS_PAGES" in os.sysconf_names:
             out = float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
-    for path in LIMITS:
+    for limit, usage, stat, idle in LIMITS:
         try:
-            out = min(out, float(Path(path).read_text(encoding="ascii")))
-        except (OSError, ValueError):  # no limit is written as "max"
+            most, used = (
+                float((CGROUP / name).read_text(encoding="ascii")) for name in (limit, usage)
+            )
+            lines = (CGROUP / stat).read_text(encoding="ascii").splitlines()
+            back = next(float(line.split()[1]) for line in lines if line.startswith(f"{idle} "))
+        except (OSError, StopIteration, ValueError):  # no limit is written as "max"
             continue
+        out = min(out, max(most - used + back, 0.0))
     return out
 
 
@@ -174,9 +188,10 @@ class Batch:
 
 
 class Rollouts:
-    """`mujoco.rollout`, for MuJoCo before 3.17: one model per world, the same numbers."""
+    """`mujoco.rollout`, for MuJoCo before 3.17: one model per world, the same numbers. Sensors,
+    which a step of it leaves as before the step, are read anew."""
 
-    def __init__(self, model: "mujoco.MjModel", count: int, threads: int) -> None:
+    def __init__(self, model: "mujoco.MjModel", count: int, threads: int, stage: int) -> None:
         module: Any = import_module("mujoco.rollout")
         # a world that diverges keeps its numbers, by which it is known
         model = with_fields(model, {})
@@ -189,7 +204,23 @@ class Rollouts:
         self._state[:] = self._start = self._state[0].copy()
         self.qpos: Array = self._state[:, 1 : 1 + model.nq]
         self.qvel: Array = self._state[:, 1 + model.nq : 1 + model.nq + model.nv]
-        self.sensors: Array = np.zeros((count, model.nsensordata))
+        self._ctrl = np.zeros((count, model.nu))
+        self.sensors: Array = np.zeros((count, model.nsensordata if stage else 0))
+        self._read_sensors(range(count))
+
+    def _read_sensors(self, ids: Iterable[int]) -> None:
+        """The sensors of worlds in the state in which they are."""
+        if not self.sensors.size:
+            return
+        data = self._data[0]
+        with quiet():
+            for i in ids:
+                model = self._models[i]
+                mujoco.mj_resetData(model, data)
+                mujoco.mj_setState(model, data, self._state[i], FULL)
+                data.ctrl[:] = self._ctrl[i]
+                mujoco.mj_forward(model, data)
+                self.sensors[i] = data.sensordata
 
     def write_fields(self, fields: Mapping[str, Array], ids: Ids) -> None:
         for row, i in enumerate(ids):
@@ -200,7 +231,7 @@ class Rollouts:
         control = np.repeat(then[:, None], count, axis=1)
         control[:, 0] = first
         with quiet():
-            state, sensors = self._engine.rollout(
+            state, _ = self._engine.rollout(
                 self._models,
                 self._data,
                 self._state,
@@ -208,12 +239,14 @@ class Rollouts:
                 nstep=count,
                 control_spec=int(mujoco.mjtState.mjSTATE_CTRL),
             )
-        self._state[:], self.sensors[:] = state[:, -1], sensors[:, -1]
+        self._state[:], self._ctrl[:] = state[:, -1], then
+        self._read_sensors(range(len(state)))
         return np.asarray(~(np.abs(self._state).max(axis=1) < LARGEST))
 
     def reset(self, ids: Ids, qpos: Array, qvel: Array) -> None:
-        self._state[ids] = self._start
+        self._state[ids], self._ctrl[ids] = self._start, 0.0
         self.qpos[ids], self.qvel[ids] = qpos, qvel
+        self._read_sensors(ids)
 
     def load(self, world: int, model: "mujoco.MjModel", data: "mujoco.MjData") -> None:
         mujoco.mj_setState(model, data, self._state[world], FULL)
@@ -222,9 +255,11 @@ class Rollouts:
         state = np.zeros(self._state.shape[1])
         mujoco.mj_getState(model, data, state, FULL)
         self._state[world] = state
+        self._read_sensors([world])
 
     def state(self) -> Any:
-        return self._state.copy()
+        return np.hstack([self._state, self._ctrl])
 
     def restore(self, state: Any) -> None:
-        self._state[:] = state
+        self._state[:], self._ctrl[:] = np.split(state, [self._state.shape[1]], axis=1)
+        self._read_sensors(range(len(state)))
