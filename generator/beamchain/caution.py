@@ -73,6 +73,7 @@ CODES = {
     "turn-error": "the step's error in the rotation of the rigid spacecraft exceeds the tolerance",
     "undamped-modes": "a table of damping ratios leaves imported modes undamped",
     "unstable-step": "the step is beyond the integrator's stability limit",
+    "written-out": "the spacecraft's file was written out by MuJoCo",
     "coloured-residuals": "what an identified model leaves of a log is not white",
     "delay": "torques of a log act later or earlier than the log says",
     "load-left-out": "a keyframe was judged without its load, which changes the motion",

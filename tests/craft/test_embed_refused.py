@@ -74,7 +74,7 @@ REFUSED = {
     "inside replicate": (
         craft('<replicate count="2"><site name="mount"/></replicate>'),
         "mount",
-        "<replicate>",
+        "did you mean 'mount",
     ),
     "document type": ('<!DOCTYPE m [<!ENTITY a "b">]>' + craft(), "mount", "document type"),
     "other root": ("<robot/>", "mount", "not <mujoco>"),
@@ -108,8 +108,8 @@ REFUSED = {
         "mount",
         'write discardvisual="false" in <compiler>, or',
     ),
-    "short keyframe": (
-        craft(behind="</worldbody><keyframe><key qpos='0 0'/></keyframe><worldbody>"),
+    "long keyframe": (
+        craft(behind="</worldbody><keyframe><key qpos='0 0 0 1 0 0 0 0'/></keyframe><worldbody>"),
         "mount",
         "qpos",
     ),

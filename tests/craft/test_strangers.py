@@ -19,8 +19,11 @@ from composition import (
     stiffness_matrix,
     with_rods,
 )
+from finite_elements import body_mass, coupled
 from mechanics import mass_matrix, system_matrix
+from random_appendages import toml
 from spacecraft import CRAFTS
+from spacecraft import frequencies as own_frequencies
 
 SAME = 1e-9  # relative: closed forms against MuJoCo's matrices (1e-13 is seen)
 READ = 2e-6  # relative: embed's table, through mjd_transitionFD; a damped net shifts it by 1e-6
@@ -215,3 +218,87 @@ def test_an_equality_without_a_name_is_called_by_what_it_ties(tmp_path):
     assert "joint of 'left' and 'right'" in said
     assert "weld of 'a' and 'world'" in said
     assert "connect of 's' and 'w'" in said
+
+
+# -- what MuJoCo makes of others -------------------------------------------------------------------
+BOOM = {
+    "name": "boom",
+    "segment": [
+        {
+            "length": 5.0,
+            "section": {"shape": "equivalent", "bending_stiffness_xy": 900.0, "linear_mass": 1.1},
+        }
+    ],
+    "modes": {"xy": 1},
+    "root": {"target": "hub"},
+}
+PART = """<mujoco model="part"><worldbody><body name="bus"><geom type="box" size=".5 .5 .5"
+mass="400"/><site name="mount" pos=".1234567890123456 0 0"/></body></worldbody></mujoco>"""
+ATTACHED = """<mujoco><option gravity="0 0 0" timestep="0.01"/>
+<asset><model name="part" file="part.xml"/></asset><worldbody><body name="craft"><freejoint/>
+<geom type="box" size=".1 .1 .1" mass="10"/><attach model="part" body="bus" prefix="m1_"/>
+</body></worldbody></mujoco>"""
+RING = """<mujoco><option gravity="0 0 0" timestep="0.01"/><worldbody><body name="craft">
+<freejoint/><geom type="cylinder" size=".5 .4" mass="300"/>
+<replicate count="3" euler="0 0 120" sep="-"><site name="mount" pos=".5 0 0"/></replicate>
+</body></worldbody></mujoco>"""
+ARM = """<robot name="arm"><link name="base"><inertial><mass value="50"/>
+<inertia ixx="4" iyy="5" izz="6" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="turn"><inertial><origin xyz="0.5 0 0"/><mass value="3"/>
+<inertia ixx="0.01" iyy="0.25" izz="0.25" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="drive" type="revolute"><parent link="base"/><child link="turn"/><axis xyz="0 0 1"/>
+<limit lower="-3" upper="3" effort="10" velocity="1"/></joint>
+<link name="plate"/><joint name="weld" type="fixed"><parent link="turn"/><child link="plate"/>
+</joint></robot>"""
+
+#: file, its text, the place, and what carries the boom: mass, x of its centre from the place, Izz
+MADE = {
+    "attach": ("a.xml", ATTACHED, "m1_mount", (410.0, -0.1234567890123456, 0.2 / 3 + 200.0 / 3)),
+    "replicate": ("r.xml", RING, "mount-1", (300.0, -0.5, 37.5)),
+    "URDF": ("u.urdf", ARM, "plate", (1e9, 0.0, 1.0)),  # held, but for its turn
+    "archive": ("z.mjz", None, "mount-2", (300.0, -0.5, 37.5)),
+}
+
+
+@pytest.mark.parametrize("kind", MADE)
+def test_places_that_mujoco_makes(kind, tmp_path):
+    name, text, place, (mass, centre, inertia) = MADE[kind]
+    (tmp_path / "part.xml").write_text(PART)
+    (tmp_path / "boom.toml").write_text(toml(BOOM))
+    if text is None:
+        with (tmp_path / name).open("wb") as archive:
+            mujoco.MjSpec.from_string(RING).to_zip(archive)
+    else:
+        (tmp_path / name).write_text(text)
+    words = ("embed", tmp_path / name, "--at", f"{place}={tmp_path / 'boom.toml'}", "--no-report")
+    answer = call(*words, "--no-retime", "-o", tmp_path / "out.xml")
+    assert answer.status in (0, 3), answer.err
+    assert "written out by MuJoCo" in " ".join((answer.out + answer.err).split())
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "out.xml"))
+    hub = body_mass(mass, (centre, 0.0, 0.0), (inertia,) * 3)
+    wanted = coupled(BOOM, hub, 1, ports=("xy",))
+    assert own_frequencies(model) == pytest.approx(wanted, rel=1e-6)
+
+
+def test_a_compiled_model_is_refused_for_what_it_is(rod, tmp_path):
+    mujoco.mj_saveModel(mujoco.MjModel.from_xml_string(RING), str(tmp_path / "c.mjb"))
+    with pytest.raises(bc.InputError, match="is a compiled model.*give the MJCF"):
+        bc.embed(tmp_path / "c.mjb", {"craft": rod})
+
+
+def test_a_short_keyframe_is_padded_as_mujoco_does(rod):
+    craft = """<mujoco><worldbody><body name="bus" pos="0 0 3"><freejoint/>
+    <inertial pos="0 0 0" mass="300" diaginertia="90 90 90"/><site name="mount" pos=".5 0 0"/>
+    </body><body name="other" pos="1 2 4"><joint name="slide" type="slide" ref="0.25"/>
+    <inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body></worldbody>
+    <keyframe><key name="a" qpos="0 0 1" qvel="0.1"/><key name="b" qvel="0 0 0 0.2"/></keyframe>
+    </mujoco>"""
+    plain = mujoco.MjModel.from_xml_string(craft)
+    flexible = bc.embed(craft, {"mount": rod}).model
+    slide = flexible.joint("slide")
+    for key in range(2):
+        ours, theirs = flexible.key_qpos[key], plain.key_qpos[key]
+        np.testing.assert_array_equal(ours[:7], theirs[:7])
+        assert ours[slide.qposadr[0]] == theirs[7] == 0.25
+        np.testing.assert_array_equal(flexible.key_qvel[key][:6], plain.key_qvel[key][:6])
+        assert flexible.key_qvel[key][slide.dofadr[0]] == 0.0

@@ -175,11 +175,7 @@ def raise_polar_inertia(chain: Chain, least: float) -> tuple[Chain, str]:
     """
     if chain.hung:  # its moving links have some, and the first does not move
         return chain, ""
-    low = [
-        i
-        for i, link in enumerate(chain.links)
-        if min(link.inertia) < least <= link.mass
-    ]
+    low = [i for i, link in enumerate(chain.links) if min(link.inertia) < least <= link.mass]
     rigid = chain.rigid_mass()
     across = float(max(rigid[4, 4], rigid[5, 5]))
     added = sum(least - min(chain.links[i].inertia) for i in low)

@@ -1,9 +1,11 @@
 """A spacecraft's document: read, put together with its appendages, compiled;
 its keyframes laid out anew."""
 
+import os
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from io import BytesIO
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -16,16 +18,19 @@ from beamchain.craft.appendage import PROBE, Appendage, craft_elements, moved_bo
 from beamchain.craft.loads import Carries, base_place, split_port
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
-from beamchain.errors import EngineError
+from beamchain.errors import EngineError, InputError
 from beamchain.fitting.spec import Spec, spec_from_dict
 from beamchain.mjcf import insert
 from beamchain.mjcf import undo_marks as undo
-from beamchain.mjcf.craft import Craft, craft_from_text, read_craft
+from beamchain.mjcf.craft import Craft, craft_from_text, read_bytes, read_craft
 from beamchain.mjcf.place import Target, find_target, place_includes_with_targets
 from beamchain.mjcf.relocate import relocate, spacecraft_before
+from beamchain.mjcf.sizes import check_sizes
 from beamchain.mjcf.text import Edit
 from beamchain.steps.joint_time import timed_joints
 from beamchain.steps.retime_file import joint_attributes
+
+FOREIGN = (".urdf", ".mjz")  # what MuJoCo reads beside MJCF
 
 
 class Wish(NamedTuple):
@@ -39,6 +44,8 @@ class Wish(NamedTuple):
 
 def read_bare(craft: str | Path) -> tuple[Craft, dict[str, Wish], str]:
     """The bare spacecraft, what was embedded in it by place, and in which form."""
+    if is_foreign(craft):
+        return flattened(Path(craft)), {}, "inline"
     read = craft_from_text(craft) if is_mjcf_text(craft) else read_craft(craft)
     marks = undo.appendage_marks(read)
     before = {
@@ -46,6 +53,46 @@ def read_bare(craft: str | Path) -> tuple[Craft, dict[str, Wish], str]:
         for mark in marks
     }
     return spacecraft_before(read), before, marks[0].form if marks else "inline"
+
+
+def is_foreign(craft: str | Path) -> bool:
+    """Whether a spacecraft is no MJCF, but something else that MuJoCo makes a model of."""
+    return not is_mjcf_text(craft) and Path(craft).suffix.lower() in FOREIGN
+
+
+def flattened(craft: Craft | Path) -> Craft:
+    """One document that has an element for every body and site that MuJoCo makes of a document,
+    or of a file that is no MJCF."""
+    label = craft.label if isinstance(craft, Craft) else f"spacecraft {str(craft)!r}"
+    try:
+        if isinstance(craft, Craft):
+            folder = craft.folder
+            text = relocate(craft, None).text
+            check_sizes(text.encode(), folder, label)
+            spec = mujoco.MjSpec.from_string(text)
+        else:
+            folder = craft.parent
+            content = read_bytes(craft)
+            if craft.suffix.lower() == ".mjz":
+                spec = mujoco.MjSpec.from_zip(BytesIO(content))
+            else:
+                check_sizes(content, folder, label)
+                spec = mujoco.MjSpec.from_file(str(craft))
+        if spec.assets:
+            raise InputError(
+                f"{label} holds files of its own ({', '.join(list(spec.assets)[:3])}), which a "
+                "document names in a folder; unpack it and give its MJCF (.xml) file."
+            )
+        for kind in ("meshdir", "texturedir"):
+            if os.path.isabs(place := getattr(spec.compiler, kind)):
+                setattr(spec.compiler, kind, os.path.relpath(place, folder.absolute()))
+        # otherwise numbers have six digits, and bodies of links that do not move are lost
+        spec.compiler.savecompiled = False
+        spec.compiler.fusestatic = False
+        text = spec.to_xml()
+    except ValueError as error:
+        raise EngineError(f"MuJoCo refuses {label}: {error}") from None
+    return replace(craft_from_text(text), folder=folder, label=label)
 
 
 def _spec_of_mark(spec: Mapping[str, Any], at: str) -> Spec:

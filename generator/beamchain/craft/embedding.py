@@ -30,6 +30,8 @@ from beamchain.craft.documents import (
     Wish,
     assemble,
     compile_document,
+    flattened,
+    is_foreign,
     layout_of,
     open_places,
     read_bare,
@@ -40,6 +42,7 @@ from beamchain.craft.error import Carried, counterpart, loadings_of
 from beamchain.craft.fits import Fits, fit_all
 from beamchain.craft.liquid import liquid_cautions
 from beamchain.craft.loads import (
+    base_place,
     carries_of,
     check_carries,
     checked_carry,
@@ -71,7 +74,7 @@ from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec
 from beamchain.mjcf import compatibility, insert, write
 from beamchain.mjcf.craft import Craft
-from beamchain.mjcf.place import kinds_and_name
+from beamchain.mjcf.place import is_written_out, kinds_and_name
 from beamchain.mjcf.relocate import relocate
 from beamchain.structure.beam import Beam
 from beamchain.structure.modal_data import ModalData
@@ -297,9 +300,23 @@ def _embed(
     if isinstance(craft, mujoco.MjSpec):
         return _embed_in_spec(craft, _assign_prefixes({}, wanted), retime, most, fits, rigid)
     original, before, _ = read_bare(craft)
-    return _embed_in_document(
-        original, _assign_prefixes(before, wanted), form, retime, most, fits, rigid, joints
+    wanted = _assign_prefixes(before, wanted)
+    flat = is_foreign(craft)
+    hanging = [
+        name for wish in wanted.values() for names in wish.carries.values() for name in names
+    ]
+    places = [*(base_place(at, wanted) for at in wanted), *(f"body:{name}" for name in hanging)]
+    if not all(is_written_out(original, place) for place in places):
+        original, flat = flattened(original), True
+    made = _embed_in_document(original, wanted, form, retime, most, fits, rigid, joints)
+    if not flat:
+        return made
+    note = Caution(
+        "written-out",
+        "the spacecraft was written out by MuJoCo, since its file has no element of its own for "
+        "every place: without its comments, with all its numbers.",
     )
+    return replace(made, warnings=(*made.warnings, note))
 
 
 def check_places(at: object) -> None:

@@ -333,6 +333,11 @@ def file_attributes(element: Element) -> list[tuple[str, str]]:
 def read_craft(path: str | Path) -> Craft:
     """Read a spacecraft's MJCF file; what earlier embedding put in stays."""
     path = path_of("craft", path, "the path or the text of an MJCF (.xml) file")
+    if path.suffix.lower() == ".mjb":
+        raise InputError(
+            f"spacecraft {str(path)!r} is a compiled model, of which MuJoCo writes no file with "
+            "names and frames to add to; give the MJCF (.xml) file that it was compiled from."
+        )
     craft = Craft(read_bytes(path), path.parent, f"spacecraft {str(path)!r}")
     _check_craft(craft, "an MJCF file")
     return craft
@@ -349,7 +354,8 @@ def _check_craft(craft: Craft, wanted: str) -> None:
     """Refuse a document that is no MJCF or whose includes cannot be followed."""
     if craft.root.tag != "mujoco":
         raise InputError(
-            f"{craft.label} has root element <{craft.root.tag}>, not <mujoco>; give {wanted}."
+            f"{craft.label} has root element <{craft.root.tag}>, not <mujoco>; give {wanted} "
+            "(a URDF is known by the ending .urdf)."
         )
     folders = asset_folders(craft.parts())  # refuses what cannot be followed
     for element in craft.root.iter():

@@ -173,8 +173,9 @@ def extend_keys(
 ) -> Craft:
     """The document with the new joints' rest values in its keyframes.
 
-    `qpos`, `qvel`: per new value, which old one it is; None: an appendage's, whose position is
-    that in `rest` and whose velocity is zero.
+    `qpos`, `qvel`: per new value, which old one it is; None: an appendage's. Its position, and that
+    of old ones that a short keyframe leaves out, is that in `rest`, as MuJoCo pads it; velocities
+    are zero.
     """
     new_values = {"qpos": [write.number(value) for value in rest], "qvel": ["0"] * len(qvel)}
     edits: list[Edit] = []
@@ -186,13 +187,13 @@ def extend_keys(
                 continue
             words = text.split()
             count = sum(place is not None for place in places)
-            if len(words) != count:
+            if len(words) > count:
                 raise InputError(
                     f"keyframe {key.get('name') or ''!r}: {name} holds {len(words)} numbers, the "
                     f"spacecraft has {count}; correct the spacecraft's file."
                 )
             new_words = [
-                words[place] if place is not None else new_values[name][i]
+                words[place] if place is not None and place < len(words) else new_values[name][i]
                 for i, place in enumerate(places)
             ]
             changes[name] = " ".join(new_words)

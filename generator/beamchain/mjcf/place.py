@@ -50,6 +50,20 @@ def _has_element(root: Element, kinds: Iterable[str], name: str) -> bool:
     return any(True for kind in kinds for _ in _elements_named(root, kind, name))
 
 
+def is_written_out(craft: Craft, at: str) -> bool:
+    """Whether a place has an element of its own in the document, or nothing else could make it."""
+    kinds, name = kinds_and_name(at)
+    own = [
+        node
+        for part in craft.parts()
+        for kind in kinds
+        for node in _elements_named(part, kind, name)
+        if not any(above.tag in MADE_OF_OTHERS for above in node.iterancestors())
+    ]
+    made = [node for part in craft.parts() for node in part.iter(*MADE_OF_OTHERS)]
+    return bool(own) or not made
+
+
 def find_target(craft: Craft, at: str) -> Target:
     """The element of the document itself that `at` names; see `place_includes_with_targets`."""
     kinds, name = kinds_and_name(at)
