@@ -155,7 +155,7 @@ def edited(model, values):
 
 
 def matrices(model):
-    """Mass, damping and stiffness at rest."""
+    """Mass, with the armature of tendons, damping and stiffness at rest."""
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     mass = np.zeros((model.nv, model.nv))
@@ -172,7 +172,6 @@ def matrices(model):
             row[model.jnt_dofadr[model.wrap_objid[w]]] = model.wrap_prm[w]
         stiffness += model.tendon_stiffness[i] * np.outer(row, row)
         damping = damping + model.tendon_damping[i] * np.outer(row, row)
-        assert model.tendon_armature[i] == 0.0
     return mass, damping, stiffness
 
 
@@ -409,6 +408,141 @@ def test_worst_margins_of_one_loop_are_those_of_its_open_loop():
         bc.InputError, match="kind = 'gain' is unknown; .*choose from disk, gain up"
     ):
         margins.least("gain")
+
+
+SKEW = """<mujoco model="craft"><option gravity="0 0 0"/><worldbody><body name="bus"><freejoint/>
+<inertial pos="0.04 -0.03 0.05" mass="240" fullinertia="80 95 110 4 -6 3"/>
+<site name="mount" pos="0.6 0.1 0.2" euler="10 20 -15"/>
+<site name="left" pos="-0.1 0.5 0.1" xyaxes="0 1 0 -1 0 0"/></body></worldbody></mujoco>"""
+BUS = {
+    "bus.mass": (240.0, 12.0),
+    "bus.centre_y": (-0.03, 0.03),
+    "bus.inertia_zz": (110.0, 11.0),
+    "bus.inertia_xz": (-6.0, 4.0),
+}
+
+
+def with_bus(model, values):
+    """A model with other mass properties of its bus."""
+    out = copy.copy(model)
+    bus = out.body("bus").id
+    inertia = np.array([[80.0, 4.0, -6.0], [4.0, 95.0, 3.0], [-6.0, 3.0, 110.0]])
+    inertia[2, 2] = values["bus.inertia_zz"]
+    inertia[0, 2] = inertia[2, 0] = values["bus.inertia_xz"]
+    out.body_mass[bus] = values["bus.mass"]
+    out.body_ipos[bus, 1] = values["bus.centre_y"]
+    sizes, axes = np.linalg.eigh(inertia)
+    out.body_inertia[bus] = sizes
+    mujoco.mju_mat2Quat(out.body_iquat[bus], (axes * np.linalg.det(axes)).ravel())
+    return out
+
+
+def least_disks(model, loops, omega):
+    """Disk margin at every input, the loops of the others closed, and of all at once at most."""
+    mass, damping, stiffness = matrices(model)
+    s = 1j * omega[:, None, None]
+    turned = np.zeros((model.nv, 3))
+    turned[3:6] = np.eye(3)
+    plant = turned.T @ np.linalg.solve(stiffness + s * damping + s**2 * mass, turned[None])
+    k = np.array([law(loop, 1j * omega) for loop in loops.loop]).T[:, :, None]
+    e = np.linalg.inv(np.eye(3) + k * plant) - np.eye(3) / 2.0
+    single = 1.0 / np.abs(np.einsum("kii->ki", e)).max(axis=0)
+    # mu of diagonal complex numbers is at least the spectral radius
+    return np.append(single, 1.0 / np.abs(np.linalg.eigvals(e)).max())
+
+
+@pytest.mark.slow
+def test_no_corner_of_thirteen_ranges_is_worse_than_stated_and_the_table_agrees_with_itself():
+    """The worst lies at the mode of a peak that is not the highest of the nominal loop."""
+    tube = bc.Tube(outer_diameter=0.06, wall=0.0025)
+    aluminium = bc.Material(youngs_modulus=6.5e10, density=2650.0, poissons_ratio=0.3)
+    long = bc.Spec(
+        name="ba",
+        segment=(bc.Segment(length=7.0, section=tube, material=aluminium),),
+        lump=(bc.Lump(x=7.0, mass=2.5, inertia=(0.05, 0.07, 0.06)),),
+        damping=bc.Damping(ratio=0.004),
+        modes=bc.Modes(xy=2, xz=2),
+        fit=bc.FitOptions(springs="modes"),
+    )
+    flat = bc.Equivalent(
+        bending_stiffness_xy=9e3, bending_stiffness_xz=4e3, linear_mass=3.1, polar_inertia=0.2
+    )
+    short = bc.Spec(
+        name="bb",
+        segment=(bc.Segment(length=5.0, section=flat),),
+        damping=bc.Damping(ratio=0.006),
+        modes=bc.Modes(xy=1, xz=1),
+        fit=bc.FitOptions(springs="modes"),
+    )
+    embedded = bc.embed(SKEW, {"mount": long, "left": short}, retime=False)
+    model = embedded.model
+    each = uniform(relative=0.12, each=True), uniform(relative=0.4, each=True)
+    uncertain = bc.plant(embedded, ["torque:bus"], ["attitude"]).uncertain(
+        bc.UncertainCraft(
+            appendage={
+                "ba_": bc.UncertainModes(frequency=each[0], damping=each[1]),
+                "bb_": bc.UncertainModes(frequency=uniform(relative=0.1)),
+            },
+            body={
+                "bus": bc.UncertainBody(
+                    mass=uniform(relative=0.05),
+                    centre_y=uniform(absolute=0.03),
+                    inertia_zz=uniform(relative=0.1),
+                    inertia_xz=uniform(absolute=4.0),
+                )
+            },
+        )
+    )
+    lag = 0.05, 1.0
+    laws = (((220.0, 50.0), lag, 0.03), ((300.0, 60.0), (0.04, 1.0), 0.04))
+    loops = bc.Controller(
+        loop=tuple(
+            bc.Loop(
+                input=f"torque_{axis}",
+                output=f"attitude_{axis}",
+                numerator=top,
+                denominator=tuple(np.polymul(bottom, (0.02, 1.0)).tolist())
+                if axis == "y"
+                else bottom,
+                delay=delay,
+            )
+            for axis, (top, bottom, delay) in zip(
+                "xyz", (*laws, ((330.0, 70.0), lag, 0.05)), strict=True
+            )
+        )
+    )
+    found = uncertain.worst_margins(loops, samples=20)
+    disks = [row.worst for row in found if row.kind == "disk"]
+    omega = np.geomspace(0.1, 60.0, 2_000)
+    start = [row.nominal for row in found if row.kind == "disk" and row.at != "all loops at once"]
+    assert start == pytest.approx(least_disks(model, loops, omega)[:3], rel=1e-2)
+    rng = np.random.default_rng(0)
+    names = [model.tendon(i).name for i in range(model.ntendon)]
+    least = np.full(4, np.inf)
+    for _ in range(150):
+        values = {
+            f"{name}.{kind}": nominal(model, f"{name}.{kind}") * (1.0 + side * relative)
+            for name in names
+            if name.startswith("ba_mode")
+            for kind, relative in (("frequency", 0.12), ("damping", 0.4))
+            for side in rng.choice([-1.0, 1.0], 1)
+        }
+        common = 1.0 + 0.1 * rng.choice([-1.0, 1.0])
+        values |= {
+            f"{name}.frequency": common * nominal(model, f"{name}.frequency")
+            for name in names
+            if name.startswith("bb_mode")
+        }
+        bus = {name: at + rng.choice([-1.0, 1.0]) * reach for name, (at, reach) in BUS.items()}
+        corner = with_bus(edited(model, values), bus)
+        least = np.minimum(least, least_disks(corner, loops, omega))
+    assert np.all(disks <= 1.01 * least)
+    for axis, disk in zip("xyz", disks, strict=False):
+        row = {each.kind: each.worst for each in found if each.at == f"torque_{axis}"}
+        up = row["gain up, factor"]
+        assert disk <= 2.0 * (up - 1.0) / (up + 1.0) * (1.0 + ABOVE)
+        assert disk <= 2.0 * np.tan(np.radians(abs(row["phase"])) / 2.0) * (1.0 + ABOVE)
+        assert disks[-1] <= disk * (1.0 + ABOVE)
 
 
 @pytest.fixture
