@@ -105,6 +105,26 @@ def test_bodies_on_springs_take_all_mass_with_them(tmp_path):
     assert fitted(tmp_path, spec, document) == pytest.approx(wanted, rel=SAME)
 
 
+@pytest.mark.parametrize("stiffness", [1e-3, 1e6])
+def test_a_figure_says_which_reading_it_comes_from(stiffness, tmp_path):
+    """A root that is 1e9 times softer than the rod costs the differences of A and B digits."""
+    rod = {"shape": "equivalent", "bending_stiffness_xy": 2e2, "linear_mass": 0.9}
+    spec = {
+        "name": "odd",
+        "segment": [{"length": 15.0, "section": rod}],
+        "joint": [{"after_segment": 0, "stiffness_xy": stiffness}],
+        "modes": {"xy": 2},
+    }
+    answer = call("fit", written(tmp_path, spec), "-o", tmp_path / "out")
+    said = json.loads((tmp_path / "out" / "fit.json").read_text())["ports"]["xy"]["readback"]
+    exact = said["distance"] <= 1e-11
+    assert exact == (stiffness > 1.0)
+    assert said["reading"] == ("mjd_transitionFD" if exact else "mass and stiffness")
+    page = (tmp_path / "out" / "report.html").read_text()
+    for text in (answer.out, page):
+        assert f"read through {said['reading']}; mjd" in " ".join(text.split())
+
+
 # -- every combination -----------------------------------------------------------------------------
 def checked(case, folder, *more):
     """`fit` with its report and `embed` either work, with numbers, or say why not."""

@@ -83,8 +83,9 @@ def _show(result: "Fit") -> None:
                 place = "`reference` away from it" if moved else "there"
                 out.print(f"{step}: place the spacecraft's site {place}", markup=False)
         print_table(tables.effective_mass_table(result.space))
-    title = "Modes, read back from MuJoCo (mjd_transitionFD)"
-    print_table(tables.mode_table(result, None, title))
+    print_table(tables.mode_table(result, None, "Modes, read back from MuJoCo"))
+    for port in result.target:
+        out.print(result.measured.reading_sentence(port), markup=False)
     print_table(tables.link_table(result))
     print_table(tables.hinge_table(result))
     if result.chain.tendons:

@@ -97,6 +97,18 @@ class Measured:
             return self.motion
         return self.coupled.seen(np.eye(6)[:, list(self.live)])
 
+    def reading(self, port: str) -> str:
+        """What the figures of a port come from: A and B, or mass and stiffness where these differ
+        by more than 1e-11."""
+        return "mjd_transitionFD" if self.lost[port] <= DIGITS else "mass and stiffness"
+
+    def reading_sentence(self, port: str) -> str:
+        """The same, and how far the two readings are apart."""
+        return (
+            f"{port}: read through {self.reading(port)}; mjd_transitionFD and MuJoCo's mass and "
+            f"stiffness differ by {self.lost[port]:.1e}."
+        )
+
     @property
     def coupling(self) -> float:
         """Largest coupling between two blocks, relative."""

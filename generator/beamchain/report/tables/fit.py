@@ -222,6 +222,7 @@ def port_note(fit: "Fit", port: str) -> str:
     """How the modes of a port are to be read."""
     unit = PARTICIPATION.get(port, PLANE_PARTICIPATION)
     note = f"Cantilever modes, root held. Participation in {unit}."
+    note += f" {fit.measured.reading_sentence(port)}"
     if fit.kept_for in ("free", "hub"):
         note += (
             " The target keeps other modes exactly (next section); its own cantilever modes "

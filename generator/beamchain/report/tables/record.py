@@ -130,7 +130,11 @@ def _port(fit: "Fit", port: str) -> dict[str, Any]:
         "target": port_record(fit.target[port]),
         "achieved": port_record(fit.achieved[port]),
         "error": {**readback, "accelerance_in_band": in_band, "in_band": in_band, "band": band},
-        "readback": readback,
+        "readback": {
+            **readback,
+            "reading": fit.measured.reading(port),
+            "distance": fit.measured.lost[port],
+        },
         "bandwidth": band,
     }
 
