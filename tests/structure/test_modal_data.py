@@ -466,3 +466,31 @@ def test_an_estimated_length_holds_the_mass():
     assert result.chain.length == pytest.approx(second / first, rel=SAME)
     assert np.diag(result.chain.rigid_mass())[[1, 5]] == pytest.approx([mass, second], rel=SAME)
     assert result.space.error.frequency < SAME
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-7, 1e-5])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_flat_panel_from_condensed_matrices_keeps_its_rigid_mass(tmp_path, noise, seed):
+    """A lamina of 21.6 kg, 6 m and 1.2 m: its inertia lies on the edge of what a body can have.
+    Two modes of bending and one of torsion of the uniform cantilever, with noise of a share of
+    the largest entry."""
+    m, length, wide = 21.6, 6.0, 1.2
+    along, across = m * length**2 / 3.0, m * wide**2 / 12.0
+    rigid = np.diag([m, m, m, across, along, along + across])
+    rigid[1, 5] = rigid[5, 1] = m * length / 2.0
+    rigid[2, 4] = rigid[4, 2] = -m * length / 2.0
+    rows = np.zeros((3, 6))
+    rows[0, [2, 4]] = 0.7830 * np.sqrt(m), -0.5688 * np.sqrt(m) * length
+    rows[1, [2, 4]] = 0.4339 * np.sqrt(m), -0.0907 * np.sqrt(m) * length
+    rows[2, 3] = np.sqrt(8.0 / np.pi**2 * across)
+    mass = np.block([[rigid, rows.T], [rows, np.eye(3)]])
+    largest = float(np.max(mass))
+    change = np.triu(np.random.default_rng(seed).uniform(-1.0, 1.0, mass.shape)) * noise * largest
+    mass += change + np.triu(change, 1).T
+    stiffness = np.diag([0.0] * 6 + [12.0**2, 77.0**2, 123.0**2])
+    np.savez(tmp_path / "panel.npz", mass=mass, stiffness=stiffness, boundary=np.arange(6))
+    result = fit(read_modes(tmp_path / "panel.npz"))
+    assert result.status.ok
+    # the edge of what a body can have takes up to a third of the noise more
+    allowed = (1.5 * noise + 1e-12) * largest
+    assert np.max(np.abs(result.chain.rigid_mass() - rigid)) < allowed

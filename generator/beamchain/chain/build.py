@@ -29,6 +29,7 @@ from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array
 from beamchain.structure.beam import Beam
 from beamchain.structure.mass_line import MassLine, spread_mass
+from beamchain.structure.planes import PRINTED
 
 Springs = Literal["auto", "hinges", "modes"]
 
@@ -281,7 +282,7 @@ def assemble(
     total = beam.moments(0.0, beam.length, closed=True)
     rotary = abs(total.rotary_xy - total.rotary_xz) / total.second
     if len(nodes) == 1 and not isinstance(beam, Beam):
-        rotary = 0.0  # of imported mass it is known to the print, and only one plane asks
+        rotary = max(rotary - PRINTED, 0.0)  # of imported mass it is known to the print
     shared = _shared_nodes(nodes, rotary)
     if shared is None:
         raise RealisationError("the planes do not share their hinges.")

@@ -205,7 +205,7 @@ class Linearisation:
         )
         # the stiffest first: a matrix that is graded downwards keeps the digits of slow modes
         order = np.argsort(-np.abs(np.diag(self.stiffness)), kind="stable")
-        live = order[sizes[order] > 0.0]
+        live = [int(i) for i in order if sizes[i] > 0.0]
         squares = np.linalg.eigvals(self.stiffness[np.ix_(live, live)])
         squares = squares[np.argsort(-np.abs(squares))[:moving]].real
         return np.sqrt(np.sort(squares[squares > 0.0]))

@@ -18,7 +18,12 @@ from beamchain.errors import InputError
 from beamchain.ports.motions import Array
 from beamchain.structure.modal_data import FurtherPoint, ModalData
 from beamchain.structure.readers.bounded import check_size, mat_arrays, names_held, npz_arrays
-from beamchain.structure.rigid_body import body_above, body_departure
+from beamchain.structure.rigid_body import (
+    body_departure,
+    independent_ports,
+    realisable_body,
+    within_body,
+)
 
 LARGEST = 4000  # freedoms; beyond that reduce in the program that made the model
 MOST = 200  # modes handed on, the lowest
@@ -32,6 +37,9 @@ FULL = 1e-12  # relative precision of matrices of all digits
 # relative, most by which a rigid mass may depart from a rigid body's: grids that are off move it by
 # up to 3 times what they strain the structure, so that what is taken there is taken here
 ALMOST_BODY = 10.0 * STRAINED
+# departures of the rigid mass from a rigid body's that noise of the same matrix may leave of a
+# participation that is zero
+NOISY = 10.0
 EXACT_BODY = 1e-9  # relative: a departure of numbers of all digits that needs no word
 LOOSE = 1e-13  # pivot over diagonal entry below which a freedom is not held
 NAMES = {
@@ -180,7 +188,8 @@ def from_matrices(
     is_near = np.abs(rigid - m_bb) <= ALMOST_BODY * np.outer(size, size)
     if is_rounding.all() and is_near.all() and body_departure(m_bb) < body_departure(rigid):
         follow, rigid = np.zeros_like(follow), m_bb
-    rigid, departure = _almost_body(rigid, precision)
+    raw = rigid
+    rigid, departure = _almost_body(raw, precision)
     # for 1/w^2: massless freedoms do no harm, low modes keep their digits
     inverse, shapes = linalg.eigh(m_ii, k_ii)
     order = np.argsort(inverse)[::-1]
@@ -194,6 +203,12 @@ def from_matrices(
     # L = Phi^T (M_ii G + M_ib), Phi of unit mass
     normal = (w * shapes[:, order]).T
     participation = normal @ (m_ii @ follow + m_ib)
+    if departure:
+        noise = NOISY * body_departure(raw)
+        rigid, participation = independent_ports(rigid, participation, noise)
+        rigid = realisable_body(rigid)
+    if rigid is not raw:
+        participation = within_body(participation, rigid)
     number = {row: k for k, row in enumerate(inner)}
     further = tuple(
         FurtherPoint(
@@ -234,14 +249,14 @@ def _almost_body(rigid: Array, precision: float) -> tuple[Array, str]:
     if departure > ALMOST_BODY:
         return rigid, ""  # refused where it matters: independent ports need no such body
     if departure <= max(EXACT_BODY, ROUNDED * precision):
-        return body_above(rigid), ""
+        return realisable_body(rigid), ""
     text = (
         "the rigid mass that follows from mass and stiffness departs from a rigid body's by "
         f"{departure:.1e} (that of a rigid body is taken; up to {ALMOST_BODY:.0e} is accepted); "
         "usual causes: grids in the .asm rounded to 8 characters, a stiffness between interface "
         "and modes that is not zero, an a-set that leaves freedoms out"
     )
-    return body_above(rigid), Caution("almost-rigid", text)
+    return realisable_body(rigid), Caution("almost-rigid", text)
 
 
 def _check_boundary(boundary: Sequence[int], d: int, name: str, first: int) -> None:
