@@ -2,7 +2,7 @@
 at its own frequency, those beyond pi/T too, which samples show as slower ones."""
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,7 +100,7 @@ def _by_state(closed: ClosedLoop, i: int, omega: Array) -> tuple[Complex, Comple
     seen = np.einsum("ki,kij->kj", row, controller)
     inner = z[:, None, None] * np.eye(a.shape[0]) - a.T
     left = np.linalg.solve(inner, (seen @ c)[:, :, None])[:, :, 0]
-    return left, seen @ d[:, i], z
+    return left.astype(np.complex128), (seen @ d[:, i]).astype(np.complex128), z
 
 
 def _crossings(omega: Array, loop: Complex) -> _Crossings:
@@ -148,10 +148,10 @@ def _polished(
 ) -> float:
     """A dead time at which `1 + L` is zero, from one near it."""
 
-    def rest(x: Array) -> list[float]:
+    def rest(x: Array) -> Array:
         value = at(float(x[0]) * omega, max(float(x[1]), 0.0) * step)
-        return [value.real, value.imag]
+        return np.array([value.real, value.imag])
 
-    found = root(rest, [1.0, delay / step], tol=1e-12)
+    found: Any = root(rest, [1.0, delay / step], tol=1e-12)
     near = abs(found.x[1] * step - delay) < 0.1 * step
-    return float(found.x[1]) * step if near and np.hypot(*found.fun) < HELD else delay
+    return float(found.x[1]) * step if near and float(np.linalg.norm(found.fun)) < HELD else delay
