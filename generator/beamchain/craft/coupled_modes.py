@@ -130,7 +130,8 @@ def _pairs(exact: _Modes, ours: _Modes, kept: NDArray[np.bool_], mass: Array) ->
 
 def _clusters(frequency: Array) -> NDArray[np.intp]:
     """Number of the cluster of each ascending frequency."""
-    return np.cumsum(np.diff(np.log(frequency), prepend=np.log(frequency[:1])) > CLUSTER)
+    apart = np.diff(np.log(frequency), prepend=np.log(frequency[:1])) > CLUSTER
+    return np.cumsum(apart, dtype=np.intp)
 
 
 def _spans(motion: Array, cluster: NDArray[np.intp]) -> list[Array]:
