@@ -82,7 +82,6 @@ PARTS = {
         "craft.coupled_modes.Mode",
         "craft.error.CraftError",
         "engine.bench.Composite",
-        "steps.cures.Cure",
         "steps.step_map.TimeError",
         "steps.sampled.SampledError",
     ),

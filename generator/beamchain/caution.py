@@ -40,6 +40,7 @@ CODES = {
     "large-motion": "a run or a keyframe exceeds a chain's large-motion limits",
     "large-motion-unknown": "the large-motion limits of the chain could not be computed",
     "last-mode": "the modes of an imported file end too soon for the scene's bandwidth",
+    "least-damping": "damping ratios are lower than the least at which errors are compared",
     "left-certain": "structural properties that are uncertain are left certain in an uncertain "
     "plant",
     "light-material": "a density below that of foam is stated",

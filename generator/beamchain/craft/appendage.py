@@ -335,6 +335,7 @@ def carried(model: "mujoco.MjModel | None", appendages: Sequence[Appendage]) -> 
                 line,
                 springs,
                 slack,
+                a.spec.undamped_ratio,
             )
         )
     return out

@@ -227,7 +227,8 @@ class Coupled:
             for k, port in enumerate(space.data.belongs, 1)
             if k not in self.numbers and port in free
         ]
-        heavy = weights(with_damping(self._exact), self.a.hub.mass_matrix(), band)
+        exact = with_damping(self._exact, self.a.spec.undamped_ratio)
+        heavy = weights(exact, self.a.hub.mass_matrix(), band)
         left.sort(key=lambda k: -heavy[k - 1])
         return {
             str(k): replace(self, numbers=tuple(sorted((*self.numbers, k))), last=k)

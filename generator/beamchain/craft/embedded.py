@@ -86,8 +86,6 @@ class Embedded:
             it changed what it was given.
         given: the appendages by place of that call.
         retime: whether timing was asked for, as the argument of `embed` says.
-        joints: whether timing may change the spacecraft's own joints (`retime_joints` of `embed`).
-        names: how the user changes integrator, step and timing, in the words of a cure.
 
     Example:
         >>> import beamchain as bc
@@ -408,7 +406,8 @@ class Embedded:
         places = poses(self.model) | poses_between(self.model, BETWEEN)
         plain = at_step_of(self.untimed, self.model)
         timed, still = (motion_at(quiet_copy(one), places[pose]) for one in (self.model, plain))
-        peak = shifted_peak(timed, still, worst.frequency)
+        undamped = min(a.spec.undamped_ratio for a in self.appendages)
+        peak = shifted_peak(timed, still, worst.frequency, undamped)
         if peak is None or not peak.explains(worst.error, self.craft_error):
             return ""
         modes = self.modes_at(pose) if pose in poses(self.model) else ()

@@ -40,7 +40,9 @@ from beamchain.errors import EngineError, InputError
 from beamchain.fitting.needs import AXES
 from beamchain.ports.compare import (
     DEFAULT_RATIO,
+    LEAST_RATIO,
     Response,
+    compared_ratios,
     grid_of,
     maximum_of,
     peak_clusters,
@@ -69,7 +71,7 @@ class Carried:
     its ports carry; `alone`: the mass of its degrees of freedom without that, where it carries;
     `line`: how it bends up to a band, where it is a beam, or a liquid. Of a liquid: `springs`
     `(dofs,)` of its pendulums at the stated acceleration, `slack`: how far the frequencies of
-    `line` lie below those of `whole`.
+    `line` lie below those of `whole`. `undamped`: as of `ports.compare.compared_ratios`.
     """
 
     mount: Mount
@@ -82,6 +84,7 @@ class Carried:
     line: Callable[[float], BentLine | HangingLiquid] | None = None
     springs: Array | None = None
     slack: float = 1.0
+    undamped: float = DEFAULT_RATIO
 
 
 @dataclass(frozen=True)
@@ -106,19 +109,23 @@ class CraftError:
     growth: dict[str, tuple[float, float]]
 
 
-def default_damping(stiffness: Array, mass: Array) -> Array:
-    """`(nv, nv)` 0.5 % of damping in all that is sprung."""
+def lacking_damping(stiffness: Array, mass: Array, damping: Array, undamped: float) -> Array:
+    """`(nv, nv)` what all that is sprung lacks of the damping at which it is compared;
+    `undamped`: as of `ports.compare.compared_ratios`."""
     values, shapes = eigh(stiffness, mass)
     moving = values > STILLEST * max(float(np.max(values, initial=0.0)), 1e-300)
-    push = mass @ shapes[:, moving]
-    return push @ np.diag(2.0 * DEFAULT_RATIO * np.sqrt(values[moving])) @ push.T
+    w, shapes = np.sqrt(values[moving]), shapes[:, moving]
+    ratios = np.einsum("ik,ij,jk->k", shapes, damping, shapes) / (2.0 * w)
+    push = mass @ shapes
+    return push @ np.diag(2.0 * (compared_ratios(ratios, undamped) - ratios) * w) @ push.T
 
 
 def extra_damping(bare: Linear) -> Array:
-    """`(nv, nv)` what the bare craft gets so that no peak is infinite: none where it is damped."""
-    if np.max(np.abs(bare.damping), initial=0.0) > 0.0:
-        return np.zeros_like(bare.damping)
-    return default_damping(bare.stiffness, bare.mass)
+    """`(nv, nv)` what the bare craft gets so that no peak is infinite: 0.5 % where it has no
+    damping at all."""
+    none = np.max(np.abs(bare.damping), initial=0.0) == 0.0
+    undamped = DEFAULT_RATIO if none else LEAST_RATIO
+    return lacking_damping(bare.stiffness, bare.mass, bare.damping, undamped)
 
 
 def on_base(linear: Linear, point: OperatingPoint, body: int) -> Linear:
@@ -279,18 +286,18 @@ class Pose:
         return np.setdiff1d(np.arange(count), np.array(appended, dtype=np.intp))
 
     def comparable(self, linear: Linear) -> Linear:
-        """The compiled craft with the damping of the exact answer: that of the bare craft, and
-        that of undamped modes."""
+        """The compiled craft with the damping at which it is compared, as the exact answer."""
         damping = linear.damping.copy()
         stiffness = linear.stiffness.copy()
         own = self.own_dofs(damping.shape[0])
         damping[np.ix_(own, own)] += self.extra
         for item in self.carried:
-            # the ratio that undamped cantilever modes are given
-            if not np.any(item.whole.damping > 0.0) and item.dofs:
+            if item.dofs:  # its cantilever modes
                 dofs = np.ix_(item.dofs, item.dofs)
                 mass = linear.mass[dofs] if item.alone is None else item.alone
-                damping[dofs] += default_damping(linear.stiffness[dofs], mass)
+                damping[dofs] += lacking_damping(
+                    linear.stiffness[dofs], mass, linear.damping[dofs], item.undamped
+                )
             if item.springs is not None and item.dofs and self.loading is None:
                 stiffness[item.dofs, item.dofs] += item.springs
         return replace(linear, damping=damping, stiffness=stiffness)
@@ -318,16 +325,23 @@ class Pose:
         carry; their modes for coordinates."""
         return (craft or self.craft).with_appendages(models, self.jacobians, self.carrying)
 
+    def _damped(self, models: Sequence[PortModel]) -> list[PortModel]:
+        """Appendages with the damping at which they are compared."""
+        return [
+            with_damping(model, item.undamped)
+            for model, item in zip(models, self.carried, strict=True)
+        ]
+
     @cached_property
     def near(self) -> list[PortModel]:
         """The exact appendages with what lies far above the band gathered:
         their peaks are the same."""
-        return [with_damping(item.whole.condensed(25.0 * self.band)) for item in self.carried]
+        return self._damped([item.whole.condensed(25.0 * self.band) for item in self.carried])
 
     @cached_property
     def whole(self) -> list[PortModel]:
         """The exact appendages, all their modes, damped."""
-        return [with_damping(item.whole) for item in self.carried]
+        return self._damped([item.whole for item in self.carried])
 
     @cached_property
     def with_exact(self) -> Linear:
@@ -350,7 +364,7 @@ class Pose:
         """The exact appendages: all their modes or, under a load, those that feel it."""
         if self.loading is None:
             return self.whole
-        return [with_damping(line.model) for line in self._lines]
+        return self._damped([line.model for line in self._lines])
 
     @cached_property
     def kept(self) -> list[NDArray[np.bool_]]:
@@ -413,7 +427,7 @@ class Pose:
         """Appendages as searches take them: in trees, far modes are gathered."""
         if self.carrying is None:
             return list(models)
-        return [with_damping(model.condensed(FAR * self.band)) for model in models]
+        return self._damped([model.condensed(FAR * self.band) for model in models])
 
     @cached_property
     def _of_nearly_exact(self) -> Response:
@@ -430,7 +444,7 @@ class Pose:
     def of_models(self, models: Sequence[PortModel], tolerance: float | None = None) -> float:
         """In-band error with `models` for appendages; with a `tolerance` as a search needs it (see
         `maximum_of`)."""
-        appendages = [with_damping(model) for model in models]
+        appendages = self._damped(models)
         together = self.with_appendages(appendages)
         return self._error(
             self._response_of(appendages, together), peaks_of_craft(together), tolerance

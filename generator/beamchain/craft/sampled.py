@@ -14,13 +14,13 @@ from beamchain.steps.sampled import SampledError, sampled_error
 from beamchain.steps.step_map import motion_at
 
 
-def exact_response_model(pose: Pose) -> Linear:
-    """The spacecraft at a pose with every mode of its appendages.
-
-    Its damping is what is stated: none is put where there is none.
-    """
-    whole = pose.with_appendages([item.whole for item in pose.carried], pose.bare)
-    return whole.picked(inputs=pose.motions, outputs=pose.motions)
+def exact_response_models(pose: Pose) -> tuple[Linear, Linear]:
+    """The spacecraft at a pose with every mode of its appendages: with the damping that is stated,
+    and with that at which errors are compared."""
+    stated = pose.with_appendages([item.whole for item in pose.carried], pose.bare)
+    compared = pose.with_appendages(pose.whole)
+    motions = pose.motions
+    return stated.picked(motions, motions), compared.picked(motions, motions)
 
 
 def craft_sampled_error(
@@ -54,7 +54,7 @@ def pose_sampled_error(
     data = rest_point(model, qpos).data()
     rows = motion(model, data, body, data.xpos[body], data.xmat[body].reshape(3, 3))
     return sampled_error(
-        exact_response_model(pose),
+        *exact_response_models(pose),
         motion_at(model, qpos),
         rows[list(pose.motions)],
         scale=pose.scale,

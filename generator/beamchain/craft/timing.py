@@ -17,7 +17,7 @@ from beamchain.engine.linearise import NUMBERS
 from beamchain.engine.operating_point import base_body, pose_words, poses, quiet_copy
 from beamchain.fitting.result import Fit
 from beamchain.fitting.warnings import turn_warning
-from beamchain.ports.compare import DEFAULT_RATIO, NARROWEST, keeps_tolerance
+from beamchain.ports.compare import compared_ratios, keeps_tolerance
 from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.modal import modal_tendons
 from beamchain.steps.poles import pole_rows
@@ -57,6 +57,7 @@ def step_error(
     ]
     band = max((float(scene.bandwidth or 0.0) for scene in scenes), default=np.inf)
     allowed = SHARE * min((scene.tolerance for scene in scenes), default=UNASKED / SHARE)
+    undamped = min(a.spec.undamped_ratio for a in appendages)
     places = poses(model)
     growing = growing_poses(model, places)
     if growing:
@@ -64,8 +65,8 @@ def step_error(
     errors: dict[str, float] = {}
     for pose, qpos in places.items():
         poles = [row for row in pole_rows(model, qpos=qpos) if row.frequency <= band]
-        ratios = [pole.ratio if pole.ratio > NARROWEST else DEFAULT_RATIO for pole in poles]
-        widths = ratios if scenes else [1.0] * len(poles)
+        ratios = compared_ratios(np.array([pole.ratio for pole in poles]), undamped)
+        widths = ratios.tolist() if scenes else [1.0] * len(poles)
         off = (pole.error / width for pole, width in zip(poles, widths, strict=True))
         errors[pose] = max(off, default=0.0)
     worst = max(errors, key=lambda pose: errors[pose])

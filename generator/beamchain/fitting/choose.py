@@ -153,12 +153,12 @@ def make_plan(
     if scene is not None and scene.bandwidth is not None:
         far = FAR * scene.bandwidth
         whole = {
-            port: with_damping(spec.with_ratios(port, model)).condensed(far)
+            port: with_damping(spec.with_ratios(port, model), spec.undamped_ratio).condensed(far)
             for port, model in full.items()
         }
         exact = model_in_space(whole, with_polar_inertia(rigid_mass))
         wanted_motions = {AXES[axis] for axis in scene.axes}
-        promise = Promise(exact, hub, sorted(wanted_motions), scene.bandwidth)
+        promise = Promise(exact, hub, sorted(wanted_motions), scene.bandwidth, spec.undamped_ratio)
     for port, count in ({} if spec.modes is None else spec.modes.given()).items():
         if port in full and count > full[port].modes:
             raise InputError(

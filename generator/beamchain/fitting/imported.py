@@ -118,7 +118,7 @@ class ImportedCase:
             fixed = {} if self.spec.modes is None else self.spec.modes.given()
             numbers, choice = fewest(
                 self.promise,
-                with_damping(self.data.space()),
+                with_damping(self.data.space(), self.spec.undamped_ratio),
                 self.data.belongs,
                 self.scene.tolerance,
                 fixed,
@@ -207,7 +207,13 @@ class ImportedCase:
         achieved = measured.motion
         error = replace(
             compare(achieved, target),
-            accelerance_in_band=in_band_error(measured.damped_motion, full, hub, self.band(target)),
+            accelerance_in_band=in_band_error(
+                measured.damped_motion,
+                full,
+                hub,
+                self.band(target),
+                undamped=self.spec.undamped_ratio,
+            ),
         )
         return InSpace(
             data=self.data,
@@ -292,10 +298,11 @@ def _promise(spec: Spec, data: ModalData) -> Promise | None:
     hub = None if spec.root.hub is None else spec.root.hub.mass_matrix()[np.ix_(live, live)]
     motions = {AXES[axis] for axis in spec.scene.axes}
     return Promise(
-        with_damping(data.space()).condensed(FAR * bandwidth),
+        with_damping(data.space(), spec.undamped_ratio).condensed(FAR * bandwidth),
         hub,
         wanted=[i for i, motion in enumerate(live) if motion in motions],
         bandwidth=bandwidth,
+        undamped=spec.undamped_ratio,
     )
 
 

@@ -84,10 +84,16 @@ class Promise:
         hub_mass: `(m, m)` about the root; without one the worst of three.
         wanted: numbers of the motions that matter, 0 to m - 1.
         bandwidth: upper end of the band [rad/s].
+        undamped: as of `ports.compare.compared_ratios`.
     """
 
     def __init__(
-        self, exact: PortModel, hub_mass: Array | None, wanted: Sequence[int], bandwidth: float
+        self,
+        exact: PortModel,
+        hub_mass: Array | None,
+        wanted: Sequence[int],
+        bandwidth: float,
+        undamped: float,
     ) -> None:
         self.exact: PortModel = exact
         self.wanted: list[int] = sorted(wanted)
@@ -99,7 +105,7 @@ class Promise:
         )
         self._blocks = [self._coupled_motions(hub) for hub in self.hubs]
         self._references = [
-            Reference([self._block(hub, motions) for motions in blocks], bandwidth)
+            Reference([self._block(hub, motions) for motions in blocks], bandwidth, undamped)
             for hub, blocks in zip(self.hubs, self._blocks, strict=True)
         ]
         self._known: dict[tuple[object, ...], float] = {}

@@ -193,7 +193,8 @@ def _port_errors(
         carrier = None if hub is None else port_hub_mass(hub, port)
         whole = measured.coupled
         made = measured.ports[port] if whole is None else whole.seen(PORT_MOTION[port])
-        in_band = in_band_error(made, case.truth(port), carrier, bandwidth[port])
+        undamped = case.spec.undamped_ratio
+        in_band = in_band_error(made, case.truth(port), carrier, bandwidth[port], undamped=undamped)
         plain = compare(measured.ports[port], target.truncated(modes))
         error[port] = replace(plain, accelerance_in_band=in_band)
     return bandwidth, error

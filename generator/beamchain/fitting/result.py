@@ -32,7 +32,7 @@ from beamchain.fitting.options import Scene
 from beamchain.fitting.spec import Spec
 from beamchain.fitting.warnings import step_warnings, turn_warning
 from beamchain.mjcf import write
-from beamchain.ports.compare import Comparison, keeps_tolerance
+from beamchain.ports.compare import Comparison, keeps_tolerance, with_damping
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORTS, Array
 from beamchain.steps.budget import linear_model
@@ -401,6 +401,7 @@ class Fit:
             scene.tolerance,
             tendon=self.tendon_damped,
             sprung=self.tendon_sprung,
+            undamped=self.spec.undamped_ratio,
         )
 
     @cached_property
@@ -475,7 +476,10 @@ class Fit:
         whole = exact_appendage(self).model
         axes = tuple(AXES) if scene is None or scene.bandwidth is None else scene.axes
         keep = sorted({AXES[axis] for axis in axes})
-        exact = rigid_body(hub).with_appendages([whole], [np.eye(6)]).picked(keep, keep)
+        exact, compared = (
+            rigid_body(hub).with_appendages([one], [np.eye(6)]).picked(keep, keep)
+            for one in (whole, with_damping(whole, self.spec.undamped_ratio))
+        )
         s = np.sqrt(np.diag(hub + whole.rigid_mass))[keep]
         rigid = np.linalg.inv(hub + whole.rigid_mass)[np.ix_(keep, keep)] * np.outer(s, s)
         data = rest(model)
@@ -483,6 +487,7 @@ class Fit:
         rows = motion(model, data, root, data.xpos[root], data.xmat[root].reshape(3, 3))[keep]
         return sampled_error(
             exact,
+            compared,
             motion_at(model),
             rows,
             scale=np.outer(s, s),
@@ -499,7 +504,7 @@ class Fit:
             return ""
         plain = self._scenes[1]
         timed, still = motion_at(self._scenes[0]), motion_at(plain)
-        peak = shifted_peak(timed, still, worst.frequency)
+        peak = shifted_peak(timed, still, worst.frequency, self.spec.undamped_ratio)
         if peak is None or not peak.explains(worst.error, self.in_band_error or 0.0):
             return ""
         modal = modal_tendons(plain)

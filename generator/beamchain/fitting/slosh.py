@@ -112,10 +112,11 @@ def slosh_case(spec: Spec) -> SloshCase:
         hub = None if spec.root.hub is None else spec.root.hub.mass_matrix()[np.ix_(live, live)]
         motions = {AXES[axis] for axis in scene.axes}
         promise = Promise(
-            with_damping(data.space()).condensed(FAR * scene.bandwidth),
+            with_damping(data.space(), spec.undamped_ratio).condensed(FAR * scene.bandwidth),
             hub,
             wanted=[i for i, motion in enumerate(live) if motion in motions],
             bandwidth=scene.bandwidth,
+            undamped=spec.undamped_ratio,
         )
     return SloshCase(spec, data, data.selected(numbers), numbers, promise=promise)
 

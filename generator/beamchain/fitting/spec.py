@@ -25,6 +25,7 @@ from beamchain.fitting.options import (
 )
 from beamchain.fitting.toml_files import convert, read_tables
 from beamchain.fitting.uncertain import Uncertain
+from beamchain.ports.compare import DEFAULT_RATIO, LEAST_RATIO
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import UPRIGHT, Quaternion
 from beamchain.structure.beam import Beam
@@ -376,6 +377,12 @@ class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             if self.damping is None or isinstance(self.damping.ratio, tuple)
             else model.replaced(damping=self.damping.ratios(port, model.modes))
         )
+
+    @property
+    def undamped_ratio(self) -> float:
+        """Damping ratio at which errors compare a mode without damping: 0.5 % where none is stated,
+        the least ratio where damping is stated and is zero there."""
+        return DEFAULT_RATIO if self.damping is None and self.slosh is None else LEAST_RATIO
 
     @property
     def chooses(self) -> bool:

@@ -11,6 +11,7 @@ from beamchain.engine.bench import Measured
 from beamchain.fitting.needs import AXES
 from beamchain.fitting.options import Damping, Scene
 from beamchain.fitting.spec import Spec
+from beamchain.ports.compare import LEAST_RATIO
 from beamchain.ports.model import PortModel
 from beamchain.steps.limits import StepChoice, StepLimits
 from beamchain.structure.modal_data import ModalData
@@ -140,6 +141,12 @@ def doubtful(
         out["high-damping"] = (
             f"damping.{place} = {ratio:g} is {ratio:.0%} of critical, where structures have 0.001 "
             f"to 0.02: a likely slip; if {ratio:g} % were meant, write {ratio * 1e-2:g}."
+        )
+    low = next((item for item in _ratios(damping) if item[1] < LEAST_RATIO), None)
+    if low is not None:
+        out["least-damping"] = (
+            f"damping.{low[0]} = {low[1]:g} is below {LEAST_RATIO:g}, at which errors compare it: "
+            "the frequency of a narrower peak is beyond a model in double precision."
         )
     length = sum(segment.length for segment in segments)
     for i, segment in enumerate(segments):

@@ -19,7 +19,9 @@ from beamchain.ports.motions import Array, locked, system_matrix
 
 DEFAULT_RATIO = 0.005  # damping ratio of every cantilever mode where none is given
 UNDAMPED = 1e-9  # ratios up to here are rounding
-NARROWEST = 1e-6  # least ratio with which a peak is resolved
+# least ratio at which errors are compared: the frequency of a narrower peak is beyond a model in
+# double precision
+LEAST_RATIO = 1e-5
 NEAR = 0.05  # of the ratio: peaks that close need one cluster of points
 WIDER = 1.5  # times the ratio: the points of a wider peak do not resolve a narrower one
 REACH = 1.3  # times the bandwidth: peaks up to here are resolved as far as they reach into the band
@@ -159,19 +161,19 @@ def in_band_error(
     hub_mass: ArrayLike | None,
     bandwidth: float,
     keep: Sequence[int] | None = None,
+    undamped: float = DEFAULT_RATIO,
 ) -> float:
     """The in-band error of `a` against `b`, frequency by frequency; see `Reference`.
 
-    Cantilever modes without damping get 0.5 %; without `hub_mass` `(m, m)`
-    the worst of three hubs, 0.1, 1 and 10 times the rigid mass of `b`; `keep`: motions of
-    the hub that matter.
+    Without `hub_mass` `(m, m)` the worst of three hubs, 0.1, 1 and 10 times the rigid mass of `b`;
+    `keep`: motions of the hub that matter; `undamped`: as of `compared_ratios`.
     """
     if hub_mass is None:
         hubs = [factor * b.rigid_mass for factor in STANDARD_HUBS]
-        return max(in_band_error(a, b, hub, bandwidth, keep) for hub in hubs)
+        return max(in_band_error(a, b, hub, bandwidth, keep, undamped) for hub in hubs)
     kept_motions = tuple(range(b.motions) if keep is None else keep)
     block = Block(np.asarray(hub_mass, dtype=np.float64), b, kept_motions)
-    return Reference([block], bandwidth).error(0, a)
+    return Reference([block], bandwidth, undamped).error(0, a)
 
 
 def keeps_tolerance(error: float, tolerance: float) -> bool:
@@ -239,12 +241,16 @@ class Reference:
     `H(w) = (M_hub + D(w))^-1`, `S = sqrt(diag(M_hub + M_rigid))`. The error is the maximum over 0 <
     w <= bandwidth [rad/s] of `||S (H_model - H_exact) S||` over the larger of `||S H_exact S||` and
     `||S H_rigid S||`: on a grid that resolves every peak to a tenth of its damping ratio, and
-    between its points where it is highest. Independent blocks do not couple.
+    between its points where it is highest. Independent blocks do not couple. `undamped`: as of
+    `compared_ratios`.
     """
 
-    def __init__(self, blocks: Sequence[Block], bandwidth: float) -> None:
+    def __init__(
+        self, blocks: Sequence[Block], bandwidth: float, undamped: float = DEFAULT_RATIO
+    ) -> None:
+        self.undamped: float = undamped
         self.blocks: list[Block] = [
-            replace(block, exact=with_damping(block.exact)) for block in blocks
+            replace(block, exact=with_damping(block.exact, undamped)) for block in blocks
         ]
         self.bandwidth: float = bandwidth
         self._peaks = [peaks_of(block.exact, block.hub) for block in self.blocks]
@@ -270,7 +276,7 @@ class Reference:
     ) -> float:
         """In-band error that `model` in place of the exact one of block `number` makes;
         `tolerance` as of `maximum_of`."""
-        block, model = self.blocks[number], with_resolved_peaks(model)
+        block, model = self.blocks[number], as_compared(model, self.undamped)
         if number not in self._exact:
             omega = grid_of([self._peaks[number]], self.bandwidth)
             exact = block.response(block.exact, omega)
@@ -289,7 +295,7 @@ class Reference:
 
     def curve(self, number: int, model: PortModel | CoupledPort, omega: Array) -> Array:
         """`(k,)` the error at each of `omega`, before its maximum is taken."""
-        block, model = self.blocks[number], with_resolved_peaks(model)
+        block, model = self.blocks[number], as_compared(model, self.undamped)
         if omega.size == 0:
             return np.zeros(0)
         exact = block.response(block.exact, omega)
@@ -298,7 +304,9 @@ class Reference:
 
     def grid(self, number: int, models: Sequence[PortModel | CoupledPort]) -> Array:
         """`(k,)` where the error of `models` in a block is looked at [rad/s]."""
-        peaks = [peaks_of(with_resolved_peaks(model), self.blocks[number].hub) for model in models]
+        peaks = [
+            peaks_of(as_compared(model, self.undamped), self.blocks[number].hub) for model in models
+        ]
         return grid_of([self._peaks[number], *peaks], self.bandwidth)
 
 
@@ -322,25 +330,32 @@ def small_inverse(matrices: NDArray[np.complex128]) -> NDArray[np.complex128]:
 
 
 @lru_cache(maxsize=256)  # a search asks for the same models many times
-def with_damping(model: PortModel) -> PortModel:
-    """The model with its own damping, and 0.5 % in every mode that has none."""
-    if np.all(model.damping >= NARROWEST):
+def with_damping(model: PortModel, undamped: float = DEFAULT_RATIO) -> PortModel:
+    """The model with the damping at which it is compared; `undamped`: as of `compared_ratios`."""
+    if np.all(model.damping >= LEAST_RATIO):
         return model
-    return model.replaced(damping=resolved_ratios(model.damping))
+    return model.replaced(damping=compared_ratios(model.damping, undamped))
 
 
-def resolved_ratios(ratios: Array) -> Array:
-    """Damping ratios whose peaks a grid resolves: 0.5 % where there is none."""
-    return np.where(ratios > UNDAMPED, np.maximum(ratios, NARROWEST), DEFAULT_RATIO)
+def compared_ratios(ratios: Array, undamped: float = DEFAULT_RATIO) -> Array:
+    """Damping ratios at which modes are compared: none below the least ratio.
+
+    `undamped`: that of modes without any, 0.5 % where no damping is stated, and the least ratio
+    where none was stated to be there.
+
+    Example:
+        >>> compared_ratios(np.array([0.0, 1e-8, 0.02])).tolist()
+        [0.005, 1e-05, 0.02]
+    """
+    return np.where(ratios > UNDAMPED, np.maximum(ratios, LEAST_RATIO), undamped)
 
 
-def with_resolved_peaks(model: PortModel | CoupledPort) -> PortModel | CoupledPort:
-    """A model whose peaks a grid resolves: as of `with_damping`;
-    of one with a damping matrix each mode without damping gets 0.5 %."""
+def as_compared(model: PortModel | CoupledPort, undamped: float) -> PortModel | CoupledPort:
+    """A model as of `with_damping`; of one with a damping matrix each mode gets what it lacks."""
     if not isinstance(model, CoupledPort):
-        return with_damping(model)
+        return with_damping(model, undamped)
     ratios = np.diag(model.rates) / model.frequencies / 2.0
-    more = 2.0 * (resolved_ratios(ratios) - ratios) * model.frequencies
+    more = 2.0 * (compared_ratios(ratios, undamped) - ratios) * model.frequencies
     return replace(model, rates=model.rates + np.diag(more))
 
 
@@ -399,7 +414,7 @@ def peak_clusters(peaks: Array, bandwidth: float) -> Array:
     points = [np.zeros(0)]
     matters = (peaks[:, 0] < REACH * bandwidth) & (peaks[:, 0] > SLOWEST * bandwidth)
     for peak, ratio in peaks[matters]:
-        width = min(max(float(ratio), NARROWEST), 1.0)
+        width = min(max(float(ratio), LEAST_RATIO), 1.0)
         close = width * np.arange(0.0, 2.05, 0.1)
         # from there in equal ratios; np.geomspace takes ten times as long
         start = 2.2 * width

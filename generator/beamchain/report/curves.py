@@ -116,12 +116,12 @@ def rival_chains(fit: "Fit", port: str) -> dict[str, Chain]:
 def beam_model(fit: "Fit", port: str) -> PortModel:
     """The whole beam in a port with the damping that in-band errors are stated with:
     the spec's, else 0.5 %."""
-    return with_damping(fit.spec.with_ratios(port, fit.full[port]))
+    return with_damping(fit.spec.with_ratios(port, fit.full[port]), fit.spec.undamped_ratio)
 
 
 def rival_model(fit: "Fit", port: str, chain: Chain) -> PortModel:
     """A rival's port model with the same damping ratios as the beam's."""
-    return with_damping(fit.spec.with_ratios(port, chain.port(port)))
+    return with_damping(fit.spec.with_ratios(port, chain.port(port)), fit.spec.undamped_ratio)
 
 
 def undamped_accelerance(model: PortModel) -> Accelerance:
@@ -220,7 +220,8 @@ def error_curves(
     a curve's largest in the band is the in-band error."""
     beam = beam_model(fit, port)
     band = fit.bandwidth[port]
-    reference = Reference([Block(hub, beam, tuple(range(beam.motions)))], band)
+    block = Block(hub, beam, tuple(range(beam.motions)))
+    reference = Reference([block], band, fit.spec.undamped_ratio)
     peaks = np.concatenate([peaks_of(model, hub)[:, 0] for model in (beam, *models)])
     steps = np.array([0.0, 0.5, 1.0, 2.0, 4.0, 8.0]) * float(
         np.max(beam.damping, initial=DEFAULT_RATIO)

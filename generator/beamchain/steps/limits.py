@@ -17,7 +17,8 @@ from beamchain.engine.library import one_thread
 from beamchain.engine.linearise import runge_kutta_step
 from beamchain.errors import EngineError
 from beamchain.ports.compare import (
-    NARROWEST,
+    DEFAULT_RATIO,
+    LEAST_RATIO,
     band_grid,
     largest_norm_ratio,
     peak_clusters,
@@ -276,15 +277,16 @@ def choose_step(
     *,
     tendon: bool = False,
     sprung: bool = False,
+    undamped: float = DEFAULT_RATIO,
 ) -> tuple[StepChoice, ...]:
     """Every integrator's largest step for a model with six motions on a hub `(6, 6)`,
     cheapest first.
 
     The in-band error up to `bandwidth` [rad/s] of the response with the poles moved as the step
     moves them stays below `tolerance`; `keep`: hub motions that count; `tendon`, `sprung`: as of
-    `integrators.step_pole`.
+    `integrators.step_pole`; `undamped`: as of `ports.compare.compared_ratios`.
     """
-    coupled = with_damping(model).with_hub(hub_mass)
+    coupled = with_damping(model, undamped).with_hub(hub_mass)
     w = coupled.free_frequencies
     p = coupled.free_port_values[:, keep]
     if w.size == 0:
@@ -335,7 +337,7 @@ def choose_step(
 
 def _flexible(omega: Array, w: Array, ratios: Array, p: Array, s: Array) -> Complex:
     """`(f, m, m)` flexible part of the scaled accelerance."""
-    x, ratios = 1j * omega[:, None], np.maximum(ratios, NARROWEST)
+    x, ratios = 1j * omega[:, None], np.maximum(ratios, LEAST_RATIO)
     weight = x**2 / (x**2 + 2.0 * ratios * w * x + w**2)
     rows = p * s
     outer = (rows[:, :, None] * rows[:, None, :]).reshape(len(rows), -1)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.linalg import schur
 
 from beamchain.engine.linear import Linear
-from beamchain.ports.compare import DEFAULT_RATIO, NARROWEST, grid_of, relative_error
+from beamchain.ports.compare import grid_of, relative_error
 from beamchain.ports.motions import Array
 from beamchain.steps.integrators import Complex
 from beamchain.steps.step_map import GROWN, Motion
@@ -34,17 +34,22 @@ Responder = Callable[[Complex], NDArray[np.complex128]]
 @dataclass(frozen=True, eq=False)
 class Response:
     """A sampled response `(k, m, m)` at `z - 1` `(k,)`,
-    and its poles `s` [1/s] with the size of their peaks."""
+    and its poles `s` [1/s] with the size of their peaks.
+
+    `lost` `(n,)`: by how much further to the left its poles lie with damping that they lack [1/s].
+    """
 
     at: Responder
     poles: Complex
     peaks: Array
+    lost: Array
 
 
-def exact_response(exact: Linear, timestep: float) -> Response:
+def exact_response(exact: Linear, timestep: float, lacking: Array | None = None) -> Response:
     """The exact motion under a wrench held over each step, in closed form, mode by mode.
 
-    `exact`: pushed and looked at in the same motions of a body.
+    `exact`: pushed and looked at in the same motions of a body; `lacking` `(nv, nv)`: damping that
+    it is compared with and does not have, None for nothing.
     """
     h = timestep
     rows = exact.outputs.acceleration
@@ -67,6 +72,14 @@ def exact_response(exact: Linear, timestep: float) -> Response:
     flow[n:, n:] = -held.T @ exact.damping @ held
     poles, vectors = np.linalg.eig(flow)
     poles, back = poles.astype(np.complex128), np.linalg.inv(vectors)
+    lost = np.zeros(poles.size)
+    if lacking is not None:
+        # d s = -l^T C r of a pole's left and right vectors
+        push = held.T @ lacking @ held @ vectors[n:]
+        lost = np.sum(back[:, n:] * push.T, axis=1).real
+        # what is faster than the samples decays at once by all that it lacks
+        fast = np.abs(poles.imag) * h > np.pi
+        poles = poles - np.where(fast, lost, 0.0)
     into = back[:, n:] @ np.vstack([p.T, loose.T])  # (poles, inputs)
     of_modes = (p / w) @ vectors[:n]  # (outputs, poles)
     of_loose = loose @ vectors[2 * n :]
@@ -90,7 +103,7 @@ def exact_response(exact: Linear, timestep: float) -> Response:
     ends = np.where(np.abs(turned + 2.0) > 1e-3, np.abs(turned + 2.0), 1e-3)
     gap = np.maximum(1.0 - np.exp(poles.real * h), 1e-12)
     peaks = np.linalg.norm(first, axis=(1, 2)) / gap * 2.0 * np.abs(turned) ** 2 / (h**2 * ends)
-    return Response(at, poles, peaks)
+    return Response(at, poles, peaks, lost)
 
 
 def step_response(motion: Motion, rows: Array) -> Response:
@@ -104,9 +117,15 @@ def step_response(motion: Motion, rows: Array) -> Response:
     free = seen[:, : motion.loose]
     mine = seen[:, motion.loose :]
     pick = np.concatenate([np.arange(motion.loose, n), n + np.arange(motion.loose, n)])
-    triangle, turn = schur(motion.difference[np.ix_(pick, pick)], output="complex")
-    drive = np.conj(turn.T) @ motion.drive[np.ix_(pick, np.arange(motion.loose, n))] @ mine.T
-    out = np.hstack([mine, np.zeros_like(mine)]) @ turn
+    # positions in units of the rates they go with: slow poles are lost without
+    phase = h * np.sqrt(np.abs(motion.squares[motion.loose :]))
+    unit = np.where(phase > 0.0, phase, 1.0)
+    scale = np.concatenate([unit, np.ones(unit.size)])
+    difference = scale[:, None] * motion.difference[np.ix_(pick, pick)] / scale
+    triangle, turn = schur(difference, output="complex")
+    pushed = scale[:, None] * motion.drive[np.ix_(pick, np.arange(motion.loose, n))]
+    drive = np.conj(turn.T) @ pushed @ mine.T
+    out = np.hstack([mine / unit, np.zeros_like(mine)]) @ turn
     mean = motion.integrator != "RK4"
     count = rows.shape[0]
 
@@ -123,7 +142,7 @@ def step_response(motion: Motion, rows: Array) -> Response:
 
     shown = 1.0 + np.diag(triangle).astype(np.complex128)
     poles = np.asarray(np.log(shown[np.abs(shown) > 1e-14]) / h, dtype=np.complex128)
-    return Response(at, poles, np.full(poles.size, np.inf))
+    return Response(at, poles, np.full(poles.size, np.inf), np.zeros(poles.size))
 
 
 @dataclass(frozen=True)
@@ -163,42 +182,57 @@ def off_by(error: float) -> str:
 
 
 def sampled_error(
-    exact: Linear, motion: Motion, rows: Array, *, scale: Array, frozen: float, band: float
+    exact: Linear,
+    compared: Linear,
+    motion: Motion,
+    rows: Array,
+    *,
+    scale: Array,
+    frozen: float,
+    band: float,
 ) -> SampledError:
     """The in-band error of a file at its own step, up to `band` [rad/s] and below 2.6 rad per step.
 
     Infinite where the step is unstable.
 
-    `exact`: pushed and looked at in the motions that count, every mode of its appendages in it;
+    `exact`: pushed and looked at in the motions that count, every mode of its appendages in it, and
+    `compared` the same with the damping at which errors are compared;
     `scale` `(m, m)`, `frozen`: what makes the accelerance dimensionless, and the norm of the
-    rigid one, as in the error in continuous time. Where a mode has no damping of its own, both
-    responses are taken at `z = exp((j + 0.005) w h)`, which is what 0.5 % of damping in every
-    mode does to them.
+    rigid one, as in the error in continuous time. Both responses are taken at
+    `z = exp((j + d) w h)`, with d the damping ratio that the exact pole nearest to w lacks of that
+    at which it is compared: none but below the least ratio.
     """
     if motion.growth > 1.0 + GROWN:  # what grows has no response
         return SampledError(float("inf"), 0.0)
     h = motion.timestep
     # gathered as a whole, not appendage by appendage: what a heavy body on a port moves on is the
     # flexibility of modes that are far beyond the band while the body is not there
-    truth = exact_response(exact.condensed(FAR * band), h)
+    near = exact.condensed(FAR * band)
+    lacking = compared.condensed(FAR * band).damping - near.damping
+    truth = exact_response(near, h, lacking)
     ours = step_response(motion, rows)
     top = min(band, FASTEST / h)
-    moving = np.abs(truth.poles) > LOOSE * np.max(np.abs(truth.poles), initial=1e-300)
-    ratios = -truth.poles.real / np.maximum(np.abs(truth.poles), 1e-300)
-    shift = DEFAULT_RATIO if np.any(ratios[moving] < NARROWEST) else 0.0
+    seen = truth.peaks * float(np.max(scale)) > SEEN * frozen
+    turns = np.round(truth.poles[seen].imag * h / (2.0 * np.pi))
+    # where the samples show a mode that is faster than they are
+    aliases = truth.poles[seen] - 2j * np.pi * turns / h
+    ringing = truth.poles.imag > 0.0
+    places = truth.poles.imag[ringing]
+    shifts = truth.lost[ringing] / places
+
+    def shift(omega: Array) -> Array:
+        if not places.size:
+            return np.zeros(omega.size)
+        return shifts[np.argmin(np.abs(omega[:, None] - places), axis=1)]
 
     def error(omega: Array) -> Array:
         parts = []
         for some in np.array_split(omega, max(1, -(-omega.size // BLOCK))):
-            step = np.expm1((1j + shift) * some * h)
+            step = np.expm1((1j + shift(some)) * some * h)
             parts.append(relative_error(ours.at(step) * scale, truth.at(step) * scale, frozen))
         return np.concatenate(parts)
 
-    fast = truth.poles[truth.peaks * float(np.max(scale)) > SEEN * frozen]
-    turns = np.round(fast.imag * h / (2.0 * np.pi))
-    # where the samples show a mode that is faster than they are
-    aliases = fast - 2j * np.pi * turns / h
-    known = [_peaks(truth.poles, shift), _peaks(aliases, shift), _peaks(ours.poles, shift)]
+    known = [_peaks(poles, shift) for poles in (truth.poles, aliases, ours.poles)]
     omega = grid_of(known, top)
     found = error(omega)
     for _ in range(SHARPER):
@@ -212,8 +246,8 @@ def sampled_error(
     return SampledError(float(found[k]), float(omega[k]))
 
 
-def _peaks(poles: Complex, shift: float) -> Array:
+def _peaks(poles: Complex, shift: Callable[[Array], Array]) -> Array:
     """Frequency [rad/s] and ratio of the peaks of poles `(n,)` above the real axis."""
     above = poles[(poles.imag >= 0.0) & (np.abs(poles) > 0.0)]
     size = np.abs(above)
-    return np.column_stack([size, np.clip(-above.real / size, 0.0, 1.0) + shift])
+    return np.column_stack([size, np.clip(-above.real / size, 0.0, 1.0) + shift(size)])

@@ -21,7 +21,7 @@ from beamchain.engine.library import mujoco
 from beamchain.engine.linear import STENCIL, linear_at
 from beamchain.engine.linearise import INTEGRATORS, NUMBERS, euler_damps_implicitly
 from beamchain.engine.operating_point import pose_words, rest_point, still_copy
-from beamchain.ports.compare import DEFAULT_RATIO, NARROWEST
+from beamchain.ports.compare import compared_ratios
 from beamchain.ports.motions import Array
 from beamchain.steps.elements import elements
 from beamchain.steps.integrators import PHASE, SCHEMES, Complex
@@ -444,11 +444,12 @@ class ShiftedPeak:
         )
 
 
-def shifted_peak(timed: Motion, plain: Motion, omega: float) -> ShiftedPeak | None:
+def shifted_peak(timed: Motion, plain: Motion, omega: float, undamped: float) -> ShiftedPeak | None:
     """The mode nearest to `omega` [rad/s], and what the step makes of its response there.
 
     Of a mode with the pole s, which the step shows at s', the response `1/(j w - s)` changes by
-    `|s' - s| / |j w - s'|`, where undamped as if its ratio were 0.005; `plain`: without timing.
+    `|s' - s| / |j w - s'|`, its damping as it is compared; `plain`: without timing; `undamped`: as
+    of `ports.compare.compared_ratios`.
     """
     pairs = pole_pairs(timed, plain)
     ringing = pairs.wanted.imag > 0.0
@@ -461,8 +462,9 @@ def shifted_peak(timed: Motion, plain: Motion, omega: float) -> ShiftedPeak | No
     size = float(np.abs(wanted[k]))
     ratio = float(-wanted[k].real) / size
     size_shown = float(np.abs(shown[k]))
-    damped = float(-shown[k].real) / size_shown / ratio - 1.0 if ratio > NARROWEST else 0.0
-    drag = 0.0 if ratio > NARROWEST else DEFAULT_RATIO * size
+    compared = float(compared_ratios(np.array(ratio), undamped))
+    damped = float(-shown[k].real) / size_shown / ratio - 1.0 if compared == ratio else 0.0
+    drag = (compared - ratio) * size
     change = np.abs(shown[k] - wanted[k]) / np.abs(1j * omega + drag - shown[k])
     return ShiftedPeak(size, max(ratio, 0.0), size_shown / size - 1.0, damped, float(change))
 
