@@ -82,6 +82,7 @@ PARTS = {
         "craft.coupled_modes.Mode",
         "craft.error.CraftError",
         "engine.bench.Composite",
+        "steps.cures.Cure",
         "steps.step_map.TimeError",
         "steps.sampled.SampledError",
     ),

@@ -92,7 +92,7 @@ def test_the_model_s_error_comes_before_the_readback():
     entry = result.as_dict()["ports"]["xy"]
     assert entry["error"]["in_band"] == result.in_band_error
     assert entry["error"]["band"] == result.bandwidth["xy"]
-    assert set(entry["readback"]) == {"frequency", "participation"}
+    assert set(entry["readback"]) == {"reading", "distance", "frequency", "participation"}
 
 
 def test_unknown_port_is_named():

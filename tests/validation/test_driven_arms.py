@@ -20,7 +20,7 @@ import beamchain as bc
 
 TURN = 1.5  # of the root at the end [rad]
 HEAVY = 1e9  # inertia of the hub [kg m^2]: the arms do not move it
-ROTARY_LUMPS = 2  # per metre
+ROTARY_LUMPS = 4  # per metre
 WEIGHTLESS = 1e-6  # mass of a lump [kg]
 
 
@@ -148,8 +148,8 @@ def worst(found, step, wanted, length, until=np.inf):
     return max(away) / length
 
 
-# 0.8 and 0.6 % measured, while the tip trails the rigid arm by up to half the length
-@pytest.mark.parametrize("modes", [2, pytest.param(5, marks=pytest.mark.slow)])
+# 0.7 and 0.8 % measured, while the tip trails the rigid arm by up to half the length
+@pytest.mark.parametrize("modes", [2, pytest.param(3, marks=pytest.mark.slow)])
 def test_an_arm_turned_at_its_root_bends_far(tmp_path, modes):
     step = 0.002
     tip, _ = history(embedded(tmp_path, ONE, modes), ONE, step, 9.0)
@@ -158,9 +158,8 @@ def test_an_arm_turned_at_its_root_bends_far(tmp_path, modes):
     assert found < 0.01
 
 
-# 1.5 % measured until 0.8 s, the hinge 0.4 %. Undamped and with a free elbow this arm multiplies
-# small differences, such as what is left out here and the step of 10 ms there: at 2.2 s it is 9 %,
-# with three and four modes 7 %
+# 1.6 % measured until 0.8 s, the hinge 0.4 %. Undamped and with a free elbow this arm multiplies
+# small differences, such as what is left out here and the step of 10 ms there: at 2.2 s it is 9.5 %
 def test_an_arm_of_two_links_turned_at_its_root(tmp_path):
     step = 0.001
     tip, elbow = history(embedded(tmp_path, TWO, 2), TWO, step, 2.2)

@@ -21,6 +21,7 @@ TINY = 1e-6  # polar over transverse inertia of a link where the appendage state
 TRIES = 400
 NO_POLAR = 1e-14  # of the transverse inertia: less polar inertia is rounding
 ROLL = 1e-3  # of the transverse inertia: what may be added to the roll inertia
+UNSEEN = 1e-9  # of the transverse inertia: what may be added to it
 
 
 def _without_rounding(about: Array, noise: float) -> Array:
@@ -171,13 +172,20 @@ def raise_polar_inertia(chain: Chain, least: float) -> tuple[Chain, str]:
     says so; both as before where none is.
 
     A chain that bends in torsion is left alone,
-    as is one whose roll inertia would no longer be small.
+    as is one whose roll inertia would no longer be small, and every link whose bending would be
+    felt.
     """
     if chain.hung:  # its moving links have some, and the first does not move
         return chain, ""
-    low = [i for i, link in enumerate(chain.links) if min(link.inertia) < least <= link.mass]
     rigid = chain.rigid_mass()
     across = float(max(rigid[4, 4], rigid[5, 5]))
+    across_links = [min(link.inertia[1:]) for link in chain.links]
+    bends = sum(max(least - own, 0.0) for own in across_links) > UNSEEN * across
+    low = [
+        i
+        for i, link in enumerate(chain.links)
+        if min(link.inertia) < least <= link.mass and not (bends and across_links[i] < least)
+    ]
     added = sum(least - min(chain.links[i].inertia) for i in low)
     if not low or "torsion" in chain.ports or added > ROLL * across:
         return chain, ""

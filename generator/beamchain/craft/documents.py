@@ -57,7 +57,7 @@ def read_bare(craft: str | Path) -> tuple[Craft, dict[str, Wish], str]:
 
 def is_foreign(craft: str | Path) -> bool:
     """Whether a spacecraft is no MJCF, but something else that MuJoCo makes a model of."""
-    return not is_mjcf_text(craft) and Path(craft).suffix.lower() in FOREIGN
+    return not is_mjcf_text(craft) and str(craft).lower().endswith(FOREIGN)
 
 
 def flattened(craft: Craft | Path) -> Craft:

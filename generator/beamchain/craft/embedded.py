@@ -86,6 +86,8 @@ class Embedded:
             it changed what it was given.
         given: the appendages by place of that call.
         retime: whether timing was asked for, as the argument of `embed` says.
+        joints: whether timing may change the spacecraft's own joints (`retime_joints` of `embed`).
+        names: how the user changes integrator, step and timing, in the words of a cure.
 
     Example:
         >>> import beamchain as bc
