@@ -425,3 +425,15 @@ def test_a_status_that_is_not_ok_is_not_hidden():
     assert not result.status.ok
     assert result.status.history
     assert result.target["xy"].modes == 7
+
+
+def test_a_plane_left_rigid_is_no_error_of_the_step():
+    """At a short step the error at the samples is that in continuous time, in the same plane."""
+    spec = bc.Spec(
+        segment=tube().segments,
+        modes=bc.Modes(xy=2, xz=0),
+        root=bc.Root(target="hub", hub=bc.Hub(mass=100.0, inertia=(50.0, 50.0, 50.0))),
+        fit=bc.FitOptions(timestep=1e-4),
+    )
+    result = bc.fit(spec)
+    assert result.sampled_error == pytest.approx(result.in_band_error, rel=0.02)

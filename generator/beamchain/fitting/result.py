@@ -15,6 +15,7 @@ from beamchain.caution import Caution
 from beamchain.chain.build import Status
 from beamchain.chain.chain import Chain
 from beamchain.chain.cut import Cut
+from beamchain.chain.tendons import group_motion
 from beamchain.dropped import missing_attribute
 from beamchain.engine.bench import Measured, ballast_for
 from beamchain.engine.library import mujoco, rest
@@ -457,7 +458,8 @@ class Fit:
     @property
     def sampled_error(self) -> float | None:
         """In-band error of the hub's positions at the samples, per wrench held over each step;
-        None without a stated step.
+        None without a stated step. Without a bandwidth of the scene, in motions of the ports that
+        have modes.
 
         scene.xml as MuJoCo steps it (inputs through `HeldInput`; RK4: as they are),
         against the exact appendage on its hub.
@@ -474,8 +476,11 @@ class Fit:
         model = self._scenes[0]
         hub = self.hub.mass_matrix()
         whole = exact_appendage(self).model
-        axes = tuple(AXES) if scene is None or scene.bandwidth is None else scene.axes
-        keep = sorted({AXES[axis] for axis in axes})
+        if scene is None or scene.bandwidth is None:  # as `in_band_error`: ports with modes
+            moved = np.any(group_motion(list(self.bandwidth)), axis=1)
+            keep = np.flatnonzero(moved).tolist()
+        else:
+            keep = sorted({AXES[axis] for axis in scene.axes})
         exact, compared = (
             rigid_body(hub).with_appendages([one], [np.eye(6)]).picked(keep, keep)
             for one in (whole, with_damping(whole, self.spec.undamped_ratio))
