@@ -1,6 +1,7 @@
 """Whether a mass matrix is that of a rigid body, and the rigid body that is nearest to it."""
 
 import numpy as np
+from scipy.optimize import nnls
 from scipy.sparse.csgraph import connected_components
 
 from beamchain.ports.motions import PORT_MOTION, PORTS, Array
@@ -28,13 +29,16 @@ def body_departure(mass: Array) -> float:
 def realisable_body(mass: Array) -> Array:
     """The mass matrix `(6, 6)` of a rigid body nearest to a symmetric one, which a body can have:
     no principal inertia about its centre exceeds the sum of the other two, as rounding leaves that
-    of a lamina."""
+    of a lamina or of a rod."""
     nearest = nearest_body(mass)
     own = float(np.trace(mass[:3, :3])) / 3.0
     cross = nearest[3:, :3] / own
     values, axes = np.linalg.eigh(nearest[3:, 3:] + own * cross @ cross)
-    lacking = max(values[2] - values[1] - values[0], 0.0) / 3.0
-    nearest[3:, 3:] += lacking * (axes * [1.0, 1.0, -1.0]) @ axes.T
+    if 2.0 * values[2] > np.sum(values):
+        # principal inertias I = (1 - E) e of second moments e >= 0
+        of_moments = 1.0 - np.eye(3)
+        moments, _ = nnls(of_moments, values)
+        nearest[3:, 3:] += (axes * (of_moments @ moments - values)) @ axes.T
     return nearest
 
 
@@ -52,24 +56,32 @@ def within_body(participation: Array, mass: Array) -> Array:
     return (left * np.minimum(shares, 1.0)) @ right @ root.T
 
 
-def independent_ports(mass: Array, participation: Array, noise: float) -> tuple[Array, Array]:
-    """Rigid mass `(6, 6)` and participation `(n, 6)` without what couples ports, where all of it
-    lies below `noise`, relative to the rigid mass."""
-    scale = _scale(mass)
+def noise_of_motions(mass: Array) -> Array:
+    """`(6,)` sizes s of the noise of a mass matrix, s_i s_j in its entry ij, by what is not a rigid
+    body's in it."""
+    change = np.abs(mass - nearest_body(mass))
+    gyration = np.prod(_scale(mass)[[0, 3]] ** [-1.0, 1.0])
+    across = float(np.max(change[3:, :3]))
+    moving = max(float(np.max(change[:3, :3])), across / gyration)
+    return np.sqrt([moving] * 3 + [across**2 / moving] * 3)
+
+
+def independent_parts(mass: Array, stiffness: Array, noise: Array) -> Array:
+    """Mass matrix `(6 + n, 6 + n)` of rigid motions and inner freedoms without what couples ports,
+    or freedoms to other ports, where all of it lies below `noise` `(6 + n,)`, s_i s_j in ij;
+    `stiffness` `(n, n)`: of the inner freedoms."""
     moves = np.array([np.sum(PORT_MOTION[port] ** 2, axis=1) for port in PORTS])
-    strong = np.sqrt((participation / scale) ** 2 @ moves.T)
-    felt = strong > noise
-    coupled = moves @ (np.abs(mass / np.outer(scale, scale)) > noise) @ moves.T
-    linked = (felt.T.astype(float) @ felt + coupled) > 0.0
-    _, block = connected_components(linked, directed=False)
-    of_motion = block[np.argmax(moves, axis=0)]
-    of_mode = block[np.argmax(strong, axis=1)]
-    together = of_motion[:, None] == of_motion
-    return mass * together, participation * (of_mode[:, None] == of_motion)
+    linked = np.abs(mass) > np.outer(noise, noise)
+    linked[:6, :6] |= moves.T @ moves > 0.0
+    size = np.sqrt(np.diag(stiffness))
+    linked[6:, 6:] |= np.abs(stiffness) > ROUNDING * np.outer(size, size)
+    _, part = connected_components(linked, directed=False)
+    return mass * (part[:, None] == part)
 
 
 def _scale(mass: Array) -> Array:
-    """`(6,)` square roots of the masses that make motions comparable."""
+    """`(6,)` square roots of the masses that make motions comparable: the mean mass, and the
+    largest inertia for all rotations, since noise does not know of a small one."""
     mean = float(np.trace(mass[:3, :3])) / 3.0
-    turning = np.diag(mass)[3:]
-    return np.sqrt(np.concatenate([[mean] * 3, np.where(turning > 0.0, turning, mean)]))
+    turning = float(np.max(np.diag(mass)[3:]))
+    return np.sqrt([mean] * 3 + [turning if turning > 0.0 else mean] * 3)

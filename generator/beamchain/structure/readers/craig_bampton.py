@@ -20,7 +20,8 @@ from beamchain.structure.modal_data import FurtherPoint, ModalData
 from beamchain.structure.readers.bounded import check_size, mat_arrays, names_held, npz_arrays
 from beamchain.structure.rigid_body import (
     body_departure,
-    independent_ports,
+    independent_parts,
+    noise_of_motions,
     realisable_body,
     within_body,
 )
@@ -37,9 +38,8 @@ FULL = 1e-12  # relative precision of matrices of all digits
 # relative, most by which a rigid mass may depart from a rigid body's: grids that are off move it by
 # up to 3 times what they strain the structure, so that what is taken there is taken here
 ALMOST_BODY = 10.0 * STRAINED
-# departures of the rigid mass from a rigid body's that noise of the same matrix may leave of a
-# participation that is zero
-NOISY = 10.0
+NOISY = 4.0  # of what noise was seen to be: an entry below it may be zero
+ORTHOGONAL = 1e-2  # relative coupling of modes in a mass matrix that is noise
 EXACT_BODY = 1e-9  # relative: a departure of numbers of all digits that needs no word
 LOOSE = 1e-13  # pivot over diagonal entry below which a freedom is not held
 NAMES = {
@@ -190,6 +190,13 @@ def from_matrices(
         follow, rigid = np.zeros_like(follow), m_bb
     raw = rigid
     rigid, departure = _almost_body(raw, precision)
+    # P = M_ii G + M_ib
+    coupling = m_ii @ follow + m_ib
+    if departure:
+        whole = np.block([[rigid, coupling.T], [coupling, m_ii]])
+        noise = np.concatenate([noise_of_motions(raw), _noise_of_modes(m_ii, k_ii, raw)])
+        whole = independent_parts(whole, k_ii, np.sqrt(NOISY) * noise)
+        rigid, coupling, m_ii = realisable_body(whole[:6, :6]), whole[6:, :6], whole[6:, 6:]
     # for 1/w^2: massless freedoms do no harm, low modes keep their digits
     inverse, shapes = linalg.eigh(m_ii, k_ii)
     order = np.argsort(inverse)[::-1]
@@ -200,13 +207,9 @@ def from_matrices(
             "the mass matrix again."
         )
     w = 1.0 / np.sqrt(inverse[order])
-    # L = Phi^T (M_ii G + M_ib), Phi of unit mass
+    # L = Phi^T P, Phi of unit mass
     normal = (w * shapes[:, order]).T
-    participation = normal @ (m_ii @ follow + m_ib)
-    if departure:
-        noise = NOISY * body_departure(raw)
-        rigid, participation = independent_ports(rigid, participation, noise)
-        rigid = realisable_body(rigid)
+    participation = normal @ coupling
     if rigid is not raw:
         participation = within_body(participation, rigid)
     number = {row: k for k, row in enumerate(inner)}
@@ -257,6 +260,16 @@ def _almost_body(rigid: Array, precision: float) -> tuple[Array, str]:
         "and modes that is not zero, an a-set that leaves freedoms out"
     )
     return realisable_body(rigid), Caution("almost-rigid", text)
+
+
+def _noise_of_modes(mass: Array, stiffness: Array, rigid: Array) -> Array:
+    """`(n,)` sizes s of the noise of the inner freedoms' mass, s_i s_j in its entry ij: by what
+    couples modes, where they are modes, else by what is not a rigid body's in the `rigid` mass."""
+    size = np.sqrt(np.diag(mass).clip(0.0))
+    coupled = np.abs(mass - np.diag(np.diag(mass))) / np.outer(size, size).clip(1e-300)
+    if np.any(stiffness != np.diag(np.diag(stiffness))) or np.max(coupled) > ORTHOGONAL:
+        return np.sqrt(body_departure(rigid)) * size
+    return np.sqrt(max(float(np.max(coupled)), body_departure(rigid))) * size
 
 
 def _check_boundary(boundary: Sequence[int], d: int, name: str, first: int) -> None:
