@@ -261,7 +261,8 @@ class _Remainder(NamedTuple):
     def is_feasible(self, share: float) -> bool:
         """Whether masses on [0, 1] have them: `first^2 / mass <= second <= first`."""
         m, s, j = self.moments(share)
-        return m > 0.0 and s >= 0.0 and j <= s + 1e-14 and s * s <= j * m + 1e-14
+        rounding = 1e-14 * m
+        return m > 0.0 and s >= 0.0 and j <= s + rounding and s * s <= j * m + rounding * m
 
     def inner_place(self, share: float) -> float:
         """Where the inner of two points stands that have them together with one at the tip."""
