@@ -42,18 +42,19 @@ def realisable_body(mass: Array) -> Array:
     return nearest
 
 
-def within_body(participation: Array, mass: Array) -> Array:
-    """The participation `(n, 6)` nearest to a given one whose effective masses a rigid mass
-    `(6, 6)` holds: `L^T L <= M`."""
+def within_body(participation: Array, mass: Array, room: float) -> Array:
+    """The participation `(n, 6)` nearest to a given one of whose effective masses a rigid mass
+    `(6, 6)` leaves a share: `L^T L <= (1 - room) M`."""
     scale = _scale(mass)
     values, axes = np.linalg.eigh(mass / np.outer(scale, scale))
     values, axes = values[values > ROUNDING], axes[:, values > ROUNDING]
     root = scale[:, None] * axes * np.sqrt(values)  # M = root root^T
     back = axes / np.sqrt(values) / scale[:, None]
     left, shares, right = np.linalg.svd(participation @ back, full_matrices=False)
-    if np.all(shares <= 1.0):
+    most = np.sqrt(1.0 - room)
+    if np.all(shares <= most):
         return participation
-    return (left * np.minimum(shares, 1.0)) @ right @ root.T
+    return (left * np.minimum(shares, most)) @ right @ root.T
 
 
 def noise_of_motions(mass: Array) -> Array:

@@ -21,6 +21,7 @@ from beamchain.structure.readers.bounded import check_size, mat_arrays, names_he
 from beamchain.structure.rigid_body import (
     body_departure,
     independent_parts,
+    nearest_body,
     noise_of_motions,
     realisable_body,
     within_body,
@@ -39,7 +40,6 @@ FULL = 1e-12  # relative precision of matrices of all digits
 # up to 3 times what they strain the structure, so that what is taken there is taken here
 ALMOST_BODY = 10.0 * STRAINED
 NOISY = 4.0  # of what noise was seen to be: an entry below it may be zero
-ORTHOGONAL = 1e-2  # relative coupling of modes in a mass matrix that is noise
 EXACT_BODY = 1e-9  # relative: a departure of numbers of all digits that needs no word
 LOOSE = 1e-13  # pivot over diagonal entry below which a freedom is not held
 NAMES = {
@@ -194,7 +194,7 @@ def from_matrices(
     coupling = m_ii @ follow + m_ib
     if departure:
         whole = np.block([[rigid, coupling.T], [coupling, m_ii]])
-        noise = np.concatenate([noise_of_motions(raw), _noise_of_modes(m_ii, k_ii, raw)])
+        noise = np.concatenate([noise_of_motions(raw), _noise_of_freedoms(m_ii, raw)])
         whole = independent_parts(whole, k_ii, np.sqrt(NOISY) * noise)
         rigid, coupling, m_ii = realisable_body(whole[:6, :6]), whole[6:, :6], whole[6:, 6:]
     # for 1/w^2: massless freedoms do no harm, low modes keep their digits
@@ -211,7 +211,7 @@ def from_matrices(
     normal = (w * shapes[:, order]).T
     participation = normal @ coupling
     if rigid is not raw:
-        participation = within_body(participation, rigid)
+        participation = within_body(participation, rigid, body_departure(raw))
     number = {row: k for k, row in enumerate(inner)}
     further = tuple(
         FurtherPoint(
@@ -262,14 +262,13 @@ def _almost_body(rigid: Array, precision: float) -> tuple[Array, str]:
     return realisable_body(rigid), Caution("almost-rigid", text)
 
 
-def _noise_of_modes(mass: Array, stiffness: Array, rigid: Array) -> Array:
-    """`(n,)` sizes s of the noise of the inner freedoms' mass, s_i s_j in its entry ij: by what
-    couples modes, where they are modes, else by what is not a rigid body's in the `rigid` mass."""
-    size = np.sqrt(np.diag(mass).clip(0.0))
-    coupled = np.abs(mass - np.diag(np.diag(mass))) / np.outer(size, size).clip(1e-300)
-    if np.any(stiffness != np.diag(np.diag(stiffness))) or np.max(coupled) > ORTHOGONAL:
-        return np.sqrt(body_departure(rigid)) * size
-    return np.sqrt(max(float(np.max(coupled)), body_departure(rigid))) * size
+def _noise_of_freedoms(mass: Array, rigid: Array) -> Array:
+    """`(n,)` sizes s of the noise of inner freedoms' `mass`, s_i s_j in its entry ij: that of the
+    `rigid` mass, absolute where freedoms are coupled that much, and relative."""
+    own = np.diag(mass)
+    coupling = float(np.max(np.abs(mass - np.diag(own))))
+    absolute = float(np.max(np.abs(rigid - nearest_body(rigid))))
+    return np.sqrt(np.maximum(body_departure(rigid) * own, min(coupling, absolute)))
 
 
 def _check_boundary(boundary: Sequence[int], d: int, name: str, first: int) -> None:
