@@ -68,16 +68,18 @@ def noise_of_motions(mass: Array) -> Array:
 
 
 def independent_parts(mass: Array, stiffness: Array, noise: Array) -> Array:
-    """Mass matrix `(6 + n, 6 + n)` of rigid motions and inner freedoms without what couples ports,
-    or freedoms to other ports, where all of it lies below `noise` `(6 + n,)`, s_i s_j in ij;
-    `stiffness` `(n, n)`: of the inner freedoms."""
+    """Mass matrix `(6 + n, 6 + n)` of rigid motions and inner freedoms without what lies below
+    `noise` `(6 + n,)`, s_i s_j in ij: between ports, and between parts of which nothing is coupled
+    by more; `stiffness` `(n, n)`: of the inner freedoms."""
     moves = np.array([np.sum(PORT_MOTION[port] ** 2, axis=1) for port in PORTS])
     linked = np.abs(mass) > np.outer(noise, noise)
     linked[:6, :6] |= moves.T @ moves > 0.0
     size = np.sqrt(np.diag(stiffness))
     linked[6:, 6:] |= np.abs(stiffness) > ROUNDING * np.outer(size, size)
     _, part = connected_components(linked, directed=False)
-    return mass * (part[:, None] == part)
+    kept = part[:, None] == part
+    kept[:6, :6] &= linked[:6, :6]  # a first moment stands in two places
+    return mass * kept
 
 
 def _scale(mass: Array) -> Array:
