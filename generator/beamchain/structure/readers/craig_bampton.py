@@ -40,6 +40,8 @@ FULL = 1e-12  # relative precision of matrices of all digits
 # up to 3 times what they strain the structure, so that what is taken there is taken here
 ALMOST_BODY = 10.0 * STRAINED
 NOISY = 4.0  # of what noise was seen to be: an entry below it may be zero
+NOISY_BODY = 1e-2  # the same where noise of few digits does so
+FEW_DIGITS = 2e-5  # of the largest entry, up to which such noise is taken, in all entries alike
 EXACT_BODY = 1e-9  # relative: a departure of numbers of all digits that needs no word
 LOOSE = 1e-13  # pivot over diagonal entry below which a freedom is not held
 NAMES = {
@@ -249,17 +251,27 @@ def _almost_body(rigid: Array, precision: float) -> tuple[Array, str]:
     """The rigid mass `(6, 6)` as that of a rigid body where it is almost that of one, and a
     sentence where the departure is worth a word."""
     departure = body_departure(rigid)
-    if departure > ALMOST_BODY:
+    limit = NOISY_BODY if _is_noisy(rigid) else ALMOST_BODY
+    if departure > limit:
         return rigid, ""  # refused where it matters: independent ports need no such body
     if departure <= max(EXACT_BODY, ROUNDED * precision):
         return realisable_body(rigid), ""
     text = (
         "the rigid mass that follows from mass and stiffness departs from a rigid body's by "
-        f"{departure:.1e} (that of a rigid body is taken; up to {ALMOST_BODY:.0e} is accepted); "
+        f"{departure:.1e} (that of a rigid body is taken; up to {limit:.0e} is accepted); "
         "usual causes: grids in the .asm rounded to 8 characters, a stiffness between interface "
         "and modes that is not zero, an a-set that leaves freedoms out"
     )
     return realisable_body(rigid), Caution("almost-rigid", text)
+
+
+def _is_noisy(rigid: Array) -> bool:
+    """Whether a rigid mass `(6, 6)` departs from a rigid body's by noise of few digits: masses and
+    first moments alike."""
+    change = np.abs(rigid - nearest_body(rigid))
+    across, along = float(np.max(change[3:, :3])), float(np.max(change[:3, :3]))
+    most = FEW_DIGITS * float(np.max(np.abs(rigid)))
+    return max(across, along) <= min(most, 4.0 * min(across, along))
 
 
 def _noise_of_freedoms(mass: Array, rigid: Array) -> Array:
