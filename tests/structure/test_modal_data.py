@@ -468,29 +468,85 @@ def test_an_estimated_length_holds_the_mass():
     assert result.space.error.frequency < SAME
 
 
-@pytest.mark.parametrize("noise", [0.0, 1e-7, 1e-5])
-@pytest.mark.parametrize("seed", range(3))
-def test_a_flat_panel_from_condensed_matrices_keeps_its_rigid_mass(tmp_path, noise, seed):
-    """A lamina of 21.6 kg, 6 m and 1.2 m: its inertia lies on the edge of what a body can have.
-    Two modes of bending and one of torsion of the uniform cantilever, with noise of a share of
-    the largest entry."""
+def with_noise(matrix: np.ndarray, share: float, seed: int) -> np.ndarray:
+    """A symmetric matrix with noise of a share of its largest entry in all of them."""
+    drawn = np.random.default_rng(seed).uniform(-1.0, 1.0, matrix.shape)
+    upper = np.triu(drawn) * share * np.max(matrix)
+    return matrix + upper + np.triu(upper, 1).T
+
+
+def flat_panel() -> tuple[np.ndarray, np.ndarray]:
+    """Mass and stiffness of a lamina of 21.6 kg, 6 m and 1.2 m, whose inertia lies on the edge of
+    what a body can have: six modes of bending, one in its plane, and five of torsion of the
+    uniform cantilever."""
     m, length, wide = 21.6, 6.0, 1.2
     along, across = m * length**2 / 3.0, m * wide**2 / 12.0
     rigid = np.diag([m, m, m, across, along, along + across])
     rigid[1, 5] = rigid[5, 1] = m * length / 2.0
     rigid[2, 4] = rigid[4, 2] = -m * length / 2.0
-    rows = np.zeros((3, 6))
-    rows[0, [2, 4]] = 0.7830 * np.sqrt(m), -0.5688 * np.sqrt(m) * length
-    rows[1, [2, 4]] = 0.4339 * np.sqrt(m), -0.0907 * np.sqrt(m) * length
-    rows[2, 3] = np.sqrt(8.0 / np.pi**2 * across)
-    mass = np.block([[rigid, rows.T], [rows, np.eye(3)]])
-    largest = float(np.max(mass))
-    change = np.triu(np.random.default_rng(seed).uniform(-1.0, 1.0, mass.shape)) * noise * largest
-    mass += change + np.triu(change, 1).T
-    stiffness = np.diag([0.0] * 6 + [12.0**2, 77.0**2, 123.0**2])
-    np.savez(tmp_path / "panel.npz", mass=mass, stiffness=stiffness, boundary=np.arange(6))
-    result = fit(read_modes(tmp_path / "panel.npz"))
+    roots = np.array([1.8751041, 4.6940911, 7.8547574, 10.9955407, 14.1371684, 17.2787595])
+    moved = 2.0 * (np.sinh(roots) - np.sin(roots)) / (np.cosh(roots) + np.cos(roots)) / roots
+    odd = 2.0 * np.arange(5) + 1.0
+    rows = np.zeros((12, 6))
+    rows[:6, 2], rows[:6, 4] = np.sqrt(m) * moved, -np.sqrt(m) * 2.0 / roots**2 * length
+    rows[6, 1], rows[6, 5] = np.sqrt(m) * moved[0], np.sqrt(m) * 2.0 / roots[0] ** 2 * length
+    rows[7:, 3] = np.sqrt(8.0 * across) / np.pi / odd
+    squares = np.concatenate([12.34 * (roots / roots[0]) ** 2, [739.0], 123.0 * odd]) ** 2
+    mass = np.block([[rigid, rows.T], [rows, np.eye(12)]])
+    return mass, np.diag(np.concatenate([np.zeros(6), squares]))
+
+
+def condensed_boom(length: float, modes: int, tip: float) -> tuple[np.ndarray, np.ndarray]:
+    """Mass and stiffness of the frame with a body at its tip, over the root's motions and the
+    first modes with the root held."""
+    m, k = frame(8, length)
+    m[-6:, -6:] += np.diag([tip, tip, tip, 0.05, 0.04, 0.06])
+    squares, shapes = eigh(k[6:, 6:], m[6:, 6:])
+    motion = np.tile(np.eye(6), (9, 1))
+    motion[1::6, 5] = np.linspace(0.0, length, 9)
+    motion[2::6, 4] = -motion[1::6, 5]
+    down = np.column_stack([motion, np.vstack([np.zeros((6, modes)), shapes[:, :modes]])])
+    return down.T @ m @ down, np.diag(np.concatenate([np.zeros(6), squares[:modes]]))
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-7, 1e-5])
+@pytest.mark.parametrize(
+    "make",
+    [
+        flat_panel,
+        lambda: condensed_boom(8.0, 6, 3.0),
+        lambda: condensed_boom(8.0, 9, 0.5),
+        # 1e-5 of the inertia is 1.5e-3 of the mass, and a third of the roll inertia
+        lambda: condensed_boom(16.0, 4, 20.0),
+    ],
+)
+@pytest.mark.parametrize("seed", range(2))
+def test_condensed_matrices_with_noise_keep_their_rigid_mass(tmp_path, make, noise, seed):
+    mass, stiffness = make()
+    noisy = with_noise(mass, noise, seed)
+    np.savez(tmp_path / "m.npz", mass=noisy, stiffness=stiffness, boundary=np.arange(6))
+    result = fit(read_modes(tmp_path / "m.npz"))
     assert result.status.ok
     # the edge of what a body can have takes up to a third of the noise more
-    allowed = (1.5 * noise + 1e-12) * largest
-    assert np.max(np.abs(result.chain.rigid_mass() - rigid)) < allowed
+    allowed = (1.5 * noise + 1e-12) * np.max(mass)
+    assert np.max(np.abs(result.chain.rigid_mass() - mass[:6, :6])) < allowed
+    # dw / w = dm / 2, of modal masses of 1
+    own = np.sort(np.sqrt(np.diag(stiffness)[6:]))
+    found = result.space.achieved.frequencies[: own.size]
+    assert found == pytest.approx(own, rel=2.0 * noise * np.max(mass) + 1e-8)
+
+
+@pytest.mark.parametrize("close", [1e-9, 1e-6, 1e-3])
+def test_a_line_that_is_nearly_uniform_has_the_moments_it_was_made_from(close):
+    mass, length = 21.6, 6.0
+    first = mass * length / 2.0 * (1.0 + close)
+    second = mass * length**2 / 3.0 * (1.0 + 3.0 * close)
+    rigid = np.diag([mass, mass, mass, 0.2, second, second])
+    rigid[1, 5] = rigid[5, 1] = first
+    rigid[2, 4] = rigid[4, 2] = -first
+    row = np.array([[0.0, 0.1, 0.0, 0.0, 0.0, 0.0]])
+    line = ModalData(rigid, np.array([1.0]), row, length=length).line()
+    total = line.moments(0.0, length, closed=True)
+    assert (total.mass, total.first, total.second) == pytest.approx(
+        (mass, first, second), rel=1e-12
+    )
