@@ -61,10 +61,10 @@ def noise_of_motions(mass: Array) -> Array:
     """`(6,)` sizes s of the noise of a mass matrix, s_i s_j in its entry ij, by what is not a rigid
     body's in it."""
     change = np.abs(mass - nearest_body(mass))
-    gyration = np.prod(_scale(mass)[[0, 3]] ** [-1.0, 1.0])
+    scale = _scale(mass)
     across = float(np.max(change[3:, :3]))
-    moving = max(float(np.max(change[:3, :3])), across / gyration)
-    return np.sqrt([moving] * 3 + [across**2 / moving] * 3)
+    moving = max(float(np.max(change[:3, :3])), across * float(scale[0] / scale[3]))
+    return np.sqrt(np.array([moving] * 3 + [across**2 / moving] * 3))
 
 
 def independent_parts(mass: Array, stiffness: Array, noise: Array) -> Array:
@@ -87,4 +87,4 @@ def _scale(mass: Array) -> Array:
     largest inertia for all rotations, since noise does not know of a small one."""
     mean = float(np.trace(mass[:3, :3])) / 3.0
     turning = float(np.max(np.diag(mass)[3:]))
-    return np.sqrt([mean] * 3 + [turning if turning > 0.0 else mean] * 3)
+    return np.sqrt(np.array([mean] * 3 + [turning if turning > 0.0 else mean] * 3))
