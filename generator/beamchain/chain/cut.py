@@ -37,6 +37,7 @@ STEPS = (1.0, 0.75, 0.5, 0.25, 0.1, 0.03)
 MANY_TRIED = 4_000  # margins worked out, after which the best cut so far is taken
 MOST_TRIED = 8_000  # the same where none was found: one to two seconds
 LEAST_MARGIN = 0.004  # of the same beside a further port, whose own share is what is left
+NONE_LOST = 1e-12  # of the residual mass
 MOST_ADDED = 4  # hinges tried beyond what the modes need
 
 
@@ -212,7 +213,8 @@ def _climb(search: Margins, fixed: Array, margin: float, x: Array) -> tuple[Arra
 
     def lost(free: Array) -> float:
         value = search.value(places(free))
-        return np.log(1.0 - value) if np.isfinite(value) else 50.0
+        # rounding takes the share of almost no residual mass beyond all of it
+        return np.log(max(1.0 - value, NONE_LOST)) if np.isfinite(value) else 50.0
 
     def enough(intermediate_result: OptimizeResult) -> None:
         found = intermediate_result.fun < np.log(1.0 - ENOUGH) and not search.further
