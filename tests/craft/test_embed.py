@@ -682,6 +682,26 @@ def test_an_appendage_runs_to_what_it_carries(at, site, hand, said, tmp_path):
     assert not said or (said in found[0] and "site whose x axis points to the body" in found[0])
 
 
+def test_what_an_appendage_should_carry_is_no_mass_to_point_away_from(tmp_path):
+    """The hand outweighs the bus, stands at the end, and `carries` was forgotten: one note."""
+    (tmp_path / "spec.toml").write_text(slender(5.0))
+    craft = HAND.replace('mass="5"', 'mass="3000"')
+    made = bc.embed(craft, {"mount": tmp_path / "spec.toml"}, retime=False)
+    codes = [getattr(w, "code", "") for w in made.warnings]
+    assert "not-carried" in codes
+    assert "points-inward" not in codes
+
+
+def test_a_body_of_which_all_mass_is_carried_is_named(tmp_path):
+    port = "[[port]]\nname = 'end'\nx = 3.0\ncarries = ['arm']\n"
+    (tmp_path / "spec.toml").write_text(slender(3.0, port))
+    craft = """<mujoco><worldbody><body name="bus"><freejoint/><site name="mount"/>
+      <body name="arm" pos="3 0 0"><inertial pos="0 0 0" mass="50" diaginertia="5 5 5"/></body>
+    </body></worldbody></mujoco>"""
+    with pytest.raises(bc.InputError, match="mount: body 'bus' has no mass .* give .*<inertial>"):
+        bc.embed(craft, {"mount": tmp_path / "spec.toml"}, retime=False)
+
+
 DRUM = HAND.replace(
     '<body name="hand" pos="5.5 0 0"><joint axis="0 0 1"/>',
     '<body name="drum" pos="0.5 0 0"><joint axis="0 0 1"/><site name="root"/>{link}',

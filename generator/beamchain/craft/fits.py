@@ -16,6 +16,7 @@ from beamchain.craft.promise import keep_promise
 from beamchain.engine import mount as mounting
 from beamchain.engine.bench import composite
 from beamchain.engine.library import mujoco, one_thread, rest
+from beamchain.errors import InputError
 from beamchain.fitting.fit import fit_spec
 from beamchain.fitting.hub import Hub
 from beamchain.fitting.options import Root, Target
@@ -25,6 +26,7 @@ from beamchain.fitting.spec import Spec
 from beamchain.fitting.warnings import doubtful, rigid_plane
 from beamchain.structure.modal_data import ModalData
 
+MASSLESS = 1e-12  # relative: what subtracting all mass leaves of it
 SAME_HUB = 1e-12  # relative: hubs that are one
 FAR = 20.0  # [m] from the centre of mass, and of radii of gyration: a place in other units
 MANY = 100.0
@@ -69,6 +71,12 @@ def fit_all(
     warnings: list[str] = []
     for name, (spec, prefix, carries) in wanted.items():
         place = mounts[name]
+        if behind[name][0, 0] <= MASSLESS * place.hub[0, 0]:
+            raise InputError(
+                f"{name}: body {model.body(place.body).name!r} has no mass beside what the "
+                "appendage carries, so that there is no hub; give the body an <inertial>, or take "
+                "what belongs to the hub out of carries."
+            )
         hub = Hub.from_mass_matrix(behind[name])
         size = np.sqrt(np.diag(behind[name]))
         is_loose = np.max(np.abs(felt[name] - behind[name]) / np.outer(size, size)) > RIGID
@@ -77,11 +85,15 @@ def fit_all(
                 hub, apparent=tuple(tuple(float(v) for v in row) for row in felt[name])
             )
         warnings += _notes(name, spec, place, hub)
-        warnings += hanging_notes(model, place, Item(place.body, spec, carries))
+        hanging = list(hanging_notes(model, place, Item(place.body, spec, carries)))
+        warnings += hanging
+        # what stands at its end and was forgotten is no mass to point away from
+        forgotten = any(isinstance(w, Caution) and w.code == "not-carried" for w in hanging)
         result = fits.ready.get(name)
         if result is None or not _same_hub(result, hub):
             result = fits(name, spec, Root(target=spec.root.target, hub=hub))
-        if ":" not in name and not carries and _points_inward(model, place, result, loads):
+        known = bool(carries) or forgotten
+        if ":" not in name and not known and _points_inward(model, place, result, loads):
             text = (
                 f"the appendage at {name} runs to the other side of the spacecraft's centre of "
                 f"mass: does the x axis of {name} point outwards?"
