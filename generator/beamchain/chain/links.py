@@ -119,7 +119,8 @@ def share(
                 f"{total:.4g} kg m^2, but "
                 f"rigid bodies of their shape carry {low.sum():.4g} to {high.sum():.4g}: the "
                 "appendage is too wide for "
-                'its length here; keep fewer modes, or use theory = "timoshenko" (rotary inertia).'
+                "its length here; keep fewer modes, or, of a beam that is given by segments, use "
+                'theory = "timoshenko" (rotary inertia).'
             )
         weight = np.maximum(real[members], 1e-12 * total)
         lo = 0.0

@@ -149,8 +149,8 @@ def modal_matrix(
     count = int(np.sum(values > SINGULAR * max(values[0], 1e-300))) if values.size else 0
     if size < n + rank - count:
         raise RealisationError(
-            f"{size} hinges hold {max(size - rank + count, 0)} of the {n} modes asked for; give "
-            f"{n + rank - count} hinges."
+            f"{size} hinges hold {max(size - rank + count, 0)} of the {n} modes asked for, which "
+            f"take {n + rank - count}; keep fewer modes."
         )
     if np.any(values > 1.0 + TOO_HEAVY):
         raise RealisationError(
