@@ -154,6 +154,18 @@ def test_some_combinations(case, tmp_path):
     checked(case, tmp_path, "--no-report")
 
 
+def test_a_beam_that_is_rigid_in_its_band_has_a_report(tmp_path):
+    """Its error is 0 at every frequency."""
+    rod = {"shape": "equivalent", "bending_stiffness_xy": 3e2, "bending_stiffness_xz": 3e5}
+    spec = {
+        "name": "odd",
+        "segment": [{"length": 1.2, "section": rod | {"linear_mass": 1.3, "polar_inertia": 0.0}}],
+        "scene": {"bandwidth": 0.5, "tolerance": 0.01, "axes": ["x"]},
+    }
+    checked(spec, tmp_path)
+    assert (tmp_path / "x_report.html").exists()
+
+
 @pytest.mark.slow
 @settings(max_examples=EXAMPLES, deadline=None, suppress_health_check=NO_CHECK)
 @given(case=st.one_of(beams(), tables()))

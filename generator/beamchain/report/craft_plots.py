@@ -13,6 +13,7 @@ from beamchain.report.formats import percent
 from beamchain.report.plots import (
     BEAM,
     OURS,
+    ROUNDING,
     WIDTH,
     drawing,
     frame,
@@ -97,9 +98,10 @@ def plot_assembly(
 def difference_figure(assembly: "Assembly") -> Figure:
     """Error of the hub's motion over frequency, the band shaded and its largest error marked."""
     figure, ax = panel(3.4)
-    error = np.maximum(assembly.error, 1e-9 * float(assembly.error.max()))
+    top = float(assembly.error.max(initial=ROUNDING))
+    error = np.maximum(assembly.error, 1e-9 * top)
     limits = float(assembly.omega[0]), float(assembly.omega[-1])
-    frame(ax, limits, (float(error.min()) / 2.0, 3.0 * float(error.max())), assembly.common)
+    frame(ax, limits, (float(error.min()) / 2.0, 3.0 * top), assembly.common)
     ax.plot(assembly.omega, error, color=OURS, linewidth=2.0, label="MuJoCo")
     at = int(np.argmax(np.where(assembly.omega <= assembly.common, error, -1.0)))
     label = f"largest in the band: {percent(assembly.in_band)}"
