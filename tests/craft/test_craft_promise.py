@@ -302,7 +302,8 @@ def bus(name, x, mass):
 
 def in_one_file(*craft):
     """Spacecraft beside each other."""
-    return f'<mujoco><option gravity="0 0 0"/><worldbody>{"".join(craft)}</worldbody></mujoco>'
+    option = '<option gravity="0 0 0" timestep="1e-3" integrator="RK4"/>'
+    return f"<mujoco>{option}<worldbody>{''.join(craft)}</worldbody></mujoco>"
 
 
 def test_of_two_craft_in_a_file_the_worst_is_named(tmp_path):

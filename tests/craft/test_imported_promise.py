@@ -40,10 +40,9 @@ BOOM = {
     ],
 }
 BUS = (
-    '<mujoco><option gravity="0 0 0"/><worldbody><body name="bus"><freejoint/><inertial pos="0 0 '
-    '0" mass="{}" '
-    'diaginertia="{}"/><site name="left" pos="{} 0 0"/><site name="right" pos="-{} 0 0" euler="0 0 '
-    '180"/></body>'
+    '<mujoco><option gravity="0 0 0" timestep="1e-4" integrator="RK4"/><worldbody>'
+    '<body name="bus"><freejoint/><inertial pos="0 0 0" mass="{}" diaginertia="{}"/>'
+    '<site name="left" pos="{} 0 0"/><site name="right" pos="-{} 0 0" euler="0 0 180"/></body>'
     "</worldbody></mujoco>"
 )
 SPEC = 'name = "array"\n{more}\n[imported]\nfile = "modes.json"\n{named}[damping]\nratio = 0.008\n'
