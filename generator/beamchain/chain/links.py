@@ -21,7 +21,7 @@ TINY = 1e-6  # polar over transverse inertia of a link where the appendage state
 TRIES = 400
 NO_POLAR = 1e-14  # of the transverse inertia: less polar inertia is rounding
 ROLL = 1e-3  # of the transverse inertia: what may be added to the roll inertia
-UNSEEN = 1e-9  # of the transverse inertia: what may be added to it
+UNSEEN = 1e-9  # of the lightest link's mass times the length squared: what bending does not feel
 
 
 def _without_rounding(about: Array, noise: float) -> Array:
@@ -181,7 +181,8 @@ def raise_polar_inertia(chain: Chain, least: float) -> tuple[Chain, str]:
     rigid = chain.rigid_mass()
     across = float(max(rigid[4, 4], rigid[5, 5]))
     across_links = [min(link.inertia[1:]) for link in chain.links]
-    bends = sum(max(least - own, 0.0) for own in across_links) > UNSEEN * across
+    lightest = min((link.mass for link in chain.links if link.mass), default=0.0)
+    bends = sum(max(least - own, 0.0) for own in across_links) > UNSEEN * lightest * chain.length**2
     low = [
         i
         for i, link in enumerate(chain.links)
