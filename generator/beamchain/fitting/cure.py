@@ -11,7 +11,7 @@ from beamchain.fitting.options import Modes, Scene
 from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec
 from beamchain.ports.motions import PORTS
-from beamchain.steps.cures import Cure, Names, Setting, find_cure
+from beamchain.steps.cures import SHORTEST, Cure, Names, Setting, find_cure
 
 
 def kept_words(spec: Spec) -> str:
@@ -73,7 +73,9 @@ def cure_of(made: Fit, again: Callable[[Spec], Fit]) -> Cure | None:
         if one is None:
             return float("inf")
         if setting.timestep == 0.0:
-            return (one.in_band_error or 0.0) if judged or not now.timestep else 0.0
+            if judged or not now.timestep:
+                return one.in_band_error or 0.0
+            setting = setting._replace(timestep=SHORTEST * now.timestep)
         at_step = replace(one, spec=_at_step(one.spec, setting))
         return float("inf") if at_step.decisive is None else at_step.decisive
 
