@@ -120,7 +120,8 @@ def swept(folder):
         "right": beam("right", 5.0, modal, xy=2),
         "plate": imported(folder),
     }
-    found = bc.sweep(folder / "craft.xml", SAMPLES, at=at, uncertain=folder / "given.toml", seed=5)
+    given = folder / "given.toml"
+    found = bc.sweep(folder / "craft.xml", SAMPLES, at=at, uncertain=given, seed=5, retime=True)
     found.write(folder / "out")
     return found
 
