@@ -427,7 +427,8 @@ def test_command(tmp_path):
     assert again.record["error"]["type"] == "OutputError"
     spec = bc.read_spec(out / "recommended_1e-2.toml")
     assert spec.kept == {"xy": best["n"]}
-    assert bc.fit(spec).status.ok
+    # `ok` depends on the step, and so on the machine: up to its last mode it may be off by 10 %
+    assert bc.fit(spec).achieved["xy"].modes == best["n"]
 
 
 def test_unknown_model_is_refused():
