@@ -75,6 +75,7 @@ def cure_of(made: Fit, again: Callable[[Spec], Fit]) -> Cure | None:
         if setting.timestep == 0.0:
             if judged or not now.timestep:
                 return one.in_band_error or 0.0
+            # without a band no error in continuous time is judged: that of the shortest step is
             setting = setting._replace(timestep=SHORTEST * now.timestep)
         at_step = replace(one, spec=_at_step(one.spec, setting))
         return float("inf") if at_step.decisive is None else at_step.decisive
