@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 
 import beamchain as bc
+from beamchain.identification.response import Piece, Raw
+from beamchain.identification.sanity import unalias
 from command import run
 from flight_log import AXES, Gyro, Hub, noise, record, response, steps_at, turn, wings
 from judge import judge
@@ -170,3 +172,27 @@ def test_the_command_and_the_record_state_the_delay(tmp_path, capsys, monkeypatc
     assert abs(entry["delay"] - 0.025) < REACH * entry["delay_std"]
     assert entry["delay_zero_within_interval"] is False
     assert "Delay between torque and motion" in (tmp_path / "modes_report.html").read_text()
+
+
+def test_a_mode_above_half_the_sample_rate_moves_with_its_shape():
+    """Tests internals, `identification.sanity.unalias`: what two sensors show of a free mode at
+    its samples is the same where it was taken for its alias and where it belongs."""
+    found = Raw(
+        poles=np.array([-0.3 + 20.0j]),
+        residues=np.full((1, 2, 2), -0.01 + 0.002j) * np.eye(2),
+        shapes=np.array([[1.0, 0.4 - 0.7j]]),
+        rigid=np.eye(2) / 150.0,
+    )
+    time = STEP * np.arange(40)
+    piece = Piece(time, *(np.zeros((40, 2)),) * 2, np.ones((40, 2), bool), ("rate",) * 2, even=True)
+    axes = np.eye(3)[:, :2]
+    raw, moved = unalias(found, [piece], axes.T, axes.T, axes)
+    assert abs(moved[0] - complex(-0.3, 2.0 * np.pi / STEP - 20.0)) < EXACT
+
+    def motions(model):
+        shown = (model.shapes[:, :, None] * np.exp(model.poles[:, None, None] * time)).ravel()
+        return np.column_stack([shown.real, shown.imag])
+
+    wanted = motions(found)
+    left = wanted - motions(raw) @ np.linalg.lstsq(motions(raw), wanted)[0]
+    assert np.abs(left).max() < EXACT

@@ -153,6 +153,22 @@ def test_the_held_out_piece_is_predicted_to_the_noise():
     assert min(found.whiteness.values()) > 1e-4
 
 
+@pytest.mark.parametrize("gap", [(93.6, 96.0), (12.0, 98.0), (0.7, 90.0)])
+def test_gaps_leave_a_part_to_hold_out_and_a_sensor_that_fails_in_it_is_noticed(gap):
+    """The free motion after a gap is from few samples: what is predicted is above the noise."""
+    log = without(log_about_z(), gap)
+    last = slice(-(len(log["time"]) // 5), None)
+    least = FINE.noise / np.std(log["rate_z"][last])
+    found = bc.identify(log, HUB.xml, "mount", modes=3)
+    assert 0.9 * least < found.held_out["rate_z"] < 3.0 * least
+    assert any(mode.determined for mode in found.modes)
+    log["rate_z"][last] = FINE.read(np.zeros(len(log["time"]) // 5))
+    dead = bc.identify(log, HUB.xml, "mount", modes=3)
+    assert dead.held_out["rate_z"] > 1.0
+    assert not any(mode.determined for mode in dead.modes)
+    assert any("predicts nothing" in sentence for sentence in dead.undetermined)
+
+
 def test_noise_alone_has_no_modes():
     with pytest.raises(bc.InputError, match="no flexible mode"):
         bc.identify(log_about_z(PAIR.kept(0), Gyro(1e-4)), HUB.xml, "mount")

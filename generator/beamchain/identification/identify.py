@@ -61,7 +61,7 @@ def identify(
         modes: how many; None: as the Bayesian information criterion says.
         axes: letters of the hub's axes that are used; all that were driven where left out.
         map: column names of the log, and what they mean.
-        held_out: the last part of each log, predicted from the rest and then used too.
+        held_out: the last part of the samples of each log, predicted from the rest, then used.
 
     Returns:
         An `Identification`: `modes`, `covariance`, `delay`, `undetermined`, `warnings`,

@@ -146,16 +146,17 @@ class Run:
         hidden = list[Piece]()
         for log in {p.log for p in pieces}:
             of_log = [p for p in pieces if p.log == log]
-            start = of_log[0].time[0]
-            end = start + (1.0 - self.held) * (of_log[-1].time[-1] - start)
+            left = round((1.0 - self.held) * sum(p.time.size for p in of_log))
             for piece in of_log:
-                late = (piece.time > end)[:, None]
-                first = int(np.argmax(late)) if late.any() else piece.time.size
+                first = min(left, piece.time.size)  # that is held out
+                left -= first
                 if first >= FEWEST:
                     shown.append(piece.part(0, first))
-                    if late.any():
-                        hidden.append(replace(piece, use=piece.use & late))
-        return shown, hidden
+                use = piece.use.copy()
+                use[:first] = False
+                if use.any():
+                    hidden.append(replace(piece, use=use))
+        return (shown, hidden) if shown else (self.data.pieces, [])
 
     def _check_order(self, initial: InitialModel) -> None:
         check_rigid(initial.raw.rigid, self.data, self.known, self.rigid)
@@ -354,21 +355,23 @@ class Run:
         size = np.zeros(len(self.data.sensed))
         for piece in hidden:
             judged = piece.use
-            if not judged.any():
-                continue
             before = ~judged & (piece.time < piece.time[judged.any(axis=1)][0])[:, None]
-            # a piece that lies in the held part wholly or nearly so has nothing before it:
-            # its beginning is its own
-            base = replace(
-                piece, use=before if before.any(axis=1).sum() > 4 * raw.poles.size + 8 else judged
-            )
+            # a piece that lies in the held part wholly or nearly so has nothing before it: its
+            # beginning is its own, and of few samples that would explain all
+            enough = 4 * raw.poles.size + 8
+            if before.any(axis=1).sum() <= enough:
+                before = judged
+            if before.any(axis=1).sum() <= enough:
+                continue
+            base = replace(piece, use=before)
             residual = base.assess(raw, 1.0 / self.data.scale, whole=True)[1]
             left += np.sum(np.where(judged, residual, 0.0) ** 2, axis=0)
             mean = np.sum(np.where(judged, piece.outputs, 0.0), axis=0) / np.maximum(
                 judged.sum(axis=0), 1
             )
             size += np.sum(np.where(judged, piece.outputs - mean, 0.0) ** 2, axis=0)
-        return np.sqrt(left / np.maximum(size, 1e-300))
+        predicted = np.full(size.size, np.nan)  # stays so where nothing of a sensor is held out
+        return np.sqrt(np.divide(left, size, out=predicted, where=size > 0.0))
 
     def _estimate(
         self,
@@ -421,7 +424,7 @@ class Run:
 def _doubt_all(result: Identification, predicted: Array) -> Identification:
     """The result with no mode called determined,
     where the model predicts nothing of what was held out."""
-    if not np.all(predicted > NOTHING):  # nan where nothing was held out
+    if not np.fmin.reduce(predicted) > NOTHING:  # nan where nothing was held out
         return result
     sentence = (
         "the model predicts nothing of the last part of the log, which was held out, though it "

@@ -143,11 +143,13 @@ def unalias(
     to_in = np.linalg.pinv((inputs @ axes).T)
     poles = raw.poles.copy()
     residues = raw.residues.copy()
+    shapes = raw.shapes.copy()
     moved = list[complex]()
     for k, pole in enumerate(raw.poles):
         strength = (to_out @ raw.residues[k] @ to_in).real
         if np.trace(strength) < 0.0:
             poles[k] = complex(pole.real, turn - pole.imag)
             residues[k] = -raw.residues[k].conj() * (turn - pole.imag) / pole.imag
+            shapes[k] = raw.shapes[k].conj()
             moved.append(complex(poles[k]))
-    return raw._replace(poles=poles, residues=residues).sorted(), moved
+    return raw._replace(poles=poles, residues=residues, shapes=shapes).sorted(), moved
