@@ -60,6 +60,29 @@ def test_equal_appendages_get_prefixes_of_their_places(flexible, one):
     assert [a.prefix for a in one.appendages] == ["array_"]
 
 
+@pytest.mark.parametrize(
+    ("places", "prefixes"),
+    [
+        (("array_y", "mount"), ["array_y_", "array_mount_"]),
+        (("mount", "array"), ["array_mount_", "array_"]),
+        (("body:array-l", "array-r"), ["array-l_", "array-r_"]),
+        (("array",), ["array_"]),
+    ],
+)
+def test_no_prefix_says_the_appendages_name_twice(places, prefixes):
+    sites = "".join(
+        f'<body name="{at}" pos="0 {i} 0"><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
+        f'<site name="{at}"/></body>'
+        for i, at in enumerate(place.removeprefix("body:") for place in places)
+    )
+    craft = f"""<mujoco><worldbody><body name="bus"><freejoint/>
+<inertial pos="0 0 0" mass="400" diaginertia="150 200 250"/>{sites}</body></worldbody></mujoco>"""
+    at = {place if ":" in place else f"site:{place}": PANEL for place in places}
+    file = bc.embed(craft, at)
+    assert [a.prefix for a in file.appendages] == prefixes
+    assert [file.model.body(f"{prefix}link1").id for prefix in prefixes]
+
+
 def test_a_second_equal_appendage_leaves_the_first_its_prefix(one, tmp_path):
     file = one.write(tmp_path / "one.xml")[-1]
     both = bc.embed(file, {"-y": PANEL})

@@ -110,7 +110,7 @@ def embed(
         form: "inline": one self-contained file; "attach": separate appendage files beside it,
             included by `<attach>`.
         prefixes: one per entry of `at`; default: `NAME_` of the appendage,
-            or `NAME_PLACE_` if two would have the same.
+            or `NAME_PLACE_` if two would have the same, `PLACE_` where that begins with `NAME`.
         retime: whether to make the appendages exact in time for the spacecraft's own step and
             integrator; default: only if the step's error would exceed a tenth of the scenes'
             tolerance (1e-4 without one), and timing lowers `sampled_error` by a third or to within
@@ -329,7 +329,7 @@ def check_places(at: object) -> None:
 
 def _assign_prefixes(before: dict[str, Wish], wanted: dict[str, Wish]) -> dict[str, Wish]:
     """All appendages with their prefixes: the name of each,
-    with that of its place where two would have the same.
+    with that of its place where two would have the same, which stands alone if it begins so.
 
     An appendage that replaces one of the same name at the same place keeps its prefix.
     """
@@ -342,10 +342,17 @@ def _assign_prefixes(before: dict[str, Wish], wanted: dict[str, Wish]) -> dict[s
             # names that other parts of the user's file may refer to
             out[at] = wish._replace(prefix=before[at].prefix)
         elif not wish.prefix:
-            alone = names.count(spec.name) == 1 and f"{spec.name}_" not in taken
             place = re.sub(r"[^A-Za-z0-9_.-]", "_", kinds_and_name(at)[1])
-            own = f"{spec.name}_" if alone else f"{spec.name}_{place}_"
+            short = {
+                f"{spec.name}_": names.count(spec.name) == 1,
+                f"{place}_": place.startswith(spec.name),
+            }
+            own = next(
+                (word for word, is_clear in short.items() if is_clear and word not in taken),
+                f"{spec.name}_{place}_",
+            )
             insert.check_prefix(own)
+            taken.append(own)
             out[at] = wish._replace(prefix=own)
     return out
 
