@@ -11,7 +11,7 @@ from beamchain.cli.output import print_table, print_warnings, spinner, tell
 from beamchain.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
 
     from beamchain.engine.library import mujoco
     from beamchain.engine.operating_point import At
@@ -187,14 +187,13 @@ def plant(
         place = _place(compiled, poses or [], at, angle)
         result = linearise(compiled, driven, seen, place, discrete=discrete, loaded=loaded)
         plants = [result] if isinstance(result, Plant) else list(result.plants)
-        labels = () if isinstance(result, Plant) else result.labels
         say("margins")
         closed_loops = [] if loops is None else loop_verdicts(result, loops)
         margins_by_plant = [one.margins for one in closed_loops]
     # why a loop is unstable is asked once its margins are shown
     is_shown = not silent and not all(margins.stable for margins in margins_by_plant)
     if is_shown:
-        _show_plants(plants, labels)
+        _show_plants(result)
         _show_margins(margins_by_plant)
     with spinner("why the loop is unstable", silent) as say:
         margins_by_plant = [_explained(one, say) for one in closed_loops]
@@ -217,7 +216,7 @@ def plant(
     warnings = [*doubtful(compiled, poses or [], angle), *warnings]
     tell(
         lambda: _record(result, plants[0], margins_by_plant, cases, warnings, budget),
-        lambda: _show(plants, labels, margins_by_plant, cases, warnings, budget, is_shown=is_shown),
+        lambda: _show(result, margins_by_plant, cases, warnings, budget, is_shown=is_shown),
         files,
         as_json,
         quiet,
@@ -306,6 +305,7 @@ def _record(
         "allocations": {name: each.as_dict() for name, each in first.allocations.items()},
         "angles": None if grid is None else grid[0],
         "poses": None if scheduled is None else list(scheduled.labels),
+        "pose_modes": None if scheduled is None else list(scheduled.modes),
         "frequencies": None if scheduled is None else scheduled.frequency,
         "margins": [_loop_records(margins) for margins in margins_by_plant] or [[]],
         "closed_loops": [
@@ -341,17 +341,18 @@ def _explained(one: "LoopVerdict", say: "Callable[[str], None]") -> "Margins":
     )
 
 
-def _show_plants(plants: "list[Plant]", labels: "Sequence[str]") -> None:
+def _show_plants(found: "Plant | ScheduledPlant") -> None:
+    from beamchain.plants.realisation import Plant
     from beamchain.report.tables import plant as tables
 
-    first = plants[0]
+    first = found if isinstance(found, Plant) else found[0]
     console().print(
         f"{first.nstates} states, {first.ninputs} inputs ({', '.join(first.input_names)}), "
         f"{first.noutputs} outputs ({', '.join(first.output_names)})",
     )
     print_table(tables.mode_table(first))
-    if labels:
-        print_table(tables.pose_table(plants, labels))
+    if not isinstance(found, Plant):
+        print_table(tables.pose_table(found))
 
 
 def _show_margins(margins_by_plant: "list[Margins]") -> None:
@@ -376,8 +377,7 @@ def _show_reasons(margins_by_plant: "list[Margins]") -> None:
 
 
 def _show(
-    plants: "list[Plant]",
-    labels: "Sequence[str]",
+    found: "Plant | ScheduledPlant",
     margins_by_plant: "list[Margins]",
     cases: "list[WorstCase]",
     warnings: list[str],
@@ -392,7 +392,7 @@ def _show(
     if is_shown:
         _show_reasons(margins_by_plant)
     else:
-        _show_plants(plants, labels)
+        _show_plants(found)
         _show_margins(margins_by_plant)
     for case in cases:
         where = f" ({case.pose})" if case.pose else ""

@@ -83,11 +83,16 @@ class LinearCraft:
         return tuple(mode_names(self.modes.shapes, self.names, self.rows))
 
     def form(
-        self, sampled: bool = False, modes: NormalModes | None = None, names: Sequence[str] = ()
+        self,
+        sampled: bool = False,
+        modes: NormalModes | None = None,
+        names: Sequence[str] = (),
+        together: bool = False,
     ) -> ModalForm:
         """The craft in modal blocks; sampled: of `(A - 1)/h` and `B/h` of one step of MuJoCo.
 
-        `modes`, `names`: the normal modes in another order; their own where left out.
+        `modes`, `names`: the normal modes in another order; their own where left out. `together`:
+        in one block, with the same states in every pose.
         """
         a, b, c, d = self.linear.first_order()
         if sampled:
@@ -102,6 +107,7 @@ class LinearCraft:
             names or self.mode_names,
             self.linear.activations.names,
             SAMPLED if sampled else 1.0,
+            together,
         )
 
 

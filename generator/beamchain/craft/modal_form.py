@@ -3,8 +3,9 @@ oscillators, what decays.
 
 First order, over `(w eta, r', eta', a)` behind the rigid positions `r`, on which nothing
 depends. Blocks that nothing couples are read off; those that damping or gyroscopic moments
-couple are separated by their eigenvectors. A discrete plant is taken apart in the same way, by
-`(A - 1)/h` instead of A.
+couple are separated by their eigenvectors, or kept together, where a pole that oscillates in one
+pose is real in another. A discrete plant is taken apart in the same way, by `(A - 1)/h` instead of
+A.
 """
 
 from collections import Counter
@@ -53,13 +54,21 @@ class _Coordinates(NamedTuple):
         """Whether coordinate i is an `r'`."""
         return self.frequency.size <= i < self.frequency.size + self.rigid
 
+    def by_mode(self) -> list[int]:
+        """All of them: rigid rates, actuators' states, each mode's `w eta` and its rate."""
+        flexible = self.frequency.size
+        rates = flexible + self.rigid  # the first eta'
+        pairs = [i for k in range(flexible) for i in (k, rates + k)]
+        return [*range(flexible, rates), *range(rates + flexible, len(self.states)), *pairs]
+
 
 class Block(NamedTuple):
     """States that depend on no others.
 
-    `order`: by which blocks are sorted: rigid rates (0), what decays (1), oscillators (2), then the
-    coordinate. `basis`: a column per state, over the coordinates. `matrix`: of the states' rates.
-    `states`: name and unit of each. `weight`: the size of each.
+    `order`: by which blocks are sorted: rigid rates (0; all coordinates, where they stay together),
+    what decays (1), oscillators (2), then the coordinate. `basis`: a column per state, over the
+    coordinates. `matrix`: of the states' rates. `states`: name and unit of each. `weight`: the size
+    of each.
     """
 
     order: tuple[int, int]
@@ -95,13 +104,17 @@ class ModalForm:
         link = (link > self.limit * max(float(link.max(initial=0.0)), 1e-300)).astype(int)
         seen = np.abs(rows).max(axis=0) > self.limit
         driven = np.abs(columns).max(axis=1) > self.limit
-        for _ in range(3):  # along a chain of integrators, and within a block
+        for _ in self.names:  # along chains of integrators, and within a block
             seen, driven = seen | (seen @ link > 0), driven | (link @ driven > 0)
         return seen & driven
 
     def oscillators(self, names: Sequence[str]) -> list[str]:
         """Those of the names that stand for a state and its rate."""
         return [name for name in names if {name, f"{name}_rate"} <= set(self.names)]
+
+    def states_of(self, oscillator: str) -> list[int]:
+        """Where an oscillator's amplitude and its rate stand among the states."""
+        return [self.names.index(name) for name in (oscillator, f"{oscillator}_rate")]
 
     def minimal(self) -> "ModalForm":
         """Only the states that something drives and something sees."""
@@ -179,12 +192,14 @@ def modal_form(
     names: Sequence[str],
     lags: Sequence[str],
     noise: float,
+    together: bool,
 ) -> ModalForm:
     """A craft's first-order system A, B, C, D over (q, q', a) in modal blocks;
     its normal modes give the coordinates.
 
     `labels`: name and unit of every degree of freedom. `names`: of the normal modes. `lags`: of the
-    actuators' states. `noise`: of the system, beside that of continuous time.
+    actuators' states. `noise`: of the system, beside that of continuous time. `together`: in one
+    block, whose states are the coordinates themselves, whatever oscillates.
     """
     n_rigid = modes.rigid.shape[1]
     from_modal, to_modal = modes.transformation(len(lags))
@@ -205,11 +220,13 @@ def modal_form(
         frequency=modes.frequency,
         rigid=n_rigid,
     )
-    blocks = _blocks(a[n_rigid:, n_rigid:], coordinates, noise)
+    blocks = (_one_block if together else _blocks)(a[n_rigid:, n_rigid:], coordinates, noise)
     basis, matrix = _in_blocks(a, blocks, n_rigid, noise)
 
     states = [(f"rigid_{name}", unit) for name, unit in rigid_labels]
     states += [state for block in blocks for state in block.states]
+    first = [state for block in blocks if block.order[0] == 0 for state in block.states]
+    rigid_rates = {f"rigid_{name}_rate" for name, _ in rigid_labels}
     of_mode = [False] * len(rigid_labels)
     of_mode += [block.order[0] == OSCILLATES for block in blocks for _ in block.states]
     weight = np.concatenate([1.0 / rigid_size, *(block.weight for block in blocks)])
@@ -222,7 +239,7 @@ def modal_form(
         names=_numbered([name for name, _ in states], of_mode),
         units=tuple(unit for _, unit in states),
         weight=weight,
-        rigid=(n_rigid, sum(block.order[0] == 0 for block in blocks)),
+        rigid=(n_rigid, sum(name in rigid_rates for name, _ in first)),
         limit=UNSEEN * noise**1.5,
     )
 
@@ -233,6 +250,17 @@ def _weights(a: Array, n_flexible: int, rigid_size: Array) -> Array:
     weight = np.concatenate([np.ones(n_flexible), 1.0 / rigid_size, np.ones(n_flexible)])
     accelerated = np.abs(a[: weight.size, weight.size :]) / weight[:, None]
     return np.append(weight, 1.0 / accelerated.max(axis=0, initial=1e-300))
+
+
+def _one_block(a: Array, coordinates: _Coordinates, noise: float) -> list[Block]:
+    """All coordinates, of which `a` is the matrix, as states of one block, rigid rates first."""
+    every = coordinates.by_mode()
+    scaled = a * np.outer(1.0 / coordinates.weight, coordinates.weight)
+    coupled = np.abs(scaled) > APART * noise * np.abs(scaled).max(initial=0.0)
+    block = _kept_together(np.where(coupled, scaled, 0.0)[np.ix_(every, every)], every, coordinates)
+    basis = np.zeros_like(block.basis)
+    basis[every] = block.basis * coordinates.weight[every][:, None]
+    return [block._replace(order=(0, 0), basis=basis)]
 
 
 def _blocks(a: Array, coordinates: _Coordinates, noise: float) -> list[Block]:

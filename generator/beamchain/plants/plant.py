@@ -30,7 +30,7 @@ from beamchain.errors import InputError
 from beamchain.plants.at_step import at_step, retime_at, step_errors
 from beamchain.plants.lft import Made
 from beamchain.plants.realisation import SAMPLED, Plant
-from beamchain.plants.scheduled import ScheduledPlant, follow, same_states
+from beamchain.plants.scheduled import ScheduledPlant, follow, in_one_order, reduced_alike
 from beamchain.plants.uncertain_plant import uncertain_plant
 from beamchain.ports.motions import Array
 from beamchain.steps.modal import FILLER
@@ -140,7 +140,8 @@ def plant(
         form = craft.form(step is not None)
         said = [*given.left_out, *said]
         label = pose_label(whole, at)
-        return given.plant(craft, form, form.minimal(), craft.mode_names, said, label, at)
+        kept = form.minimal()
+        return given.plant(craft, form, kept, kept, craft.mode_names, said, label, at)
     return given.scheduled(poses)
 
 
@@ -170,13 +171,18 @@ class _Given:
         crafts = [self.craft(pose.at)[0] for pose in poses.each]
         names = crafts[0].mode_names
         said = self.left_out
-        followed = zip(crafts, follow(crafts, self.modes_at), strict=True)
-        forms = [craft.form(self.step is not None, modes, names) for craft, modes in followed]
-        forms = same_states(forms, poses.labels)
-        keep = np.any([form.active() for form in forms], axis=0)
+        sampled = self.step is not None
+        followed = list(zip(crafts, follow(crafts, self.modes_at), strict=True))
+        whole = [craft.form(sampled, modes, names) for craft, modes in followed]
+        forms = in_one_order(whole)
+        if forms is None:  # the modes' own coordinates are the same in every pose
+            forms = [craft.form(sampled, modes, names, together=True) for craft, modes in followed]
+            kept, own = reduced_alike(forms), [form.minimal() for form in whole]
+        else:
+            kept = own = reduced_alike(forms)
         plants = tuple(
-            self.plant(craft, form, form.reduced(keep), names, said, label)
-            for craft, form, label in zip(crafts, forms, poses.labels, strict=True)
+            self.plant(*each, names, said, label)
+            for *each, label in zip(crafts, whole, kept, own, poses.labels, strict=True)
         )
         return ScheduledPlant(
             plants, poses.labels, poses.joints, poses.units, poses.values, poses.joint
@@ -213,13 +219,15 @@ class _Given:
         craft: LinearCraft,
         whole: ModalForm,
         form: ModalForm,
+        own: ModalForm,
         names: Sequence[str],
         said: Sequence[str],
         pose: str,
         at: At = None,
     ) -> Plant:
-        """The plant of what is kept, `form`, of a craft's whole modal form in a pose."""
-        modes = form.oscillators(names)
+        """The plant of what is kept, `form`, of a craft's whole modal form in a pose; in `own` each
+        mode is two states."""
+        modes = own.oscillators(names)
         unreached = [name for name in whole.oscillators(names) if name not in modes]
         if not modes:
             said = [*said, "no flexible mode is both driven by the inputs and seen by the outputs."]
@@ -231,8 +239,8 @@ class _Given:
                 "acts up there.",
             ]
         if self.step is not None:
-            form, grown = self._discrete(form, craft, self.step)
-            said = [*said, *grown]
+            said = [*said, *_growing(own, self.step)]
+            form, own = (self._discrete(one, craft, self.step) for one in (form, own))
         embedded = self.embedded
         allocations = allocations_of(craft.point, self.inputs)
         for name, allocated in allocations.items():
@@ -258,6 +266,7 @@ class _Given:
                 allocations=allocations,
                 unreached=unreached,
                 pose=pose,
+                oscillators=own,
             )
         return Plant(
             form,
@@ -271,40 +280,46 @@ class _Given:
             allocations,
             unreached,
             pose,
+            own,
         )
 
-    def _discrete(
-        self, form: ModalForm, craft: LinearCraft, step: float
-    ) -> tuple[ModalForm, list[str]]:
+    def _discrete(self, form: ModalForm, craft: LinearCraft, step: float) -> ModalForm:
         """A step from `(A - 1)/h`, its input averaged where the integrator gives the
         whole impulse at once."""
-        said: list[str] = []
-        for name in form.oscillators(
-            [name for name in form.names if not name.startswith("rigid_")]
-        ):
-            at = [form.names.index(word) for word in (name, f"{name}_rate")]
-            size = float(np.abs(1.0 + step * np.linalg.eigvals(form.a[np.ix_(at, at)])).max())
-            if size > 1.0 + GROWS and not name.startswith("nutation"):
-                raise InputError(
-                    f"discrete = {step:g} s is unstable: mode {name!r} grows by a factor "
-                    f"{size:.6g} per step; give a shorter step."
-                )
-            if size > 1.0 + ROUNDING:
-                text = (
-                    f"the step makes {name!r} grow by {(size - 1.0) / step:.2g} per second; "
-                    "implicit does not."
-                )
-                said.append(Caution("turn-error", text))
         system = np.eye(form.a.shape[0]) + step * form.a, step * form.b, form.c, form.d
         if NUMBERS[int(self.model.opt.integrator)] == "RK4":
-            return replace(form, a=system[0], b=system[1]), said
+            return replace(form, a=system[0], b=system[1])
         a, b, c, d = _held_input(system)
         names = (*form.names, *(f"{i.label}_previous" for i in craft.inputs))
         units = (i.unit for i in craft.inputs)
         weight = np.append(form.weight, np.ones(len(craft.inputs)))
         return replace(
             form, a=a, b=b, c=c, d=d, names=names, units=(*form.units, *units), weight=weight
-        ), said
+        )
+
+
+def _growing(form: ModalForm, step: float) -> list[str]:
+    """What to say of oscillators that a step lets grow; `form` is of `(A - 1)/h`.
+
+    Raises:
+        InputError: one grows by more than what turning wheels do to it.
+    """
+    said: list[str] = []
+    for name in form.oscillators([name for name in form.names if not name.startswith("rigid_")]):
+        at = form.states_of(name)
+        size = float(np.abs(1.0 + step * np.linalg.eigvals(form.a[np.ix_(at, at)])).max())
+        if size > 1.0 + GROWS and not name.startswith("nutation"):
+            raise InputError(
+                f"discrete = {step:g} s is unstable: mode {name!r} grows by a factor "
+                f"{size:.6g} per step; give a shorter step."
+            )
+        if size > 1.0 + ROUNDING:
+            text = (
+                f"the step makes {name!r} grow by {(size - 1.0) / step:.2g} per second; "
+                "implicit does not."
+            )
+            said.append(Caution("turn-error", text))
+    return said
 
 
 def _exact_plant(embedded: Embedded, made: Made, at: At, loaded: bool, omega: float) -> Plant:

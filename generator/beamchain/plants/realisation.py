@@ -39,7 +39,7 @@ class Plant(StateSpace):
     `state_units`; `modes` are the names of the flexible modes.
 
     Args:
-        form: what is kept of the craft's modal form.
+        form: what is kept of the craft's modal form; its states are those of the plant.
         signals: labels of inputs and outputs, and their units.
         modes: names of the flexible modes that are kept,
             ascending in frequency at the operating point.
@@ -53,6 +53,7 @@ class Plant(StateSpace):
         unreached: names of the flexible modes that were taken out, since no input drives them or no
             output sees them.
         pose: what its pose is called, joints in degrees or metres; empty where none was asked for.
+        oscillators: the form in which each mode is two states; `form` where left out.
 
     Example:
         >>> import beamchain as bc
@@ -94,6 +95,7 @@ class Plant(StateSpace):
         allocations: Mapping[str, Allocated] | None = None,
         unreached: Sequence[str] = (),
         pose: str = "",
+        oscillators: ModalForm | None = None,
     ) -> None:
         self.state_names, self.state_units = tuple(form.names), tuple(form.units)
         self.input_names, self.output_names = tuple(signals[0]), tuple(signals[1])
@@ -104,6 +106,7 @@ class Plant(StateSpace):
             exact,
             uncertain,
         )
+        self._oscillators = oscillators or form
         self._errors = errors
         self.allocations = dict(allocations or {})
         self.unreached = tuple(unreached)
@@ -133,18 +136,12 @@ class Plant(StateSpace):
             f"{when}; modes: {few} rad/s>"
         )
 
-    def _matrix(self, name: str) -> Array:
-        return np.asarray(getattr(self, name), dtype=np.float64)
-
-    def _states(self, mode: str) -> list[int]:
-        return [self.state_names.index(word) for word in (mode, f"{mode}_rate")]
-
     def _poles(self) -> NDArray[np.complex128]:
         """A pole `s` per flexible mode, the one above the real axis."""
         out: list[complex] = []
         for name in self.modes:
-            at = self._states(name)
-            pole = np.linalg.eigvals(self._matrix("A")[np.ix_(at, at)]).astype(np.complex128)
+            at = self._oscillators.states_of(name)
+            pole = np.linalg.eigvals(self._oscillators.a[np.ix_(at, at)]).astype(np.complex128)
             pole = np.log(pole) / self.dt if self.dt else pole
             out.append(complex(pole[np.argmax(pole.imag)]))
         return np.array(out, dtype=np.complex128)
@@ -168,12 +165,12 @@ class Plant(StateSpace):
         frequency, of a discrete plant too (at `z = exp(jwh)`), so that the gains of a plant and of
         its discrete form can be compared.
         """
-        a, b, c = (self._matrix(name) for name in "ABC")
+        a, b, c = self._oscillators.a, self._oscillators.b, self._oscillators.c
         # states that hold an input until the next step: their rows of A are empty
         holding = np.flatnonzero(~a.any(axis=1)) if self.dt else np.empty(0, dtype=np.intp)
         out = np.zeros((len(self.modes), self.noutputs, self.ninputs))
         for k, name in enumerate(self.modes):
-            at: list[int] = [int(i) for i in self._states(name)]
+            at = self._oscillators.states_of(name)
             s = 1j * self.frequency[k]
             z = np.exp(s * self.dt) if self.dt else s
             block = a[np.ix_(at, at)]

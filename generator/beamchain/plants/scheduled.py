@@ -16,7 +16,6 @@ from beamchain.craft.linear_craft import LinearCraft
 from beamchain.craft.modal_form import ModalForm
 from beamchain.craft.poses import Way
 from beamchain.engine.normal_modes import NormalModes
-from beamchain.errors import InputError
 from beamchain.fitting.uncertain import UncertainCraft
 from beamchain.plants.controllers import Controller
 from beamchain.plants.export import write
@@ -104,23 +103,32 @@ class ScheduledPlant:
 
     @property
     def modes(self) -> tuple[str, ...]:
-        """Names of the flexible modes, those in the first pose."""
-        return self.plants[0].modes
+        """Names of the flexible modes that oscillate in any pose, those of the first pose first."""
+        return tuple(dict.fromkeys(name for plant in self.plants for name in plant.modes))
 
     @property
     def frequency(self) -> Array:
-        """`(k, modes)` [rad/s]."""
-        return locked([plant.frequency for plant in self.plants])
+        """`(k, modes)` [rad/s]; NaN where a mode does not oscillate in a pose."""
+        return self._of_modes("frequency", np.nan)
 
     @property
     def damping_ratio(self) -> Array:
-        """`(k, modes)`."""
-        return locked([plant.damping_ratio for plant in self.plants])
+        """`(k, modes)`; NaN where a mode does not oscillate in a pose."""
+        return self._of_modes("damping_ratio", np.nan)
 
     @property
     def gain(self) -> Array:
-        """`(k, modes, outputs, inputs)` modal gains, see `Plant.gain`."""
-        return locked([plant.gain for plant in self.plants])
+        """`(k, modes, outputs, inputs)` modal gains, see `Plant.gain`; 0 where a mode does not
+        oscillate in a pose."""
+        return self._of_modes("gain", 0.0)
+
+    def _of_modes(self, what: str, without: float) -> Array:
+        """`(k, modes, ...)` of each plant's modes, in one order."""
+        names = self.modes
+        out = np.full((len(self), len(names), *getattr(self[0], what).shape[1:]), without)
+        for values, plant in zip(out, self.plants, strict=True):
+            values[[names.index(name) for name in plant.modes]] = getattr(plant, what)
+        return locked(out)
 
     def matrices(self) -> tuple[Array, Array, Array, Array]:
         """A, B, C and D, each `(k, ...)`."""
@@ -204,6 +212,7 @@ class ScheduledPlant:
             also: further files to write with it, content by path; all or none.
         """
         record = self.plants[0].record() | dict(zip("ABCD", self.matrices(), strict=True))
+        record |= {"ModeName": list(self.modes)}
         record |= {"Frequency": self.frequency, "DampingRatio": self.damping_ratio}
         record |= {"PoseLabel": list(self.labels), "Pose": self.values}
         record |= {"PoseJoint": list(self.joints), "PoseUnit": list(self.units)}
@@ -248,20 +257,17 @@ def _follow(
     return new.ordered([int(i) for i in columns], np.where(overlap[rows, columns] < 0.0, -1.0, 1.0))
 
 
-def same_states(forms: "Sequence[ModalForm]", labels: Sequence[str]) -> list[ModalForm]:
-    """The forms with their states in the order of the first.
-
-    Raises:
-        InputError: another pose has other states.
-    """
+def in_one_order(forms: "Sequence[ModalForm]") -> "list[ModalForm] | None":
+    """The forms with their states in the order of the first; None where their states differ, since
+    a pole that oscillates in one pose is real in another."""
     names = forms[0].names
-    out: list[ModalForm] = []
-    for form, label in zip(forms, labels, strict=True):
-        if other := sorted(set(form.names) ^ set(names)):
-            raise InputError(
-                f"at: the craft has other states in the pose {label!r} than in {labels[0]!r} "
-                f"({', '.join(other[:4])}), as where wheels turn in one of them alone; give rates "
-                "of the wheels for all poses, or make a plant of each."
-            )
-        out.append(form.picked([form.names.index(name) for name in names], form.rigid))
-    return out
+    if any(set(form.names) != set(names) for form in forms):
+        return None
+    return [form.picked([form.names.index(name) for name in names], form.rigid) for form in forms]
+
+
+def reduced_alike(forms: "Sequence[ModalForm]") -> list[ModalForm]:
+    """Of forms with the same states those that something drives and something sees in any of
+    them."""
+    keep = np.any([form.active() for form in forms], axis=0)
+    return [form.reduced(keep) for form in forms]

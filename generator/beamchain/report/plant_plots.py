@@ -56,7 +56,7 @@ def plot_scheduled(scheduled: "ScheduledPlant", ax: "Axes | None" = None) -> "Ax
         ax.scatter(places, scheduled.frequency[:, k], s=size[:, k], color=OURS, linewidths=0.0)
     ax.set_yscale("log")
     log_axis(ax.yaxis, ax.get_ylim(), plain)
-    _name_modes(ax, scheduled, float(places[-1]), size.max(axis=0))
+    _name_modes(ax, scheduled, places, size.max(axis=0))
     ax.set_ylabel("frequency, rad/s")
     if grid is None:
         labels = [literal(label) for label in scheduled.labels]
@@ -66,14 +66,15 @@ def plot_scheduled(scheduled: "ScheduledPlant", ax: "Axes | None" = None) -> "Ax
     return ax
 
 
-def _name_modes(ax: "Axes", scheduled: "ScheduledPlant", place: float, size: Array) -> None:
+def _name_modes(ax: "Axes", scheduled: "ScheduledPlant", places: Array, size: Array) -> None:
     """Names beside the ends of the curves, apart from each other; of too many modes those of the
     largest gain."""
-    frequency = scheduled.frequency[-1]
+    last = [int(np.flatnonzero(~np.isnan(w))[-1]) for w in scheduled.frequency.T]
+    frequency = np.array([scheduled.frequency[i, k] for k, i in enumerate(last)])
     largest = np.argsort(-size)[: int(1.0 / APART)]
     order = largest[np.argsort(frequency[largest])]
     to_axes = ax.transData + ax.transAxes.inverted()
-    heights = [float(to_axes.transform((place, frequency[k]))[1]) for k in order]
+    heights = [float(to_axes.transform((places[last[k]], frequency[k]))[1]) for k in order]
     for i in range(1, len(heights)):
         heights[i] = max(heights[i], heights[i - 1] + APART)
     for i in range(len(heights) - 1, -1, -1):
@@ -82,7 +83,7 @@ def _name_modes(ax: "Axes", scheduled: "ScheduledPlant", place: float, size: Arr
     for k, height in zip(order, heights, strict=True):
         ax.annotate(
             literal(scheduled.modes[k]),
-            (place, frequency[k]),
+            (places[last[k]], frequency[k]),
             xytext=(1.02, height),
             textcoords="axes fraction",
             fontsize=7,

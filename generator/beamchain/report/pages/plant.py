@@ -55,7 +55,7 @@ def plant_report(
         outputs=tables.signal_table("Outputs", plants[0].output_names, plants[0].output_units),
         allocations=tables.allocation_tables(plants[0]),
         modes=tables.mode_table(plants[0]),
-        poses=tables.pose_table(plants, labels) if labels else None,
+        poses=None if isinstance(found, Plant) else tables.pose_table(found),
         gains=tables.gain_table(plants[0]),
         warnings=margin_warnings(plants, of_loops),
         margins=tables.margin_table(of_loops),

@@ -10,6 +10,7 @@ from beamchain.report.table import Column, Place, Table
 if TYPE_CHECKING:
     from beamchain.plants.margins import LoopMargins, Margins
     from beamchain.plants.realisation import Plant
+    from beamchain.plants.scheduled import ScheduledPlant
     from beamchain.plants.uncertain_plant import WorstCase
     from beamchain.plants.worst_margins import WorstMargins
 
@@ -63,12 +64,13 @@ def allocation_tables(plant: "Plant") -> list[Table]:
     return tables
 
 
-def pose_table(plants: "Sequence[Plant]", labels: Sequence[str]) -> Table:
+def pose_table(scheduled: "ScheduledPlant") -> Table:
     """Frequencies of the modes in every pose."""
-    columns = [Column("mode", plants[0].modes)]
-    for i, (plant, label) in enumerate(zip(plants, labels, strict=True)):
+    columns = [Column("mode", scheduled.modes)]
+    for i, label in enumerate(scheduled.labels):
         place = "everywhere" if i < FEW else "page"
-        columns.append(Column(label, plant.frequency.tolist(), format=number, place=place))
+        rates = [None if math.isnan(w) else w for w in scheduled.frequency[i].tolist()]
+        columns.append(Column(label, rates, format=number, place=place, missing="no oscillation"))
     return Table("Frequencies in every pose, rad/s", tuple(columns))
 
 
