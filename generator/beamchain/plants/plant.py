@@ -181,8 +181,8 @@ class _Given:
         else:
             kept = own = reduced_alike(forms)
         plants = tuple(
-            self.plant(*each, names, said, label)
-            for *each, label in zip(crafts, whole, kept, own, poses.labels, strict=True)
+            self.plant(crafts[i], whole[i], kept[i], own[i], names, said, label)
+            for i, label in enumerate(poses.labels)
         )
         return ScheduledPlant(
             plants, poses.labels, poses.joints, poses.units, poses.values, poses.joint
