@@ -105,6 +105,20 @@ def test_bodies_on_springs_take_all_mass_with_them(tmp_path):
     assert fitted(tmp_path, spec, document) == pytest.approx(wanted, rel=SAME)
 
 
+def clamped_by_transition(file):
+    """Frequencies of a scene whose hub is held, from `A = [[1, h], [-h M^-1 K, 1]]` of MuJoCo's
+    `mjd_transitionFD`."""
+    spec = mujoco.MjSpec.from_file(str(file))
+    for joint in [j for j in spec.joints if j.type == mujoco.mjtJoint.mjJNT_FREE]:
+        spec.delete(joint)
+    model = spec.compile()
+    model.opt.gravity[:] = 0.0
+    nv = model.nv
+    a = np.zeros((2 * nv, 2 * nv))
+    mujoco.mjd_transitionFD(model, mujoco.MjData(model), 1e-6, 1, a, None, None, None)
+    return np.sqrt(np.sort(np.linalg.eigvals(-a[nv:, :nv] / model.opt.timestep).real))
+
+
 @pytest.mark.parametrize("stiffness", [1e-3, 1e6])
 def test_a_figure_says_which_reading_it_comes_from(stiffness, tmp_path):
     """A root that is 1e9 times softer than the rod costs the differences of A and B digits."""
@@ -116,7 +130,10 @@ def test_a_figure_says_which_reading_it_comes_from(stiffness, tmp_path):
         "modes": {"xy": 2},
     }
     answer = call("fit", written(tmp_path, spec), "-o", tmp_path / "out")
-    said = json.loads((tmp_path / "out" / "fit.json").read_text())["ports"]["xy"]["readback"]
+    port = json.loads((tmp_path / "out" / "fit.json").read_text())["ports"]["xy"]
+    said, stated = port["readback"], port["achieved"]["frequencies"]
+    found = clamped_by_transition(tmp_path / "out" / "scene.xml")
+    assert found == pytest.approx(stated, rel=1e-11 + 10.0 * said["distance"])
     exact = said["distance"] <= 1e-11
     assert exact == (stiffness > 1.0)
     assert said["reading"] == ("mjd_transitionFD" if exact else "mass and stiffness")
