@@ -447,6 +447,91 @@ def other_step(file, **options):
     return record["warnings"], mujoco.MjModel.from_xml_path(str(place))
 
 
+BUS = """<mujoco model="bus">
+  <option timestep="0.05"/>
+  <worldbody>
+    <body name="bus">
+      <freejoint/>
+      <inertial pos="0 0 0" mass="300" diaginertia="60 90 120"/>
+      <site name="mount" pos="0.5 0 0"/>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+ROD = """name = "rod"
+[[segment]]
+length = 4.0
+section = { shape = "round", diameter = 0.02 }
+material = { youngs_modulus = 7e10, density = 2700.0, poissons_ratio = 0.33 }
+[modes]
+xy = 1
+xz = 1
+[damping]
+ratio = 0.005
+"""
+
+
+def said_step(file):
+    """The steps that the first three lines of a file name; no other line names one."""
+    text = file.read_bytes().decode()
+    assert mujoco.MjModel.from_xml_path(str(file))
+    said = re.findall(r"timed for (\w+ at \S+ s)", text)
+    assert said == re.findall(r"timed for (\w+ at \S+ s)", "".join(text.splitlines()[:3]))
+    return said
+
+
+def retimed_again(file, *words):
+    answer = call("retime", file, "--timestep", *words, "-o", file, "--force")
+    assert answer.status == 0, answer.err
+    return said_step(file)
+
+
+@pytest.mark.parametrize("change", [("\n", "\r\n"), ("\n", ""), ("", "")])
+def test_the_first_lines_of_a_timed_file_name_its_step(change, tmp_path):
+    spec, bus, file = (tmp_path / name for name in ("rod.toml", "bus.xml", "file.xml"))
+    spec.write_text(ROD)
+    bus.write_bytes(BUS.replace(*change).encode())
+    words = ("embed", bus, "--at", f"mount={spec}", "-o", file, "--no-report", "--force")
+    assert call(*words, "--no-retime").status == 0
+    assert said_step(file) == []
+    assert call(*words, "--retime").status == 0
+    assert said_step(file) == ["Euler at 0.05 s"]
+    assert retimed_again(file, 0.02) == ["Euler at 0.02 s"]
+    assert retimed_again(file, 0.03, "--integrator", "implicitfast") == ["implicitfast at 0.03 s"]
+    assert call("embed", file, "--remove", "-o", tmp_path / "back.xml").status == 0
+    assert b"timed for" not in (tmp_path / "back.xml").read_bytes()
+    assert retimed_again(file, 0.0) == []
+    assert call(*words, "--retime").status == 0
+    assert call("embed", file, "--remove", "-o", tmp_path / "bus2.xml").status == 0
+    assert (tmp_path / "bus2.xml").read_bytes() == bus.read_bytes()
+
+
+@pytest.mark.parametrize("springs", ["tendons", "hinges"])
+def test_the_first_lines_of_a_fit_name_its_step(springs, tmp_path):
+    scene = '[scene]\nstep = 0.05\nintegrator = "Euler"\n'
+    (tmp_path / "rod.toml").write_text(f'{ROD}[fit]\nsprings = "{springs}"\n{scene}')
+    fit = bc.fit(tmp_path / "rod.toml")
+    for name, text in (("scene", fit.scene_mjcf()), ("appendage", fit.to_mjcf())):
+        file = tmp_path / f"{name}.xml"
+        file.write_text(text)
+        assert said_step(file) == ["Euler at 0.05 s"]
+    (tmp_path / "bench.xml").write_text(fit.bench_mjcf())
+    assert said_step(tmp_path / "bench.xml") == []
+    if springs == "tendons":
+        scene = tmp_path / "scene.xml"
+        assert retimed_again(scene, 0.02) == ["Euler at 0.02 s"]
+        before = scene.read_bytes()
+        (tmp_path / "rod2.toml").write_text(ROD.replace('"rod"', '"rod2"'))
+        at = f"hub={tmp_path / 'rod2.toml'}"
+        words = ("embed", scene, "--at", at, "-o", tmp_path / "two.xml", "--no-report", "--retime")
+        assert call(*words).status == 0
+        assert (
+            call("embed", tmp_path / "two.xml", "--remove", "-o", tmp_path / "one.xml").status == 0
+        )
+        assert (tmp_path / "one.xml").read_bytes() == before
+        assert retimed_again(scene, 0.0) == []
+
+
 @pytest.mark.parametrize("factor", [0.5, 2.0])
 def test_the_error_stated_at_another_step_is_the_error_measured(factor, tmp_path):
     made = craft([("seed", 2, 0.0)], 1e5, 1e5)

@@ -28,7 +28,7 @@ from beamchain.mjcf.relocate import relocate, spacecraft_before
 from beamchain.mjcf.sizes import check_sizes
 from beamchain.mjcf.text import Edit
 from beamchain.steps.joint_time import timed_joints
-from beamchain.steps.retime_file import joint_attributes
+from beamchain.steps.retime_file import joint_attributes, timed_words
 
 FOREIGN = (".urdf", ".mjz")  # what MuJoCo reads beside MJCF
 
@@ -205,6 +205,7 @@ def assemble(
             undo.change_marked(out, element, undo.JointMark, attributes)
             for element, attributes in joints.items()
         )
+        out = undo.mark_step(out, timed_words(timed))
     return out, {
         files[i.prefix]: insert.attached_file(i) for i in items
     } if form == "attach" else {}

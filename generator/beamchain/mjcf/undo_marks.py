@@ -5,6 +5,7 @@ through this module, so that `remove_marked_changes` gives back the original byt
 """
 
 import json
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Literal, NamedTuple, TypeAlias
 
@@ -17,6 +18,7 @@ from beamchain.mjcf.craft import BLANK, Craft, Include, inner_text
 from beamchain.mjcf.text import Edit, Node, change_start_tag, split_start_tag
 
 SIGN = "beamchain embed"
+STEP = re.compile(r"timed for \w+ at \S+ s")
 
 
 class Put(
@@ -145,6 +147,14 @@ class LoadMark(
     body: str
 
 
+class StepMark(
+    msgspec.Struct, frozen=True, tag_field="piece", tag="step", forbid_unknown_fields=True
+):
+    """The first line of a document that is timed for a step, which names it; it stands alone."""
+
+    says: str
+
+
 class EndMark(
     msgspec.Struct, frozen=True, tag_field="piece", tag="end", forbid_unknown_fields=True
 ):
@@ -165,6 +175,7 @@ Mark: TypeAlias = (
     | IncludeMark
     | MovedMark
     | LoadMark
+    | StepMark
     | EndMark
 )
 
@@ -262,6 +273,35 @@ def appendage_marks(craft: Craft) -> list[AppendageMark]:
     return [mark for _, mark in marks(craft) if isinstance(mark, AppendageMark)]
 
 
+# -- the step that a document is timed for ---------------------------------------------------------
+def mark_step(craft: Craft, says: str) -> Craft:
+    """The spacecraft with a first line of ours that names its step."""
+    return craft.edit([craft.prepend(craft.root, mark_comment(StepMark(says)))])
+
+
+def name_step(craft: Craft, says: str) -> Craft:
+    """The document with a first line that names its step in place of the one before; empty:
+    without one."""
+    craft = craft.edit(_take_out_line(craft, node) for node in _step_lines(craft))
+    if not says:
+        return craft
+    if appendage_marks(craft):
+        return mark_step(craft, says)
+    return craft.edit([craft.prepend(craft.root, f"<!-- {says} -->")])
+
+
+def _step_lines(craft: Craft) -> Iterator[Node]:
+    """Comments that name the step of the document, ours and those of its own."""
+    for node in craft.outline:
+        text = "" if node.tag else craft.source(node.start + 4, node.end - 3).strip()
+        if STEP.fullmatch(text) or isinstance(_read_mark(craft, node), StepMark):
+            yield node
+
+
+def _take_out_line(craft: Craft, node: Node) -> Edit:
+    return Edit(len(craft.content[: node.start].rstrip(BLANK)), node.end, "")
+
+
 # -- bodies that hang on ports ---------------------------------------------------------------------
 def move_body(craft: Craft, body: Element, link: Element, frame: Mapping[str, str]) -> Craft:
     """The document with a body of the user, as it is written, at the end of a link, inside a
@@ -329,6 +369,8 @@ def remove_marked_changes(craft: Craft) -> Craft:
             piece = _marked_piece(craft, node, mark)
             pieces.append(piece)
             edit = Edit(piece.start, piece.end, "")
+        elif isinstance(mark, StepMark):
+            edit = _take_out_line(craft, node)
         elif isinstance(mark, IncludeMark):
             edit = Edit(node.start, _end_of_include(craft, node), mark.element)
         else:

@@ -45,6 +45,11 @@ class MadeFor(NamedTuple):
     integrator: str
     form: int
 
+    @property
+    def words(self) -> str:
+        """What the first line of a timed file says."""
+        return f"timed for {self.integrator} at {self.timestep:g} s"
+
 
 @dataclass(frozen=True, eq=False)
 class Modal:

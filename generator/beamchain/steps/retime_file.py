@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
+from lxml import etree
 from lxml.etree import _Element as Element
 
 from beamchain.checks import one_of
@@ -15,11 +16,11 @@ from beamchain.engine.operating_point import pose_words, poses
 from beamchain.errors import InputError
 from beamchain.mjcf.craft import Craft, read_craft
 from beamchain.mjcf.relocate import relocate
-from beamchain.mjcf.undo_marks import JointMark, change_once_marked
+from beamchain.mjcf.undo_marks import JointMark, change_once_marked, name_step
 from beamchain.mjcf.write import number
 from beamchain.steps.integrators import SCHEMES, hinge_armature
 from beamchain.steps.joint_time import timed_joints
-from beamchain.steps.modal import modal_tendons
+from beamchain.steps.modal import MadeFor, made_for, modal_tendons, timing_marks
 from beamchain.steps.poles import PoleRow, growing_frequencies, pole_rows
 from beamchain.steps.retime import retime
 from beamchain.steps.step_map import growing_poses
@@ -79,9 +80,12 @@ def put_time(
     tree: Element, model: "mujoco.MjModel", named: Callable[[str], str] = lambda name: name
 ) -> None:
     """Write a model's modal tendons into an appendage's tree."""
-    for element, attributes in time_attributes([tree], model, named).items():
+    changes = time_attributes([tree], model, named)
+    for element, attributes in changes.items():
         for name, value in attributes.items():
             element.set(name, value)
+    if changes:
+        _put_words(tree, timed_words(model))
 
 
 def put_hinge_armature(root: Element, timestep: float, integrator: str) -> None:
@@ -92,6 +96,18 @@ def put_hinge_armature(root: Element, timestep: float, integrator: str) -> None:
         stiffness = joint.get("stiffness")
         if stiffness is not None and float(stiffness) > 0.0:
             joint.set("armature", number(hinge_armature(float(stiffness), timestep)))
+    _put_words(root, MadeFor(timestep, integrator, 2).words)
+
+
+def _put_words(root: Element, words: str) -> None:
+    root.insert(0, etree.Comment(f" {words} "))
+
+
+def timed_words(model: "mujoco.MjModel") -> str:
+    """Which integrator and step a model is timed for; empty where nothing in it is."""
+    joints = [made_for(model.dof_solimp[dof]) for dof in timed_joints(model)]
+    made = next(filter(None, [*timing_marks(model), *joints]), None)
+    return "" if made is None else made.words
 
 
 class RetimedFile(NamedTuple):
@@ -151,7 +167,8 @@ def retimed_file(
     if option is None and settings:
         words = " ".join(f'{name}="{value}"' for name, value in settings.items())
         edits.append(document.prepend(document.root, f"<option {words}/>"))
-    return RetimedFile(document.edit(edits).content, model, plain, rows, done.slowed)
+    document = name_step(document.edit(edits), timed_words(model))
+    return RetimedFile(document.content, model, plain, rows, done.slowed)
 
 
 def _check_stable(model: "mujoco.MjModel") -> None:
