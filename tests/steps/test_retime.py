@@ -506,10 +506,12 @@ def test_the_first_lines_of_a_timed_file_name_its_step(change, tmp_path):
     assert (tmp_path / "bus2.xml").read_bytes() == bus.read_bytes()
 
 
-@pytest.mark.parametrize("springs", ["tendons", "hinges"])
-def test_the_first_lines_of_a_fit_name_its_step(springs, tmp_path):
-    scene = '[scene]\nstep = 0.05\nintegrator = "Euler"\n'
-    (tmp_path / "rod.toml").write_text(f'{ROD}[fit]\nsprings = "{springs}"\n{scene}')
+@pytest.mark.parametrize(("springs", "form"), [("modes", "modal"), ("hinges", "hinge")])
+def test_the_first_lines_of_a_fit_name_its_step(springs, form, tmp_path):
+    scene = '[scene]\ntimestep = 0.05\nintegrator = "Euler"\n'
+    (tmp_path / "rod.toml").write_text(
+        f'{ROD}form = "{form}"\n[fit]\nsprings = "{springs}"\n{scene}'
+    )
     fit = bc.fit(tmp_path / "rod.toml")
     for name, text in (("scene", fit.scene_mjcf()), ("appendage", fit.to_mjcf())):
         file = tmp_path / f"{name}.xml"
@@ -517,7 +519,7 @@ def test_the_first_lines_of_a_fit_name_its_step(springs, tmp_path):
         assert said_step(file) == ["Euler at 0.05 s"]
     (tmp_path / "bench.xml").write_text(fit.bench_mjcf())
     assert said_step(tmp_path / "bench.xml") == []
-    if springs == "tendons":
+    if springs == "modes":
         scene = tmp_path / "scene.xml"
         assert retimed_again(scene, 0.02) == ["Euler at 0.02 s"]
         before = scene.read_bytes()
