@@ -509,7 +509,8 @@ def test_the_first_lines_of_a_timed_file_name_its_step(change, tmp_path):
 @pytest.mark.parametrize(("springs", "form"), [("modes", "modal"), ("hinges", "hinge")])
 def test_the_first_lines_of_a_fit_name_its_step(springs, form, tmp_path):
     scene = '[scene]\ntimestep = 0.05\nintegrator = "Euler"\n'
-    (tmp_path / "rod.toml").write_text(
+    text = f'{ROD}form = "{form}"\n[fit]\nsprings = "{springs}"\n{scene}'
+    (tmp_path / "rod.toml").write_text(text)
         f'{ROD}form = "{form}"\n[fit]\nsprings = "{springs}"\n{scene}'
     )
     fit = bc.fit(tmp_path / "rod.toml")
