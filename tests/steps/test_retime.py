@@ -511,8 +511,6 @@ def test_the_first_lines_of_a_fit_name_its_step(springs, form, tmp_path):
     scene = '[scene]\ntimestep = 0.05\nintegrator = "Euler"\n'
     text = f'{ROD}form = "{form}"\n[fit]\nsprings = "{springs}"\n{scene}'
     (tmp_path / "rod.toml").write_text(text)
-        f'{ROD}form = "{form}"\n[fit]\nsprings = "{springs}"\n{scene}'
-    )
     fit = bc.fit(tmp_path / "rod.toml")
     for name, text in (("scene", fit.scene_mjcf()), ("appendage", fit.to_mjcf())):
         file = tmp_path / f"{name}.xml"
