@@ -190,8 +190,9 @@ def test_all_loops_at_once_are_never_better_than_one(plant, gains):
     disks = [row for row in found.margins if row.kind == "disk" and row.at != found[-1].at]
     assert len(disks) == len(gains)
     at_once = found.all_at_once
-    assert at_once.nominal <= min(row.nominal for row in disks)
-    assert at_once.worst <= min(row.worst for row in disks)
+    # loops of different axes hardly couple: they are equal then, but for rounding
+    assert at_once.nominal <= min(row.nominal for row in disks) * (1.0 + 1e-9)
+    assert at_once.worst <= min(row.worst for row in disks) * (1.0 + 1e-9)
     np.testing.assert_allclose(at_once.nominal, known.all_at_once.value, rtol=1e-6)
     np.testing.assert_allclose(
         [row.nominal for row in disks], [loop.disk for loop in known.loops], rtol=1e-6
