@@ -7,6 +7,7 @@ from functools import cache
 from itertools import pairwise
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 from lxml import etree, html
@@ -14,6 +15,7 @@ from lxml import etree, html
 import beamchain as bc
 from appendages import panels, seed_boom, stepped_boom, tapered_boom, timoshenko_boom, unit_beam
 from beamchain.report.tables.fit import bench_table
+from command import call
 
 DRAWN = 1e-4  # coordinates in pt with a few digits
 
@@ -301,3 +303,33 @@ def test_the_page_counts_the_modes_that_are_kept_everywhere_alike(tmp_path):
     assert "stand for the beam's first 2 modes in xy" in text
     assert "as few as the scene needs; 2 in xy, 0 in xz as given" in text
     assert "Shapes of the first 2 cantilever modes in xy" in page
+
+
+BARE = """name = "panel"
+[[segment]]
+length = 6.0
+section = { shape = "equivalent", bending_stiffness_xy = 2e4, linear_mass = 3.0 }
+[modes]
+xy = 1
+"""
+
+
+def test_what_stands_in_for_a_table_that_is_left_out_is_said(tmp_path):
+    (tmp_path / "bare.toml").write_text(BARE)
+    answer = call("fit", tmp_path / "bare.toml", "-o", tmp_path / "bare")
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "bare" / "scene.xml"))
+    assert not model.dof_damping.any()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    links = range(model.body("hub").id + 1, model.nbody)
+    axes = data.ximat.reshape(-1, 3, 3)
+    about = sum(axes[i, 0] ** 2 @ model.body_inertia[i] for i in links)
+    page = (tmp_path / "bare" / "report.html").read_text()
+    for text in (" ".join(answer.out.split()), page):
+        assert "No [damping] is given: the file has none, and errors are those at 0.5 %." in text
+        said = re.search(r"without polar_inertia: .* is (\S+) kg m² in the file", text)
+        assert float(said[1]) == pytest.approx(about, rel=0.05)
+    stated = BARE.replace("linear_mass", "polar_inertia = 0.2, linear_mass")
+    (tmp_path / "stated.toml").write_text(f"{stated}[damping]\nratio = 0.01\n")
+    answer = call("fit", tmp_path / "stated.toml", "-o", tmp_path / "stated")
+    assert not re.search(r"No \[damping\]|without polar_inertia", answer.out)

@@ -71,7 +71,7 @@ def _show(result: "Fit") -> None:
     out = console()
     print_headed(result.spec.name, result.status.message)
     out.print(result.headline)
-    for line in tables.left_out_sentences(result):
+    for line in [*tables.left_out_sentences(result), *tables.assumed_sentences(result)]:
         out.print(line, markup=False)
     if result.spec.root.hub is None:
         out.print(assumed_hub(result.mass_line))

@@ -51,6 +51,7 @@ def fit_report(fit: "Fit") -> tuple[str, dict[str, str]]:
         fit=fit,
         pictures=pictures,
         asked=_specification(fit),
+        assumed=tables.assumed_sentences(fit),
         imported=imported,
         modes_word=_modes_word(fit).capitalize(),
         effective=effective,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamchain.fitting.hub import port_hub_mass
+from beamchain.ports.compare import DEFAULT_RATIO
 from beamchain.ports.motions import PORTS
 from beamchain.report.curves import CHAIN, CLASSICAL
 from beamchain.report.formats import (
@@ -20,6 +21,7 @@ from beamchain.report.formats import (
     whole,
 )
 from beamchain.report.table import Column, Table
+from beamchain.structure.section import Equivalent
 
 if TYPE_CHECKING:
     from beamchain.fitting.needs import LeftOut
@@ -82,6 +84,26 @@ def left_out_sentences(fit: "Fit") -> list[str]:
             out.append(
                 f"mode {k + 1} of the file ({omega:.4g} rad/s) lies in the band and is not kept"
             )
+    return out
+
+
+def assumed_sentences(fit: "Fit") -> list[str]:
+    """What a specification leaves out, and what stands in its place."""
+    out: list[str] = []
+    spec = fit.spec
+    undamped = bool(fit.target) and not any(np.any(model.damping) for model in fit.target.values())
+    if spec.damping is None and spec.slosh is None and undamped:
+        judged = f"{DEFAULT_RATIO * 100.0:g} %"
+        out.append(f"No [damping] is given: the file has none, and errors are those at {judged}.")
+    for i, segment in enumerate(spec.segment):
+        section = segment.section
+        if isinstance(section, Equivalent) and not section.polar_inertia:
+            about = float(fit.measured.rigid_mass[3, 3])
+            out.append(
+                f"segment[{i}] is given without polar_inertia: the inertia about x of the whole "
+                f"appendage is {about:.1e} kg m² in the file."
+            )
+            break
     return out
 
 
