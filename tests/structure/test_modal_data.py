@@ -18,6 +18,7 @@ from beamchain import (
     Beam,
     Equivalent,
     InputError,
+    InterfaceGrid,
     Lump,
     ModalData,
     Segment,
@@ -346,6 +347,37 @@ def test_craig_bampton_form_and_files(tmp_path):
         assert np.abs(data.participation) == pytest.approx(
             np.abs(whole.participation[:count]), rel=1e-6, abs=1e-8
         )
+
+
+@pytest.mark.parametrize("elements", [6, 20, 40])
+@pytest.mark.parametrize(
+    "grids", [None, [InterfaceGrid(id=1, at=(0.0, 0.0, 0.0))]], ids=["boundary", "grid"]
+)
+def test_rounding_of_a_reduction_is_no_support(tmp_path, elements, grids):
+    """A product of three matrices leaves some 1e-16 of the largest stiffness at the port, where
+    nothing else stands."""
+    m, k = frame(elements)
+    squares, shapes = eigh(k[6:, 6:], m[6:, 6:])
+    down = np.zeros((m.shape[0], 18))
+    down[:6, :6] = np.eye(6)
+    down[6:, :6] = -np.linalg.solve(k[6:, 6:], k[6:, :6])
+    down[6:, 6:] = shapes[:, :12]
+    mass, stiffness = down.T @ m @ down, down.T @ k @ down
+    assert np.max(np.abs(stiffness[:6])) > 0.0
+
+    def read(stiffness):
+        np.savez(tmp_path / "cb.npz", M=mass, K=stiffness, boundary=np.arange(6))
+        return read_modes(tmp_path / "cb.npz", **({} if grids is None else {"grids": grids}))
+
+    data = read(stiffness)
+    assert data.frequencies == pytest.approx(np.sqrt(squares[:12]), rel=1e-7)
+    assert data.rigid_mass[0, 0] == pytest.approx(3.0, rel=1e-9)
+    # a spring on which the whole goes at a hundredth of the first frequency is one
+    for row, inertia in ((1, 3.0), (5, 1.5 * 8.0 / 3.0)):
+        held = stiffness.copy()
+        held[row, row] += 1e-4 * squares[0] * inertia
+        with pytest.raises(InputError, match="strains the structure"):
+            read(held)
 
 
 def test_matrices_that_do_not_serve_are_refused(tmp_path):

@@ -31,6 +31,7 @@ LARGEST = 4000  # freedoms; beyond that reduce in the program that made the mode
 MOST = 200  # modes handed on, the lowest
 LARGEST_FILE = 300_000_000
 DETERMINATE = 1e-6  # relative stiffness that may be left at the port
+SOFT = 1e-6  # of the first mode's w^2: a support of six freedoms that is softer is rounding
 STRAINED = 1e-4  # relative forces on freedoms that move as one rigid body; wrong axes leave 1
 NOISE = 1e-2  # of a freedom's own scale, below which a sum of terms is rounding and no force
 SOFTEST = 1e-10  # of the stiffest freedom of its kind: stiffness that is rounding (a drilling one)
@@ -180,7 +181,7 @@ def from_matrices(
     m_ib = mass[np.ix_(inner, outer)] @ boundary.motion
     m_bb = boundary.motion.T @ mass[np.ix_(outer, outer)] @ boundary.motion
     # inner motion per rigid motion of the port: G = -K_ii^-1 K_ib
-    follow, strained = _rigid_motion(stiffness, inner, boundary, name, precision)
+    follow, strained = _rigid_motion(mass, stiffness, inner, boundary, name, precision)
     # M_rigid = M_bb + G^T M_ib + M_ib^T G + G^T M_ii G
     rigid = m_bb + follow.T @ m_ib + m_ib.T @ follow + follow.T @ m_ii @ follow
     k_ib = stiffness[np.ix_(inner, outer)] @ boundary.motion
@@ -309,7 +310,12 @@ def _check_matrices(mass: Array, stiffness: Array, name: str) -> None:
 
 
 def _rigid_motion(
-    stiffness: Array, inner: list[int], boundary: Boundary, name: str, precision: float
+    mass: Array,
+    stiffness: Array,
+    inner: list[int],
+    boundary: Boundary,
+    name: str,
+    precision: float,
 ) -> tuple[Array, float]:
     """`(n, 6)` motion of the inner freedoms per motion of the port, which must not strain them;
     and the largest force that is left at the port, relative to the terms it is the sum of."""
@@ -335,6 +341,8 @@ def _rigid_motion(
     follow = -linalg.cho_solve(factor, k_ib)
     # forces at the port's freedoms: zero where the port is the only support
     forces = k_oo @ motion + k_io.T @ follow
+    if len(outer) == 6 and _is_soft(motion.T @ forces, mass, k_ii, follow, inner, boundary):
+        return follow, 0.0
     terms = np.abs(k_oo) @ np.abs(motion) + np.abs(k_io.T) @ np.abs(follow)
     shares = np.abs(forces) / np.maximum(terms, NOISE * _largest_forces(k_oo, motion))
     strained = float(np.max(shares))
@@ -360,6 +368,26 @@ def _rigid_motion(
             "too, or boundary does not name the port's freedoms in the order x, y, z, rotations."
         )
     return follow, strained
+
+
+def _is_soft(
+    held: Array, mass: Array, k_ii: Array, follow: Array, inner: list[int], boundary: Boundary
+) -> bool:
+    """Whether a stiffness `held` `(6, 6)` against rigid motion is next to none for the mass that
+    moves: that of a Craig-Bampton reduction is rounding of far larger numbers, which are not in
+    the file any more.
+
+    `follow`: motion of the inner freedoms per rigid motion of the port.
+    """
+    motion = np.zeros((mass.shape[0], 6))
+    motion[list(boundary.rows)], motion[inner] = boundary.motion, follow
+    moved = np.sqrt(np.diag(motion.T @ mass @ motion).clip(0.0))
+    last = len(inner) - 1
+    # 1/w^2 of the first mode, massless freedoms or not
+    (longest,) = linalg.eigh(
+        mass[np.ix_(inner, inner)], k_ii, eigvals_only=True, subset_by_index=(last, last)
+    )
+    return bool(np.all(np.abs(held) * longest <= SOFT * np.outer(moved, moved)))
 
 
 def _largest_forces(stiffness: Array, motion: Array) -> Array:
