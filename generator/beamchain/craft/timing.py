@@ -45,12 +45,13 @@ class TimingDecision:
 def step_error(
     model: "mujoco.MjModel", appendages: Sequence[Appendage]
 ) -> tuple[float, float, str]:
-    """Worst error of a response at a pole in the band asked for by the model's own step in any of
-    its poses, the largest left alone, and the pose.
+    """Worst error of a response in the band asked for by the model's own step in any of its poses,
+    the largest left alone, and the pose.
 
     A pole that is off by d shifts its peak, which is as wide as its damping: the response there is
-    off by about `|d| / |Re s|`. Where no scene asks for a response it is the error of the pole. The
-    error is infinite where the step is unstable; `model` is without timing.
+    off by about `|d| / |Re s|`, and below a peak beyond the band, by less. Where no scene
+    asks for a response it is the error of the pole. The error is infinite where the step is
+    unstable; `model` is without timing.
     """
     scenes = [
         s for a in appendages if (s := a.fit.spec.scene) is not None and s.bandwidth is not None
@@ -64,13 +65,27 @@ def step_error(
         return float("inf"), allowed, growing[0]
     errors: dict[str, float] = {}
     for pose, qpos in places.items():
-        poles = [row for row in pole_rows(model, qpos=qpos) if row.frequency <= band]
+        poles = pole_rows(model, qpos=qpos)
         ratios = compared_ratios(np.array([pole.ratio for pole in poles]), undamped)
-        widths = ratios.tolist() if scenes else [1.0] * len(poles)
-        off = (pole.error / width for pole, width in zip(poles, widths, strict=True))
+        off = (
+            pole.error * (response_change(pole.frequency, ratio, band) if scenes else 1.0)
+            for pole, ratio in zip(poles, ratios.tolist(), strict=True)
+        )
         errors[pose] = max(off, default=0.0)
     worst = max(errors, key=lambda pose: errors[pose])
     return errors[worst], allowed, worst
+
+
+def response_change(frequency: float, ratio: float, band: float) -> float:
+    """By how much a response up to `band` [rad/s] changes at most per relative error of a pole.
+
+    In the band that is at the peak, 1/ratio. A peak at p beyond adds (w/p)^2/(1 - (w/p)^2) to the
+    rigid response, relative to its share in that, and changes it by 2 (w/p)^2/(1 - (w/p)^2)^2.
+    """
+    if frequency <= band:
+        return 1.0 / ratio
+    share = (band / frequency) ** 2
+    return 2.0 * share / max(1.0 - share, 2.0 * ratio)
 
 
 def decide_timing(
@@ -99,7 +114,7 @@ def decide_timing(
         return TimingDecision(True, f"it would be unstable by itself{where}")
     scenes = any(a.fit.spec.scene is not None for a in appendages)
     felt = (
-        "without timing the step would change the response at a resonance by"
+        "without timing the step would change the response by"
         if scenes
         else "without timing the step would move a pole, kept or not, by a share of"
     )
