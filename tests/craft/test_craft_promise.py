@@ -458,3 +458,33 @@ def test_what_one_port_costs_is_judged_with_all_others_exact():
     rod = np.concatenate([np.pi / 16.0 * np.array([1.0, 3.0]) * speed for speed in speeds])
     apart = np.abs(alone.frequencies[:, None] / rod - 1.0)
     assert np.max(np.min(apart, axis=0)) < 1e-6
+
+
+@pytest.mark.slow
+def test_a_cure_beyond_the_allowed_number_of_modes_is_named():
+    """One mode more is not enough here; what was allowed is what is in the way."""
+    text = """<mujoco><option gravity="0 0 0" timestep="0.002" integrator="RK4"/><worldbody>
+    <body name="bus"><freejoint/><site name="m" pos="0.5 0 0"/>
+    <site name="n" pos="0 0.5 0" xyaxes="0.6 0.8 0 0 0 1"/>
+    <inertial pos="0 0 0" mass="12" diaginertia="3 3 3"/></body></worldbody></mujoco>"""
+    section = bc.Equivalent(
+        bending_stiffness_xy=300.0,
+        bending_stiffness_xz=400.0,
+        linear_mass=1.5,
+        torsion_stiffness=200.0,
+        axial_stiffness=1e5,
+        polar_inertia=0.02,
+    )
+    booms = {
+        place: bc.Spec(
+            name="boom",
+            segment=(bc.Segment(length=length, section=section),),
+            damping=bc.Damping(ratio=0.005),
+            scene=bc.Scene(bandwidth=8.0, tolerance=5e-5, axes=("tx", "z")),
+        )
+        for place, length in (("m", 3.0), ("n", 5.0))
+    }
+    missed = bc.embed(text, booms, max_modes=8)
+    assert missed.met is False
+    assert missed.cure_words.startswith("Allow 16 modes an appendage (max-modes): ")
+    assert bc.embed(text, booms, max_modes=16).met

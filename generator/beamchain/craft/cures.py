@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from beamchain.craft.appendage import Appendage
-from beamchain.craft.candidates import candidate, model_of
+from beamchain.craft.candidates import candidate, free_ports, model_of
 from beamchain.craft.error import Pose
 from beamchain.craft.promise import joint_request
 from beamchain.craft.timing import decide_timing, fit_on_tendons, with_timing
@@ -63,6 +63,12 @@ def changes_of(
         if typed and scene is not None and scene.bandwidth is not None:
             out[_words(FREE, appendages, group)] = {appendages[i].at: free[i] for i in group}
     return out
+
+
+def more_modes(appendages: Sequence[Appendage], most: int) -> dict[str, int]:
+    """A larger number of modes to allow an appendage, in words, where one has as many as `most`."""
+    full = any(free_ports(a.spec) and candidate(a).modes >= most for a in appendages)
+    return {f"allow {2 * most} modes an appendage (max-modes)": 2 * most} if full and most else {}
 
 
 def _words(said: str, appendages: Sequence[Appendage], group: Sequence[int]) -> str:

@@ -14,7 +14,7 @@ from beamchain.checks import one_of, path_of, true_or_false
 from beamchain.craft.appendage import Appendage, carried, craft_elements
 from beamchain.craft.assembly import Assembly, assembly_at_rest, modes_at_pose
 from beamchain.craft.coupled_modes import Mode, slow_modes
-from beamchain.craft.cures import changes_of, models_at
+from beamchain.craft.cures import changes_of, models_at, more_modes
 from beamchain.craft.documents import assemble, compile_document
 from beamchain.craft.error import (
     CraftError,
@@ -24,7 +24,7 @@ from beamchain.craft.error import (
     craft_error,
     craft_poses,
 )
-from beamchain.craft.promise import JointRequest, joint_request, kept_band
+from beamchain.craft.promise import MOST_MODES, JointRequest, joint_request, kept_band
 from beamchain.craft.recovered_body import BeamBody
 from beamchain.craft.recovery import Recorder, Recovery, recover
 from beamchain.craft.sampled import craft_sampled_error
@@ -87,6 +87,7 @@ class Embedded:
         given: the appendages by place of that call.
         retime: whether timing was asked for, as the argument of `embed` says.
         joints: whether timing may change the spacecraft's own joints (`retime_joints` of `embed`).
+        most: number of modes that an appendage may keep where modes are added (`max_modes`).
         names: how the user changes integrator, step and timing, in the words of a cure.
 
     Example:
@@ -112,10 +113,11 @@ class Embedded:
     source: Path | None = None
     inputs: tuple[Path, ...] = ()
     loaded: bool = False
-    call: "Callable[[Mapping[str, Any]], Embedded] | None" = None
+    call: "Callable[..., Embedded] | None" = None
     given: Mapping[str, Any] = field(default_factory=dict)
     retime: bool | None = None
     joints: bool = False
+    most: int = MOST_MODES
     names: Names = IN_FILE
 
     def __repr__(self) -> str:
@@ -350,13 +352,16 @@ class Embedded:
         now = Setting(NUMBERS[int(option.integrator)], step, self.retime)
         places = [] if self.call is None else [a.at for a in self.appendages if a.at in self.given]
         wished = changes_of(self.appendages, places, self._exact_poses) if places else {}
+        more = more_modes(self.appendages, self.most) if places else {}
+        wished |= {words: {} for words in more}
         tried: dict[str, Embedded | None] = {"": self}
 
         def changed(change: str) -> "Embedded | None":
             if change not in tried:
                 assert self.call is not None
                 try:
-                    tried[change] = self.call({**self.given, **wished[change]})
+                    allowed = {"max_modes": more[change]} if change in more else {}
+                    tried[change] = self.call({**self.given, **wished[change]}, **allowed)
                 except BeamchainError:  # there is no such chain
                     tried[change] = None
             return tried[change]

@@ -177,6 +177,7 @@ def embed(
         given=at,
         retime=True if retime_joints else retime,
         joints=retime_joints,
+        most=max_modes,
     )
     return with_loads_told(result)
 
