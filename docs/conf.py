@@ -25,7 +25,6 @@ author = "beamchain maintainers"
 release = beamchain.__version__
 copyright = author
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
-exclude_patterns = ["paper"]  # written for a journal
 nb_execution_mode = "off"  # the outputs are those committed, which the tests repeat
 myst_enable_extensions = ["dollarmath", "amsmath"]
 myst_fence_as_directive = ["math"]

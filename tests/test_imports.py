@@ -311,7 +311,6 @@ def test_every_folder_has_its_place():
         *SENTENCE,
         "caution",
         "checks",
-        "dropped",
         "errors",
         "files",
         "gym",

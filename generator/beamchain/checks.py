@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, Literal, TypeGuard, get_args, get_origin,
 
 import msgspec
 
-from beamchain import dropped
 from beamchain.errors import InputError
 
 if TYPE_CHECKING:
@@ -97,7 +96,6 @@ class _Answering(msgspec.StructMeta):
             takes = f"it takes {', '.join(fields)}, each by its name."
             for name in kwargs:
                 if name not in fields:
-                    dropped.check(f"{cls.__name__}({name})")
                     raise InputError(
                         f"{cls.__name__} has no field {name!r}; {meant(name, fields)}{takes}"
                     )

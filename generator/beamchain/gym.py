@@ -40,7 +40,6 @@ Example:
 from importlib import import_module
 from typing import Any
 
-from beamchain.dropped import check
 from beamchain.engine import backend
 from beamchain.errors import InputError
 
@@ -49,8 +48,6 @@ NAME = "beamchain/FlexibleSatellite-v0"
 
 def satellite(**options: Any) -> Any:
     """One satellite."""
-    for name in options:
-        check(f"FlexibleSatellite-v0({name})")
     if options.get("render_mode") is not None:
         backend.choose()  # before MuJoCo is imported
     return import_module("beamchain.fleet.satellite").Satellite(**options)

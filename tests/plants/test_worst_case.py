@@ -145,15 +145,6 @@ def test_a_run_that_would_take_too_long_is_left_out(tmp_path):
     assert "MuJoCo" not in worst.sentence
 
 
-@pytest.mark.parametrize("name", ["stability", "upper", "gap"])
-def test_what_was_dropped_is_answered(name, tmp_path):
-    uncertain = uncertain_plant(tmp_path, 0.01)
-    worst = uncertain.worst_case(tmp_path / "loop.toml", samples=2, simulate=False)
-    with pytest.raises(AttributeError, match=f"{name} is gone: .*gain is the worst that a search"):
-        getattr(worst, name)
-    assert not hasattr(worst, name)
-
-
 SPRUNG = """<mujoco><option gravity="0 0 0"/><worldbody><body name="bus">
 <joint name="drive" axis="0 0 1" stiffness="20" damping="6"/>
 <inertial pos="0 0 0" mass="1" diaginertia="5 5 5"/></body></worldbody></mujoco>"""

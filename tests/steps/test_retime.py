@@ -380,18 +380,6 @@ def test_undo_is_bit_for_bit():
     assert same(before, arrays(model)) == []
 
 
-def test_form_3_is_answered_with_its_replacement():
-    made = craft(BOOM, 20.0, 20.0)
-    model = made.model(0.1)
-    before = arrays(model)
-    with pytest.raises(bc.InputError, match="form 3 is gone: take form=4"):
-        bc.retime(model, 0.1, form=3)
-    assert same(before, arrays(model)) == []
-    model.tendon_solimp_lim[0] = (0.1, 0, 3, 0.0, 1.0)
-    with pytest.raises(bc.InputError, match="mode1.*form 3 of an earlier version.*form=4"):
-        bc.retime(model, 0.1)
-
-
 def test_retiming_does_not_add_up():
     made = craft(PAIR, 100.0, 100.0, ratio=0.005)
     once = made.model(0.1)

@@ -13,7 +13,6 @@ import typer
 from beamchain.checks import printable
 from beamchain.cli.common import OneSentenceEach, explain, version
 from beamchain.cli.options import OneValueEach
-from beamchain.dropped import check_words
 from beamchain.errors import BeamchainError
 
 #: base of typer's own errors: click's, or in newer versions typer's copy of it
@@ -79,7 +78,6 @@ def main() -> None:
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
     try:
-        check_words(sys.argv[1:])
         for word in sys.argv[1:]:
             if word.startswith("-") and printable(word) != word:
                 raise BeamchainError(

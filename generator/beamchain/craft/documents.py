@@ -49,7 +49,7 @@ def read_bare(craft: str | Path) -> tuple[Craft, dict[str, Wish], str]:
     read = craft_from_text(craft) if is_mjcf_text(craft) else read_craft(craft)
     marks = undo.appendage_marks(read)
     before = {
-        mark.at: Wish(_spec_of_mark(mark.spec, mark.at), mark.prefix, mark.carries)
+        mark.at: Wish(spec_from_dict(mark.spec, f"mark of {mark.at}"), mark.prefix, mark.carries)
         for mark in marks
     }
     return spacecraft_before(read), before, marks[0].form if marks else "inline"
@@ -93,23 +93,6 @@ def flattened(craft: Craft | Path) -> Craft:
     except ValueError as error:
         raise EngineError(f"MuJoCo refuses {label}: {error}") from None
     return replace(craft_from_text(text), folder=folder, label=label)
-
-
-def _spec_of_mark(spec: Mapping[str, Any], at: str) -> Spec:
-    """The spec that a mark holds, as the present version reads it.
-
-    One of version 1 may ask for oscillators, which are a chain today, and names how its chain was
-    made, which is no choice any more.
-    """
-    options = spec.get("fit")
-    if isinstance(options, Mapping):
-        kept = {
-            key: value for key, value in options.items() if key not in ("method", "links", "free")
-        }
-        if kept.get("form") == "oscillators":
-            kept["form"] = None
-        spec = {**spec, "fit": kept}
-    return spec_from_dict(spec, f"mark of {at}")
 
 
 def open_places(

@@ -16,7 +16,6 @@ from beamchain.chain.build import Status
 from beamchain.chain.chain import Chain
 from beamchain.chain.cut import Cut
 from beamchain.chain.tendons import group_motion
-from beamchain.dropped import missing_attribute
 from beamchain.engine.bench import Measured, ballast_for
 from beamchain.engine.library import mujoco, rest
 from beamchain.engine.linear import rigid_body
@@ -185,12 +184,6 @@ class Fit:
     line: MassLine | None = None
     space: InSpace | None = None
     cure: Cure | None = None
-
-    if not TYPE_CHECKING:  # a type checker knows what there is
-
-        def __getattr__(self, name: str) -> Any:
-            # asked only for names that the result does not have
-            raise missing_attribute("Fit", name)
 
     def __repr__(self) -> str:
         return report.fit_text(self)

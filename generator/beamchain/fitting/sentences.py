@@ -7,7 +7,6 @@ from typing import Any, cast, get_args, get_origin, get_type_hints
 import msgspec
 
 from beamchain.checks import descriptions, literals, meant
-from beamchain.dropped import DROPPED
 
 _KINDS = {
     "float": "a number",
@@ -38,11 +37,9 @@ def sentence(message: str, data: Mapping[str, Any], root: type) -> str:
     unknown = re.fullmatch(r"Object contains unknown field `(.*)`", what)
     if unknown:
         struct = _struct_at(root, path, data)
-        gone = None if struct is None else DROPPED.get(f"{struct.__name__}({unknown[1]})")
         sought = None if struct is None else SOUGHT.get(f"{struct.__name__}({unknown[1]})")
         instead = sought or _keys_instead(unknown[1], place, struct, root)
-        answer = gone or f"unknown key {unknown[1]!r}; {instead}"
-        return f"{place + ': ' if place else ''}{answer}"
+        return f"{place + ': ' if place else ''}unknown key {unknown[1]!r}; {instead}"
     missing = re.fullmatch(r"Object missing required field `(.*)`", what)
     if missing:
         add = _to_add(missing[1], _struct_at(root, path, data))

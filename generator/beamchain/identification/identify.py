@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 from beamchain.caution import Caution
 from beamchain.checks import list_of_names, number, of_type, one_of, whole_number
-from beamchain.dropped import answers_dropped
 from beamchain.engine.library import one_thread
 from beamchain.errors import InputError
 from beamchain.files import noted_inputs
@@ -24,7 +23,6 @@ if TYPE_CHECKING:
     from beamchain.engine.library import mujoco
 
 
-@answers_dropped
 @one_thread()
 def identify(
     logs: Any,

@@ -10,7 +10,6 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from beamchain import dropped
 from beamchain.checks import meant
 from beamchain.errors import InputError
 from beamchain.files import no_file, note_input
@@ -103,7 +102,11 @@ def read_logs(
             )
             pairs = _responses(table, omega, source)
             if not pairs:
-                dropped.check("table of frequencies", source)
+                raise InputError(
+                    f"{source} has frequencies and no responses; write frequencies with the "
+                    "participation and the mass of the appendage as a file of modes, and give it "
+                    "to [imported]."
+                )
             spectra += pairs
         else:
             raise InputError(
@@ -145,7 +148,6 @@ def _table(one: Any, called: str, names: Mapping[str, str] | None) -> tuple[dict
 
 
 def _check_file(path: Path, source: str) -> None:
-    dropped.check(f"{path.suffix.lower()} of a log", source)
     note_input(path)
     if path.suffix.lower() not in ENDINGS:
         raise InputError(f"{source} has an unknown ending; beamchain reads {', '.join(ENDINGS)}.")

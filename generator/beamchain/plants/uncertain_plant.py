@@ -13,7 +13,6 @@ from beamchain.caution import Caution
 from beamchain.checks import of_type, positive, whole_number
 from beamchain.craft.embedded import Embedded
 from beamchain.craft.quantities import quantities
-from beamchain.dropped import missing_attribute
 from beamchain.engine.library import one_thread
 from beamchain.errors import InputError
 from beamchain.fitting.uncertain import OF_MODES, Correlation, Uncertain, UncertainCraft
@@ -118,12 +117,6 @@ class WorstCase:
 
     def __repr__(self) -> str:
         return f"<WorstCase, {self.sentence}>"
-
-    if not TYPE_CHECKING:  # a type checker knows what there is
-
-        def __getattr__(self, name: str) -> Any:
-            # asked only for names that the result does not have
-            raise missing_attribute("WorstCase", name)
 
     @property
     def stable(self) -> bool:

@@ -17,7 +17,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from beamchain.dropped import check
 from beamchain.engine.forces import along, wraps
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import NUMBERS
@@ -139,9 +138,6 @@ def stiffness_before(stiffness: Array, marks: Array, changed: NDArray[np.bool_])
 
 
 def _mark(model: "mujoco.MjModel", i: int) -> MadeFor | None:
-    step, number, form, *_ = (float(v) for v in model.tendon_solimp_lim[i])
-    if step > 0.0 and number in NUMBERS and form == 3:
-        check("tendons of form 3", f"tendon {model.tendon(i).name!r}")
     return made_for(model.tendon_solimp_lim[i])
 
 

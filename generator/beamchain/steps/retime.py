@@ -23,7 +23,6 @@ import numpy as np
 
 from beamchain.caution import Caution
 from beamchain.checks import finite_array, not_negative, of_type, one_of, positive, true_or_false
-from beamchain.dropped import check
 from beamchain.engine.library import mujoco, one_thread
 from beamchain.engine.linearise import INTEGRATORS, NUMBERS, mass_matrix
 from beamchain.engine.operating_point import poses
@@ -229,7 +228,6 @@ def retime(
     h = not_negative("timestep", timestep, "s")
     band = None if band is None else positive("band", band, "rad/s")
     with_joints = true_or_false("joints", joints)
-    check(f"retime(form={form})")
     one_of("form", str(form), [str(f) for f in FORMS])
     name = NUMBERS[int(model.opt.integrator)] if integrator is None else integrator
     one_of("integrator", name, tuple(SCHEMES))

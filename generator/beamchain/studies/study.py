@@ -16,7 +16,6 @@ from msgspec import structs
 from beamchain import report
 from beamchain.caution import Caution, at
 from beamchain.checks import list_of_names, number
-from beamchain.dropped import answers_dropped
 from beamchain.engine.jobs import Progress, check_workers, run_jobs
 from beamchain.engine.library import one_thread
 from beamchain.errors import InputError
@@ -200,7 +199,6 @@ class Study:
         return list(files)
 
 
-@answers_dropped
 @one_thread()
 def study(
     spec: Spec | str | Path,

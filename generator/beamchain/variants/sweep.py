@@ -18,7 +18,6 @@ from beamchain.craft.embedded import Embedded
 from beamchain.craft.embedding import check_places, embed
 from beamchain.craft.model_fields import FIELDS
 from beamchain.craft.quantities import Quantity
-from beamchain.dropped import answers_dropped
 from beamchain.engine.jobs import Progress, check_workers, run_jobs
 from beamchain.engine.library import mujoco, one_thread
 from beamchain.engine.linearise import compile_model
@@ -220,7 +219,6 @@ def _spreads(columns: Array) -> list[dict[str, Any]]:
     return [_spread(values) for values in columns.T]
 
 
-@answers_dropped
 @one_thread()
 def sweep(
     source: "Spec | Embedded | str | Path",

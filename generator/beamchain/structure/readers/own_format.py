@@ -8,7 +8,6 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from beamchain import dropped
 from beamchain.errors import InputError
 from beamchain.files import LARGEST_TOML, tables
 from beamchain.structure.mass_line import MassPiece
@@ -81,8 +80,6 @@ def read(path: Path, subcase: int | None = None) -> ModalData:
     content = text(path, LARGEST_JSON if as_json else LARGEST_TOML)
     try:
         parsed = json.loads(content) if as_json else tables(content)
-        if isinstance(parsed, dict) and "matrices" in parsed:
-            dropped.check("matrices of a modes file", f"file {str(path)!r}")
         given = msgspec.convert(parsed, ModesFile)
     except InputError:
         raise
