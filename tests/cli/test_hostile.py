@@ -1,25 +1,20 @@
-"""Tests internals as well, the readers in `support/hostile.py`, `files.write_files` and
-`engine.linearise`, beside the commands.
+"""Tests internals as well, the readers in `support/hostile.py` and `files.write_files`, beside
+the commands.
 
-Hostile input: no traceback, no hang, no gigabyte, nothing written outside the output,
-nothing overwritten.
+Spoilt input: no traceback, no hang, nothing written outside the output, nothing overwritten.
 
-Every reader gets good files that were spoilt (hypothesis), files made to hurt, and paths that lead
-outside. What comes back is either a result or one `BeamchainError`. `make fuzz` runs the same
+Every reader gets good files that were spoilt (hypothesis). What comes back is either a result or one `BeamchainError`. `make fuzz` runs the same
 properties longer (BEAMCHAIN_FUZZ examples). Specifications far out and spoilt ones are fitted too;
 their seed is fixed but in `make fuzz`, and printed; BEAMCHAIN_SEED sets it.
 """
 
 import functools
 import os
-import resource
 import shutil
 import signal
-import subprocess
 import sys
 import time
 import traceback
-from multiprocessing import get_context
 from pathlib import Path
 
 import pytest
@@ -27,20 +22,16 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import beamchain as bc
-from beamchain.engine.linearise import compile_model
 from beamchain.errors import OutputError
 from beamchain.files import write_files
-from hostile import READERS, SPEC, bombs, reader_of, spoilt
+from hostile import READERS, REFUSED, SPEC, reader_of, spoilt
 from hostile_specs import hostile_spec
 from seeds import seed
-from spacecraft import CRAFTS, spec
 
 SECONDS = 5.0  # for any one file
 HANG = 60.0  # of the processor, for any one specification
 SLOW = 0.01  # share of the specifications that may take more than SECONDS (8 of 2,000 were seen)
-MEGABYTES = 1000  # what reading it may take
 EXAMPLES = int(os.environ.get("BEAMCHAIN_FUZZ", "25"))
-BOMBS = bombs()
 SPECS = int(os.environ.get("BEAMCHAIN_FUZZ", "2000"))
 PARTS = 20  # of them, for workers to share
 WRITTEN = 25  # of so many fits one is written whole
@@ -104,45 +95,16 @@ def test_a_file_cut_anywhere(name, tmp_path):
         taken(read, path)
 
 
-def _measured(read, path, pipe) -> None:
-    """In a process of its own: what came of it, the processor time and the memory it took."""
-    signal.alarm(60)
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    start = time.process_time()
-    try:
-        read(path)
-        said = ""
-    except bc.BeamchainError as error:
-        said = str(error)
-    except BaseException as error:
-        said = f"TRACEBACK {type(error).__name__}: {error}"[:300]
-    used = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024.0
-    pipe.send((said, time.process_time() - start, used))
+CASES = [(name, i) for name, (end, _) in REFUSED.items() for i in range(len(reader_of(end)))]
 
 
-CASES = [(name, i) for name, (ending, _) in BOMBS.items() for i in range(len(reader_of(ending)))]
-
-
-@pytest.mark.filterwarnings("ignore")  # Python warns of forking; threads are asleep here
 @pytest.mark.parametrize(("name", "reader"), CASES)
-def test_a_file_made_to_hurt(name, reader, tmp_path):
-    ending, make = BOMBS[name]
-    path = tmp_path / f"bomb.{ending}"
-    path.write_bytes(make())
-    ours, theirs = get_context("fork").Pipe(duplex=False)
-    child = get_context("fork").Process(
-        target=_measured, args=(reader_of(ending)[reader], path, theirs)
-    )
-    child.start()
-    theirs.close()
-    try:
-        said, seconds, megabytes = ours.recv()
-    finally:
-        child.join()
-    assert not said.startswith("TRACEBACK"), said
-    assert "root:x:0" not in said
-    assert seconds < SECONDS
-    assert megabytes < MEGABYTES
+def test_what_is_no_number_or_no_text_is_refused(name, reader, tmp_path):
+    ending, content = REFUSED[name]
+    path = tmp_path / f"refused.{ending}"
+    path.write_bytes(content)
+    with pytest.raises(bc.BeamchainError):
+        reader_of(ending)[reader](path)
 
 
 def test_a_spec_of_100_megabytes(tmp_path):
@@ -151,34 +113,6 @@ def test_a_spec_of_100_megabytes(tmp_path):
         stream.truncate(100_000_000)
     with pytest.raises(bc.BeamchainError, match="100000000 bytes, more than"):
         bc.fit(READERS["spec"][2](path))
-
-
-@pytest.mark.parametrize(
-    "line",
-    [
-        '<include file="../../../../../../etc/passwd"/>',
-        '<include file="/etc/passwd"/>',
-        '<asset><mesh name="m" file="../../../../../../etc/passwd"/></asset>',
-        '<asset><texture name="t" type="2d" file="/etc/passwd"/></asset>',
-        '<asset><model name="m" file="../../../../../../etc/passwd"/></asset>',
-        '<include file="/dev/zero"/>',
-        '<include file="craft.xml"/>',
-    ],
-)
-def test_paths_that_lead_outside(line, tmp_path):
-    inside = tmp_path / "inside"
-    inside.mkdir()
-    craft = inside / "craft.xml"
-    text = (CRAFTS / "planar.xml").read_text().replace("<worldbody>", f"{line}<worldbody>", 1)
-    craft.write_text(text)
-    out = inside / "out" / "out.xml"
-    try:
-        bc.embed(craft, {"mount": spec("rod")}).write(out)
-    except bc.BeamchainError as error:
-        assert "root:x:0" not in str(error)
-    written = [p for p in tmp_path.rglob("*") if p.is_file() and p != craft]
-    assert all(p.parent == out.parent for p in written)
-    assert craft.read_text() == text
 
 
 @pytest.mark.parametrize("name", ["../x", "/tmp/x", "a/b", "..", "a\\b", "x\0", "con.xml"])
@@ -195,49 +129,6 @@ def test_nothing_is_overwritten_not_even_a_dangling_link(tmp_path):
     with pytest.raises(OutputError, match="exists"):
         write_files({link: "x"}, force=False)
     assert link.is_symlink()
-
-
-@pytest.mark.parametrize("entry", [n for n, (ending, _) in BOMBS.items() if ending == "xml"])
-def test_mujoco_s_own_parser_is_guarded(entry, tmp_path):
-    path = tmp_path / "model.xml"
-    path.write_bytes(BOMBS[entry][1]())
-    start = time.perf_counter()
-    with pytest.raises(bc.BeamchainError):
-        compile_model(path)
-    assert time.perf_counter() - start < SECONDS
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("command", ["fit", "embed", "stability", "inspect", "study", "sweep"])
-def test_commands_say_one_sentence(command, tmp_path):
-    for name, (ending, make) in BOMBS.items():
-        takes = {"fit": "toml", "study": "toml", "sweep": "toml"}.get(command, "xml")
-        if ending != takes:
-            continue
-        path = tmp_path / f"bomb.{ending}"
-        path.write_bytes(make())
-        arguments = {
-            "embed": [
-                str(path),
-                "--at",
-                f"mount={spec('rod')}",
-                "-o",
-                str(tmp_path / "out" / "x.xml"),
-            ],
-            "inspect": [str(path)],
-        }.get(command, [str(path), "-o", str(tmp_path / "out")])
-        done = subprocess.run(
-            [sys.executable, "-m", "beamchain", command, *arguments],
-            capture_output=True,
-            text=True,
-            timeout=60,
-            check=False,
-            cwd=tmp_path,
-        )
-        assert done.returncode in (2, 0), (name, done.stderr[-500:])
-        assert "Traceback" not in done.stderr, name
-        assert sorted(p.name for p in tmp_path.iterdir() if p != path and p.name != "out") == []
-        assert not (tmp_path / "out").exists(), name
 
 
 def test_reading_leaves_no_file_open(tmp_path):

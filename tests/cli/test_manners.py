@@ -322,7 +322,6 @@ def test_examples_know_their_names(tmp_path, capsys, monkeypatch):
     for arguments, words in (
         (["init"], "kind is missing"),
         (["init", "boom", "--list"], "leave KIND"),
-        (["examples", "--run", "boom"], "beamchain init --list"),
     ):
         code, _, error = run(arguments, capsys, monkeypatch)
         assert code == 2

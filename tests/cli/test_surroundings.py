@@ -114,13 +114,3 @@ def test_a_good_log_is_read_as_its_mapping_is(tmp_path):
     np.testing.assert_array_equal(
         [m.frequency for m in stored.modes], [m.frequency for m in given.modes]
     )
-
-
-def test_an_array_that_is_shorter_than_it_says(tmp_path):
-    path = tmp_path / "log.npz"
-    with zipfile.ZipFile(path, "w") as archive, archive.open("time.npy", "w") as stream:
-        np.lib.format.write_array_header_1_0(
-            stream, {"descr": "<f8", "fortran_order": False, "shape": (10**12,)}
-        )
-    with pytest.raises(bc.InputError, match="shorter than its shape"):
-        bc.identify(path, CRAFTS / "observer.xml", "left")

@@ -3,7 +3,6 @@ and ways to spoil it."""
 
 import io
 import json
-import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -227,159 +226,18 @@ def spoilt(draw: st.DrawFn, good: bytes) -> bytes:
     return bytes(content)
 
 
-def bombs() -> dict[str, tuple[str, Callable[[], bytes]]]:
-    """Files made to hurt: ending and what makes the content, by name."""
-    deep = 200_000
-    entities = "".join(f'<!ENTITY l{i} "{f"&l{i - 1};" * 10}">' for i in range(1, 10))
-    lol = f'<?xml version="1.0"?><!DOCTYPE m [<!ENTITY l0 "lol">{entities}]><mujoco model="&l9;"/>'
-    outside = '<!DOCTYPE m [<!ENTITY x SYSTEM "file:///etc/passwd">]><mujoco model="&x;"/>'
-    parameter = '<!DOCTYPE m [<!ENTITY % x SYSTEM "http://127.0.0.1:9/x.dtd"> %x;]><mujoco/>'
-    quadratic = f'<!DOCTYPE m [<!ENTITY a "{"a" * 50_000}">]><mujoco model="{"&a;" * 50_000}"/>'
-    return {
-        "entities of entities": ("xml", lol.encode),
-        "an entity of quadratic size": ("xml", quadratic.encode),
-        "an external entity": ("xml", outside.encode),
-        "an external parameter entity": ("xml", parameter.encode),
-        "deep XML": (
-            "xml",
-            lambda: b"<mujoco>" + b"<body>" * deep + b"</body>" * deep + b"</mujoco>",
-        ),
-        "many elements": ("xml", lambda: b"<mujoco>" + b"<a/>" * 5_000_000 + b"</mujoco>"),
-        "many attributes": (
-            "xml",
-            lambda: b"<mujoco " + b" ".join(b'a%d="1"' % i for i in range(200_000)) + b"/>",
-        ),
-        "UTF-16": (
-            "xml",
-            lambda: '<?xml version="1.0" encoding="utf-16"?><mujoco/>'.encode("utf-16"),
-        ),
-        "deep TOML": ("toml", lambda: b'name = "a"\nx = ' + b"[" * deep + b"]" * deep),
-        "deep inline tables": ("toml", lambda: b'name = "a"\nx = ' + b"{a=" * deep),
-        "deep keys": ("toml", lambda: b"a." * deep + b"a = 1"),
-        "many dotted keys": (
-            "toml",
-            lambda: b"".join(b"a%d.b.c.d = 1\n" % i for i in range(300_000)),
-        ),
-        "deep JSON": ("json", lambda: b'{"mass": ' + b"[" * deep + b"]" * deep + b"}"),
-        "NaN in JSON": (
-            "json",
-            lambda: json.dumps({**MODES, "mass": (FEW.mass * np.nan).tolist()}).encode(),
-        ),
-        "infinity in JSON": (
-            "json",
-            lambda: json.dumps({**MODES, "frequencies": [1.0, 2.0, float("inf")]}).encode(),
-        ),
-        "a long number in JSON": ("json", lambda: b'{"length": ' + b"9" * 5_000_000 + b"}"),
-        "a long number in TOML": ("toml", lambda: b"length = " + b"9" * 5_000_000),
-        "numbers without end": (
-            "json",
-            lambda: b'{"frequencies": [' + b"1.0," * 4_900_000 + b"1.0]}",
-        ),
-        "numbers without end, TOML": (
-            "toml",
-            lambda: b"frequencies = [" + b"1.0," * 4_900_000 + b"1.0]",
-        ),
-        "a small zip that is large": ("npz", zip_bomb),
-        "a matrix that is not there": ("npz", claimed),
-        "a matrix of many columns": (
-            "op4",
-            lambda: (
-                b"99999999" * 2
-                + b"       6       2KXX     1P,5E16.9\n"
-                + b"       1       1       1\n"
-            ),
-        ),
-        "a column of many numbers": (
-            "op4",
-            lambda: (
-                b"    4000" * 2
-                + b"       6       2KXX     1P,5E16.9\n       1       199999999\n"
-                + b" 1.000000000E+00" * 5
-                + b"\n"
-                + b" 1.000000000E+00\n" * 300_000
-            ),
-        ),
-        "headers of OUTPUT4 without end": (
-            "op4",
-            lambda: (
-                b"       0       0       6       2A       1P,5E16.9\n"
-                b"       1       1       1\n1.0\n" * 200_000
-            ),
-        ),
-        "empty records of OUTPUT4": ("op4", lambda: b"\x18\0\0\0" + bytes(20_000_000)),
-        "columns of OUTPUT4 without end": ("op4", binary_columns),
-        "a card without end": (
-            "pch",
-            lambda: b"DMIG,KAAX,1,1,,1,1,1.0\n" + b",1,1,1.0\n" * 300_000,
-        ),
-        "many grids": (
-            "asm",
-            lambda: b"".join(b"GRID,%d,,0.,0.,0.\n" % i for i in range(1, 100_000)),
-        ),
-        "many scalar points": ("asm", lambda: b"SPOINT,1,THRU,99999999\n" * 1000),
-        "systems that refer to each other": (
-            "asm",
-            lambda: (
-                b"GRID,1,5000,0.,0.,0.\n"
-                + b"".join(
-                    b"CORD2R,%d,%d,0.,0.,0.,0.,0.,1.\n,1.,0.,0.\n" % (i, i - 1)
-                    for i in range(1, 5001)
-                )
-            ),
-        ),
-        "one line of 20 MB": ("f06", lambda: b" " * 20_000_000),
-        "20 MB of eigenvalues": (
-            "f06",
-            lambda: (
-                whole(FEW).encode()
-                + b"     1         1  1.0E+00  1.0E+00  1.0E+00  1.0E+00  1.0E+00\n" * 300_000
-            ),
-        ),
-        "a line of a CSV without end": ("csv", lambda: b"time,mz\n" + b"1" * 3_000_000),
-        "many rows of a CSV": (
-            "csv",
-            lambda: b"time,mz\n" + b"".join(b"%d,1\n" % i for i in range(2_000_000)),
-        ),
-        "quotes of a CSV without end": ("csv", lambda: b'time,mz\n"' + b"1\n" * 1_000_000),
-    }
-
-
-def binary_columns() -> bytes:
-    """A binary OUTPUT4 file of a thousand matrices with empty columns."""
-
-    def record(content: bytes) -> bytes:
-        length = len(content).to_bytes(4, "little")
-        return length + content + length
-
-    integers = np.array([4000, 4000, 6, 2], dtype="<i4").tobytes()
-    columns = b"".join(record(np.array([k, 0, 0], dtype="<i4").tobytes()) for k in range(1, 4002))
-    return b"".join(record(integers + f"K{k}".ljust(8).encode()) + columns for k in range(100))
-
-
-def zip_bomb() -> bytes:
-    """2 MB that unpack to 2 GB: a good header, then zeros."""
-    stream = io.BytesIO()
-    with (
-        zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive,
-        archive.open("mass.npy", "w", force_zip64=True) as file,
-    ):
-        np.lib.format.write_array_header_1_0(
-            file, {"descr": "<f8", "fortran_order": False, "shape": (16000, 16000)}
-        )
-        block = bytes(1 << 24)
-        for _ in range(122):
-            file.write(block)
-    return stream.getvalue()
-
-
-def claimed() -> bytes:
-    """A header that promises a terabyte, and nothing behind it."""
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w") as archive, archive.open("mass.npy", "w") as file:
-        np.lib.format.write_array_header_1_0(
-            file, {"descr": "<f8", "fortran_order": False, "shape": (400000, 400000)}
-        )
-    return stream.getvalue()
+#: files that are refused: ending and content, by name
+REFUSED: dict[str, tuple[str, bytes]] = {
+    "UTF-16": ("xml", '<?xml version="1.0" encoding="utf-16"?><mujoco/>'.encode("utf-16")),
+    "NaN in JSON": (
+        "json",
+        json.dumps({**MODES, "mass": (FEW.mass * np.nan).tolist()}).encode(),
+    ),
+    "infinity in JSON": (
+        "json",
+        json.dumps({**MODES, "frequencies": [1.0, 2.0, float("inf")]}).encode(),
+    ),
+}
 
 
 def reader_of(ending: str, name: str = "") -> list[Callable[[Path], object]]:
@@ -388,4 +246,4 @@ def reader_of(ending: str, name: str = "") -> list[Callable[[Path], object]]:
     return list(dict.fromkeys(read for kind, _, read in READERS.values() if kind == ending))
 
 
-__all__ = ["APPENDAGES", "READERS", "bombs", "reader_of", "spoilt"]
+__all__ = ["APPENDAGES", "READERS", "REFUSED", "reader_of", "spoilt"]

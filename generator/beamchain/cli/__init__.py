@@ -11,8 +11,8 @@ from typing import Any, NoReturn
 import typer
 
 from beamchain.checks import printable
+from beamchain.cli.command import Command
 from beamchain.cli.common import OneSentenceEach, explain, version
-from beamchain.cli.options import OneValueEach
 from beamchain.errors import BeamchainError
 
 #: base of typer's own errors: click's, or in newer versions typer's copy of it
@@ -60,7 +60,7 @@ def beamchain(
 
 for _name in COMMANDS:
     _module = import_module(f"beamchain.cli.{MODULES.get(_name, _name)}")
-    app.command(name=_name, cls=OneValueEach)(getattr(_module, _name))
+    app.command(name=_name, cls=Command)(getattr(_module, _name))
 
 
 def main() -> None:

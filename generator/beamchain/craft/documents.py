@@ -25,7 +25,6 @@ from beamchain.mjcf import undo_marks as undo
 from beamchain.mjcf.craft import Craft, craft_from_text, read_bytes, read_craft
 from beamchain.mjcf.place import Target, find_target, place_includes_with_targets
 from beamchain.mjcf.relocate import relocate, spacecraft_before
-from beamchain.mjcf.sizes import check_sizes
 from beamchain.mjcf.text import Edit
 from beamchain.steps.joint_time import timed_joints
 from beamchain.steps.retime_file import joint_attributes, timed_words
@@ -68,7 +67,6 @@ def flattened(craft: Craft | Path) -> Craft:
         if isinstance(craft, Craft):
             folder = craft.folder
             text = relocate(craft, None).text
-            check_sizes(text.encode(), folder, label)
             spec = mujoco.MjSpec.from_string(text)
         else:
             folder = craft.parent
@@ -76,7 +74,6 @@ def flattened(craft: Craft | Path) -> Craft:
             if craft.suffix.lower() == ".mjz":
                 spec = mujoco.MjSpec.from_zip(BytesIO(content))
             else:
-                check_sizes(content, folder, label)
                 spec = mujoco.MjSpec.from_file(str(craft))
         if spec.assets:
             raise InputError(

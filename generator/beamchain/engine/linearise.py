@@ -22,7 +22,6 @@ from beamchain.engine.library import mujoco, one_thread
 from beamchain.errors import EngineError, InputError
 from beamchain.files import check_utf8, no_file, note_input
 from beamchain.late import importing
-from beamchain.mjcf.sizes import check_sizes
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array, locked, system_matrix
 
@@ -52,8 +51,7 @@ def euler_damps_implicitly(model: "mujoco.MjModel") -> bool:
 
 
 def compile_model(source: "mujoco.MjModel | str | Path") -> "mujoco.MjModel":
-    """A compiled model from a model, MJCF text or a path; what it asks for is bounded first,
-    its numbers afterwards."""
+    """A compiled model from a model, MJCF text or a path; its numbers are checked afterwards."""
     if isinstance(source, mujoco.MjModel):
         return source
     text = is_mjcf_text(source)
@@ -69,7 +67,6 @@ def compile_model(source: "mujoco.MjModel | str | Path") -> "mujoco.MjModel":
     content = b""
     if is_xml:
         content = str(source).encode("utf-8") if text else path.read_bytes()
-        check_sizes(content, path.parent, what)
     try:
         model = (
             mujoco.MjModel.from_xml_string(str(source))

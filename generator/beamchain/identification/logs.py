@@ -18,7 +18,6 @@ from beamchain.structure.readers.bounded import npz_arrays
 
 LARGEST_FILE = 2_000_000_000  # bytes
 MOST_ROWS = 20_000_000
-UNPACKED = 1_200_000_000  # bytes: seven columns of that many rows
 FEWEST_ROWS = 20
 # of a time log, in its units: beyond it squares and sums leave double precision
 LARGEST_VALUE = 1e12
@@ -169,7 +168,7 @@ def _columns(path: Path, source: str) -> Mapping[str, Any]:
     try:
         if kind in (".csv", ".txt"):
             return _csv(path, source)
-        return npz_arrays(path, longest=None, unpacked=UNPACKED)
+        return npz_arrays(path, longest=None)
     except InputError:
         raise
     except Exception as error:  # readers of damaged files raise almost anything
