@@ -3,7 +3,8 @@ the commands.
 
 Spoilt input: no traceback, no hang, nothing written outside the output, nothing overwritten.
 
-Every reader gets good files that were spoilt (hypothesis). What comes back is either a result or one `BeamchainError`. `make fuzz` runs the same
+Every reader gets good files that were spoilt (hypothesis). What comes back is either a result or
+one `BeamchainError`. `make fuzz` runs the same
 properties longer (BEAMCHAIN_FUZZ examples). Specifications far out and spoilt ones are fitted too;
 their seed is fixed but in `make fuzz`, and printed; BEAMCHAIN_SEED sets it.
 """
