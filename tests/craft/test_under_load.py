@@ -316,3 +316,12 @@ def test_a_rod_that_its_weight_buckles_is_called_unstable(tmp_path, share, grows
     assert (answer.status, answer.record["met"]) == ((3, False) if grows else (0, None))
     assert bool(answer.record["growth"]) is grows
     assert "gravity" not in [each["code"] for each in answer.record["warning_codes"]]
+
+
+def test_what_its_weight_buckles_is_not_within_a_tolerance(tmp_path):
+    spec = tmp_path / "rod.toml"
+    spec.write_text(f"{ROD}[scene]\nbandwidth = 1.0\ntolerance = 0.02\n")
+    craft = UPRIGHT.format(1.1 * 7.837 * 1277.4 / 10.0**3)
+    made = bc.embed(craft, {"mount": spec}, loaded=True)
+    assert made.growth
+    assert "tolerance 0.02 is not met" in made.headline

@@ -455,7 +455,7 @@ class Embedded:
         if tolerance is None:
             above = f", above {RUINED:g}" if self.ruined else ""
             return f"{said}{above}; no tolerance was requested.{self._growth_words}"
-        if part:
+        if part or self.promise.growth:
             said += f"; the tolerance {tolerance:g} is not met. {self.blamed}"
         else:
             said += f", {tolerance_statement(self._decisive, tolerance)}. {self.blamed}"

@@ -31,7 +31,7 @@ def with_modal_damping(spec: Spec) -> Spec | None:
     return structs.replace(spec, damping=structs.replace(spec.damping, form="modal"))
 
 
-FREE = "leave out the numbers of modes, which the scene then chooses"
+FREE = "leave out the numbers of modes (the scene chooses them then)"
 
 
 def with_free_modes(spec: Spec) -> Spec:
