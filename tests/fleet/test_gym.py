@@ -165,8 +165,6 @@ def test_warnings_of_a_model_are_told():
         ({"model": str(CRAFTS / "planar.xml"), "variants": None}, "no reaction wheels"),
         ({"timestep": 0.07}, "must divide the period"),
         ({"slew": 4.0}, "at most pi"),
-        ({"host": "mjx"}, r"bc\.worlds\(\.\.\., host="),
-        ({"threads": 2}, r"bc\.worlds\(\.\.\., host="),
         ({"noise": (1e-6,)}, r"noise = .* has the shape \(1,\)"),
         ({"momentum": 0.0}, "momentum = 0.0 must be above zero"),
         ({"render_mode": "human"}, "render_mode = 'human' is unknown"),

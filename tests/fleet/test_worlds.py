@@ -155,10 +155,7 @@ def test_an_input_over_several_steps_is_halved_once(craft):
     np.testing.assert_allclose(seen[0], turn / 1.0, atol=1e-12)  # 4 steps of 0.25 s
 
 
-@pytest.mark.parametrize("before_3_17", [False, True])
-def test_a_command_beyond_its_range_is_its_end(before_3_17, monkeypatch):
-    if before_3_17:
-        monkeypatch.setattr("beamchain.fleet.hosts.has_batch", lambda: False)
+def test_a_command_beyond_its_range_is_its_end():
     model = copy.copy(flexible(retime=True).model)
     model.actuator_ctrllimited[:2] = 1  # the third has no range
     model.actuator_ctrlrange[:2] = 0.4
@@ -211,28 +208,13 @@ def test_a_model_that_is_not_exact_in_time_is_given_its_input_as_it_is():
     )
 
 
-def test_rollouts_before_3_17_give_the_same(craft, monkeypatch):
-    new = bc.worlds(craft, RANGES, count=3, seed=2, observe=("attitude", "rate", "modes"))
-    # as if it were not there: an import of it fails
+def test_worlds_need_mujocos_batch(craft, monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco.batch", None)
-    old = bc.worlds(craft, RANGES, count=3, seed=2, observe=("attitude", "rate", "modes"))
-    for k, now in enumerate(np.random.default_rng(0).normal(size=(12, 3, 3))):
-        ours = old.step(now, 3)
-        theirs = new.step(now, 3)
-        for name in ours:
-            np.testing.assert_allclose(ours[name], theirs[name], atol=1e-14)
-        if k == 5:
-            old.reset([1], draw=True)
-            new.reset([1], draw=True)
-    old.reset([2], qvel=np.full(craft.model.nv, 1e15))
-    old.step([0.0, 0.0, 0.0])
-    assert list(old.diverged) == [2]
+    with pytest.raises(bc.InputError, match=r"MuJoCo 3\.17"):
+        bc.worlds(craft, count=2)
 
 
-@pytest.mark.parametrize("before_3_17", [False, True])
-def test_sensors_are_of_the_state_that_is_seen(craft, before_3_17, monkeypatch):
-    if before_3_17:
-        monkeypatch.setitem(sys.modules, "mujoco.batch", None)
+def test_sensors_are_of_the_state_that_is_seen(craft):
     many = bc.worlds(craft, count=2, observe=("gyro", "place"))
     start = np.zeros(craft.model.nv)
     start[:6] = [0.1, 0.2, -0.1, 0.3, -0.2, 0.1]
@@ -620,10 +602,8 @@ def unfolded(model, steps):
     return data, done
 
 
-@pytest.mark.parametrize(("integrator", "before_3_17"), [("RK4", False), ("Euler", True)])
-def test_hinges_latch_in_every_world_as_they_do_alone(integrator, before_3_17, monkeypatch):
-    if before_3_17:
-        monkeypatch.setitem(sys.modules, "mujoco.batch", None)
+@pytest.mark.parametrize("integrator", ["RK4", "Euler"])
+def test_hinges_latch_in_every_world_as_they_do_alone(integrator):
     model = mujoco.MjModel.from_xml_string(UNFOLDS.format(integrator))
     many = bc.worlds(model, DRIVES, observe=["attitude", "rate"])
     start = {"qpos": model.key(0).qpos, "qvel": model.key(0).qvel}

@@ -1,14 +1,12 @@
-"""What steps the worlds: MuJoCo's own batch, or its rollouts before 3.17;
-MJX and Warp are modules of their own.
+"""What steps the worlds: MuJoCo's own batch; MJX and Warp are modules of their own.
 
 All have the methods of `Batch`, and `qpos` `(k, nq)`, `qvel` `(k, nv)`, `sensors` `(k,
 nsensordata)` as they are now.
 """
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -17,14 +15,12 @@ from numpy.typing import NDArray
 
 from beamchain.engine.library import mujoco, quiet
 from beamchain.errors import InputError
-from beamchain.fleet.fields import with_fields
 from beamchain.ports.motions import Array
 
 HOSTS = ("mujoco", "mjx", "warp")
 NEEDS = {"mjx": "mujoco.mjx", "warp": "mujoco_warp"}
 BAD = [int(getattr(mujoco.mjtWarning, f"mjWARN_BAD{name}")) for name in ("QPOS", "QVEL", "QACC")]
 WHOLE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
-FULL = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
 FEW = 32  # worlds for which waking other threads costs more than they save
 LARGEST = 1e10  # mjMAXVAL
 CGROUP = Path("/sys/fs/cgroup")  # of a container
@@ -43,21 +39,18 @@ Ids = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 
 
-def host_of(
-    name: str, model: "mujoco.MjModel", count: int, threads: int, stage: int
-) -> "Batch | Rollouts":
+def host_of(name: str, model: "mujoco.MjModel", count: int, threads: int, stage: int) -> "Batch":
     """The host of that name."""
     if name in NEEDS:
         return _module(name).Host(model, count, stage)
-    return (Batch if has_batch() else Rollouts)(model, count, threads, stage)
+    return Batch(model, count, threads, stage)
 
 
 def bytes_of(name: str, model: "mujoco.MjModel") -> float:
     """What a host keeps of one world [bytes]."""
     if name in NEEDS:
         return float(_module(name).bytes_of(model))
-    size = 8.0 * (mujoco.mj_stateSize(model, WHOLE) + model.nsensordata)
-    return size if has_batch() else size + 2.0 * model.nbuffer
+    return 8.0 * (mujoco.mj_stateSize(model, WHOLE) + model.nsensordata)
 
 
 def available() -> float:
@@ -113,16 +106,17 @@ def _module(name: str) -> Any:
     return import_module(f"beamchain.fleet.{name}_host")
 
 
-def has_batch() -> bool:
-    """Whether this MuJoCo has `mujoco.batch`."""
-    return find_spec("mujoco.batch") is not None
-
-
 class Batch:
     """`mujoco.batch`, 3.17 and later: bit for bit what a loop over one MjData per world gives."""
 
     def __init__(self, model: "mujoco.MjModel", count: int, threads: int, stage: int) -> None:
-        module: Any = import_module("mujoco.batch")
+        try:
+            module: Any = import_module("mujoco.batch")
+        except ImportError:
+            raise InputError(
+                f"worlds need MuJoCo 3.17 or later, and this is {mujoco.__version__}; install it "
+                "with: pip install -U mujoco."
+            ) from None
         threads = threads or (0 if count > FEW else 1)
         self._batch = module.Batch(model, count, threads)
         self._error = module.SimulationError
@@ -185,81 +179,3 @@ class Batch:
         self._batch.state[:] = state
         if self._stage:
             self._batch.forward(stage=self._stage)
-
-
-class Rollouts:
-    """`mujoco.rollout`, for MuJoCo before 3.17: one model per world, the same numbers. Sensors,
-    which a step of it leaves as before the step, are read anew."""
-
-    def __init__(self, model: "mujoco.MjModel", count: int, threads: int, stage: int) -> None:
-        module: Any = import_module("mujoco.rollout")
-        # a world that diverges keeps its numbers, by which it is known
-        model = with_fields(model, {})
-        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
-        self._models: list[Any] = [with_fields(model, {}) for _ in range(count)]
-        self._data = [mujoco.MjData(model) for _ in range(max(threads, 1))]
-        self._engine = module.Rollout(nthread=threads if threads > 1 else 0)
-        self._state = np.zeros((count, mujoco.mj_stateSize(model, FULL)))
-        mujoco.mj_getState(model, self._data[0], self._state[0], FULL)
-        self._state[:] = self._start = self._state[0].copy()
-        self.qpos: Array = self._state[:, 1 : 1 + model.nq]
-        self.qvel: Array = self._state[:, 1 + model.nq : 1 + model.nq + model.nv]
-        self._ctrl = np.zeros((count, model.nu))
-        self.sensors: Array = np.zeros((count, model.nsensordata if stage else 0))
-        self._read_sensors(range(count))
-
-    def _read_sensors(self, ids: Iterable[int]) -> None:
-        """The sensors of worlds in the state in which they are."""
-        if not self.sensors.size:
-            return
-        data = self._data[0]
-        with quiet():
-            for i in ids:
-                model = self._models[i]
-                mujoco.mj_resetData(model, data)
-                mujoco.mj_setState(model, data, self._state[i], FULL)
-                data.ctrl[:] = self._ctrl[i]
-                mujoco.mj_forward(model, data)
-                self.sensors[i] = data.sensordata
-
-    def write_fields(self, fields: Mapping[str, Array], ids: Ids) -> None:
-        for row, i in enumerate(ids):
-            for name, values in fields.items():
-                getattr(self._models[i], name)[:] = values[row]
-
-    def step(self, first: Array, then: Array, count: int) -> Flags:
-        control = np.repeat(then[:, None], count, axis=1)
-        control[:, 0] = first
-        with quiet():
-            state, _ = self._engine.rollout(
-                self._models,
-                self._data,
-                self._state,
-                control,
-                nstep=count,
-                control_spec=int(mujoco.mjtState.mjSTATE_CTRL),
-            )
-        self._state[:], self._ctrl[:] = state[:, -1], then
-        self._read_sensors(range(len(state)))
-        return np.asarray(~(np.abs(self._state).max(axis=1) < LARGEST))
-
-    def reset(self, ids: Ids, qpos: Array, qvel: Array) -> None:
-        self._state[ids], self._ctrl[ids] = self._start, 0.0
-        self.qpos[ids], self.qvel[ids] = qpos, qvel
-        self._read_sensors(ids)
-
-    def load(self, world: int, model: "mujoco.MjModel", data: "mujoco.MjData") -> None:
-        mujoco.mj_setState(model, data, self._state[world], FULL)
-
-    def store(self, world: int, model: "mujoco.MjModel", data: "mujoco.MjData") -> None:
-        state = np.zeros(self._state.shape[1])
-        mujoco.mj_getState(model, data, state, FULL)
-        self._state[world] = state
-        self._read_sensors([world])
-
-    def state(self) -> Any:
-        return np.hstack([self._state, self._ctrl])
-
-    def restore(self, state: Any) -> None:
-        self._state[:], self._ctrl[:] = np.split(state, [self._state.shape[1]], axis=1)
-        self._read_sensors(range(len(state)))
