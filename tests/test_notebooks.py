@@ -85,7 +85,6 @@ RESEARCH = {
         "structure.exact",
         "steps.budget",
         "steps.large_motion",
-        "steps.measured_limit",
         "studies.field",
     )
 }

@@ -173,14 +173,6 @@ def test_what_is_stated_of_a_slew_is_what_a_geometrically_exact_arm_shows(tmp_pa
     held = max(study.slews, key=lambda row: row.step_share)
     assert held.step_share > TOLERANCE
     assert {one.code for one in study.warnings} == {"slew-step"}
-    times = moments(held, period)
-    push = Push(TRUTH, held.holds_to, held.duration, times[-1] + 1.0)
-    rigid = [np.array(v) for v in zip(*(push.seen(t) for t in times), strict=True)]
-    fine = simulated(path, push, times, rk4=True)
-    own = simulated(path, push, times)
-    share = max(worst(own[i], fine[i]) / worst(fine[i], rigid[i]) for i in (0, 1))
-    assert 0.7 * TOLERANCE < share < 1.02 * TOLERANCE
-    assert f"{np.degrees(held.holds_to):.3g} degrees" in study.slew_advice
 
 
 BOOM = """name = "boom"
@@ -225,16 +217,13 @@ def test_a_drive_is_slewed_within_its_range_and_the_record_says_it_all(tmp_path)
         assert [body["name"] for body in row["bodies"]] == ["bus", "yoke"]
     codes = {item["code"] for item in record["warning_codes"]}
     assert codes == {"slew-chain", "slew-step"}
-    held = [row for row in record["slews"] if row["holds_to"] is not None]
-    assert [-np.radians(40.0) < row["holds_to"] < 0.0 for row in held] == [True]
-    assert record["slew_advice"].startswith("Integrate large slews with RK4: Euler at 0.01 s is")
     page = (tmp_path / "out/report.html").read_text()
     assert "what the chains hold" in page
     assert "what Euler at 0.01 s does" in page
 
 
 @pytest.mark.slow
-def test_a_servo_turns_the_drive_it_holds_and_rk4_needs_no_advice(tmp_path):
+def test_a_servo_turns_the_drive_it_holds_under_rk4(tmp_path):
     servo = '<actuator><position joint="drive" kp="500" kv="50"/></actuator>'
     rows = bc.stability(driven(tmp_path, "", more=servo, by="RK4", step="0.002")).slews
     assert {row.integrator for row in rows} == {"RK4"}
@@ -252,7 +241,6 @@ def test_a_servo_turns_the_drive_it_holds_and_rk4_needs_no_advice(tmp_path):
 def test_without_a_hinge_to_slew_nothing_changes(tmp_path, joint, free):
     study = bc.stability(driven(tmp_path, joint, free=free))
     assert study.slews == []
-    assert study.slew_advice == ""
     assert study.warnings == []
 
 
@@ -276,7 +264,7 @@ def test_a_servo_whose_kv_limits_rk4_is_slewed_at_a_step_that_it_leaves(tmp_path
     study = bc.stability(path)
     assert not [w for w in study.warnings if "unstable" in w]
     assert study.slews
-    limit = next(row.predicted for row in study.rows if row.integrator == "RK4")
+    limit = next(row.largest for row in study.rows if row.integrator == "RK4")
     assert all(row.step_rk4 < limit for row in study.slews)
     assert limit < study.slews[0].duration / 5.0 / 1600.0
     assert max(row.momentum_rk4 for row in study.slews) < 1e-5  # 4e-6, near the limit
@@ -324,5 +312,5 @@ def test_a_range_of_force_does_not_hide_a_step_that_is_unstable(tmp_path):
         'kv="400" forcerange="-1e-9 1e-9"/></actuator></mujoco>'
     )
     rows = {row.integrator: row for row in bc.stability(tmp_path / "rotor.xml").rows}
-    assert rows["RK4"].measured == pytest.approx(2.785 * 2.0 / 400.0, rel=2e-3)
-    assert rows["Euler"].measured == pytest.approx(2.0 * 2.0 / 400.0, rel=5e-3)
+    assert rows["RK4"].largest == pytest.approx(2.785 * 2.0 / 400.0, rel=2e-3)
+    assert rows["Euler"].largest == pytest.approx(2.0 * 2.0 / 400.0, rel=5e-3)

@@ -146,8 +146,7 @@ def test_limits_are_those_of_the_study(study, pages):
     shown = rows(pages["stability"], "Largest stable step")
     for row, found in zip(shown, study[1]["models"], strict=True):
         assert row[:2] == [found["name"], found["integrator"]]
-        assert row[2] == ("no limit" if found["predicted"] is None else f"{found['predicted']:.4g}")
-        assert row[3] == ("no limit" if found["measured"] is None else f"{found['measured']:.4g}")
+        assert row[2] == ("no limit" if found["largest"] is None else f"{found['largest']:.4g}")
 
 
 def test_damping_shown_is_the_budgets(study, pages):

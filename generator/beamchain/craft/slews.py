@@ -6,7 +6,7 @@ Theory: docs/theory.md, section 9.
 
 import copy
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -30,7 +30,6 @@ from beamchain.ports.motions import PORTS, Array
 from beamchain.steps.budget import linear_model
 from beamchain.steps.culprit import culprit
 from beamchain.steps.limits import step_limits
-from beamchain.steps.modal import timing_marks
 from beamchain.steps.retime import retime, without_timing
 
 Say = Callable[[str], None]
@@ -47,12 +46,7 @@ MOST_OF_LIMIT = 0.98  # of that limit: stable still
 MOST_STEPS = 400_000  # of one simulation
 MOST_HINGES = 6
 NOTHING = 1e-9  # rad and m: less elastic motion has no share to speak of
-TRIALS = 4  # of the largest slew that the step's error allows
-ASIDE = 0.95  # of the angle at which an error in proportion would meet the tolerance
-CLOSE = 0.8  # of the tolerance: from here on a trial is taken
 ORDER = 4  # of RK4's error in the step
-COSTLY = 5.0  # times the evaluations of the file's own step: from here on RK4's cost is said
-TURNS_LITTLE = np.radians(1.0)  # no slew to speak of
 
 
 @dataclass(frozen=True)
@@ -110,9 +104,6 @@ class SlewRow:
         energy: largest error of the energy at the own step, over its largest value.
         step_rk4: of RK4 [s].
         error_rk4: its own error in attitude, of the worst body, from twice or half the step [rad].
-        holds_to: angle [rad] up to which the own step's error stays within the scenes' tolerance
-            in a slew of this duration, at most the slew's own; looked for in the worst slew of a
-            hinge, None in others, where none was found, and where no scene states a tolerance.
     """
 
     joint: str
@@ -127,7 +118,6 @@ class SlewRow:
     energy: float
     step_rk4: float
     error_rk4: float
-    holds_to: float | None = None
 
     @property
     def chain_share(self) -> float:
@@ -138,11 +128,6 @@ class SlewRow:
     def step_share(self) -> float:
         """What the step is off in attitude, over the elastic part of it, worst body."""
         return max(body.step_share for body in self.bodies)
-
-    @property
-    def rate_held(self) -> float | None:
-        """The largest rate of a slew by `holds_to` in this duration [rad/s]."""
-        return None if self.holds_to is None else abs(self.rate * self.holds_to / self.angle)
 
     def as_dict(self) -> dict[str, Any]:
         """For stability.json."""
@@ -160,7 +145,6 @@ class Slews:
 
     rows: list[SlewRow] = field(default_factory=list[SlewRow])
     warnings: list[str] = field(default_factory=list[str])
-    advice: str = ""
 
 
 class _Reference(NamedTuple):
@@ -260,16 +244,15 @@ def slews(
                 own.append(scene.slew(joint, name, turn))
         except BeamchainError as error:
             warnings.append(Caution("large-motion-unknown", f"slew of {name}: {error}"))
-        rows += scene.with_largest(joint, own)
+        rows += own
     if not joints and (left := hinges[MOST_HINGES:]):
         names = ", ".join(scene.bare.joint(j).name for j in left)
         text = (
             f"only the first {MOST_HINGES} hinges were slewed, not {names}; --joint NAME chooses."
         )
         warnings.append(Caution("large-motion-unknown", text))
-    tolerance = scene.tolerance
-    warnings += _warnings(rows, tolerance)
-    return Slews(rows, warnings, _advice(rows, tolerance, has_tendons=scene.has_tendons))
+    warnings += _warnings(rows, scene.tolerance)
+    return Slews(rows, warnings)
 
 
 class _NoHingeError(InputError):
@@ -360,7 +343,6 @@ class _Scene:
         self.timestep = float(model.opt.timestep)
         self.integrator = NUMBERS[int(model.opt.integrator)]
         self.own = quiet_copy(model)
-        self.has_tendons = bool(timing_marks(model))
         finer = 2.0 if self.integrator == "RK4" else 1.0  # it is no judge of itself
         wanted = min(self.timestep / finer, period / FINE)
         fine = marked.with_specs({a.at: _divided(a) for a in marked.appendages})
@@ -459,36 +441,6 @@ class _Scene:
                 f"{step:.3g} s{self.limited}; it was not simulated."
             )
 
-    def with_largest(self, joint: int, rows: list[SlewRow]) -> list[SlewRow]:
-        """The slews of a hinge, the one with the worst error of the step with the largest angle
-        at which that is within the tolerance."""
-        if self.tolerance is None or not rows:
-            return rows
-        worst = max(rows, key=lambda row: row.step_share)
-        held = self._holds_to(joint, worst, self.tolerance)
-        return [replace(row, holds_to=held) if row is worst else row for row in rows]
-
-    def _holds_to(self, joint: int, row: SlewRow, tolerance: float) -> float | None:
-        """The largest angle in the same duration at which the own step's error is within the
-        tolerance; it grows about as the angle."""
-        if row.step_share <= tolerance:
-            return row.angle
-        too_far, share = row.angle, row.step_share
-        held: float | None = None
-        for _ in range(TRIALS):
-            angle = too_far * tolerance / share * ASIDE
-            if held is not None:
-                angle = (held + too_far) / 2.0
-            trial = self._trial(joint, Turn(angle, row.duration))
-            found = _step_share(trial)
-            if found <= tolerance:
-                held = angle
-                if found >= CLOSE * tolerance:
-                    break
-            else:
-                too_far, share = angle, found
-        return held
-
     def _trial(self, joint: int, turn: Turn) -> "_Trial":
         """The rigid twin, the file under RK4, and the file as it is."""
         end = turn.duration + RINGING * self.period
@@ -576,14 +528,6 @@ def _apart(one: Seen, other: Seen) -> tuple[Array, Array]:
     return np.max(np.arctan2(skew, cosine), axis=0), np.max(places, axis=0)
 
 
-def _step_share(trial: "_Trial") -> float:
-    """What the step is off in attitude over the elastic part of it, worst body."""
-    error, elastic = (
-        _apart(one, other)[0] for one, other in ((trial.own, trial.file), (trial.file, trial.twin))
-    )
-    return max(_over(float(e), float(size)) for e, size in zip(error, elastic, strict=True))
-
-
 def _largest(values: Array) -> float:
     return float(np.max(np.abs(values)))
 
@@ -614,56 +558,6 @@ def _warnings(rows: Sequence[SlewRow], tolerance: float | None) -> list[str]:
         )
         out.append(Caution("slew-step", text))
     return out
-
-
-def _advice(rows: Sequence[SlewRow], tolerance: float | None, *, has_tendons: bool) -> str:
-    """Which integrator to take for which slews, with the figures of the file."""
-    if not rows:
-        return ""
-    worst = max(rows, key=lambda row: row.step_share)
-    body = max(worst.bodies, key=lambda one: one.step_share)
-    own = f"{worst.integrator} at {worst.timestep:g} s"
-    found = (
-        f"{own} is off by {body.step_attitude:.2g} rad in the attitude of {body.name}, "
-        f"{worst.step_share:.2g} times its elastic part ({_words(worst)})"
-    )
-    if worst.integrator == "RK4":
-        return f"Large slews: {found}."
-    h = f"{worst.step_rk4:.3g}"
-    before = f', after bc.retime(model, {h}, "RK4"),' if has_tendons else ""
-    times = 4.0 * worst.timestep / worst.step_rk4
-    cost = f", at some {times:.2g} times the cost" if times > COSTLY else ""
-    rk4 = f"RK4 at {h} s{before} by {worst.error_rk4:.1g} rad{cost}"
-    if tolerance is not None and worst.step_share <= tolerance:
-        return f"Large slews: {found}, within the tolerance {tolerance:g}; {rk4}."
-    text = f"Integrate large slews with RK4: {found}; {rk4}"
-    if tolerance is None:
-        return f"{text}. Keep {own} for small ones."
-    if worst.holds_to is None or worst.rate_held is None:
-        text += f". No slew was found in which {own} keeps the tolerance {tolerance:g}"
-    if worst.holds_to is None or worst.rate_held is None or abs(worst.holds_to) < TURNS_LITTLE:
-        return f"{text}. {_at_most(rows)}: keep {own} where that is little enough."
-    return (
-        f"{text}. Keep {own} for smaller ones: in {worst.duration:.3g} s it turns {worst.joint} by "
-        f"up to {np.degrees(abs(worst.holds_to)):.3g} degrees ({worst.rate_held:.2g} rad/s at "
-        f"most) within the tolerance {tolerance:g}."
-    )
-
-
-def _at_most(rows: Sequence[SlewRow]) -> str:
-    """The largest error of the step in attitude, beside the largest elastic part of any slew."""
-    error, by_step = max(_with_largest(rows, "step_attitude"))
-    elastic, by_turn = max(_with_largest(rows, "elastic_attitude"))
-    return (
-        f"Over all slews it is off by at most {error:.2g} rad ({_words(rows[by_step])}), "
-        f"{_over(error, elastic):.2g} times the largest elastic part of any, {elastic:.2g} rad "
-        f"({_words(rows[by_turn])})"
-    )
-
-
-def _with_largest(rows: Sequence[SlewRow], quantity: str) -> list[tuple[float, int]]:
-    """The largest of a quantity of the bodies, and the number of the row, for every row."""
-    return [(max(getattr(b, quantity) for b in row.bodies), i) for i, row in enumerate(rows)]
 
 
 def _words(row: SlewRow) -> str:

@@ -1,11 +1,9 @@
-"""`beamchain stability`: step limits predicted and measured, large motion, and their record."""
+"""`beamchain stability`: step limits, large motion, and their record."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from beamchain.caution import Caution, warnings_record
 from beamchain.checks import path_of
@@ -18,10 +16,8 @@ from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec, read_spec
 from beamchain.steps.budget import HOST, Budget, budget, preload_sentence
 from beamchain.steps.large_motion import LargeMotion
-from beamchain.steps.measured_limit import FARTHEST, measured_limit
 
 Say = Callable[[str], None]
-LONGEST = 10.0  # slowest periods: where the search for a limit of "discrete" starts
 
 
 def silent(_: str) -> None:
@@ -30,18 +26,11 @@ def silent(_: str) -> None:
 
 @dataclass(frozen=True)
 class StepRow:
-    """A step limit, predicted from the linearised model and measured in simulations [s];
-    infinity: none."""
+    """The largest stable step of a model [s]; infinity: none."""
 
     name: str  #: of the model
     integrator: str  #: MuJoCo's name
-    predicted: float
-    measured: float
-
-    @property
-    def difference(self) -> float:
-        """Measured over predicted, less 1; 0 where both say that there is no limit."""
-        return 0.0 if self.measured == self.predicted else self.measured / self.predicted - 1.0
+    largest: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,13 +38,12 @@ class StabilityStudy:
     """Everything `stability.json` holds.
 
     Args:
-        rows: limits predicted and measured, per model and integrator.
+        rows: largest stable steps, per model and integrator.
         budgets: per model: on its hub, then alone.
         large: large-motion limits per bending plane; empty for a foreign model.
         warnings: sentences with codes.
         own_step: whether the file's own integrator is stable at the file's own step, in a sentence.
         slews: of the hinges between bodies of a file that `embed` wrote, empty for others.
-        slew_advice: which integrator to take for large slews, in a sentence; empty without slews.
 
     Example:
         >>> import beamchain as bc
@@ -74,7 +62,6 @@ class StabilityStudy:
     warnings: list[str]
     own_step: str
     slews: list[SlewRow] = field(default_factory=list[SlewRow])
-    slew_advice: str = ""
 
     def as_dict(self) -> dict[str, Any]:
         """For stability.json; `extremes` counts no cases:
@@ -89,33 +76,25 @@ class StabilityStudy:
             "own_step": self.own_step,
             "large_motion": [limit.as_dict() for limit in self.large.values()],
             "slews": [row.as_dict() for row in self.slews],
-            "slew_advice": self.slew_advice,
             **warnings_record(self.warnings),
             "extremes": {"cases": 0, "passed": 0, "refused": 0, "failed": 0, "rows": []},
         }
 
 
-def step_rows(model: "mujoco.MjModel", limits: Budget, say: Say = silent) -> list[StepRow]:
-    """Predicted and measured limits of a compiled model, one row per integrator;
-    `say` is told what is measured."""
-    out: list[StepRow] = []
-    for integrator, predicted in limits.largest_step.items():
-        if integrator == HOST:
-            continue
-        say(f"measuring {limits.name} with {integrator}")
-        guess = min(predicted, LONGEST / float(limits.frequencies[0]))
-        measured = measured_limit(model, integrator, guess)
-        if np.isinf(measured) and predicted > FARTHEST * guess:
-            predicted = measured  # both are beyond any step that is measured
-        out.append(StepRow(limits.name, integrator, predicted, measured))
-    return out
+def step_rows(limits: Budget) -> list[StepRow]:
+    """The limits of a model, one row per integrator of MuJoCo."""
+    return [
+        StepRow(limits.name, integrator, largest)
+        for integrator, largest in limits.largest_step.items()
+        if integrator != HOST
+    ]
 
 
 @one_thread()
 def stability(
     source: Spec | str | Path, say: Say = silent, joints: Sequence[str] = ()
 ) -> StabilityStudy:
-    """Step limits predicted and measured, damping that steps add, large motion,
+    """Step limits, damping that steps add, large motion,
     as `beamchain stability` does.
 
     A file that `embed` wrote is also slewed at the spacecraft's own hinges, one by one, by 90
@@ -124,7 +103,7 @@ def stability(
 
     Args:
         source: a specification, or the path of a SPEC.toml or of any MuJoCo model (.xml).
-        say: told what is being measured.
+        say: told what is being worked out.
         joints: names of the hinges to slew; the first six where it is empty.
 
     Returns:
@@ -157,13 +136,13 @@ def stability(
         limits = budget(model)
         name = NUMBERS[int(model.opt.integrator)]
         warnings = _warnings(limits, limits.timestep, name)
-        rows = step_rows(model, limits, say)
+        rows = step_rows(limits)
         own_step = _own_step(limits, name)
         if warnings or not limits.frequencies.size:
             return StabilityStudy(rows, [limits], {}, warnings, own_step)
         turned = slews(source, model, float(limits.frequencies[0]), say, joints)
         warnings += turned.warnings
-        return StabilityStudy(rows, [limits], {}, warnings, own_step, turned.rows, turned.advice)
+        return StabilityStudy(rows, [limits], {}, warnings, own_step, turned.rows)
     say("fitting the chain")
     return study_fit(_fit(read_spec(source)), say)
 
@@ -197,7 +176,7 @@ def study_fit(result: Fit, say: Say = silent) -> StabilityStudy:
             overdamped.append(Caution("overdamped", f"{label}: {error}"))  # without its hub
             continue
         budgets.append(limits)
-        rows += step_rows(model, limits, say)
+        rows += step_rows(limits)
     say("comparing with a chain of 60 links in large motion")
     large, reasons = result.large_motion
     scene = result.spec.scene

@@ -1,6 +1,5 @@
 """Pictures of studies: error against run time, times against links, steps and their damping."""
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,7 +22,6 @@ from beamchain.studies import field
 from beamchain.studies.front import front
 
 if TYPE_CHECKING:
-    from beamchain.craft.stability import StepRow
     from beamchain.steps.budget import Budget
     from beamchain.studies.run_time import Growth
     from beamchain.studies.study import Study
@@ -98,8 +96,8 @@ def growth_figure(growth: "Growth") -> Figure:
 
 
 @drawing()
-def steps_figure(limits: "Budget", rows: Sequence["StepRow"]) -> Figure:
-    """Per integrator the range of stable steps, the measured limit, the steps for 1 % and 0.1 %."""
+def steps_figure(limits: "Budget") -> Figure:
+    """Per integrator the range of stable steps, and the steps for 1 % and 0.1 %."""
     names = list(limits.largest_step)
     finite = [v for v in limits.largest_step.values() if np.isfinite(v)]
     tenths = [tenth for _, tenth in limits.accuracy.values()]
@@ -115,7 +113,7 @@ def steps_figure(limits: "Budget", rows: Sequence["StepRow"]) -> Figure:
             edgecolor=OURS,
             linewidth=0.8,
             height=0.62,
-            label="stable, predicted" if y == 0 else None,
+            label="stable" if y == 0 else None,
         )
         if not np.isfinite(largest):
             ax.text(high / 1.06, y, "no limit", ha="right", va="center", fontsize=8.5, color=OURS)
@@ -132,15 +130,6 @@ def steps_figure(limits: "Budget", rows: Sequence["StepRow"]) -> Figure:
         ax.plot(
             one, y, marker="|", markeredgewidth=1.0, label="within 1 %" if y == 0 else None, **style
         )
-    measured = [(names.index(r.integrator), r.measured) for r in rows if np.isfinite(r.measured)]
-    ax.plot(
-        [m for _, m in measured],
-        [y for y, _ in measured],
-        "o",
-        color=OURS,
-        markersize=5.0,
-        label="measured limit",
-    )
     ax.set(xscale="log", xlim=(low, high), xlabel="time step, s")
     log_axis(ax.xaxis, (low, high), plain)
     ax.set_yticks(range(len(names)), names)

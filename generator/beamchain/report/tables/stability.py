@@ -1,4 +1,4 @@
-"""The tables of `stability`: step limits predicted and measured, damping, large motion."""
+"""The tables of `stability`: step limits, damping, large motion."""
 
 import math
 from typing import TYPE_CHECKING
@@ -13,17 +13,14 @@ if TYPE_CHECKING:
 
 
 def limit_table(study: "StabilityStudy") -> Table:
-    """The largest stable steps, predicted and measured."""
+    """The largest stable steps."""
     rows = study.rows
-    differences = [row.difference if math.isfinite(row.predicted) else None for row in rows]
     columns = (
         Column("model", [row.name for row in rows]),
         Column("integrator", [row.integrator for row in rows]),
-        Column("predicted", [row.predicted for row in rows], "s", step_text),
-        Column("measured", [row.measured for row in rows], "s", step_text),
-        Column("difference", differences, format=relative, missing="-"),
+        Column("largest stable step", [row.largest for row in rows], "s", step_text),
     )
-    return Table("Largest stable step, predicted and measured", columns)
+    return Table("Largest stable step", columns)
 
 
 def damping_table(budget: "Budget") -> Table:
