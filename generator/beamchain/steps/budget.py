@@ -11,6 +11,7 @@ from beamchain.engine import linearise as engine
 from beamchain.engine.constraints import without_constraints
 from beamchain.engine.forces import along_all
 from beamchain.engine.library import mujoco
+from beamchain.engine.operating_point import LIMITS
 from beamchain.errors import EngineError
 from beamchain.ports.motions import Array
 from beamchain.steps.integrators import Complex
@@ -77,6 +78,8 @@ def linear_model(model: "mujoco.MjModel", data: "mujoco.MjData | None" = None) -
         nothing = np.zeros((nv, nv))
         return LinearModel(nothing, nothing, nothing, nothing)
     model = without_constraints(model)
+    for name in LIMITS:  # what grows comes to the range of a force, and chatters there
+        getattr(model, name)[:] = 0
     linear = engine.linearise(model, data)
     if data is None:
         data = mujoco.MjData(model)
