@@ -1,5 +1,6 @@
 # make demo        fit the example boom, and film a satellite whose arrays bend, into build/demo
-# make test        lint, types and the quick tests (about 4 minutes on 2 cores)
+# make test        lint, types and the quick tests (three minutes on 2 cores)
+# make quick       those of them that take a tenth of a second or less, in one process: half a minute
 # make test-full   wheel in an empty environment, notebooks, the long tests (under 50 minutes)
 # make hosts       the exported file in other simulators, each in an environment of its own; HOSTS="mjx warp newton" for more
 # make bench       print the timings that README and CHANGELOG quote
@@ -22,7 +23,7 @@ WORKERS ?= 2
 # a worker begins with tests that stand together, whose fixtures it makes once, and takes over others' at the end
 PYTEST := pytest --timeout 900 -n $(WORKERS) --dist worksteal
 
-.PHONY: demo test quick test-full hosts bench bench-peers notebooks docs docs-pictures wheel wheel-test wheel-newest lint clean fuzz extremes test-kernels
+.PHONY: demo test tests quick test-full hosts bench bench-peers notebooks docs docs-pictures wheel wheel-test wheel-newest lint clean fuzz extremes test-kernels
 
 $(VENV)/.installed: pyproject.toml
 	@echo "installing into $(VENV), which takes a minute or more the first time"
@@ -41,10 +42,13 @@ lint: $(VENV)/.installed
 # the type checker, which has one thread, beside the tests; what each says stays together, and either failing fails both
 test: $(VENV)/.installed
 	@echo "lint and tests run side by side; what each says is shown when it ends"
-	@$(MAKE) --jobs 2 --output-sync=recurse --no-print-directory lint quick
+	@$(MAKE) --jobs 2 --output-sync=recurse --no-print-directory lint tests
+
+tests: $(VENV)/.installed
+	$(BIN)/$(PYTEST) -m "not slow and not host"
 
 quick: $(VENV)/.installed
-	$(BIN)/$(PYTEST) -m "not slow and not host"
+	$(BIN)/pytest -m "not slow and not host" --brief
 
 KERNELS ?= Nehalem Sandybridge Haswell SkylakeX
 THREADS ?= 1 2
@@ -52,7 +56,7 @@ THREADS ?= 1 2
 test-kernels: $(VENV)/.installed
 	for kernel in $(KERNELS); do for threads in $(THREADS); do \
 		echo "$$kernel, threads: $$threads"; \
-		OPENBLAS_CORETYPE=$$kernel OPENBLAS_NUM_THREADS=$$threads $(MAKE) --no-print-directory quick || exit 1; \
+		OPENBLAS_CORETYPE=$$kernel OPENBLAS_NUM_THREADS=$$threads $(MAKE) --no-print-directory tests || exit 1; \
 	done; done
 
 HOSTS ?= oldest newest dm_control basilisk nastran sections worlds
@@ -114,13 +118,13 @@ wheel: $(VENV)/.installed
 IN_WHEEL := pytest pytest-timeout pytest-xdist hypothesis sympy gymnasium nbclient nbformat ipykernel basedpyright hatchling twine
 
 # the wheel, built from the sdist, with its extra for bounds, in an environment that has never seen the checkout,
-# tested from outside it: quick tests, notebooks, its contents, its types
+# tested from outside it: brief tests, notebooks, its contents, its types
 wheel-test: wheel
 	rm -rf build/wheel && mkdir -p build/wheel
 	$(PYTHON) -m venv build/wheel/venv
 	build/wheel/venv/bin/python -m pip install --quiet --disable-pip-version-check "$$(ls dist/*.whl)[robust]" $(IN_WHEEL)
 	cp -r tests notebooks dist pyproject.toml build/wheel/
-	cd build/wheel && venv/bin/$(PYTEST) -m "not slow and not host"
+	cd build/wheel && venv/bin/$(PYTEST) -m "not slow and not host" --brief
 	cd build/wheel && venv/bin/$(PYTEST) tests/test_notebooks.py tests/test_release.py
 
 # the same wheel on the newest Python that is installed, on the PATH or by pyenv

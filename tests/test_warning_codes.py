@@ -89,6 +89,7 @@ def test_a_warning_is_its_sentence():
         Caution("gravitation", "")
 
 
+@pytest.mark.slow
 def test_embed():
     done = bc.embed(BUS, {"mount": spec("rod")}, retime=False)
     found = codes(done.as_dict())

@@ -206,6 +206,7 @@ def test_init_writes_a_spec_that_fits(kind, tmp_path, capsys, monkeypatch):
     assert following[:2] == ["fit", f"{kind}.toml"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("at", ["mount", "left"])
 def test_init_writes_a_spacecraft_to_embed_into(at, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -300,6 +301,7 @@ def test_init_lists_what_it_writes(capsys, monkeypatch):
     assert all(len(one["about"]) > 20 for one in listed)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in STARTS]
 )

@@ -31,6 +31,7 @@ def outside(arguments, folder, **environment):
     )
 
 
+@pytest.mark.slow
 def test_mujoco_s_warnings_are_a_sentence_and_no_file(tmp_path):
     (tmp_path / "huge.xml").write_text(HUGE)
     done = outside(["inspect", "huge.xml"], tmp_path)

@@ -102,6 +102,7 @@ def test_ctrl_c_reaches_all_of_them_and_gives_no_traceback(sweep, tmp_path):
     assert not list(tmp_path.rglob("*.*"))
 
 
+@pytest.mark.slow
 def test_joblib_says_where_jobs_run():
     steps = []
     alone = bc.sweep(ARRAY, 12, seed=3)

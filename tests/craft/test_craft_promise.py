@@ -222,6 +222,7 @@ LIGHT = (
 )
 
 
+@pytest.mark.slow
 def test_exit_status_and_json_say_whether_the_promise_is_kept(tmp_path):
     (tmp_path / "craft.xml").write_text(LIGHT)
     for name, more, met in (("kept", {}, True), ("typed", {"modes": {"xy": 1, "xz": 1}}, False)):
@@ -384,6 +385,7 @@ def flexible_frequencies(mass, stiffness):
     return np.sqrt(squares[squares > 1e-3])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("count", "joint"),
     [

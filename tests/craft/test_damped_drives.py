@@ -61,6 +61,7 @@ def between():
     return craft, {"slow": 0.0, "sprung": 0.0}
 
 
+@pytest.mark.slow
 def test_a_peak_between_free_and_held_drives_is_in_the_stated_error(tmp_path):
     craft, angles = between()
     done, file = embedded(craft, angles, tmp_path)

@@ -86,6 +86,7 @@ DRIVEN = "nested bodies behind a solar-array drive"
 
 
 class TestStyles:
+    @pytest.mark.slow
     @pytest.mark.parametrize("style", STYLES)
     def test_written_elsewhere_compiles_and_comes_back(self, style, embedded, crafts, tmp_path):
         done = embedded(style)
@@ -228,6 +229,7 @@ class TestTheUsersFile:
         again = bc.embed(once, STYLES[style][1]).write(tmp_path / "again.xml")[-1]
         assert again.read_bytes() == once.read_bytes()
 
+    @pytest.mark.slow
     def test_one_replaced_others_stay(self, written):
         boom = bc.embed(written, {"boom_mount": spec("rod")}, retime=False)
         names = [boom.model.body(i).name for i in range(boom.model.nbody)]
@@ -235,6 +237,7 @@ class TestTheUsersFile:
         assert "array_link1" in names
         assert not any(name.startswith("boom_") for name in names)
 
+    @pytest.mark.slow
     def test_one_taken_out(self, written, tmp_path):
         words = [
             "embed",
@@ -396,6 +399,7 @@ class TestHub:
         assert any("free, since nothing holds it" in w for w in done.warnings)
         assert done.assembly.worst < 1e-10
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("stiffness", [50.0, pytest.param(2000.0, marks=pytest.mark.slow)])
     def test_sprung_ball_joint(self, stiffness):
         """Modes called kept are right against finite elements on the craft's own matrices;
@@ -453,6 +457,7 @@ class TestHub:
         inside = true[true <= 20.0]
         np.testing.assert_allclose(frequencies(whole.model)[: inside.size], inside, rtol=1e-3)
 
+    @pytest.mark.slow
     def test_scene_chooses_with_the_hub_of_the_craft(self):
         given = bc.read_spec(spec("rod"))
         own = bc.Spec(
@@ -468,6 +473,7 @@ class TestHub:
         )  # the choice is made anew from the spec kept
         assert [a.at for a in again.appendages] == ["mount", "side"]
 
+    @pytest.mark.slow
     def test_imported_modes(self, tmp_path):
         """A plate's modes, bending and torsion coupled: exact on any hub."""
         mass = np.diag([20.0, 20.0, 20.0, 9.0, 40.0, 46.0])

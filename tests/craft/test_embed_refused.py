@@ -269,6 +269,7 @@ class TestHostile:
             made = bc.embed(hostile, {"mount": spec("array_left")}, form=form)
             np.testing.assert_allclose(frequencies(made.model), frequencies(done.model), rtol=SAME)
 
+    @pytest.mark.slow
     def test_warnings_carry_figure_and_cure(self):
         text = craft(
             before='<option timestep="0.5" gravity="0 0 -9.81" density="1.2" integrator="Euler"/>'

@@ -61,6 +61,7 @@ def at_once(function):
         return list(pool.map(started, range(THREADS)))
 
 
+@pytest.mark.slow
 def test_records_of_one_craft_are_alike():
     def record(made):
         return json.dumps(made.as_dict(), default=lambda values: values.tolist())

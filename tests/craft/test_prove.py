@@ -92,6 +92,7 @@ def test_an_edited_spacecraft_is_what_a_fresh_embedding_of_it_states(tmp_path, e
     assert proof.craft_error != pytest.approx(before.craft_error, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_an_edited_tendon_is_stated_as_finite_elements_find_it(tmp_path):
     file, before = embedded(tmp_path, ONE)
     proof = bc.prove(stiffer(file, "upper_mode1_xy", 1.01))
@@ -195,6 +196,7 @@ def test_a_file_without_marks_is_refused(tmp_path):
         bc.prove(tmp_path / "arm.xml")
 
 
+@pytest.mark.slow
 def test_text_is_taken_as_a_file_is_and_a_keyframe_that_bends_an_appendage_is_warned_of(tmp_path):
     file, fresh = embedded(tmp_path, TWO)
     proof = bc.prove(file.read_text())

@@ -416,6 +416,7 @@ def test_loads_at_the_root_are_those_of_its_beam(tmp_path):
     assert misses[1] < 0.2 * misses[0]
 
 
+@pytest.mark.slow
 def test_straight_in_a_tree_the_root_has_all_that_lies_beyond(specs):
     """At rest no mode moves: the static part alone is what MuJoCo's bodies put on the root, of
     bodies and of another appendage on a port as well."""
@@ -805,6 +806,7 @@ SECOND_DIFFERENCE = 1e-7  # of the largest load: digits lost in second differenc
 STRAIN = 0.05  # of the largest moment: what one mode and its fillers miss of a ramp with a jerk
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("retime", "integrator"),
     [

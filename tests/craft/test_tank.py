@@ -101,6 +101,7 @@ def clamped(model, acceleration):
 
 
 class TestThroughMujoco:
+    @pytest.mark.slow
     @pytest.mark.parametrize(
         "acceleration", [0.05, pytest.param(1.0, marks=pytest.mark.slow), 9.80665]
     )
@@ -252,6 +253,7 @@ class TestPromise:
         )
         assert result.promise.poses["burn"] == pytest.approx(worst, rel=0.1)
 
+    @pytest.mark.slow
     def test_marks_are_proved_again(self, tmp_path):
         (tmp_path / "tank.toml").write_text(tank(0.05))
         at = {"tank": tmp_path / "tank.toml", "left": spec("rod")}
@@ -265,6 +267,7 @@ class TestSaid:
     def codes(self, result):
         return [w.code for w in result.warnings if w.code.startswith("slosh")]
 
+    @pytest.mark.slow
     def test_weightless(self, tmp_path):
         assert self.codes(embedded(tmp_path, 0.05, loaded=False)) == ["slosh-weightless"]
         under = embedded(tmp_path, 0.05)
@@ -598,6 +601,7 @@ class TestAxis:
         force = data.sensor("tank_root_force").data
         assert force == pytest.approx([0.05 * LIQUID, 0.0, 0.0], rel=1e-9, abs=1e-9)
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("form", ["inline", "attach"])
     def test_commands(self, tmp_path, monkeypatch, form):
         monkeypatch.chdir(tmp_path)

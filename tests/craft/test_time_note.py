@@ -26,6 +26,7 @@ def test_a_file_that_is_unstable_without_timing_is_called_so():
     assert "; without: unstable at this step." in note
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("integrator", "step"), [("discrete", 0.02), ("RK4", 0.3)])
 def test_a_step_that_misses_is_told_of_springs_on_hinges_too(
     integrator, step, tmp_path, capsys, monkeypatch

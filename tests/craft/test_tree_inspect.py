@@ -65,6 +65,7 @@ def test_every_coupled_mode_says_which_link_bends(arm):
             assert true[k][where] == pytest.approx(share, abs=SAID)
 
 
+@pytest.mark.slow
 def test_the_words_of_a_mode_name_what_moves_at_every_pose(arm):
     for key in ("rest", "bent", "square"):
         modes = arm.modes_at(key)

@@ -50,6 +50,7 @@ SERVO = {"kp": 2000.0, "kv": 40.0, "servo": "position"}
 GENERAL = {**SPRUNG, "kp": 500.0, "kv": 120.0, "servo": "general"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("hand", "hinge", "poses"),
     [
@@ -166,6 +167,7 @@ def test_keyframes_keep_their_angles(tmp_path):
         assert data.body("hand").xpos == pytest.approx(reach, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_the_rigid_twin_is_the_same_tree(tmp_path):
     twin = bc.embed(*written(tmp_path, arm()), rigid=True)
     assert twin.model.nv == 7

@@ -68,6 +68,7 @@ CASES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "case", ["hangs", *(pytest.param(c, marks=SLOW) for c in CASES if c != "hangs")]
 )
@@ -135,6 +136,7 @@ def test_what_is_not_asked_for_is_left_out(tmp_path):
     assert flexible.craft_error < 0.01
 
 
+@pytest.mark.slow
 def test_a_thrust_on_what_an_appendage_carries_is_refused(tmp_path):
     pushed = Arm(**{**ORBIT.__dict__, "links": (UPPER,), "keys": {"burn": {}}})
     text = mjcf(pushed, ctrl="5", actuators='<motor site="tip" gear="1 0 0 0 0 0"/>')
@@ -213,6 +215,7 @@ def said(result, code):
     return [str(warning) for warning in result.warnings if warning.code == code]
 
 
+@pytest.mark.slow
 def test_a_thrust_that_the_proof_is_without_is_said():
     before, after = (squares(**BOOM, **BUS, inertia=150.0, thrust=f)[0].real for f in (0.0, 100.0))
     assert np.sqrt(after / before) < 0.9  # the thrust is felt
@@ -305,6 +308,7 @@ xz = 3
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("share", "grows"), [(0.9, False), (1.1, True)])
 def test_a_rod_that_its_weight_buckles_is_called_unstable(tmp_path, share, grows):
     """Greenhill: a standing rod buckles where g m L^3 / EI = 7.837. That gravity is on is no

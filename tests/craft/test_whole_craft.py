@@ -156,6 +156,7 @@ def test_modes_at_a_keyframe(flexible):
         flexible.modes_at("turnt")
 
 
+@pytest.mark.slow
 def test_modes_are_named_by_what_moves():
     fixed = CRAFT.replace('<joint name="drive" axis="0 1 0"/>', "").replace(' 1.2"/>', '"/>')
     plain = fixed.replace('pos="0.1 0 0.05"', 'pos="0 0 0"')
@@ -201,6 +202,7 @@ def test_modes_that_the_step_slows_are_told():
     ]
 
 
+@pytest.mark.slow
 def test_the_command_tells_it(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "craft.xml").write_text(CRAFT)

@@ -284,6 +284,7 @@ def codes(warnings):
     return {warning.code for warning in warnings}
 
 
+@pytest.mark.slow
 def test_damping_by_mode_of_the_file(folder):
     listed = [0.01, 0.002, 0.003, 0.004]
     fit = bc.fit(wing(listed))
@@ -316,6 +317,7 @@ def test_a_table_that_leaves_modes_undamped_is_asked_about(folder):
     assert "undamped-modes" in codes(bc.embed(CRAFT, {"mount": spec}).warnings)
 
 
+@pytest.mark.slow
 def test_forgotten_units_are_asked_about(folder):
     (asked,) = [w for w in bc.fit(wing(units={})).warnings if w.code == "file-units"]
     assert "need units = { length = 1e-3, mass = 1e3 }" in asked
@@ -363,6 +365,7 @@ def test_fit_names_a_mode_that_is_left_out_in_the_band(folder):
     assert "lies in the band" not in call("fit", "spec.toml", "-o", "out", "--force").out
 
 
+@pytest.mark.slow
 def test_embed_counts_modes_that_are_left_out_in_the_band(folder):
     Path("craft.xml").write_text(CRAFT.replace('timestep="0.001"', 'timestep="0.02"'))
     wing(modes=[1, 2, 3, 4, 6])

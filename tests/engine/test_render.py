@@ -350,6 +350,7 @@ def arm():
     return draw.stage(shipped_arm().to_mjcf())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "degrees", [90.0, pytest.param(-60.0, marks=pytest.mark.slow)], ids=["forwards", "back"]
 )

@@ -26,6 +26,7 @@ def satellite():
     return bc.embed(craft, {"left": array, "right": array})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("degrees", [10.0, pytest.param(20.0, marks=pytest.mark.slow), 30.0])
 def test_a_turn_rings_a_mode_that_is_seen(degrees):
     """The lowest mode of two equal arrays bends both to the same side of the bus and does not turn

@@ -374,6 +374,7 @@ def test_a_tolerance_no_model_meets_is_said_and_the_best_is_given():
     assert result.target["xy"].modes >= 3
 
 
+@pytest.mark.slow
 def test_free_ports_do_not_fill_up_where_typed_modes_miss_the_tolerance():
     hub = Hub(mass=30.0, inertia=(10.0, 12.0, 15.0), offset=(0.5, 0.4, 0.3))
     result = fit(

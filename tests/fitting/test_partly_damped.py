@@ -83,6 +83,7 @@ def test_a_mode_without_damping_counts_with_the_least_ratio(modes):
     assert result.in_band_error == pytest.approx(true_error(modes, ratios), rel=SERIES_ERROR)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ratio", [None, 0.0, 1e-8, 1e-6, 1e-4])
 def test_narrow_peaks_are_compared_at_one_ratio_with_and_without_a_step(ratio):
     compared = 0.005 if ratio is None else max(ratio, LEAST)

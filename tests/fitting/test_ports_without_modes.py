@@ -165,6 +165,7 @@ def checked(case, folder, *more):
 NO_CHECK = [HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
 
 
+@pytest.mark.slow
 @settings(max_examples=2, deadline=None, derandomize=True, suppress_health_check=NO_CHECK)
 @given(case=st.one_of(beams(), tables()))
 def test_some_combinations(case, tmp_path):

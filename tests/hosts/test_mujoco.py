@@ -105,6 +105,7 @@ def test_frequencies(models):
         np.testing.assert_allclose(frequencies(model), reference, rtol=FREQUENCY, err_msg=name)
 
 
+@pytest.mark.slow
 def test_free_motion(models):
     reference = response(models["inline by embed"])
     peak = np.abs(reference - reference[0]).max(axis=0)

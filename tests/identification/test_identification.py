@@ -368,6 +368,7 @@ def test_a_response_before_its_torque_is_noticed():
 
 
 # -- onwards ---------------------------------------------------------------------------------------
+@pytest.mark.slow
 def test_the_written_modes_make_a_chain_and_variants(tmp_path):
     # of a pair of wings one chain cannot hold the mass
     one_side = boom(8.0, 1.2, 500.0, 900.0, 60.0, 0.05)

@@ -436,6 +436,7 @@ def test_a_rigid_tube_beside_a_bending_one_is_not_taken_for_changed():
     assert craft.model.nskin == 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", [pytest.param("inline", marks=pytest.mark.slow), "attach"])
 def test_embedded_twice_and_taken_out_again(form, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -493,6 +494,7 @@ DISTANCE = 3.0  # m, from above
 PIXELS = 2.0  # of some 50
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("renderer", ["egl", pytest.param("osmesa", marks=pytest.mark.slow)])
 def test_the_tip_is_seen_to_move_as_the_mode_says(renderer):
     """A camera looks down on the edge of the tip; MuJoCo's vertices are those of the formula."""

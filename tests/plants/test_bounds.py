@@ -377,6 +377,7 @@ def test_the_worst_values_stand_beside_the_nominal_ones():
     assert worst.as_dict()["quantities"] == [row]
 
 
+@pytest.mark.slow
 def test_worst_margins_of_one_loop_are_those_of_its_open_loop():
     loops = PULLED
     loop = loops.loop[0]

@@ -16,6 +16,8 @@ from command import run
 from engineer import CRAFT, POSES, SPIN, WHEELS, EngineerTruth, angles, embedded
 from plant_truth import error
 
+pytestmark = pytest.mark.slow
+
 # relative, channel by channel: kept modes against finite elements cut to the same modes
 RESPONSE = 1e-6  # measured 1.2e-10
 POLES = 1e-9  # measured 3e-13

@@ -940,6 +940,7 @@ def many_modes(number, count):
     return control.ss(a, b, c, 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("number", "count"), [(7, 15), pytest.param(17, 40, marks=pytest.mark.slow)]
 )
@@ -1066,6 +1067,7 @@ def test_continuous_controllers_on_a_sampled_plant_are_told(stepped):
 
 
 # -- several poses, JSON ---------------------------------------------------------------------------
+@pytest.mark.slow
 def test_poses_give_one_result_each():
     turning = CRAFT.replace(
         '<site name="mount" pos="0.5 0 0.3"/>',

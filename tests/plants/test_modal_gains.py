@@ -44,6 +44,7 @@ def distance(found, true):
     return float(np.max(np.abs(found - true) / true.max(axis=(1, 2), keepdims=True)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("discrete", [None, STEP], ids=["continuous", "discrete"])
 @pytest.mark.parametrize("name", [SPUN, pytest.param(NAME, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("speed", [0.0, 1.0])
@@ -55,6 +56,7 @@ def test_gains_are_those_of_the_matrices(name, speed, discrete):
     assert distance(plant.gain, gains_of(plant)) < ROUNDING
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [NAME, SPUN])
 def test_gains_are_those_of_a_craft_assembled_by_hand(name):
     """Residues R of the gyroscopic system at its poles p:

@@ -111,6 +111,7 @@ def test_at_the_gain_margin_the_loops_are_singular(plant, found):
         )
 
 
+@pytest.mark.slow
 def test_beyond_the_gain_margin_the_closed_loop_is_unstable(file, found):
     for k, one in enumerate(found):
         assert all(m.stable for m in margins(file, scaled(LOOPS, k, 0.995 * one.gain), *ANGLES))
@@ -243,6 +244,7 @@ def place(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.slow
 def test_the_command_writes_plant_and_report(place, capsys, monkeypatch, plant):
     asked = [
         "plant",

@@ -121,6 +121,7 @@ def channels(found, true):
     return float(np.max(np.abs(found - true) / np.maximum(size, floor)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pose", EACH)
 def test_the_exact_plant_of_an_arm_is_that_of_finite_elements(made, pose):
     plant = bc.plant(made, INPUTS, OUTPUTS, at=None if pose == "rest" else pose)
@@ -184,6 +185,7 @@ def test_the_sampled_plant_is_the_arm_under_a_held_torque(made, pose):
     assert each < SAMPLED
 
 
+@pytest.mark.slow
 def test_the_sampled_plant_of_an_arm_is_what_mujoco_runs(made):
     plant = bc.plant(made, ["elbow"], ["angle", "rate"], at="square", discrete=STEP)
     model = copy.copy(made.model)

@@ -62,6 +62,7 @@ def disks(axes, rate, stiffness, omega):
     return 1.0 / np.abs(sensitivity[:, at, at] - 0.5).max(axis=0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("axes", "rate"),
     [("z", 0.0), ("z", 40.0), ("xyz", 1.0), ("xyz", 300.0), ("xy", 300.0)],
@@ -145,6 +146,7 @@ def winged():
     return bc.embed(craft, {"north_wing": boom, "south_wing": boom}, retime=False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("axes", "rates"), [("z", {}), ("xyz", {"wheel": 1.0})])
 def test_flexible_craft_in_a_pose_keep_their_margins(winged, axes, rates):
     """Every least disk margin is the one that `bc.margins` states at its values."""

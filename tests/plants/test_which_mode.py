@@ -171,6 +171,7 @@ def test_a_pose_of_several_stands_in_a_column(embedded):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "gains",
     [

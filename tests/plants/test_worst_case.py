@@ -98,6 +98,7 @@ def test_an_unstable_loop_begins_to_ring_at_the_stated_frequency(tmp_path):
     assert worst.as_dict()["frequency"] == worst.frequency
 
 
+@pytest.mark.slow
 def test_the_command_and_the_page_say_where_it_begins_to_ring(tmp_path, capsys, monkeypatch):
     uncertain_plant(tmp_path, 0.15)
     words = ["plant", tmp_path / "flexible.xml", "--input", "torque:bus", "--output", "attitude"]

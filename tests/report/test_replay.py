@@ -153,6 +153,7 @@ def motion(model, qpos, body, place, shape):
 
 
 # -- modes -----------------------------------------------------------------------------------------
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [1, 2])
 def test_two_arrays_and_their_bus_move_as_in_mujocos_own_mode(number, satellite, pages):
     model = satellite.untimed
@@ -236,6 +237,7 @@ def test_the_base_answers_as_a_hub_of_finite_elements_does():
         assert float(turned) / float(size) == pytest.approx(wanted, rel=KEPT)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("craft", "name", "keys"),
     [
@@ -402,6 +404,7 @@ def test_a_craft_of_very_many_appendages_stays_small():
     assert len(paths(panels(svgs[0])[0], "moving", "ribbon")) == 40
 
 
+@pytest.mark.slow
 def test_under_a_load_the_drawings_have_the_modes_of_the_table():
     text = (SHIPPED / "satellite.xml").read_text().replace('gravity="0 0 0"', 'gravity="0 0 -9.81"')
     text = text.replace("<freejoint/>", '<joint name="turn" axis="0 0 1"/>')

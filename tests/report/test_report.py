@@ -291,6 +291,7 @@ def test_shapes_are_in_the_page_once_per_port(reports, name):
     assert len(root.xpath("//figure[.//svg[@class='shapes']]//input")) == len(fit.target)
 
 
+@pytest.mark.slow
 def test_the_page_counts_the_modes_that_are_kept_everywhere_alike(tmp_path):
     """A tip that matters brings two static shapes, which are no modes;
     what a scene chose is not what was asked."""

@@ -131,6 +131,7 @@ def test_no_report_where_none_is_wanted(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["out.xml"]
 
 
+@pytest.mark.slow
 def test_less_than_asked_for_stands_in_the_verdict(tmp_path):
     text = spec("rod").read_text().replace("xy = 2", "xy = 12") + '\n[fit]\nsprings = "hinges"\n'
     (tmp_path / "many.toml").write_text(text)

@@ -62,6 +62,7 @@ def test_another_integrator_at_the_same_step_is_named_where_it_helps():
     assert (again.met, again.cure) == (True, None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("words", [[], ["--no-retime"]])
 def test_a_step_that_ruins_the_motion_is_no_success_and_the_cure_comes_first(tmp_path, words):
     craft = drawn(0.2, "Euler")

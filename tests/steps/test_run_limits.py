@@ -38,6 +38,7 @@ def craft(*keys: tuple[str, str, float]) -> str:
     return CRAFT.format(keys="".join(KEY.format(name=n, qvel=v, ctrl=c) for n, v, c in keys))
 
 
+@pytest.mark.slow
 def test_embed_warns_of_a_keyframe_beyond_the_chain():
     still = bc.embed(craft(("still", "0 0 0", 0.0), ("slow", "0 0 0.01", 0.0)), {"mount": SEED})
     assert not [w for w in still.warnings if "keyframe" in w]

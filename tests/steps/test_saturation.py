@@ -26,6 +26,7 @@ FORCE = 'forcerange="-100 100"'
 BENT = 1.0471976
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("joint", "servo", "gear", "chatters"),
     [

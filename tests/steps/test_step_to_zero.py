@@ -44,6 +44,7 @@ def embedded(folder, made, timestep):
     return bc.embed(folder / "craft.xml", at)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("payload", [0.0, pytest.param(10.0, marks=SLOW), 1000.0])
 def test_the_error_at_the_step_becomes_that_without_a_step(tmp_path, payload):
     made = boom(payload)
@@ -85,6 +86,7 @@ def test_so_it_does_for_the_shipped_arm(tmp_path, payload):
         assert stated == pytest.approx(error, rel=SAME, abs=FLOOR)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("make", "payload", "timestep"),
     [

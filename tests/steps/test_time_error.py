@@ -42,6 +42,7 @@ def test_the_error_of_the_poles_is_that_of_mj_step(both):
     assert ("exact in time" in said[0]) == (found.error < 1e-6)
 
 
+@pytest.mark.slow
 def test_the_error_of_the_response_is_that_of_the_run(both):
     drawn, made = both
     error, _ = stepped.sampled_error(drawn, made.model)

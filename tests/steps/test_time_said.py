@@ -65,6 +65,7 @@ def test_slowed_modes_are_named_by_the_coupled_frequency_from_which_on_they_are_
     assert bc.retime(plain, 0.0).time_error is None
 
 
+@pytest.mark.slow
 def test_retime_prints_both_errors_and_exits_with_3(tmp_path, capsys, monkeypatch):
     (tmp_path / "bus.xml").write_text(bus(0.02))
     (tmp_path / "boom.toml").write_text(
@@ -153,6 +154,7 @@ def test_a_step_is_judged_without_timing_too_and_the_resonance_it_shifts_is_name
     assert answer.out.count("above the tolerance") == 1
 
 
+@pytest.mark.slow
 def test_fit_is_decided_at_the_stated_step(tmp_path, capsys, monkeypatch):
     hub = "[root]\nhub = { mass = 83.0, inertia = [20.0, 30.0, 40.0], offset = [0.5, 0.0, 0.0] }\n"
     text = "name = 'boom'\n" + PART.format(8.0, 0.05) + hub + SCENE.format(1e-3)
@@ -223,6 +225,7 @@ def test_a_pole_that_a_drive_damps_is_named_and_euler_is_not_advised(damper):
     assert "joint 'drive' damps it, which timing cannot correct" in slowed
 
 
+@pytest.mark.slow
 def test_a_step_that_does_not_represent_the_band_does_not_meet_it(tmp_path):
     # a sampled motion is judged up to 2.6 rad per step: up to there a stiff boom, whose modes lie
     # beyond the band, has next to no error

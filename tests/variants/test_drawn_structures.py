@@ -126,6 +126,7 @@ def test_varied_scales_what_it_should():
     assert one.damping == spec.damping  # drawn on the tendons
 
 
+@pytest.mark.slow
 def test_structures_are_fitted_again_in_the_craft(tmp_path):
     """A structure and a mass drawn, against the craft embedded anew with that structure."""
     (tmp_path / "craft.xml").write_text(CRAFT)
