@@ -119,8 +119,7 @@ def test_study_warns_where_no_chain_reaches_a_target():
         "equal links, midpoint", 57, "RK4", 0.001, 5e-3, 5e-3, 9.0, 0.01, 0.0, 9.0, 3
     )
     ladders = tuple(studies.Ladder(studies.Entry(*p[:3]), [p], "") for p in (point, rival))
-    growth = studies.Growth((), None, (), None)
-    found = studies.Study(spec, studies.Options(), task.kept, loud, ladders, growth, 0.0)
+    found = studies.Study(spec, studies.Options(), task.kept, loud, ladders, 0.0)
     assert found.best(1e-2, "error") is None
     assert any(s.startswith("exact, hub, n = 2: slew") for s in studies._load_warnings(task, found))
     assert "exact, hub with n = 2 comes to 0.2" in answer(found)
@@ -139,8 +138,7 @@ def test_study_warns_of_a_load_beyond_the_chain():
         studies.Point("exact, hub", 2, "RK4", h, e, e, s, s / 100, 0.0, 1.5, 3) for h, e, s in rows
     ]
     ladders = (studies.Ladder(studies.Entry("exact, hub", 2, "RK4"), points, ""),)
-    growth = studies.Growth((), None, (), None)
-    quiet = studies.Study(spec, options, task.kept, scenario, ladders, growth, 0.0)
+    quiet = studies.Study(spec, options, task.kept, scenario, ladders, 0.0)
     assert studies._load_warnings(task, quiet) == ()
     said = studies._load_warnings(task, studies.replace(quiet, scenario=loud))
     assert any(s.startswith("exact, hub, n = 2: slew reached") for s in said)

@@ -18,7 +18,6 @@ from beamchain.studies import study as studies
 from beamchain.studies.field import Entry
 from beamchain.studies.run_time import (
     CLOCK,
-    Growth,
     Ladder,
     Point,
     climb,
@@ -312,9 +311,7 @@ def test_rivals_are_named_but_not_recommended():
     ladders = tuple(ladder(m, 2, [(0.1, 1e-3, s)]) for m, s in points)
     spec = bc.read_spec(SEED)
     _, scenario = studies.prepare(spec_toml(spec), studies.Options())
-    found = studies.Study(
-        spec, studies.Options(), {"xy": 2}, scenario, ladders, Growth((), None, (), None), 0.0
-    )
+    found = studies.Study(spec, studies.Options(), {"xy": 2}, scenario, ladders, 0.0)
     best = found.best(1e-2, "error")
     assert best is not None
     assert best.model == "exact, clamped"
@@ -363,16 +360,16 @@ def test_a_lucky_step_does_not_count():
     assert front.reach([found], "exact, hub", 1e-4, "error") is None
 
 
-def test_extrapolation_follows_the_sizes_slope():
+def test_a_target_beyond_all_sizes_is_not_reached():
     rows = [
         ladder("equal links, midpoint", n, [(1.0 / n**2, n**-2.0, 1e-6 * n**3)])
         for n in (5, 10, 20)
     ]
     reach = front.reach(rows, "equal links, midpoint", 1e-4, "error")
-    assert reach is not None
-    assert reach.extrapolated
-    assert reach.slope == pytest.approx(1.5)
-    assert reach.seconds == pytest.approx(1e-6 * 100.0**3)
+    assert reach is None
+    reached = front.reach(rows, "equal links, midpoint", 2e-3 * 2.0, "error")
+    assert reached is not None
+    assert reached.point.n == 20
 
 
 def test_front_keeps_only_what_nothing_beats():

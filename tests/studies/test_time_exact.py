@@ -12,7 +12,6 @@ from beamchain.studies import field
 from beamchain.studies import study as studies
 from beamchain.studies.field import TIMED, Entry, Task
 from beamchain.studies.run_time import (
-    Growth,
     Ladder,
     Point,
     climb,
@@ -169,9 +168,7 @@ def test_recommended_spec(damping):
     _, scenario = studies.prepare(spec_toml(spec), studies.Options())
     point = Point(TIMED, 3, "Euler", 0.5, 1e-4, 1e-4, 2e-4, 2e-6, 0.0, 1.5, 3)
     ladders = (Ladder(Entry(TIMED, 3, "Euler"), [point], ""),)
-    found = studies.Study(
-        spec, studies.Options(), {"xy": 2}, scenario, ladders, Growth((), None, (), None), 0.0
-    )
+    found = studies.Study(spec, studies.Options(), {"xy": 2}, scenario, ladders, 0.0)
     given = found.recommended(1e-3, "error")
     assert given is not None
     assert given.scene is not None

@@ -124,12 +124,6 @@ def show(result: "Study") -> None:
     print_table(reach_table(result, "error"))
     hub = ", ".join(f"{name} {1e6 * seconds:.2f} us" for name, seconds in result.rigid_hub.items())
     out.print(f"a step of the rigid hub alone: {hub}")
-    growth = result.growth
-    if growth.exponent is not None and growth.fit_exponent is not None:
-        out.print(
-            f"time per step grows as n^{growth.exponent:.2f} (n 10..100), "
-            f"time to fit as n^{growth.fit_exponent:.2f} (n 1..6)"
-        )
     print_warnings(result.warnings)
     for sentence in (*commands(result), *how_to_feed(result)):
         out.print(sentence)

@@ -23,7 +23,6 @@ from beamchain.studies.front import front
 
 if TYPE_CHECKING:
     from beamchain.steps.budget import Budget
-    from beamchain.studies.run_time import Growth
     from beamchain.studies.study import Study
 
 #: Ours in colours that differ in lightness, rivals in grey, each told by its mark too.
@@ -68,30 +67,6 @@ def pareto_figure(study: "Study") -> Figure:
     legend = figure.legend(loc="upper left", ncols=2, bbox_to_anchor=(0.09, 1.0))
     rows = (len(legend.get_texts()) + 1) // 2
     figure.subplots_adjust(left=0.11, right=0.98, bottom=0.085, top=0.93 - 0.035 * rows)
-    return figure
-
-
-@drawing()
-def growth_figure(growth: "Growth") -> Figure:
-    """Time per step against links, and time to find a chain against modes."""
-    figure = Figure(figsize=(WIDTH, 3.0), layout="constrained")
-    panels = (
-        ("Euler step against hinges", growth.step, growth.exponent, "µs", 1e6),
-        ("exact chain, found and compiled", growth.fit, growth.fit_exponent, "ms", 1e3),
-    )
-    for i, (title, points, exponent, unit, factor) in enumerate(panels, 1):
-        ax = figure.add_subplot(1, 2, i)
-        n, times = [float(n) for n, _ in points], [factor * t for _, t in points]
-        ax.loglog(n, times, color=OURS, marker="o", markersize=4.0)
-        if points:  # a study restricted to one model measures no growth
-            log_axis(ax.xaxis, (n[0], n[-1]), plain)
-            log_axis(ax.yaxis, (min(times), max(times)), plain)
-        ax.set(
-            title=title if exponent is None else f"{title}: n^{exponent:.2f}",
-            xlabel="n",
-            ylabel=unit,
-        )
-        ax.grid(which="major", color="#ececec", linewidth=0.5)
     return figure
 
 

@@ -1,9 +1,7 @@
-"""Error and run time of an entry over a ladder of steps; growth of time with the links."""
+"""Error and run time of an entry over a ladder of steps."""
 
 import statistics
-import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,11 +26,6 @@ SHORT = 0.02  # simulations shorter than this are repeated [s]
 FIRST = 30.0
 HUB_STEPS = 2000  # of the rigid hub beside each simulation, at most
 PROBE = 300  # steps simulated to foresee the cost of the first
-GROWTH_LINKS = (1, 2, 3, 5, 10, 20, 50, 100)
-GROWTH_MODES = (1, 2, 3, 4, 5, 6)
-LONG = 10  # exponents are fitted from here on: below it MuJoCo's own overhead rules
-GROWTH_STEPS = 200
-GROWTH_ROUNDS = 5
 
 #: Where an integrator's own clock stands after a step:
 #: the semi-implicit steps show motion half a step early.
@@ -233,48 +226,3 @@ def measure_in_turns(
             )
         )
     return out
-
-
-@dataclass(frozen=True)
-class Growth:
-    """Times against n, and their exponents in n."""
-
-    step: tuple[tuple[int, float], ...]  # n and seconds per Euler step of equal links
-    exponent: float | None  # from n = 10 on
-    # n and seconds to find and compile an exact chain of n modes
-    fit: tuple[tuple[int, float], ...]
-    fit_exponent: float | None
-
-
-def growth(task: Task) -> Growth:
-    """Measure both, in turns."""
-    if not task.planes:
-        return Growth((), None, (), None)
-    models = {
-        n: field.model_of(task, Entry("equal links, midpoint", n, "Euler")) for n in GROWTH_LINKS
-    }
-    wrench = np.zeros((GROWTH_STEPS, 6))
-    times: dict[int, list[float]] = {n: [] for n in GROWTH_LINKS}
-    for _ in range(GROWTH_ROUNDS):
-        for n, model in models.items():
-            times[n].append(simulate(model, "Euler", 1e-5, wrench).seconds / GROWTH_STEPS)
-    fits: dict[int, list[float]] = {}
-    for _ in range(GROWTH_ROUNDS):
-        for n in GROWTH_MODES:
-            start = time.thread_time()
-            try:
-                field.model_of(task, Entry("exact, clamped", n, "Euler"))
-            except BeamchainError:
-                continue
-            fits.setdefault(n, []).append(time.thread_time() - start)
-    step = [(n, statistics.median(t)) for n, t in times.items()]
-    fit = [(n, statistics.median(t)) for n, t in fits.items()]
-    return Growth(
-        tuple(step), _exponent([p for p in step if p[0] >= LONG]), tuple(fit), _exponent(fit)
-    )
-
-
-def _exponent(points: Sequence[tuple[int, float]]) -> float | None:
-    if len(points) < 2:
-        return None
-    return statistics.linear_regression(*np.log(points).T).slope

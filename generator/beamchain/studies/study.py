@@ -31,7 +31,7 @@ from beamchain.studies import field, front
 from beamchain.studies.field import Entry, Task
 from beamchain.studies.front import TARGETS, Metric, Reach, recommended_name
 from beamchain.studies.large_motion import LINEAR, nonlinear_share
-from beamchain.studies.run_time import Growth, Ladder, Point, climb, growth
+from beamchain.studies.run_time import Ladder, Point, climb
 from beamchain.studies.scenario import Scenario, make_scenario, parse_profile
 
 FULL_MODES = 30  # of the beam on the hub: one mode fewer changes the reference by less than 1e-9
@@ -62,7 +62,6 @@ class Study:
         kept: modes per port of the spec; the planes' numbers were varied.
         scenario: the load and the motion that it makes.
         ladders: per entry, its points.
-        growth: time against n.
         seconds: taken by the study [s].
         warnings: where the load drives a recommended chain beyond what it is right for.
 
@@ -83,7 +82,6 @@ class Study:
     kept: dict[str, int]
     scenario: Scenario
     ladders: tuple[Ladder, ...]
-    growth: Growth
     seconds: float
     warnings: tuple[str, ...] = ()
 
@@ -119,11 +117,7 @@ class Study:
     def best(self, target: float, metric: Metric) -> Reach | None:
         """The cheapest measured setting for a `target` in a `metric` among our chains,
         which keep their geometry."""
-        ours = [
-            r
-            for r in self.reach(target, metric).values()
-            if r.model in field.OURS and not r.extrapolated
-        ]
+        ours = [r for r in self.reach(target, metric).values() if r.model in field.OURS]
         return min(ours, key=lambda r: r.seconds, default=None)
 
     def nearest(self, metric: Metric) -> Point | None:
@@ -132,15 +126,13 @@ class Study:
         return found[-1][1] if found else None
 
     def rivals(self, target: float, metric: Metric) -> dict[str, Reach]:
-        """The rivals' cheapest settings for a `target` in a `metric`,
-        extrapolated where they did not reach it."""
+        """The rivals' cheapest settings for a `target` in a `metric`, of those that reach it."""
         return {
             model: r for model, r in self.reach(target, metric).items() if model not in field.OURS
         }
 
     def short_of(self, target: float, metric: Metric) -> dict[str, float]:
-        """Rivals that do not reach the `target` and cannot be extrapolated,
-        with the best error of each in that `metric`."""
+        """Rivals that do not reach the `target`, with the best error of each in that `metric`."""
         reached = self.reach(target, metric)
         fronts = {
             m: front.front([x for x in self.ladders if x.entry.model == m], metric)
@@ -270,7 +262,7 @@ def study(
         wanted = [e for e in wanted if e.model in (*options.models, field.RIGID_HUB)]
     jobs = [(text, scenario, options.budget, entry) for entry in wanted]
     ladders = run_jobs(measure_entry, jobs, workers=workers, progress=progress)
-    found = Study(spec, options, task.kept, scenario, tuple(ladders), growth(task), 0.0)
+    found = Study(spec, options, task.kept, scenario, tuple(ladders), 0.0)
     return replace(found, warnings=_load_warnings(task, found), seconds=time.perf_counter() - start)
 
 

@@ -18,7 +18,6 @@ def study_page(study: "Study") -> tuple[str, dict[str, str]]:
     """The text of study.html, and the SVG files to stand beside it, by name."""
     pictures = {
         "error_against_run_time.svg": to_svg(study_plots.pareto_figure(study), "pareto"),
-        "growth.svg": to_svg(study_plots.growth_figure(study.growth), "growth"),
     }
     machine = ", ".join(f"{key} {value}" for key, value in study.as_dict()["machine"].items())
     page = page_text(
@@ -95,10 +94,9 @@ def answer(study: "Study") -> str:
     )
     if near is None:
         return text
-    how = " (extrapolated along its measured slope)" if near.extrapolated else ""
     return (
         f"{text} The nearest rival, {near.model}, takes {short(near.seconds / best.seconds)} "
-        f"times as long{how}."
+        f"times as long."
     )
 
 

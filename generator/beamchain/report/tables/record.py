@@ -249,10 +249,6 @@ def study_record(study: "Study") -> dict[str, Any]:
         "rigid_hub": study.rigid_hub,
         "to_reach": _to_reach(study, "error"),
         "to_reach_appendage": _to_reach(study, "error_appendage"),
-        "growth": {
-            **_fields(study.growth, "step", "fit", "fit_exponent"),
-            "step_exponent": study.growth.exponent,
-        },
         **warnings_record(study.warnings),
         "seconds": study.seconds,
     }
@@ -279,4 +275,4 @@ def _to_reach(study: "Study", metric: Metric) -> dict[str, Any]:
 
 def _reach_record(reach: Reach) -> dict[str, Any]:
     setting = _fields(reach.point, "n", "integrator", "timestep")
-    return {**setting, **_fields(reach, "seconds", "extrapolated", "slope")}
+    return {**setting, **_fields(reach, "seconds")}

@@ -27,14 +27,11 @@ class Setting:
 
 
 def _setting(reach: Reach, target: str, best: float) -> Setting:
-    """Measured, or extrapolated, which the row says; `best`: our time [s]."""
+    """A setting as a row; `best`: our time [s]."""
     point = reach.point
     ratio = reach.seconds / best
     slower = "" if ratio == 1.0 else f" ({short(ratio)} x)"
     milliseconds = 1e3 * reach.seconds
-    if reach.extrapolated:
-        time = f"{short(milliseconds)}{slower}, extrapolated"
-        return Setting(target, point.model, "more", point.integrator, "less", time, "-")
     return Setting(
         target,
         point.model,
@@ -54,13 +51,13 @@ def _settings(study: "Study", metric: Metric) -> list[Setting]:
         rivals = sorted(study.rivals(target, metric).values(), key=lambda r: r.seconds)
         if best is None:
             settings.append(Setting(power(target), "none of ours within the budget"))
-            settings += [_setting(r, "", r.seconds) for r in rivals if not r.extrapolated]
+            settings += [_setting(r, "", r.seconds) for r in rivals]
             continue
         settings.append(_setting(best, power(target), best.seconds))
         settings += [_setting(rival, "", best.seconds) for rival in rivals]
         for model, floor in study.short_of(target, metric).items():
-            never = f"never: {floor:.2g} at best"
-            settings.append(Setting("", model, "any", "any", "any", never, "-"))
+            missed = f"not reached: {floor:.2g} at best"
+            settings.append(Setting("", model, "any", "any", "any", missed, "-"))
     return settings
 
 
