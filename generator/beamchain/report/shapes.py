@@ -12,7 +12,7 @@ from beamchain.report.formats import percent
 from beamchain.report.page import page_text
 from beamchain.report.plots import BEAM, OURS
 from beamchain.structure.beam import Beam
-from beamchain.structure.shapes import mode_shapes
+from beamchain.structure.discretise import Parts, sampled_model
 
 if TYPE_CHECKING:
     from beamchain.chain.chain import Chain
@@ -22,6 +22,20 @@ WIDTH, HEIGHT, LEFT, SWING = 640.0, 116.0, 14.0, 36.0  # of a mode's strip and i
 SLOWEST = 2.4  # seconds that the first mode takes for one oscillation on the page
 FASTEST = 0.5
 MOST = 6  # modes drawn
+POINTS = 80  # of a beam's shape, beside the root and the ends of segments
+MODES = 12  # that the sampled beam has at least
+
+
+def beam_shapes(beam: Beam, port: str, count: int, points: int = POINTS) -> tuple[Array, Array]:
+    """`x` `(k,)` [m] and displacement (or angle) `(count, k)` in the beam's mass-normalised
+    cantilever modes, from its finite elements."""
+    x = np.union1d(np.linspace(0.0, beam.length, points + 1), beam.starts)
+    parts = Parts(beam.segments, beam.joints, beam.lumps)
+    model = sampled_model(parts, port, max(count, MODES), tuple(x[1:-1].tolist()))
+    assert model.tip is not None
+    # columns: of the tip, then of every station; in bending each with its slope
+    moved = model.tip[:count, :: 2 if port in ("xy", "xz") else 1]
+    return x, np.column_stack([np.zeros(moved.shape[0]), moved[:, 1:], moved[:, 0]])
 
 
 def chain_shapes(chain: "Chain", port: str, model: PortModel) -> tuple[Array, Array]:
@@ -58,9 +72,9 @@ def shapes_svg(fit: "Fit", port: str) -> str:
     ours = fit.chain.port(port)
     count = min(kept_count(fit, port), ours.modes, MOST)
     full = fit.full[port].truncated(count)
-    x, exact = mode_shapes(beam, port, full)
     nodes, bent = chain_shapes(fit.chain, port, ours)
-    keep = np.unique([*range(0, x.size, max(x.size // 80, 1)), x.size - 1])
+    x, exact = beam_shapes(beam, port, count)
+    exact = exact * np.sign(exact[:, -1] * bent[:count, -1])[:, None]
 
     def points(at: Array, shape: Array, size: float) -> list[str]:
         scale = (WIDTH - 2.0 * LEFT) / beam.length
@@ -73,7 +87,7 @@ def shapes_svg(fit: "Fit", port: str) -> str:
             {
                 "told": f"{a:.5g} rad/s, chain {percent(float(b / a) - 1.0)}",
                 "seconds": max(SLOWEST * float(full.frequencies[0] / a), FASTEST),
-                "beam": points(x[keep], exact[k][keep], size),
+                "beam": points(x, exact[k], size),
                 "chain": points(nodes, bent[k], size),
             }
         )
