@@ -5,6 +5,7 @@
 # make hosts       the exported file in other simulators, each in an environment of its own; HOSTS="mjx warp newton" for more
 # make bench       print the timings that README and CHANGELOG quote
 # make bench-peers  the README's study beside Exudyn and Basilisk, an arm of two links beside Exudyn, a cantilever beside MuJoCo's own means, in an environment of its own under build/peers
+# make ledger      what the package says of some hundred craft, beside independent truths and the stored table; STORE=1 stores it, CRAFT="a b" for some
 # make fuzz        EXAMPLES hostile specifications, every reader with as many spoilt files, random craft, all from another seed every day, then coverage-guided where atheris installs
 # make test-kernels  the quick tests under each of KERNELS of OpenBLAS, with one thread and with two
 # make extremes    1586 extreme appendages, each checked independently; counts and a map in build/extremes
@@ -23,7 +24,7 @@ WORKERS ?= 2
 # a worker begins with tests that stand together, whose fixtures it makes once, and takes over others' at the end
 PYTEST := pytest --timeout 900 -n $(WORKERS) --dist worksteal
 
-.PHONY: demo test tests quick test-full hosts bench bench-peers notebooks docs docs-pictures wheel wheel-test wheel-newest lint clean fuzz extremes test-kernels
+.PHONY: demo test tests quick test-full hosts bench bench-peers notebooks docs docs-pictures wheel wheel-test wheel-newest lint clean fuzz extremes ledger test-kernels
 
 $(VENV)/.installed: pyproject.toml
 	@echo "installing into $(VENV), which takes a minute or more the first time"
@@ -96,6 +97,9 @@ fuzz: $(VENV)/.installed
 
 extremes: $(VENV)/.installed
 	PYTHONPATH=tests:tests/support $(BIN)/python -m extremes build/extremes
+
+ledger: $(VENV)/.installed
+	$(BIN)/python tests/ledger/ledger.py --workers $(WORKERS) $(if $(STORE),--store) $(CRAFT)
 
 notebooks: $(VENV)/.installed
 	$(BIN)/python notebooks/execute.py
