@@ -1,8 +1,8 @@
-"""The craft of the ledger, as small tables from which their files are written.
+"""The craft of the ledger, as tables from which their files and their exact trees are made.
 
-A craft is a dict: `hub` (mass, inertia), `step`, `integrator`, `places` (per place: offset and turn
-about z in degrees, or the path `place:port` of a carried body), `specs` per place, `riders` (bodies
-on ports), `keys` (angles of the joints by keyframe), `springs` on nothing. SI units and radians.
+A craft is a dict of `hub` (mass, inertia), `step`, `integrator`, `keys` (angles of the joints by
+keyframe) and `parts`: appendages with their place and, where a port carries a body, that body and
+what stands on it. SI units and radians.
 """
 
 import json
@@ -13,34 +13,31 @@ import truth
 from numpy.polynomial import Legendre, Polynomial
 from scipy.linalg import eigh
 
-ALUMINIUM = {"youngs_modulus": 7e10, "density": 2700.0, "poissons_ratio": 0.3}
-SHEET = {"youngs_modulus": 2e9, "density": 80.0, "poissons_ratio": 0.3}
 HUB = (300.0, (100.0, 120.0, 150.0))
-ALL = ["tx", "ty", "tz", "x", "y", "z"]
+Y, Z = (0, 1, 0), (0, 0, 1)
+CRAFTS = {}
 
 
-# -- appendages ------------------------------------------------------------------------------------
-def appendage(segments, *, band=20.0, tolerance=1e-3, ratio=0.005, axes=None, modes=None, **more):
-    """The dict of a SPEC.toml."""
-    spec = {"segment": segments, **more}
-    if ratio is not None:
-        spec["damping"] = {"ratio": ratio}
-    if modes:
-        spec["modes"] = modes
-    spec["scene"] = {"bandwidth": band, "tolerance": tolerance}
-    if axes:
-        spec["scene"]["axes"] = axes
-    return spec
+# -- appendages: dicts of SPEC.toml ----------------------------------------------------------------
+def scene(band=20.0, tolerance=1e-3, axes=None, ratio=0.005, modes=None):
+    out = {"scene": {"bandwidth": band, "tolerance": tolerance}}
+    out["scene"] |= {"axes": axes} if axes else {}
+    out |= {"modes": modes} if modes else {}
+    return out | ({} if ratio is None else {"damping": {"ratio": ratio}})
+
+
+def metal(length, young=7e10, density=2700.0, end=None, **section):
+    material = {"youngs_modulus": young, "density": density, "poissons_ratio": 0.3}
+    out = {"length": length, "section": section, "material": material}
+    return out | ({"section_end": section | end} if end else {})
 
 
 def tube(length, diameter, wall, **more):
-    section = {"shape": "tube", "outer_diameter": diameter, "wall": wall}
-    return {"length": length, "section": section, "material": ALUMINIUM, **more}
+    return metal(length, shape="tube", outer_diameter=diameter, wall=wall, **more)
 
 
 def bar(length, y, z, **more):
-    section = {"shape": "rectangle", "width_y": y, "width_z": z}
-    return {"length": length, "section": section, "material": ALUMINIUM, **more}
+    return metal(length, shape="rectangle", width_y=y, width_z=z, **more)
 
 
 def mast(length, ei, mass, gj=None, ei_xz=None):
@@ -50,166 +47,36 @@ def mast(length, ei, mass, gj=None, ei_xz=None):
     return {"length": length, "section": section}
 
 
-def panel(length, y=0.02, z=1.2):
-    section = {"shape": "rectangle", "width_y": y, "width_z": z}
-    return {"length": length, "section": section, "material": SHEET, "nonstructural_mass": 2.0}
+def tip(x, mass, inertia=0.0):
+    return {"x": x, "mass": mass, "inertia": [inertia] * 3}
+
+
+def boom(*segments, lump=(), joint=(), **more):
+    more = scene(**more)
+    more |= {"lump": list(lump)} if lump else {}
+    return {"segment": list(segments), **more} | ({"joint": list(joint)} if joint else {})
 
 
 def array(panels, length=2.0, soft=500.0, **more):
     """A yoke and panels with hinge lines between."""
     joints = [{"after_segment": i + 1, "stiffness_xy": soft / (1 + i)} for i in range(panels)]
-    segments = [tube(1.0, 0.06, 0.002), *(panel(length) for _ in range(panels))]
-    return appendage(segments, joint=joints, **more)
+    panel = bar(length, 0.02, 1.2, young=2e9, density=80.0) | {"nonstructural_mass": 2.0}
+    return boom(tube(1.0, 0.06, 0.002), *[panel] * panels, joint=joints, **more)
 
 
-def tip(x, mass, inertia=0.0):
-    return [{"x": x, "mass": mass, "inertia": [inertia] * 3}]
-
-
-# -- spacecraft ------------------------------------------------------------------------------------
-CRAFTS = {}
-
-
-def craft(
-    name, specs, *, hub=HUB, step=0.01, integrator="Euler", riders=None, keys=None, places=None
-):
-    """A craft with its appendages by place; by default they stand around the hub."""
-    free = [place for place in specs if ":" not in place and place not in (places or {})]
-    turns = {p: ((0.5, 0.0, 0.0), 360.0 * i / len(free)) for i, p in enumerate(free)}
-    assert name not in CRAFTS
-    CRAFTS[name] = {
-        "hub": hub,
-        "step": step,
-        "integrator": integrator,
-        "specs": specs,
-        "places": turns | (places or {}),
-        "riders": riders or {},
-        "keys": keys or {},
-    }
-
-
-# booms: length, diameter, wall, hub mass, ratio, integrator, step, band
-for name, length, d, wall, mass, ratio, integrator, step, band in (
-    ("plain", 8.0, 0.05, 0.002, 300.0, 0.005, "Euler", 0.01, 20.0),
-    ("rk4", 8.0, 0.05, 0.002, 300.0, 0.005, "RK4", 0.02, 20.0),
-    ("implicitfast", 8.0, 0.05, 0.002, 300.0, 0.005, "implicitfast", 0.002, 20.0),
-    ("implicit", 8.0, 0.05, 0.002, 300.0, 0.005, "implicit", 0.002, 20.0),
-    ("discrete", 8.0, 0.05, 0.002, 300.0, 0.005, "discrete", 0.002, 20.0),
-    ("long", 25.0, 0.08, 0.001, 500.0, 0.002, "RK4", 0.05, 6.0),
-    ("short", 3.0, 0.03, 0.001, 100.0, 0.01, "Euler", 0.002, 100.0),
-    ("light_damping", 8.0, 0.05, 0.002, 300.0, 1e-4, "RK4", 0.005, 20.0),
-    ("heavy_damping", 8.0, 0.05, 0.002, 300.0, 0.1, "Euler", 0.01, 20.0),
-    ("undamped", 8.0, 0.05, 0.002, 300.0, 0.0, "RK4", 0.005, 20.0),
-    ("unstated", 8.0, 0.05, 0.002, 300.0, None, "RK4", 0.005, 20.0),
-    ("hub_1", 8.0, 0.05, 0.002, 6.5, 0.005, "Euler", 0.01, 20.0),
-    ("hub_0.3", 8.0, 0.05, 0.002, 2.0, 0.005, "RK4", 0.01, 20.0),
-    ("hub_0.1", 8.0, 0.05, 0.002, 0.65, 0.005, "Euler", 0.005, 20.0),
-    ("hub_0.03", 8.0, 0.05, 0.002, 0.2, 0.005, "RK4", 0.005, 20.0),
-):
-    inertia = tuple(mass / 3.0 * k for k in (1.0, 1.2, 1.5))
-    craft(
-        f"boom_{name}",
-        {"mount": appendage([tube(length, d, wall)], ratio=ratio, band=band)},
-        hub=(mass, inertia),
-        step=step,
-        integrator=integrator,
-    )
-
-# trees of straight links: bodies on ports, with hinges
-LINK = {"modes": {"xy": 2, "xz": 2, "torsion": 1}, "tolerance": 0.02}
-
-
-def link(length, y, z, body, **more):
-    port = [{"name": "end", "x": length, "carries": [body]}] if body else []
-    spec = appendage([bar(length, y, z)], **{**LINK, **more})
-    return spec | ({"port": port} if port else {"lump": tip(length, 5.0, 0.2)})
-
-
-def rider(mass, inertia, axis=None, kp=0.0, kv=0.0):
-    return {"mass": mass, "inertia": (inertia,) * 3, "axis": axis, "kp": kp, "kv": kv}
-
-
-def arm(
-    name, links, bodies, axes, *, step=0.0005, integrator="Euler", keys=None, kp=0.0, kv=0.0, **more
-):
-    """Links in a row, body i at the end of link i, on a hinge where it has an axis."""
-    specs, riders, places = {}, {}, {"link0": ((0.5, 0.0, 0.0), 0.0)}
-    for i, (length, y, z) in enumerate(links):
-        body = f"body{i}" if i < len(bodies) else None
-        specs[f"link{i}"] = link(length, y, z, body, **more)
-        if body:
-            riders[body] = rider(*bodies[i], axes[i], kp, kv) | {"on": f"link{i}"}
-            places[f"link{i + 1}"] = body
-    craft(
-        name,
-        specs,
-        hub=(400.0, (80.0, 100.0, 120.0)),
-        step=step,
-        integrator=integrator,
-        riders=riders,
-        keys=keys,
-        places=places,
-    )
-
-
-Z, Y = (0, 0, 1), (0, 1, 0)
-UPPER, FORE = (6.0, 0.05, 0.08), (5.0, 0.04, 0.05)
-BENT = {"bent": [0.8], "square": [1.5708]}
-arm("arm_weld", [UPPER, FORE], [(4.0, 0.02)], [None])
-arm("arm_free", [UPPER, FORE], [(4.0, 0.02)], [Z], keys=BENT)
-arm("arm_servo", [UPPER, FORE], [(4.0, 0.02)], [Z], keys=BENT, kp=9000.0, kv=400.0)
-arm("arm_heavy", [UPPER, FORE], [(60.0, 2.0)], [Z], keys=BENT)
-arm(
-    "arm_three",
-    [UPPER, FORE, (3.0, 0.03, 0.04)],
-    [(4.0, 0.02), (3.0, 0.02)],
-    [Z, Y],
-    keys={"bent": [0.7, -0.5]},
-)
-
-# arrays: panels, length, soft, band, axes, integrator, step
-for name, panels, length, soft, band, axes, integrator, step in (
-    ("two", 2, 2.0, 600.0, 5.0, ["z"], "RK4", 0.05),
-    ("three", 3, 2.0, 500.0, 5.0, ["z"], "RK4", 0.05),
-    ("wide_band", 2, 2.0, 600.0, 25.0, None, "Euler", 0.005),
-    ("soft", 2, 2.5, 50.0, 5.0, None, "implicitfast", 0.002),
-):
-    craft(
-        f"array_{name}",
-        {"mount": array(panels, length, soft, band=band, axes=axes)},
-        integrator=integrator,
-        step=step,
-    )
-PAIR = array(2, band=5.0, axes=["z"])
-craft("array_pair", {"left": PAIR, "right": PAIR}, integrator="RK4", step=0.02)
-
-# masts: with bodies
-for name, length, ei, lumps, band in (
-    ("bare", 20.0, 8e5, [], 20.0),
-    ("instrument", 20.0, 8e5, tip(20.0, 20.0, 0.8), 20.0),
-    ("half_way", 20.0, 8e5, tip(10.0, 6.0, 0.05) + tip(20.0, 45.0, 2.0), 20.0),
-):
-    craft(
-        f"mast_{name}",
-        {"mount": appendage([mast(length, ei, 2.0)], band=band, lump=lumps)},
-        step=0.002,
-    )
-
-
-def plate(length, width, thickness, young=7e10, density=1500.0, poisson=0.3, modes=12):
+def plate(length, width, thickness, modes=12, **more):
     """Modes of a plate in the plane xy, held along x = 0, as a finite-element program delivers
     them: Ritz, with products of Legendre polynomials and x^2."""
+    young, density, poisson = 7e10, 1500.0, 0.3
     xi, weight = np.polynomial.legendre.leggauss(14)
     x, y = length * (1.0 + xi) / 2.0, width * xi / 2.0
     weight = np.outer(length * weight / 2.0, width * weight / 2.0).ravel()
-    along = [
-        Polynomial([0, 0, 1]) * Legendre.basis(i, [0, length]).convert(kind=Polynomial)
-        for i in range(8)
-    ]
+    along = [Legendre.basis(i, [0, length]).convert(kind=Polynomial) for i in range(8)]
+    along = [Polynomial([0, 0, 1]) * p for p in along]
     across = [Legendre.basis(j, [-width / 2, width / 2]).convert(kind=Polynomial) for j in range(6)]
 
     def rows(a, b):
-        f = [p.deriv(a)(x) if a else p(x) for p in along]
+        f = [(p.deriv(a) if a else p)(x) for p in along]
         g = [(p.deriv(b) if b else p)(y) + 0.0 * y for p in across]
         return np.array([np.outer(u, v).ravel() for u in f for v in g])
 
@@ -226,33 +93,224 @@ def plate(length, width, thickness, young=7e10, density=1500.0, poisson=0.3, mod
     mass = truth.body_mass(m, [m * w2, m * l2, m * (l2 + w2)])
     mass[1, 5] = mass[5, 1] = m * length / 2.0
     mass[2, 4] = mass[4, 2] = -m * length / 2.0
-    return {
+    table = {
         "frequencies_hz": (np.sqrt(squares) / (2.0 * np.pi)).tolist(),
         "participation": (per * (rigid * weight) @ (w.T @ shapes)).tolist(),
         "mass": mass.tolist(),
     }
+    return scene(**more) | {"imported": {}, "table": table}
 
 
-def imported(table, **more):
-    """Imported modes: the table stands beside the specification."""
-    spec = appendage([], **more)
-    del spec["segment"]
-    return spec | {"imported": {"file": "table"}, "table": table}
+def tank(radius, height, ratio=0.01, acceleration=0.05, band=1.0):
+    spec = {"shape": "cylinder", "radius": radius, "height": height, "density": 1010.0}
+    spec |= {"ratio": ratio, "acceleration": acceleration}
+    return scene(band, 1e-2, ratio=None) | {"slosh": spec}
 
 
-craft("plate_plain", {"mount": imported(plate(3.0, 1.0, 0.004), band=10.0)}, step=0.005)
+# -- spacecraft ------------------------------------------------------------------------------------
+def part(place, spec, turn=0.0, offset=(0.5, 0.0, 0.0), rider=None):
+    """An appendage at a place, which stands at `offset` in axes turned by degrees about z."""
+    if rider:
+        length = sum(segment["length"] for segment in spec["segment"])
+        spec = spec | {"port": [{"name": "end", "x": length, "carries": [rider["name"]]}]}
+    axes = truth.about(Z, math.radians(turn))
+    return {"place": place, "spec": spec, "turn": turn, "axes": axes, "offset": axes @ offset} | {
+        "rider": rider
+    }
 
 
-def slosh(radius, height, ratio=0.01, acceleration=0.05):
-    spec = {"slosh": {"shape": "cylinder", "radius": radius, "height": height, "density": 1010.0}}
-    spec["slosh"] |= {"ratio": ratio, "acceleration": acceleration}
-    return spec | {"scene": {"bandwidth": 1.0, "tolerance": 1e-2}}
+def rider(name, mass, inertia, *parts, axis=None, kp=0.0, kv=0.0):
+    """A body on a port: on a hinge where it has an axis, on a position servo where it has `kp`."""
+    body = {"name": name, "mass": mass, "inertia": (inertia,) * 3, "axis": axis}
+    return body | {"kp": kp, "kv": kv, "parts": parts}
 
 
-craft("tank", {"mount": slosh(0.4, 0.5)}, hub=(1500.0, (900.0, 900.0, 900.0)), step=0.02)
+def craft(name, *parts, hub=HUB, step=0.01, integrator="Euler", keys=None):
+    """A craft of parts; specifications alone stand around the hub."""
+    if "place" not in parts[0]:
+        turns = np.linspace(0.0, 360.0, len(parts), endpoint=False)
+        parts = [part(f"p{i}", spec, turns[i]) for i, spec in enumerate(parts)]
+    assert name not in CRAFTS
+    CRAFTS[name] = {"parts": parts, "hub": hub, "step": step, "integrator": integrator}
+    CRAFTS[name]["keys"] = keys or {}
 
 
-# -- files -----------------------------------------------------------------------------------------
+def hub_of(mass):
+    return mass, (mass / 3.0, mass / 2.5, mass / 2.0)
+
+
+PLAIN = tube(8.0, 0.05, 0.002)  # 6.5 kg, 3.5 rad/s
+for integrator, steps in {
+    "Euler": (0.002, 0.01, 0.05),
+    "implicit": (0.002, 0.02),
+    "implicitfast": (0.002, 0.02),
+    "discrete": (0.002, 0.02),
+    "RK4": (0.005, 0.02),
+}.items():
+    for step in steps:
+        craft(f"boom_{integrator}_{step}", boom(PLAIN), step=step, integrator=integrator)
+for ratio in (None, 0.0, 1e-6, 1e-4, 0.02, 0.1):
+    craft(f"boom_ratio_{ratio}", boom(PLAIN, ratio=ratio), step=0.005, integrator="RK4")
+for share in (1.0, 0.3, 0.1, 0.03):
+    for integrator in ("Euler", "RK4"):
+        craft(
+            f"light_{share}_{integrator}",
+            boom(PLAIN),
+            hub=hub_of(6.5 * share),
+            step=0.004,
+            integrator=integrator,
+        )
+craft("light_pair", *[boom(PLAIN)] * 2, hub=hub_of(3.0), step=0.004)
+craft("boom_long", boom(tube(25.0, 0.08, 0.001), band=6.0), step=0.05, integrator="RK4")
+craft("boom_short", boom(tube(3.0, 0.03, 0.001), band=100.0), hub=hub_of(100.0), step=0.002)
+craft("boom_taper", boom(tube(8.0, 0.06, 0.002, end={"outer_diameter": 0.03})))
+craft("boom_taper_wall", boom(tube(8.0, 0.05, 0.003, end={"wall": 0.001})), integrator="RK4")
+craft("boom_flat", boom(bar(6.0, 0.01, 0.06)))
+craft("boom_flat_taper", boom(bar(6.0, 0.02, 0.06, end={"width_y": 0.01})))
+craft("boom_two_pieces", boom(tube(4.0, 0.06, 0.002), tube(4.0, 0.04, 0.001)))
+craft("boom_typed", boom(PLAIN, modes={"xy": 3, "xz": 1}, tolerance=0.1))
+craft("boom_typed_all", boom(PLAIN, modes={"xy": 2, "xz": 2, "torsion": 1, "axial": 1}))
+craft("boom_tight", boom(PLAIN, tolerance=1e-5), step=0.001)
+craft("boom_loose", boom(PLAIN, tolerance=0.1), step=0.02)
+craft("boom_wide_band", boom(PLAIN, band=200.0, tolerance=1e-2), step=0.001)
+craft("boom_narrow_band", boom(PLAIN, band=2.0), step=0.05)
+craft("boom_about_y", boom(PLAIN, axes=["y"]))
+craft("boom_along_z", boom(PLAIN, axes=["tz"]), integrator="RK4")
+craft("boom_about_x", boom(PLAIN, band=300.0, axes=["x"]), step=0.001)
+for soft in (50.0, 1e3, 1e5):
+    root = [{"after_segment": 0, "stiffness_xy": soft, "stiffness_xz": 2.0 * soft}]
+    craft(f"boom_root_{soft:g}", boom(PLAIN, joint=root))
+
+MAST = mast(20.0, 8e5, 2.0)
+craft("mast", boom(MAST), step=0.002)
+craft("mast_instrument", boom(MAST, lump=[tip(20.0, 20.0, 0.8)]), step=0.002)
+craft("mast_half_way", boom(MAST, lump=[tip(10.0, 6.0, 0.05), tip(20.0, 45.0, 2.0)]), step=0.002)
+craft("mast_twists", boom(mast(20.0, 8e5, 2.0, gj=5e2), lump=[tip(20.0, 10.0, 5.0)]), step=0.002)
+craft("mast_two_planes", boom(mast(20.0, 8e5, 2.0, ei_xz=1e5), axes=["y", "z"]), step=0.002)
+craft("mast_heavy", boom(MAST, lump=[tip(20.0, 200.0, 20.0)]), hub=hub_of(900.0), step=0.005)
+craft(
+    "mast_canister",
+    boom(MAST, joint=[{"after_segment": 0, "stiffness_xy": 4e5, "stiffness_xz": 4e5}]),
+    step=0.002,
+)
+
+# panels, length, soft, band, axes, integrator, step
+for panels, length, soft, band, axes, integrator, step in (
+    (1, 2.0, 600.0, 5.0, ["z"], "RK4", 0.05),
+    (2, 2.0, 600.0, 5.0, ["z"], "RK4", 0.05),
+    (3, 2.0, 500.0, 5.0, ["z"], "RK4", 0.05),
+    (4, 1.5, 500.0, 5.0, None, "RK4", 0.02),
+    (2, 2.0, 600.0, 25.0, None, "Euler", 0.005),
+    (2, 2.5, 50.0, 5.0, None, "implicitfast", 0.002),
+    (2, 2.0, 5000.0, 5.0, ["x", "y", "z"], "implicit", 0.01),
+):
+    craft(
+        f"array_{panels}_{soft:g}_{integrator}",
+        array(panels, length, soft, band=band, axes=axes),
+        integrator=integrator,
+        step=step,
+    )
+PAIR = array(2, band=5.0, axes=["z"])
+craft("array_pair", PAIR, PAIR, integrator="RK4", step=0.02)
+craft("array_pair_timed", PAIR, PAIR, step=0.05)
+craft("array_and_boom", array(2, band=5.0), boom(PLAIN, band=5.0), integrator="RK4")
+craft("two_booms", boom(PLAIN), boom(tube(5.0, 0.05, 0.002)))
+craft("three_booms", *[boom(PLAIN)] * 3)
+craft("four_booms", *[boom(tube(n, 0.05, 0.002)) for n in (5.0, 6.0, 7.0, 8.0)], integrator="RK4")
+craft("mast_and_pair", boom(MAST, band=5.0), array(2, band=5.0), array(2, band=5.0), step=0.005)
+craft("skew_pair", part("a", boom(PLAIN), 40.0), part("b", boom(PLAIN), 200.0, (0.5, 0.3, 0.2)))
+
+for length, width, thickness, band, ratio in (
+    (3.0, 1.0, 0.004, 10.0, 0.005),
+    (2.0, 2.0, 0.004, 30.0, 0.005),
+    (4.0, 0.5, 0.004, 10.0, 0.02),
+    (1.0, 0.3, 0.002, 50.0, 0.001),
+):
+    craft(
+        f"plate_{length:g}_{width:g}",
+        plate(length, width, thickness, band=band, ratio=ratio),
+        step=0.005,
+    )
+craft("plate_pair", *[plate(3.0, 1.0, 0.004, band=10.0)] * 2, integrator="RK4")
+craft("plate_light_hub", plate(3.0, 1.0, 0.004, band=10.0), hub=hub_of(5.0), step=0.005)
+
+FULL = (1500.0, (900.0, 900.0, 900.0))
+for radius, height, ratio in ((0.4, 0.5, 0.01), (0.5, 0.2, 0.01), (0.3, 1.2, 0.05)):
+    craft(f"tank_{radius}_{height}", tank(radius, height, ratio), hub=FULL, step=0.02)
+craft("tank_pair", tank(0.4, 0.5), tank(0.4, 0.3), hub=FULL, step=0.02)
+craft("tank_and_boom", tank(0.4, 0.5, band=5.0), boom(PLAIN, band=5.0), hub=FULL, step=0.005)
+
+# trees: links in a row, a body at the end of each but the last
+UPPER, FORE = bar(6.0, 0.05, 0.08), bar(5.0, 0.04, 0.05)
+LINK = {"modes": {"xy": 2, "xz": 2, "torsion": 1}, "tolerance": 0.02}
+BENT = {"bent": [0.8], "square": [1.5708]}
+
+
+def arm(name, links, bodies, **more):
+    """`bodies`: mass, inertia, axis, kp, kv of each."""
+    last = boom(links[-1], lump=[tip(links[-1]["length"], 5.0, 0.2)], **LINK)
+    chain = part(f"link{len(bodies)}", last, offset=(0.0, 0.0, 0.0))
+    for i in reversed(range(len(bodies))):
+        mass, inertia, axis, kp, kv = (*bodies[i], None, 0.0, 0.0)[:5]
+        body = rider(f"body{i}", mass, inertia, chain, axis=axis, kp=kp, kv=kv)
+        where = (0.0 if i else 0.5, 0.0, 0.0)
+        chain = part(f"link{i}", boom(links[i], **LINK), offset=where, rider=body)
+    craft(name, chain, hub=(400.0, (80.0, 100.0, 120.0)), step=0.0005, **more)
+
+
+arm("arm_weld", [UPPER, FORE], [(4.0, 0.02)])
+arm("arm_free", [UPPER, FORE], [(4.0, 0.02, Z)], keys=BENT)
+arm("arm_servo", [UPPER, FORE], [(4.0, 0.02, Z, 9e3, 400.0)], keys={"square": [1.5708]})
+arm("arm_heavy", [UPPER, FORE], [(60.0, 2.0, Z)], keys={"square": [1.5708]})
+arm("arm_pitch", [UPPER, FORE], [(4.0, 0.02, Y)], keys={"bent": [0.8]}, integrator="RK4")
+arm(
+    "arm_three",
+    [UPPER, FORE, bar(3.0, 0.03, 0.04)],
+    [(4.0, 0.02, Z), (3.0, 0.02, Y)],
+    keys={"bent": [0.7, -0.5]},
+)
+arm("arm_four", [bar(3.0, 0.05, 0.08)] * 4, [(4.0, 0.02, Z), (4.0, 0.02), (4.0, 0.02, Z)])
+YOKE = boom(tube(2.0, 0.1, 0.003), **LINK)
+WING = boom(tube(5.0, 0.04, 0.002), **LINK)
+craft(
+    "yoke_two_wings",
+    part(
+        "yoke",
+        YOKE,
+        rider=rider("drive", 5.0, 0.1, part("left", WING, 90.0), part("right", WING, -90.0)),
+    ),
+    step=0.001,
+)
+craft(
+    "payload_at_tip", part("yoke", boom(PLAIN, **LINK), rider=rider("load", 30.0, 3.0)), step=0.001
+)
+
+
+def drawn(k):
+    """Six numbers in 0..1, spread evenly over all k."""
+    return [(0.5 + k * step) % 1.0 for step in np.power(1.1673039782614187, -np.arange(1.0, 8.0))]
+
+
+for k in range(12):
+    d = drawn(k)
+    length, band = round(3.0 + 12.0 * d[0], 2), round(3.0 * 10.0 ** d[1], 2)
+    spec = boom(
+        tube(length, round(0.02 + 0.06 * d[2], 3), 0.001),
+        band=band,
+        tolerance=5e-3,
+        ratio=round(10.0 ** (-3.0 + 2.0 * d[3]), 5),
+        lump=[tip(length, round(10.0 * d[4], 2), 0.05)],
+    )
+    craft(
+        f"drawn_{k}",
+        spec,
+        hub=hub_of(round(10.0 ** (0.5 + 2.0 * d[5]), 2)),
+        step=round(0.3 * d[6] / band + 1e-3, 4),
+        integrator=("Euler", "RK4", "implicitfast")[k % 3],
+    )
+
+
+# -- files and trees -------------------------------------------------------------------------------
 def _value(value):
     if isinstance(value, dict):
         return "{ " + ", ".join(f"{k} = {_value(v)}" for k, v in value.items()) + " }"
@@ -261,99 +319,74 @@ def _value(value):
     return json.dumps(value)
 
 
-def toml(name, spec):
-    """The text of a SPEC.toml, and that of its table of modes, empty without one."""
-    out, table = [f'name = "{name}"'], spec.get("table")
+def files(place, spec):
+    """The text of a SPEC.toml, and that of its table of modes; by name."""
+    out = f'name = "{place}"\n'
+    table = f"{place}_modes.toml"
     for key, value in spec.items():
-        if key == "table":
-            continue
-        many = isinstance(value, list)
-        for each in value if many else [value]:
-            each = {"file": f"{name}_modes.toml"} if key == "imported" else each
-            out += ["", f"[[{key}]]" if many else f"[{key}]"]
-            out += [f"{k} = {_value(v)}" for k, v in each.items()]
-    text = "".join(f"{k} = {_value(v)}\n" for k, v in (table or {}).items())
-    return "\n".join(out) + "\n", text
+        for each in value if isinstance(value, list) else [value] if key != "table" else []:
+            rows = {"file": table} if key == "imported" else each
+            out += f"\n[[{key}]]\n" if isinstance(value, list) else f"\n[{key}]\n"
+            out += "".join(f"{k} = {_value(v)}\n" for k, v in rows.items())
+    modes = "".join(f"{k} = {_value(v)}\n" for k, v in spec.get("table", {}).items())
+    return {f"{place}.toml": out} | ({table: modes} if modes else {})
+
+
+def parts_of(parts):
+    """All parts of a tree, root first."""
+    for p in parts:
+        yield p
+        yield from parts_of(p["rider"]["parts"] if p["rider"] else ())
+
+
+def _numbers(values):
+    return " ".join(f"{v:.12g}" for v in values)
+
+
+def _inside(parts):
+    out = ""
+    for p in parts:
+        half = math.radians(p["turn"]) / 2.0
+        turn = f'quat="{_numbers([math.cos(half), 0.0, 0.0, math.sin(half)])}"'
+        out += f'<site name="{p["place"]}" pos="{_numbers(p["offset"])}" {turn}/>'
+        if body := p["rider"]:
+            end = p["offset"] + p["axes"][:, 0] * p["spec"]["port"][0]["x"]
+            out += f'<body name="{body["name"]}" pos="{_numbers(end)}" {turn}>'
+            if body["axis"]:
+                out += f'<joint name="{body["name"]}" axis="{_numbers(body["axis"])}"/>'
+            out += f'<inertial pos="0 0 0" mass="{body["mass"]}" '
+            out += f'diaginertia="{_numbers(body["inertia"])}"/>{_inside(body["parts"])}</body>'
+    return out
 
 
 def mjcf(c):
     """The text of the bare spacecraft."""
-    numbers = lambda values: " ".join(f"{v:.12g}" for v in values)  # noqa: E731
-
-    def sites(owner):
-        out = ""
-        for place, at in c["places"].items():
-            if isinstance(at, str):
-                out += f'<site name="{place}"/>' if at == owner else ""
-            elif owner == "hub":
-                half = math.radians(at[1]) / 2.0
-                x = [math.cos(2.0 * half) * at[0][0], math.sin(2.0 * half) * at[0][0], at[0][2]]
-                turn = numbers([math.cos(half), 0.0, 0.0, math.sin(half)])
-                out += f'<site name="{place}" pos="{numbers(x)}" quat="{turn}"/>'
-        return out
-
-    def riders(owner, x):
-        out = ""
-        for name, body in c["riders"].items():
-            if c["places"][body["on"]] == owner or (owner == "hub" and body["on"] == "link0"):
-                at = x + c["specs"][body["on"]]["segment"][0]["length"]
-                out += f'<body name="{name}" pos="{at} 0 0">'
-                if body["axis"]:
-                    out += f'<joint name="{name}" type="hinge" axis="{numbers(body["axis"])}"/>'
-                out += f'<inertial pos="0 0 0" mass="{body["mass"]}" '
-                out += f'diaginertia="{numbers(body["inertia"])}"/>{sites(name)}'
-                out += riders(name, 0.0) + "</body>"
-        return out
-
+    bodies = [p["rider"] for p in parts_of(c["parts"]) if p["rider"]]
+    servos = [b for b in bodies if b["kp"]]
+    drives = [f'<position joint="{b["name"]}" kp="{b["kp"]}" kv="{b["kv"]}"/>' for b in servos]
+    keys = ""
+    for key, angles in c["keys"].items():
+        held = f'ctrl="{_numbers(angles)}"' if servos else ""
+        keys += f'<key name="{key}" qpos="0 0 0 1 0 0 0 {_numbers(angles)}" {held}/>'
     mass, inertia = c["hub"]
-    turning = [n for n, b in c["riders"].items() if b["axis"]]
-    keys = "".join(
-        f'<key name="{k}" qpos="0 0 0 1 0 0 0 {numbers(v)}" ctrl="{numbers(v) if _driven(c) else ""}"/>'
-        for k, v in c["keys"].items()
-    )
-    servos = "".join(
-        f'<position joint="{n}" kp="{c["riders"][n]["kp"]}" kv="{c["riders"][n]["kv"]}"/>'
-        for n in turning
-        if c["riders"][n]["kp"]
-    )
     return (
         f'<mujoco model="craft"><option gravity="0 0 0" timestep="{c["step"]}" '
         f'integrator="{c["integrator"]}"/><worldbody><body name="hub"><freejoint/>'
-        f'<inertial pos="0 0 0" mass="{mass}" diaginertia="{numbers(inertia)}"/>'
-        f"{sites('hub')}{riders('hub', 0.5)}</body></worldbody>"
-        f"<actuator>{servos}</actuator><keyframe>{keys}</keyframe></mujoco>"
-    ).replace(' ctrl=""', "")
+        f'<inertial pos="0 0 0" mass="{mass}" diaginertia="{_numbers(inertia)}"/>'
+        f"{_inside(c['parts'])}</body></worldbody><actuator>{''.join(drives)}</actuator>"
+        f"<keyframe>{keys}</keyframe></mujoco>"
+    )
 
 
-def _driven(c):
-    return any(b["kp"] for b in c["riders"].values())
-
-
-def exact(c):
-    """The tree of `truth.assemble`: hub and parts."""
-
-    def item(spec):
+def exact(parts):
+    """The same tree with exact appendages, for `truth.assemble`."""
+    out = []
+    for p in parts:
+        spec, body = p["spec"], p["rider"]
         if "slosh" in spec:
-            return truth.tank(spec)
-        return truth.delivered(spec, spec["table"]) if "table" in spec else truth.beam(spec)
-
-    def parts(owner, offset):
-        out = []
-        for place, at in c["places"].items():
-            if isinstance(at, str):
-                if at != owner:
-                    continue
-                where, axes = (0.0, 0.0, 0.0), truth.about((0, 0, 1), 0.0)
-            elif owner == "hub":
-                axes = truth.about((0, 0, 1), math.radians(at[1]))
-                where = axes @ at[0]
-            else:
-                continue
-            riding = None
-            for name, body in c["riders"].items():
-                if body["on"] == place:
-                    riding = body | {"parts": parts(name, 0.0)}
-            out.append((where, axes, item(c["specs"][place]), riding))
-        return out
-
-    return c["hub"], parts("hub", 0.5)
+            item = truth.tank(spec)
+        else:
+            item = truth.delivered(spec) if "table" in spec else truth.beam(spec)
+        carried = body and body | {"parts": exact(body["parts"])}
+        out.append((p["offset"], p["axes"], item, carried))
+    return out

@@ -168,8 +168,9 @@ def damping(spec):
     return spec.get("damping", {"ratio": None})["ratio"]
 
 
-def delivered(spec, table):
+def delivered(spec):
     """An appendage given as a table of modes."""
+    table = spec["table"]
     w = 2.0 * np.pi * np.array(table["frequencies_hz"])
     rows, mass = np.array(table["participation"]), np.array(table["mass"])
     return Appendage(w, damping(spec), rows, mass, 0.0 * rows, 0.0)
@@ -355,28 +356,26 @@ def step_map(model, qpos):
     return a, b
 
 
-def largest_step(model, near):
-    """The step at which a file begins to grow at rest, looked for about `near`; infinite where
-    it does not within thirty times that."""
-    original = model.opt.timestep
+def largest_step(model):
+    """The step at which a file begins to grow at rest; infinite where it does not within a
+    thousand times its own."""
+    own = low = model.opt.timestep
 
     def grows(h):
         model.opt.timestep = h
         a, _ = step_map(model, model.qpos0)
         return np.max(np.abs(np.linalg.eigvals(a[6:, 6:]))) > GROWS
 
-    low, high = 0.9 * near, 1.1 * near
     while grows(low):
-        low, high = low / 2.0, low
-    while high < 30.0 * near and not grows(high):
-        low, high = high, 2.0 * high
-    if high >= 30.0 * near:
-        low = np.inf
-    else:
-        for _ in range(12):
-            middle = (low + high) / 2.0
-            low, high = (low, middle) if grows(middle) else (middle, high)
-    model.opt.timestep = original
+        low /= 1.2
+    high = 1.2 * low
+    while not grows(high):
+        low, high = high, 1.2 * high
+        if high > 1e3 * own:
+            return np.inf
+    for _ in range(14):
+        middle = (low + high) / 2.0
+        low, high = (low, middle) if grows(middle) else (middle, high)
     return low
 
 
@@ -473,7 +472,7 @@ class Judge:
         omega = _grid([self.truth.peaks, file.peaks], self.band)
         return _maximum(lambda w: self._off(file.accelerance(w), self.truth.accelerance(w)), omega)
 
-    def sampled_error(self, a, b, h, mean):
+    def sampled_error(self, a, b, h, *, mean):
         """At the step; `mean`: whether the file is given the mean of two inputs."""
         nv = a.shape[0] // 2
         moving = a[6:, 6:]
