@@ -2,7 +2,7 @@
 
 A craft is a dict of `hub` (mass, inertia), `step`, `integrator`, `keys` (angles of the joints by
 keyframe) and `parts`: appendages with their place and, where a port carries a body, that body and
-what stands on it. SI units and radians.
+what stands on it; `specs`, `axes` and `hinges` follow from them. SI units and radians.
 """
 
 import json
@@ -125,14 +125,30 @@ def rider(name, mass, inertia, *parts, axis=None, kp=0.0, kv=0.0):
     return body | {"kp": kp, "kv": kv, "parts": parts}
 
 
+def parts_of(parts):
+    """All parts of a tree, root first."""
+    for p in parts:
+        yield p
+        yield from parts_of(p["rider"]["parts"] if p["rider"] else ())
+
+
 def craft(name, *parts, hub=HUB, step=0.01, integrator="Euler", keys=None):
     """A craft of parts; specifications alone stand around the hub."""
+    assert name not in CRAFTS
     if "place" not in parts[0]:
         turns = np.linspace(0.0, 360.0, len(parts), endpoint=False)
         parts = [part(f"p{i}", spec, turns[i]) for i, spec in enumerate(parts)]
-    assert name not in CRAFTS
-    CRAFTS[name] = {"parts": parts, "hub": hub, "step": step, "integrator": integrator}
-    CRAFTS[name]["keys"] = keys or {}
+    riders = [p["rider"] for p in parts_of(parts) if p["rider"]]
+    CRAFTS[name] = {
+        "parts": parts,
+        "hub": hub,
+        "step": step,
+        "integrator": integrator,
+        "keys": keys or {},
+        "specs": {p["place"]: p["spec"] for p in parts_of(parts)},
+        "axes": next(parts_of(parts))["spec"]["scene"].get("axes", truth.AXES),
+        "hinges": [body["name"] for body in riders if body["axis"]],
+    }
 
 
 def hub_of(mass):
@@ -176,7 +192,8 @@ craft("boom_wide_band", boom(PLAIN, band=200.0, tolerance=1e-2), step=0.001)
 craft("boom_narrow_band", boom(PLAIN, band=2.0), step=0.05)
 craft("boom_about_y", boom(PLAIN, axes=["y"]))
 craft("boom_along_z", boom(PLAIN, axes=["tz"]), integrator="RK4")
-craft("boom_about_x", boom(PLAIN, band=300.0, axes=["x"]), step=0.001)
+craft("boom_about_x", boom(PLAIN, band=800.0, axes=["x"]), step=0.0005)
+craft("boom_stiff_about_x", boom(PLAIN, band=300.0, axes=["x"]), step=0.001)  # keeps no mode
 for soft in (50.0, 1e3, 1e5):
     root = [{"after_segment": 0, "stiffness_xy": soft, "stiffness_xz": 2.0 * soft}]
     craft(f"boom_root_{soft:g}", boom(PLAIN, joint=root))
@@ -243,33 +260,33 @@ craft("tank_and_boom", tank(0.4, 0.5, band=5.0), boom(PLAIN, band=5.0), hub=FULL
 # trees: links in a row, a body at the end of each but the last
 UPPER, FORE = bar(6.0, 0.05, 0.08), bar(5.0, 0.04, 0.05)
 LINK = {"modes": {"xy": 2, "xz": 2, "torsion": 1}, "tolerance": 0.02}
-BENT = {"bent": [0.8], "square": [1.5708]}
 
 
 def arm(name, links, bodies, **more):
-    """`bodies`: mass, inertia, axis, kp, kv of each."""
+    """`bodies`: mass and inertia of each, and the keywords of its hinge."""
     last = boom(links[-1], lump=[tip(links[-1]["length"], 5.0, 0.2)], **LINK)
     chain = part(f"link{len(bodies)}", last, offset=(0.0, 0.0, 0.0))
     for i in reversed(range(len(bodies))):
-        mass, inertia, axis, kp, kv = (*bodies[i], None, 0.0, 0.0)[:5]
-        body = rider(f"body{i}", mass, inertia, chain, axis=axis, kp=kp, kv=kv)
+        mass, inertia, hinge = bodies[i]
+        body = rider(f"body{i}", mass, inertia, chain, **hinge)
         where = (0.0 if i else 0.5, 0.0, 0.0)
         chain = part(f"link{i}", boom(links[i], **LINK), offset=where, rider=body)
-    craft(name, chain, hub=(400.0, (80.0, 100.0, 120.0)), step=0.0005, **more)
+    craft(name, chain, hub=(400.0, (80.0, 100.0, 120.0)), **{"step": 0.001, **more})
 
 
-arm("arm_weld", [UPPER, FORE], [(4.0, 0.02)])
-arm("arm_free", [UPPER, FORE], [(4.0, 0.02, Z)], keys=BENT)
-arm("arm_servo", [UPPER, FORE], [(4.0, 0.02, Z, 9e3, 400.0)], keys={"square": [1.5708]})
-arm("arm_heavy", [UPPER, FORE], [(60.0, 2.0, Z)], keys={"square": [1.5708]})
-arm("arm_pitch", [UPPER, FORE], [(4.0, 0.02, Y)], keys={"bent": [0.8]}, integrator="RK4")
-arm(
-    "arm_three",
-    [UPPER, FORE, bar(3.0, 0.03, 0.04)],
-    [(4.0, 0.02, Z), (3.0, 0.02, Y)],
-    keys={"bent": [0.7, -0.5]},
-)
-arm("arm_four", [bar(3.0, 0.05, 0.08)] * 4, [(4.0, 0.02, Z), (4.0, 0.02), (4.0, 0.02, Z)])
+YAW, PITCH, WELD = {"axis": Z}, {"axis": Y}, {}
+SERVO = YAW | {"kp": 9e3, "kv": 400.0}
+SQUARE = {"square": [1.5708]}
+arm("arm_weld", [UPPER, FORE], [(4.0, 0.02, WELD)])
+arm("arm_free", [UPPER, FORE], [(4.0, 0.02, YAW)], keys={"bent": [0.8], "square": [1.5708]})
+arm("arm_servo", [UPPER, FORE], [(4.0, 0.02, SERVO)], keys=SQUARE, step=0.0005)
+arm("arm_heavy", [UPPER, FORE], [(60.0, 2.0, YAW)], keys=SQUARE)
+arm("arm_pitch", [UPPER, FORE], [(4.0, 0.02, PITCH)], keys={"bent": [0.8]}, integrator="RK4")
+THREE = [UPPER, FORE, bar(3.0, 0.03, 0.04)]
+arm("arm_three", THREE, [(4.0, 0.02, YAW), (3.0, 0.02, WELD)], keys={"bent": [0.7]})
+arm("arm_three_hinged", THREE, [(4.0, 0.02, YAW), (3.0, 0.02, PITCH)], keys={"bent": [0.7, -0.5]})
+FOUR = [(4.0, 0.02, WELD), (4.0, 0.02, PITCH), (4.0, 0.02, WELD)]
+arm("arm_four", [bar(3.0, 0.05, 0.08)] * 4, FOUR, keys={"bent": [0.7]})
 YOKE = boom(tube(2.0, 0.1, 0.003), **LINK)
 WING = boom(tube(5.0, 0.04, 0.002), **LINK)
 craft(
@@ -330,13 +347,6 @@ def files(place, spec):
             out += "".join(f"{k} = {_value(v)}\n" for k, v in rows.items())
     modes = "".join(f"{k} = {_value(v)}\n" for k, v in spec.get("table", {}).items())
     return {f"{place}.toml": out} | ({table: modes} if modes else {})
-
-
-def parts_of(parts):
-    """All parts of a tree, root first."""
-    for p in parts:
-        yield p
-        yield from parts_of(p["rider"]["parts"] if p["rider"] else ())
 
 
 def _numbers(values):

@@ -50,15 +50,9 @@ def _section(segment, s):
     d = {k: v + s * (end[k] - v) for k, v in start.items() if isinstance(v, float)}
     extra = segment.get("nonstructural_mass", 0.0) + 0.0 * s
     if start["shape"] == "equivalent":
-        xy = d["bending_stiffness_xy"]
-        rest = [d.get("torsion_stiffness"), d.get("axial_stiffness"), d["linear_mass"] + extra]
-        return dict(
-            zip(
-                [*PORTS, "mass", "polar"],
-                [xy, d.get("bending_stiffness_xz", xy), *rest, d["polar_inertia"]],
-                strict=True,
-            )
-        )
+        keys = ["bending_stiffness_xy", "bending_stiffness_xz", "torsion_stiffness"]
+        found = [d.get(k) for k in [*keys, "axial_stiffness"]] + [d["linear_mass"] + extra]
+        return dict(zip([*PORTS, "mass", "polar"], [*found, d["polar_inertia"]], strict=True))
     if start["shape"] == "tube":
         outer = d["outer_diameter"] / 2.0
         inner = outer - d["wall"]
@@ -273,7 +267,17 @@ def assemble(hub, parts, angles):
 
 
 # -- a file ----------------------------------------------------------------------------------------
-def still(model, qpos):
+def _differences(function, count, eps):
+    """Derivatives of a function by each of `count` numbers about zero, a column each, from
+    differences of fourth order."""
+    columns = [
+        8.0 * (function(x) - function(-x)) - (function(2.0 * x) - function(-2.0 * x))
+        for x in eps * np.eye(count)
+    ]
+    return np.array(columns).T / (12.0 * eps)
+
+
+def _still(model, qpos):
     """Data at rest at a pose, whatever pulls there balanced."""
     data = mujoco.MjData(model)
     data.qpos[:] = qpos
@@ -284,76 +288,52 @@ def still(model, qpos):
 
 def compiled(model, qpos):
     """`(M, C, K)` of a compiled file at a pose, from differences of its forces."""
-    data = still(model, qpos)
-    nv = model.nv
-    m, c, k = np.zeros((3, nv, nv))
-    column = np.zeros(nv)
-    for i, unit in enumerate(np.eye(nv)):
+    data, nv, mass = _still(model, qpos), model.nv, np.zeros((model.nv, model.nv))
+    for column, unit in zip(mass, np.eye(nv), strict=True):
         mujoco.mj_mulM(model, data, column, unit)
-        m[i] = column
 
-    def force(direction, rate):
-        data.qpos[:] = qpos
-        data.qvel[:] = rate
-        mujoco.mj_integratePos(model, data.qpos, direction, 1.0)
-        mujoco.mj_fwdPosition(model, data)
-        mujoco.mj_fwdVelocity(model, data)
-        mujoco.mj_fwdActuation(model, data)
-        return data.qfrc_passive + data.qfrc_actuator
+    def pull(moved, rate):
+        data.qpos[:], data.qvel[:] = qpos, rate
+        mujoco.mj_integratePos(model, data.qpos, moved, 1.0)
+        mujoco.mj_forward(model, data)
+        return -data.qfrc_passive - data.qfrc_actuator
 
-    none, eps = np.zeros(nv), 1e-4
-    for i, unit in enumerate(np.eye(nv)):
-        c[:, i] = (force(none, -eps * unit) - force(none, eps * unit)) / (2.0 * eps)
-        if i > 5:
-            k[:, i] = (force(-eps * unit, none) - force(eps * unit, none)) / (2.0 * eps)
-    return m, (c + c.T) / 2.0, (k + k.T) / 2.0
+    none = np.zeros(nv)
+    c = _differences(lambda x: pull(none, x), nv, 1e-4)
+    k = _differences(lambda x: pull(x, none), nv, 1e-4)
+    k[:, :6] = 0.0
+    return mass, (c + c.T) / 2.0, (k + k.T) / 2.0
 
 
-def lacking(m, c, k, dofs, undamped):
-    """`(nv, nv)` damping that the held modes of an appendage's degrees of freedom lack."""
-    out = np.zeros_like(m)
-    if not len(dofs):
-        return out
-    own = np.ix_(dofs, dofs)
-    squares, shapes = eigh(k[own], m[own])
-    w = np.sqrt(squares)
-    ratio = np.einsum("ik,ij,jk->k", shapes, c[own], shapes) / (2.0 * w)
-    want = np.where(ratio > 1e-9, np.maximum(ratio, LEAST), undamped)
-    push = m[own] @ shapes
-    out[own] = push * (2.0 * (want - ratio) * w) @ push.T
+def lacking(m, c, k, dofs, least):
+    """`(nv, nv)` what the held modes of an appendage's degrees of freedom lack of a ratio."""
+    out, own = np.zeros_like(m), np.ix_(dofs, dofs)
+    if dofs:
+        squares, shapes = eigh(k[own], m[own])
+        wanted = 2.0 * least * np.sqrt(squares) - np.einsum("ik,ij,jk->k", shapes, c[own], shapes)
+        push = m[own] @ shapes
+        out[own] = push * wanted @ push.T
     return out
 
 
 def step_map(model, qpos):
     """`(A, B)` of `mj_step` at a pose: tangents of positions, rates; wrenches on the hub."""
-    data = still(model, qpos)
-    hold = data.qfrc_applied.copy()
-    nv = model.nv
-    hub = int(model.jnt_bodyid[0])
+    data = _still(model, qpos)
+    hold, nv = data.qfrc_applied.copy(), model.nv
 
-    def after(dq, dv, wrench):
+    def after(x):
         mujoco.mj_resetData(model, data)
-        data.qpos[:] = qpos
-        mujoco.mj_integratePos(model, data.qpos, dq, 1.0)
-        data.qvel[:], data.qfrc_applied[:], data.xfrc_applied[hub] = dv, hold, wrench
+        data.qpos[:], data.qvel[:] = qpos, x[nv : 2 * nv]
+        mujoco.mj_integratePos(model, data.qpos, x[:nv], 1.0)
+        data.qfrc_applied[:], data.xfrc_applied[model.jnt_bodyid[0]] = hold, 100.0 * x[2 * nv :]
         mujoco.mj_step(model, data)
-        out = np.zeros(2 * nv)
-        mujoco.mj_differentiatePos(model, out[:nv], 1.0, qpos, data.qpos)
-        out[nv:] = data.qvel
-        return out
+        moved = np.zeros(nv)
+        mujoco.mj_differentiatePos(model, moved, 1.0, qpos, data.qpos)
+        return np.concatenate([moved, data.qvel])
 
-    a = np.zeros((2 * nv, 2 * nv))
-    b = np.zeros((2 * nv, 6))
-    none, nothing, eps = np.zeros(nv), np.zeros(6), 1e-5
-    for i, unit in enumerate(eps * np.eye(nv)):
-        a[:, nv + i] = (after(none, unit, nothing) - after(none, -unit, nothing)) / (2.0 * eps)
-        if i < 6:  # where the hub is makes no difference
-            a[i, i] = 1.0
-        else:
-            a[:, i] = (after(unit, none, nothing) - after(-unit, none, nothing)) / (2.0 * eps)
-    for i, unit in enumerate(1e-3 * np.eye(6)):
-        b[:, i] = (after(none, none, unit) - after(none, none, -unit)) / 2e-3
-    return a, b
+    a = _differences(after, 2 * nv + 6, 1e-3)  # MuJoCo ignores turns below 1e-15
+    a[:, :6] = np.eye(2 * nv, 6)  # where the hub is makes no difference
+    return a[:, : 2 * nv], a[:, 2 * nv :] / 100.0
 
 
 def largest_step(model):
@@ -402,18 +382,20 @@ class Poles:
         rows = np.eye(len(rates), 2 * len(rates), len(rates))
         self.peaks = np.concatenate([self.poles, np.linalg.eigvals(np.vstack([rows, rates]))])
 
-    def accelerance(self, omega):
-        s = 1j * omega[:, None]
+    def _summed(self, weights):
         table = np.einsum("ik,kj->kij", self.out, self.into).reshape(-1, 36)
-        return (self.free.reshape(1, 36) + (s**2 / (s - self.poles)) @ table).reshape(-1, 6, 6)
+        return self.free + (weights @ table).reshape(-1, 6, 6)
+
+    def accelerance(self, omega):
+        """`(k, 6, 6)` of the hub."""
+        s = 1j * omega[:, None]
+        return self._summed(s**2 / (s - self.poles))
 
     def held(self, z, h):
-        """The same of the wrench held over steps, positions at the samples."""
-        table = np.einsum("ik,kj->kij", self.out, self.into).reshape(-1, 36)
-        grown = np.expm1(self.poles * h)
-        factor = (2.0 * (z - 1.0) ** 2 / (h**2 * (z + 1.0)))[:, None]
-        each = (grown / self.poles) / (z[:, None] - 1.0 - grown)
-        return (self.free.reshape(1, 36) + factor * (each @ table)).reshape(-1, 6, 6)
+        """The same of a wrench held over steps of `h` and of positions at the samples."""
+        grown, ahead = np.expm1(self.poles * h), z[:, None] - 1.0
+        each = grown / self.poles / (ahead - grown)
+        return self._summed(2.0 * ahead**2 / (h**2 * (ahead + 2.0)) * each)
 
 
 def _grid(peaks, band):
@@ -448,14 +430,11 @@ class Judge:
     """The hub's motions `axes` up to a band [rad/s]: the exact craft against a file."""
 
     def __init__(self, exact, axes, band):
-        self.exact, self.band = exact, band
-        self.keep = [AXES.index(a) for a in axes]
-        locked = exact.mass[:6, :6]
-        size = np.sqrt(np.diag(locked))[self.keep]
+        self.band, self.keep = band, [AXES.index(a) for a in axes]
+        size = np.sqrt(np.diag(exact.mass)[self.keep])
         self.scale = np.outer(size, size)
-        self.floor = np.linalg.norm(
-            np.linalg.inv(locked)[np.ix_(self.keep, self.keep)] * self.scale, 2
-        )
+        rigid = np.linalg.inv(exact.mass[:6, :6])[np.ix_(self.keep, self.keep)]
+        self.floor = np.linalg.norm(rigid * self.scale, 2)
         self.stated = Poles(exact.mass, exact.damping, exact.stiffness)
         self.truth = self.stated
         if exact.lack.any():
@@ -474,52 +453,44 @@ class Judge:
 
     def sampled_error(self, a, b, h, *, mean):
         """At the step; `mean`: whether the file is given the mean of two inputs."""
-        nv = a.shape[0] // 2
-        moving = a[6:, 6:]
-        if np.max(np.abs(np.linalg.eigvals(moving))) > GROWS:
+        own = np.linalg.eigvals(a[6:, 6:]).astype(complex)
+        if np.max(np.abs(own)) > GROWS:
             return np.inf
-        n = a.shape[0]
-        ringing = self.stated.poles[self.stated.poles.imag > 0.0]
-        compared = self.truth.poles[self.truth.poles.imag > 0.0]
+        own = np.log(own[np.abs(own) > 1e-9]) / h
+        ringing, compared = (p.poles[p.poles.imag > 0.0] for p in (self.stated, self.truth))
         near = compared[np.argmin(np.abs(ringing.imag[:, None] - compared.imag), axis=1)]
-        short = np.maximum(ringing.real - near.real, 0.0) / ringing.imag
+        short = np.maximum(ringing.real - near.real, 0.0) / ringing.imag  # damping that is lacking
         short[short < 1e-9] = 0.0
+        unit = np.eye(len(a))
 
         def curve(w):
-            d = short[np.argmin(np.abs(w[:, None] - ringing.imag), axis=1)]
-            z = np.exp((1j + d) * w * h)
-            solved = np.linalg.solve(
-                z[:, None, None] * np.eye(n) - a, np.broadcast_to(b, (w.size, n, 6))
-            )
-            factor = (
-                2.0 * (z - 1.0) ** 2 / (h**2 * (z + 1.0)) * ((z + 1.0) / (2.0 * z) if mean else 1.0)
-            )
-            return self._off(factor[:, None, None] * solved[:, :6], self.stated.held(z, h))
+            lack = short[np.argmin(np.abs(w[:, None] - ringing.imag), axis=1)]
+            z = np.exp((1j + lack) * w * h)
+            factor = 2.0 * (z - 1.0) ** 2 / (h**2 * (z + 1.0))
+            factor = factor * (z + 1.0) / (2.0 * z) if mean else factor
+            moved = np.linalg.solve(z[:, None, None] * unit - a, factor[:, None, None] * b)
+            return self._off(moved[:, :6], self.stated.held(z, h))
 
-        own = np.linalg.eigvals(moving).astype(complex)
-        own = np.log(own[np.abs(own) > 1e-9]) / h
         top = min(self.band, 2.6 / h)
         omega = _grid([self.truth.poles, own[np.abs(own) * h > 1e-3]], top)
-        assert nv * 2 == n
         return _maximum(curve, omega[omega > top / 100.0])
 
-    def margins(self, controller):
-        """Gain margin and least phase margin [degrees] of a loop about z in continuous time;
+    def margins(self, controller, axis):
+        """Gain margin and least phase margin [degrees] of a loop about an axis in continuous time;
         `controller`: what it makes of `s`."""
+        row = AXES.index(axis)
         omega = np.geomspace(self.band / 3000.0, 20.0 * self.band, 4000)
         omega = np.union1d(omega, _grid([self.stated.peaks], 5.0 * self.band))
 
         def loop(w):
             s = 1j * np.atleast_1d(w)
-            return controller(s) * self.stated.accelerance(s.imag)[:, 5, 5] / s**2
+            return controller(s) * self.stated.accelerance(s.imag)[:, row, row] / s**2
 
         def crossings(size):
             values = size(loop(omega))
             for i in np.flatnonzero(values[1:] * values[:-1] < 0.0):
                 yield loop(brentq(lambda w: size(loop(w))[0], omega[i], omega[i + 1]))[0]
 
-        turned = [
-            abs(180.0 - abs(np.degrees(np.angle(v)))) for v in crossings(lambda v: abs(v) - 1.0)
-        ]
+        turned = [np.degrees(abs(np.angle(-v))) for v in crossings(lambda v: abs(v) - 1.0)]
         raised = [-1.0 / v.real for v in crossings(np.imag) if -1.0 < v.real < 0.0]
         return min(raised, default=np.inf), min(turned, default=np.inf)
