@@ -70,7 +70,7 @@ def figures(c, home):
     loop = Loop(c, craft.band)
     if not any("slosh" in spec for spec in specs.values()):  # which nothing holds at rest
         found = bc.stability(flexible, joints=c["hinges"][:1])  # slews of one hinge: they take long
-        limits = {r.integrator: r.predicted for r in found.rows}
+        limits = {r.integrator: r.largest for r in found.rows}
         plant = bc.plant(craft, ["torque:hub"], ["attitude"])
         pair = f"torque_{loop.axis}", f"attitude_{loop.axis}"
         margins = bc.margins(plant, {pair: control.tf(loop.above, loop.below)}).loops[0]
