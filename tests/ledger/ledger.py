@@ -1,7 +1,7 @@
 """The ledger: what the package says of some hundred craft, beside independent truths.
 
 Every craft of `crafts.py` goes through `fit`, `embed`, `stability`, `plant` and `margins`. A row
-holds the modes chosen, links, hinges and tendons, the stated errors, the largest step and the
+holds the modes chosen, links, joints and tendons, the stated errors, the largest step and the
 margins of a loop, each figure beside what `truth.py` has of it. What changed against `table.json`
 is printed, and with `--store` stored. Processor times are shown as a ratio, and not compared. A
 gain margin is often reached beyond the band, where the exact craft has modes that a chain lacks.
@@ -78,14 +78,16 @@ def figures(c, home):
         stated |= {"gain": margins.gain, "phase": abs(margins.phase)}
     seconds = time.process_time() - start
 
-    chains = [a.fit.chain for a in craft.appendages]
-    timed = any(a.timed is not None for a in craft.appendages)
-    true = truths(c, craft, loop, timed=timed)
+    model, untimed = copy.copy(craft.model), copy.copy(craft.untimed)
+    timed = bool(np.any(model.tendon_armature != untimed.tendon_armature))
+    true = truths(c, craft.band, loop, model, untimed, timed=timed)
     if "step" in stated:
         true["step"] = truth.largest_step(mujoco.MjModel.from_xml_path(str(flexible)))
     out = {"modes": counted(a.fit for a in craft.appendages), "fitted": counted(fits)}
-    for what in ("links", "hinges", "tendons"):
-        out[what] = sum(len(getattr(chain, what)) for chain in chains)
+    every = {"links": model.body, "joints": model.joint, "tendons": model.tendon}
+    for what, count in (("links", model.nbody), ("joints", model.njnt), ("tendons", model.ntendon)):
+        names = [every[what](i).name for i in range(count)]
+        out[what] = sum(name.startswith(f"{place}_") for name in names for place in specs)
     out |= {"timed": timed, "met": craft.met}
     return out | {k: [stated[k], true[k]] for k in FIGURES if k in stated} | {"seconds": seconds}
 
@@ -105,59 +107,57 @@ class Loop:
 
 def counted(fits):
     """The modes that fits kept, in words."""
-    each = [[f"{t.modes} {port}" for port, t in f.target.items() if t.modes] for f in fits]
-    return "; ".join(" ".join(one) or "none" for one in each)
+    ports = [[mode.port for mode in fit.modes] for fit in fits]
+    return "; ".join(" ".join(f"{p.count(n)} {n}" for n in dict.fromkeys(p)) for p in ports)
 
 
-def truths(c, craft, loop, *, timed):
-    """Errors, worst of all poses, and margins at rest."""
+def truths(c, band, loop, model, untimed, *, timed):
+    """Errors of a file, worst of all poses, and margins at rest."""
     poses = {"rest": [0.0] * len(c["hinges"]), **c["keys"]}
     between = itertools.pairwise(map(np.array, poses.values()))
     on_the_way = [(None, a + BETWEEN * (b - a)) for a, b in between if timed]
     out, tree = {"craft_error": 0.0, "sampled_error": 0.0}, crafts.exact(c["parts"])
-    stepped, untimed = (sprung(c, craft, model) for model in (craft.model, craft.untimed))
+    for each in (model, untimed):
+        hang_liquids(c, each)
     for key, angles in [*poses.items(), *on_the_way]:
-        judge = truth.Judge(truth.assemble(c["hub"], tree, angles), c["axes"], craft.band)
-        qpos = stepped.qpos0.copy()
-        qpos[[stepped.joint(name).qposadr[0] for name in c["hinges"]]] = angles
-        a, b = truth.step_map(stepped, qpos)
+        judge = truth.Judge(truth.assemble(c["hub"], tree, angles), c["axes"], band)
+        qpos = model.qpos0.copy()
+        qpos[[model.joint(name).qposadr[0] for name in c["hinges"]]] = angles
+        a, b = truth.step_map(model, qpos)
         off = judge.sampled_error(a, b, c["step"], mean=c["integrator"] != "RK4")
         out["sampled_error"] = max(out["sampled_error"], off)
         if key is not None:
-            off = judge.craft_error(*compared(c, craft, untimed, qpos))
+            off = judge.craft_error(*compared(c, untimed, qpos))
             out["craft_error"] = max(out["craft_error"], off)
         if key == "rest":
             out["gain"], out["phase"] = judge.margins(loop, loop.axis)
     return out
 
 
-def compared(c, craft, model, qpos):
+def compared(c, model, qpos):
     """A file without timing at a pose, with the damping at which it is compared."""
     m, d, k = truth.compiled(model, qpos)
-    for a in craft.appendages:
-        spec = c["specs"][a.at]
+    for place, spec in c["specs"].items():
         ratio = truth.damping(spec)
         if "slosh" not in spec and (ratio is None or ratio < truth.LEAST):
             least = truth.UNSTATED if ratio is None else truth.LEAST
-            d = d + truth.lacking(m, d, k, own(a, model), least)
+            d = d + truth.lacking(m, d, k, own(place, model), least)
     return m, d, k
 
 
-def own(appendage, model):
+def own(place, model):
     """Degrees of freedom of an appendage."""
     names = [model.joint(joint).name for joint in model.dof_jntid]
-    return [i for i, name in enumerate(names) if name.startswith(appendage.prefix)]
+    return [i for i, name in enumerate(names) if name.startswith(f"{place}_")]
 
 
-def sprung(c, craft, model):
-    """A copy of a compiled file whose liquids hang on springs as stiff as their acceleration."""
-    model = copy.copy(model)
-    for a in craft.appendages:
-        if "slosh" in c["specs"][a.at]:
-            dofs = own(a, model)
-            w = np.repeat(truth.tank(c["specs"][a.at]).w[: len(dofs) // 2], 2)
+def hang_liquids(c, model):
+    """Springs for the liquids of a file, as stiff as the stated acceleration makes them."""
+    for place, spec in c["specs"].items():
+        if "slosh" in spec:
+            dofs = own(place, model)
+            w = np.repeat(truth.tank(spec).w[: len(dofs) // 2], 2)
             model.jnt_stiffness[model.dof_jntid[dofs]] = model.dof_M0[dofs] * w**2
-    return model
 
 
 # -- the table -------------------------------------------------------------------------------------

@@ -22,12 +22,8 @@ LEAST, UNSTATED = 1e-5, 0.005  # ratios at which modes are compared: at least; w
 GROWS = 1.0 + 1e-6  # size of a pole of a step that grows
 AXES = ("tx", "ty", "tz", "x", "y", "z")
 #: motions in space of a port's displacement and rotation, with their signs
-PORTS = {
-    "xy": ((1, 5), (1.0, 1.0)),
-    "xz": ((2, 4), (1.0, -1.0)),
-    "torsion": ((3,), (1.0,)),
-    "axial": ((0,), (1.0,)),
-}
+PORTS = {"xy": ((1, 5), (1.0, 1.0)), "xz": ((2, 4), (1.0, -1.0))}
+PORTS |= {"torsion": ((3,), (1.0,)), "axial": ((0,), (1.0,))}
 
 
 class Appendage(NamedTuple):
@@ -49,10 +45,13 @@ def _section(segment, s):
     end = segment.get("section_end", start)
     d = {k: v + s * (end[k] - v) for k, v in start.items() if isinstance(v, float)}
     extra = segment.get("nonstructural_mass", 0.0) + 0.0 * s
+    names = [*PORTS, "mass", "polar"]
     if start["shape"] == "equivalent":
         keys = ["bending_stiffness_xy", "bending_stiffness_xz", "torsion_stiffness"]
-        found = [d.get(k) for k in [*keys, "axial_stiffness"]] + [d["linear_mass"] + extra]
-        return dict(zip([*PORTS, "mass", "polar"], [*found, d["polar_inertia"]], strict=True))
+        values = [d.get(k) for k in [*keys, "axial_stiffness"]]
+        return dict(
+            zip(names, [*values, d["linear_mass"] + extra, d["polar_inertia"]], strict=True)
+        )
     if start["shape"] == "tube":
         outer = d["outer_diameter"] / 2.0
         inner = outer - d["wall"]
@@ -67,14 +66,9 @@ def _section(segment, s):
         twist = wide * thin**3 / 3.0 * (1.0 - 192.0 / np.pi**5 * thin / wide * series)
     young, density = segment["material"]["youngs_modulus"], segment["material"]["density"]
     shear = young / (2.0 + 2.0 * segment["material"]["poissons_ratio"])
-    return {
-        "xy": young * about_z,
-        "xz": young * about_y,
-        "torsion": shear * twist,
-        "axial": young * area,
-        "mass": density * area + extra,
-        "polar": density * (about_y + about_z),
-    }
+    values = [young * about_z, young * about_y, shear * twist, young * area]
+    values += [density * area + extra, density * (about_y + about_z)]
+    return dict(zip(names, values, strict=True))
 
 
 _INSIDE = [Legendre.basis(k).convert(kind=Polynomial) for k in range(BUBBLES)]
@@ -212,19 +206,13 @@ def about(axis, angle):
     return np.eye(3) + np.sin(angle) * k + (1.0 - np.cos(angle)) * k @ k
 
 
-class Exact(NamedTuple):
-    """A spacecraft with exact appendages: `M q'' + C q' + K q = f`, the hub's six motions first;
-    `lack`: the damping that it is compared with and does not have."""
-
-    mass: np.ndarray
-    damping: np.ndarray
-    stiffness: np.ndarray
-    lack: np.ndarray
-
-
 def assemble(hub, parts, angles):
-    """`hub`: mass and inertia; `parts`: a tree of (offset, axes, appendage, carried body or None),
-    the body a dict with mass, inertia, axis, kp, kv, parts; `angles`: of its joints, root first."""
+    """A spacecraft with exact appendages, `M q'' + C q' + K q = f`, the hub's six motions first:
+    `(M, C, K)`, and the damping with which it is compared in place of C.
+
+    `hub`: mass and inertia; `parts`: a tree of (offset, axes, appendage, carried body or None), the
+    body a dict with mass, inertia, axis, kp, kv, parts; `angles`: of its joints, root first.
+    """
 
     def size(parts):
         riders = [p[3] for p in parts if p[3]]
@@ -233,7 +221,7 @@ def assemble(hub, parts, angles):
         )
 
     n = 6 + size(parts)
-    m, c, k, lack = np.zeros((4, n, n))
+    m, c, k, compared = np.zeros((4, n, n))
     free, angles = itertools.count(6), iter(angles)
 
     def body(jacobian, mass, inertia, parts):
@@ -247,10 +235,9 @@ def assemble(hub, parts, angles):
             m[own, :] += push.T
             m[own, own] += 1.0
             k[own, own] = item.w**2
-            ratio = item.ratio or 0.0
-            least = UNSTATED if item.ratio is None else max(ratio, LEAST)
-            c[own, own] = 2.0 * ratio * item.w
-            lack[own, own] = 2.0 * (least - ratio) * item.w
+            least = UNSTATED if item.ratio is None else max(item.ratio, LEAST)
+            c[own, own] = 2.0 * (item.ratio or 0.0) * item.w
+            compared[own, own] = 2.0 * least * item.w
             if rider is None:
                 continue
             end = transport([item.length, 0.0, 0.0], np.eye(3)) @ root
@@ -259,11 +246,11 @@ def assemble(hub, parts, angles):
                 at = next(free)
                 end = transport(np.zeros(3), about(rider["axis"], next(angles, 0.0))) @ end
                 end[3:, at] += rider["axis"]
-                k[at, at], c[at, at] = rider["kp"], rider["kv"]
+                k[at, at], c[at, at], compared[at, at] = (rider[key] for key in ("kp", "kv", "kv"))
             body(end, rider["mass"], rider["inertia"], rider["parts"])
 
     body(np.eye(6, n), *hub, parts)
-    return Exact(m, c, k, lack)
+    return m, c, k, compared
 
 
 # -- a file ----------------------------------------------------------------------------------------
@@ -431,14 +418,13 @@ class Judge:
 
     def __init__(self, exact, axes, band):
         self.band, self.keep = band, [AXES.index(a) for a in axes]
-        size = np.sqrt(np.diag(exact.mass)[self.keep])
+        m, c, k, compared = exact
+        size = np.sqrt(np.diag(m)[self.keep])
         self.scale = np.outer(size, size)
-        rigid = np.linalg.inv(exact.mass[:6, :6])[np.ix_(self.keep, self.keep)]
+        rigid = np.linalg.inv(m[:6, :6])[np.ix_(self.keep, self.keep)]
         self.floor = np.linalg.norm(rigid * self.scale, 2)
-        self.stated = Poles(exact.mass, exact.damping, exact.stiffness)
-        self.truth = self.stated
-        if exact.lack.any():
-            self.truth = Poles(exact.mass, exact.damping + exact.lack, exact.stiffness)
+        self.stated = Poles(m, c, k)
+        self.truth = Poles(m, compared, k) if np.any(compared != c) else self.stated
 
     def _off(self, file, exact):
         file, exact = ((x[:, self.keep][:, :, self.keep]) * self.scale for x in (file, exact))
