@@ -1,6 +1,7 @@
 # make demo        fit the example boom, and film a satellite whose arrays bend, into build/demo
 # make test        lint, types and the quick tests (three minutes on 2 cores)
 # make quick       those of them that take a tenth of a second or less, in one process: half a minute
+# make mutants   200 changes of formulas, drawn by SEED, and which of them the quick tests of the same folder notice
 # make test-full   wheel in an empty environment, notebooks, the long tests (under 50 minutes)
 # make hosts       the exported file in other simulators, each in an environment of its own; HOSTS="mjx warp newton" for more
 # make bench       print the timings that README and CHANGELOG quote
@@ -24,7 +25,7 @@ WORKERS ?= 2
 # a worker begins with tests that stand together, whose fixtures it makes once, and takes over others' at the end
 PYTEST := pytest --timeout 900 -n $(WORKERS) --dist worksteal
 
-.PHONY: demo test tests quick test-full hosts bench bench-peers notebooks docs docs-pictures wheel wheel-test wheel-newest lint clean fuzz extremes ledger test-kernels
+.PHONY: demo test tests quick mutants test-full hosts bench bench-peers notebooks docs docs-pictures wheel wheel-test wheel-newest lint clean fuzz extremes ledger test-kernels
 
 $(VENV)/.installed: pyproject.toml
 	@echo "installing into $(VENV), which takes a minute or more the first time"
@@ -50,6 +51,11 @@ tests: $(VENV)/.installed
 
 quick: $(VENV)/.installed
 	$(BIN)/pytest -m "not slow and not host" --brief
+
+SEED ?= 1
+
+mutants: $(VENV)/.installed
+	$(BIN)/python tests/mutants.py --seed $(SEED) --workers $(WORKERS)
 
 KERNELS ?= Nehalem Sandybridge Haswell SkylakeX
 THREADS ?= 1 2
