@@ -1,0 +1,22 @@
+"""Doors to formulas that no public name reaches alone, so that closed forms stand beside them."""
+
+from beamchain.chain.recursion import Nodes, realise
+from beamchain.craft.recovery import _left_out as load_of_modes_left_out
+from beamchain.fitting.needs import Promise
+from beamchain.identification.resolution import resolution
+from beamchain.plants.pointing import _total as total_index
+from beamchain.report.outlines import Drawn
+from beamchain.report.replay import _steepest as steepest
+from beamchain.steps.integrators import step_pole
+
+__all__ = [
+    "Drawn",
+    "Nodes",
+    "Promise",
+    "load_of_modes_left_out",
+    "realise",
+    "resolution",
+    "steepest",
+    "step_pole",
+    "total_index",
+]
