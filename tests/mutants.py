@@ -196,7 +196,7 @@ def _every(folders: tuple[str, ...]) -> Iterator[Change]:
 
 
 def _named(words: str) -> Change:
-    file, line, column, old, new = words.split(":")
+    file, line, column, old, new = words.split("|")
     return Change(file, int(line), int(column) - 1, old, new)
 
 
@@ -208,11 +208,12 @@ def main() -> None:
     parser.add_argument("--folders", nargs="+", choices=FOLDERS, default=FOLDERS)
     parser.add_argument("--limit", type=float, default=60.0, help="seconds for each change")
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--changes", nargs="+", type=_named, help="FILE:LINE:COLUMN:OLD:NEW")
+    parser.add_argument("--changes", nargs="+", type=_named, help="FILE|LINE|COLUMN|OLD|NEW")
     given = parser.parse_args()
     # drawn from all folders, so that a seed means the same changes whichever folders run
-    drawn = given.changes or random.Random(given.seed).sample(list(_every(FOLDERS)), given.count)
-    drawn = sorted((c for c in drawn if c.folder in given.folders), key=lambda c: (c.file, c.line))
+    drawn = random.Random(given.seed).sample(list(_every(FOLDERS)), given.count)
+    drawn = given.changes or [change for change in drawn if change.folder in given.folders]
+    drawn.sort(key=lambda change: (change.file, change.line, change.column))
     failing = {c.folder: frozenset[str]() for c in drawn}
     for folder in failing:
         failing[folder] = _tests(PACKAGE.parent, folder, frozenset(), 600.0)[1]
