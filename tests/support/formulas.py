@@ -5,15 +5,21 @@ from beamchain.craft.recovery import _left_out as load_of_modes_left_out
 from beamchain.fitting.needs import Promise
 from beamchain.identification.resolution import resolution
 from beamchain.plants.pointing import _total as total_index
+from beamchain.ports.compare import as_compared, maximum_of, peak_clusters
+from beamchain.ports.coupled import CoupledPort
 from beamchain.report.outlines import Drawn
 from beamchain.report.replay import _steepest as steepest
 from beamchain.steps.integrators import step_pole
 
 __all__ = [
+    "CoupledPort",
     "Drawn",
     "Nodes",
     "Promise",
+    "as_compared",
     "load_of_modes_left_out",
+    "maximum_of",
+    "peak_clusters",
     "realise",
     "resolution",
     "steepest",
