@@ -1,10 +1,12 @@
 """Closed forms beside the formulas of a chain."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from beamchain import PortModel
-from formulas import realise
+from formulas import Chain, Hinge, Link, bodies, raise_polar_inertia, realise, settle_links, share
 
 ROUNDED = 1e-12  # relative, of a few operations
 
@@ -21,3 +23,76 @@ def test_a_dumbbell_on_a_massless_rod_has_its_spring_at_the_hinge(reach):
     assert nodes.masses == pytest.approx([0.0, m1, m2], rel=ROUNDED)
     assert nodes.lengths == pytest.approx([reach, length], rel=ROUNDED)
     assert nodes.stiffness == pytest.approx([spring], rel=ROUNDED)
+
+
+def rod(mass, start, length):
+    """`(6, 6)` of a straight rod about the root."""
+    middle = start + length / 2.0
+    out = np.diag([mass, mass, mass, 0.0, 0.0, 0.0])
+    out[4, 4] = out[5, 5] = mass * (length**2 / 12.0 + middle**2)
+    out[1, 5] = out[5, 1] = mass * middle
+    out[2, 4] = out[4, 2] = -mass * middle
+    return out
+
+
+def test_bodies_are_the_pieces_between_the_hinges():
+    # 0.04 kg/m on 2 m with a hinge at 0.5 m: rods of 0.02 and 0.06 kg
+    line = SimpleNamespace(
+        length=2.0,
+        behind=lambda x: [rod(0.04 * (2.0 - a), a, 2.0 - a) for a in np.maximum(x, 0.0)],
+    )
+    pieces = bodies(line, np.array([0.5]))
+    for piece, start, length in zip(pieces, (0.0, 0.5), (0.5, 1.5), strict=True):
+        mass = 0.04 * length
+        across = mass * length**2 / 12.0
+        assert [piece.start, piece.length, piece.mass] == pytest.approx([start, length, mass])
+        assert piece.com == pytest.approx(start + length / 2.0, rel=ROUNDED)
+        # a rod is taken for a body of 1e-12 of its length
+        assert piece.inertia == pytest.approx((0.0, across, across), abs=3e-12 * across, rel=1e-10)
+
+
+def link(number, *inertia):
+    return Link(float(number), 1.0, 1.0, number + 0.5, inertia)
+
+
+def test_polar_inertia_is_shared_as_the_pieces_have_it_where_bodies_can_carry_it():
+    # |I_zz - I_yy| <= I_xx: the first carries 0.5 at least, where halves of 0.6 would be 0.3
+    links = [link(0, 0.0, 1.0, 1.5), link(1, 0.0, 2.0, 2.0)]
+    assert share(links, [0.6], [[0, 1]], np.ones(2)) == pytest.approx([0.5, 0.1], rel=1e-9)
+    assert share(links, [2.0], [[0, 1]], np.ones(2)) == pytest.approx([1.0, 1.0], rel=1e-9)
+    assert share(links, [2.0], [[0, 1]], np.array([1.0, 3.0])) == pytest.approx([0.5, 1.5])
+
+
+def test_links_that_are_rigid_bodies_stay_as_they_are():
+    line = SimpleNamespace(
+        length=2.0,
+        rigid_mass=lambda: np.diag([2.0, 2.0, 2.0, 0.4, 3.0, 3.0]),
+        moments=lambda a, b, closed: SimpleNamespace(polar=0.2 * (b - a)),
+    )
+    solid = [link(0, 0.3, 1.0, 1.0), link(1, 0.1, 1.0, 1.0)]
+    assert settle_links(line, solid, np.array([1.0])) == solid
+    flat = [link(0, 0.4, 1.0, 1.0), link(1, 0.0, 1.0, 1.0)]
+    settled = settle_links(line, flat, np.array([1.0]))
+    assert [one.inertia[0] for one in settled] == pytest.approx([0.2, 0.2], rel=1e-9)
+
+
+def test_inertias_below_the_least_are_raised_where_bending_does_not_feel_it():
+    # 5e-13 kg m^2 are missing across, of 1e-9 times 1 kg m^2 that bending does not feel
+    links = (link(0, 0.0, 1.0, 1.0), link(1, 0.0, 5e-13, 5e-13))
+    chain = Chain(links, (Hinge(1.0, {"xy": 3.0}),), 2.0)
+    raised = raise_polar_inertia(chain, 1e-12)[0]
+    assert [one.inertia for one in raised.links] == [(1e-12, 1.0, 1.0), (1e-12, 1e-12, 1e-12)]
+
+
+@pytest.mark.parametrize("hung", [False, True])
+def test_kinetic_energy_of_links_in_a_row_and_of_links_that_hang_side_by_side(hung):
+    links = tuple(link(k, 0.1, 0.2, 0.3) for k in range(3))
+    hinges = (Hinge(1.0, {"xy": 3.0}), Hinge(1.5, {"xy": 3.0}))
+    chain = Chain(links, hinges, 3.0, hung=hung)
+    elastic = chain.rows(((0, "xy"), (1, "xy")))[1]
+    # each behind its hinge: 1 kg at 1.5 m from x = 1 m, at 2.5 m from x = 1.5 m
+    if hung:
+        mass = np.diag([0.3 + 0.5**2, 0.3 + 1.0**2])
+    else:
+        mass = np.array([[0.6 + 0.5**2 + 1.5**2, 0.3 + 1.5 * 1.0], [0.3 + 1.5 * 1.0, 0.3 + 1.0**2]])
+    assert elastic.T @ elastic == pytest.approx(mass, rel=ROUNDED, abs=ROUNDED)
