@@ -12,6 +12,12 @@ from beamchain.ports.coupled import CoupledPort
 from beamchain.report.outlines import Drawn
 from beamchain.report.replay import _steepest as steepest
 from beamchain.steps.integrators import step_pole
+from beamchain.structure.elements import _largest_change as change_of_frequencies
+from beamchain.structure.planes import rounding_of_residual
+from beamchain.structure.readers.nastran_bulk import System
+from beamchain.structure.rigid_body import independent_parts, nearest_body
+from beamchain.structure.sections_at import Sections
+from beamchain.structure.slosh import Slosh
 
 __all__ = [
     "Chain",
@@ -21,14 +27,21 @@ __all__ = [
     "Link",
     "Nodes",
     "Promise",
+    "Sections",
+    "Slosh",
+    "System",
     "as_compared",
     "bodies",
+    "change_of_frequencies",
+    "independent_parts",
     "load_of_modes_left_out",
     "maximum_of",
+    "nearest_body",
     "peak_clusters",
     "raise_polar_inertia",
     "realise",
     "resolution",
+    "rounding_of_residual",
     "settle_links",
     "share",
     "steepest",
