@@ -4,6 +4,8 @@ from beamchain.chain.chain import Chain, Hinge, Link
 from beamchain.chain.links import bodies, raise_polar_inertia, settle_links, share
 from beamchain.chain.recursion import Nodes, realise
 from beamchain.craft.recovery import _left_out as load_of_modes_left_out
+from beamchain.engine.partial_fractions import _accelerance as sum_of_poles
+from beamchain.engine.signals import _small_turn as small_turn
 from beamchain.fitting.needs import Promise
 from beamchain.identification.resolution import resolution
 from beamchain.plants.pointing import _total as total_index
@@ -11,7 +13,10 @@ from beamchain.ports.compare import as_compared, maximum_of, peak_clusters
 from beamchain.ports.coupled import CoupledPort
 from beamchain.report.outlines import Drawn
 from beamchain.report.replay import _steepest as steepest
+from beamchain.steps.driven import driven, run_of_turn
 from beamchain.steps.integrators import step_pole
+from beamchain.steps.large_motion import _Plane as PlanarChain
+from beamchain.steps.modal import condensed_mass
 from beamchain.structure.elements import _largest_change as change_of_frequencies
 from beamchain.structure.planes import rounding_of_residual
 from beamchain.structure.readers.nastran_bulk import System
@@ -26,6 +31,7 @@ __all__ = [
     "Hinge",
     "Link",
     "Nodes",
+    "PlanarChain",
     "Promise",
     "Sections",
     "Slosh",
@@ -33,6 +39,8 @@ __all__ = [
     "as_compared",
     "bodies",
     "change_of_frequencies",
+    "condensed_mass",
+    "driven",
     "independent_parts",
     "load_of_modes_left_out",
     "maximum_of",
@@ -42,9 +50,12 @@ __all__ = [
     "realise",
     "resolution",
     "rounding_of_residual",
+    "run_of_turn",
     "settle_links",
     "share",
+    "small_turn",
     "steepest",
     "step_pole",
+    "sum_of_poles",
     "total_index",
 ]
