@@ -6,7 +6,17 @@ import numpy as np
 import pytest
 
 from beamchain import PortModel
-from formulas import Chain, Hinge, Link, bodies, raise_polar_inertia, realise, settle_links, share
+from formulas import (
+    Chain,
+    Hinge,
+    Link,
+    bodies,
+    raise_polar_inertia,
+    realise,
+    settle_links,
+    share,
+    split,
+)
 
 ROUNDED = 1e-12  # relative, of a few operations
 
@@ -96,3 +106,42 @@ def test_kinetic_energy_of_links_in_a_row_and_of_links_that_hang_side_by_side(hu
     else:
         mass = np.array([[0.6 + 0.5**2 + 1.5**2, 0.3 + 1.5 * 1.0], [0.3 + 1.5 * 1.0, 0.3 + 1.0**2]])
     assert elastic.T @ elastic == pytest.approx(mass, rel=ROUNDED, abs=ROUNDED)
+
+
+def at(x):
+    """Motion of a point at x per motion of the root: displacement, rotation."""
+    return np.array([1.0, x])
+
+
+def test_two_rods_with_a_mass_at_the_root_are_recovered():
+    # m_0 at the root, m_1 at the hinge at l_1, m_2 beyond it by l_2
+    m0, m1, m2, l1, l2, c = 4.0, 3.0, 1.5, 1.2, 0.8, 11.0
+    points = ((m0, 0.0), (m1, l1), (m2, l1 + l2))
+    target = PortModel(
+        rigid_mass=sum(m * np.outer(at(x), at(x)) for m, x in points),
+        frequencies=np.array([np.sqrt(c / (m2 * l2**2))]),
+        participation=np.sqrt(m2) * at(l1 + l2)[None, :],
+    )
+    nodes = realise(target)
+    assert nodes.masses == pytest.approx([m0, m1, m2], rel=1e-10)
+    assert nodes.lengths == pytest.approx([l1, l2], rel=1e-10)
+    assert nodes.stiffness == pytest.approx([c], rel=1e-10)
+
+
+def test_masses_of_nodes_become_rods_with_the_same_moments():
+    """Two point masses a, b at the ends of a rod of length l: mass a + b, centre l b / (a + b),
+    inertia a b / (a + b) l^2; the wanted masses are taken where they lie between the bounds."""
+    nodes = realise(
+        PortModel(
+            rigid_mass=sum(
+                m * np.outer(at(x), at(x)) for m, x in ((4.0, 0.0), (3.0, 1.2), (1.5, 2.0))
+            ),
+            frequencies=np.array([3.0]),
+            participation=np.sqrt(1.5) * at(2.0)[None, :],
+        )
+    )
+    mass, com, inertia = split(nodes, np.array([5.0, 3.5]))
+    assert mass == pytest.approx([5.0, 3.5])
+    outer, inner = 1.0, 2.0  # of the node of 3 kg, to either rod
+    assert com == pytest.approx([1.2 * outer / 5.0, 0.8 * 1.5 / 3.5])
+    assert inertia == pytest.approx([4.0 * outer / 5.0 * 1.2**2, inner * 1.5 / 3.5 * 0.8**2])

@@ -1,9 +1,28 @@
 """Closed forms beside the formulas of a time step."""
 
+import itertools
+import math
+
+import mujoco
 import numpy as np
 import pytest
 
-from formulas import PlanarChain, condensed_mass, driven, run_of_turn, step_pole
+from formulas import (
+    PlanarChain,
+    apparent_pole,
+    condensed_mass,
+    continuous_poles,
+    driven,
+    hinge_armature,
+    largest_angle,
+    polynomial,
+    run_of_turn,
+    runge_kutta_limit,
+    stable_armature,
+    start_rate,
+    step_pole,
+    time_modes,
+)
 
 M, C, K, H = 1.3, 0.4, 50.0, 0.02
 N = M + H * C  # with the damping taken at the end of the step
@@ -81,3 +100,157 @@ def test_mass_seen_by_two_tendons_is_the_inverse_of_their_flexibility():
     seen, motion = condensed_mass(np.diag([2.0, 3.0]), rows)
     assert rows.T @ seen @ rows == pytest.approx(np.diag([2.0, 3.0]), rel=1e-12, abs=1e-12)
     assert rows @ motion == pytest.approx(np.eye(2), abs=1e-12)
+
+
+SAME = 1e-12
+MASS, STIFFNESS, STEP = 3.0, 48.0, 0.13
+ON_A_JOINT = (
+    '<mujoco><option gravity="0 0 0" timestep="{h}"/><worldbody><body><joint name="j" type="slide" '
+    'stiffness="{joint_k}" damping="{joint_c}"/><inertial pos="0 0 0" mass="{m}" '
+    'diaginertia="1 1 1"/></body></worldbody><tendon><fixed stiffness="{tendon_k}" '
+    'damping="{tendon_c}" springlength="0 0"><joint joint="j" coef="1"/></fixed></tendon></mujoco>'
+)
+BY_NAME = {
+    name: getattr(mujoco.mjtIntegrator, f"mjINT_{name.upper()}", None)
+    for name in ("Euler", "implicit", "implicitfast", "discrete", "RK4")
+}
+
+
+def stepped_pole(integrator, damping, *, tendon, sprung):
+    """The pole of `mj_step`, from two steps of one slide joint."""
+    text = ON_A_JOINT.format(
+        h=STEP,
+        m=MASS,
+        joint_k=0.0 if sprung else STIFFNESS,
+        tendon_k=STIFFNESS if sprung else 0.0,
+        joint_c=0.0 if tendon else damping,
+        tendon_c=damping if tendon else 0.0,
+    )
+    model = mujoco.MjModel.from_xml_string(text)
+    model.opt.integrator = BY_NAME[integrator]
+    columns = []
+    for q, v in ((1.0, 0.0), (0.0, 1.0)):
+        data = mujoco.MjData(model)
+        data.qpos[0], data.qvel[0] = q, v
+        mujoco.mj_step(model, data)
+        columns.append([data.qpos[0], data.qvel[0]])
+    poles = np.linalg.eigvals(np.array(columns).T)
+    return poles[np.argmax(poles.imag)]
+
+
+@pytest.mark.parametrize(
+    ("integrator", "damping", "tendon", "sprung"),
+    [
+        (name, damping, *where)
+        for name, damping, where in itertools.product(
+            [name for name, number in BY_NAME.items() if number is not None],
+            [0.0, 2.5],
+            [(True, True), (False, False)],
+        )
+    ],
+)
+def test_the_pole_of_a_step_is_mujocos(integrator, damping, tendon, sprung):
+    found = step_pole(integrator, MASS, damping, STIFFNESS, STEP, tendon=tendon, sprung=sprung)
+    assert abs(found - stepped_pole(integrator, damping, tendon=tendon, sprung=sprung)) < SAME
+
+
+def test_continuous_poles_solve_the_equation_of_a_mode():
+    for w, ratio in ((2.0, 0.1), (5.0, 1.5)):
+        for s in continuous_poles(w, ratio):
+            assert abs(s**2 + 2.0 * ratio * w * s + w**2) < 1e-13 * w**2
+
+
+def test_an_apparent_pole_undoes_the_exponential():
+    w, ratio = 3.0, 0.2
+    s = w * complex(-ratio, math.sqrt(1.0 - ratio**2))
+    shown = apparent_pole(np.exp(s * STEP), STEP)
+    assert shown == pytest.approx((w, ratio), rel=1e-13)
+
+
+def test_the_polynomial_of_rk4_is_the_series_of_the_exponential():
+    x = 0.7 + 0.4j
+    assert abs(polynomial(np.array(x)) - sum(x**k / math.factorial(k) for k in range(5))) < 1e-15
+
+
+def test_limits_of_rk4_are_those_of_the_textbook():
+    assert runge_kutta_limit(2j) == pytest.approx(math.sqrt(8.0) / 2.0, rel=1e-9)
+    # 1 + x + x^2/2 + x^3/6 + x^4/24 = 1 with x < 0: x^3 + 4 x^2 + 12 x + 24 = 0
+    real = -np.roots([1.0, 4.0, 12.0, 24.0])
+    real = real[np.abs(real.imag) < 1e-9].real[0]
+    assert runge_kutta_limit(-5.0 + 0j) == pytest.approx(real / 5.0, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("integrator", "tendon", "sign"),
+    [("Euler", True, -1), ("Euler", False, 1), ("implicit", True, 1)],
+)
+def test_the_largest_angle_puts_a_pole_on_minus_one(integrator, tendon, sign):
+    ratio = 0.15
+    angle = largest_angle(integrator, ratio, tendon=tendon)
+    # z = -1: 4 m + 2 c h sign - k h^2 = 0 with c = 2 ratio w, k = w^2
+    assert angle**2 - sign * 4.0 * ratio * angle - 4.0 == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("integrator", ["Euler", "implicitfast"])
+def test_a_timed_mode_has_the_exact_pole_and_its_own_static_response(integrator):
+    w, ratio = 4.0, 0.03
+    timed = time_modes(integrator, w, ratio, STEP)
+    z = step_pole(integrator, timed.mass, timed.damping, w**2, STEP)
+    exact = np.exp(w * complex(-ratio, math.sqrt(1.0 - ratio**2)) * STEP)
+    assert abs(z - exact) < SAME
+    assert not timed.slowed
+    assert not timed.clamped
+
+
+def test_an_undamped_timed_mode_has_the_mass_of_the_closed_form():
+    w = 4.0
+    x = w * STEP
+    assert time_modes("Euler", w, 0.0, STEP).mass == pytest.approx(
+        (x / 2.0 / math.sin(x / 2.0)) ** 2, rel=1e-12
+    )
+
+
+def test_a_mode_beyond_the_phase_limit_is_scaled_back_to_it():
+    timed = time_modes("Euler", 40.0, 0.0, STEP, phase=2.0)
+    assert timed.slowed
+    z = step_pole("Euler", timed.mass, timed.damping, 1600.0, STEP)
+    assert np.angle(z) == pytest.approx(2.0, rel=1e-10)
+
+
+def test_the_armature_of_a_hinge_makes_its_step_of_fourth_order():
+    errors = []
+    for h in (0.1, 0.05):
+        mass = MASS + hinge_armature(STIFFNESS, h)
+        shown = apparent_pole(step_pole("Euler", mass, 0.0, STIFFNESS, h), h)[0]
+        errors.append(abs(shown / math.sqrt(STIFFNESS / MASS) - 1.0))
+    assert errors[0] / errors[1] == pytest.approx(16.0, rel=0.05)
+
+
+@pytest.mark.parametrize("integrator", ["Euler", "implicitfast"])
+def test_with_its_stable_armature_a_bare_spring_is_at_the_limit(integrator):
+    least = stable_armature(integrator, STEP, STIFFNESS, 0.0)
+    z = step_pole(integrator, least, 0.0, STIFFNESS, STEP)
+    assert z == pytest.approx(-1.0, abs=1e-6)
+
+
+def test_with_its_stable_armature_rk4_is_at_the_limit():
+    least = stable_armature("RK4", STEP, STIFFNESS, 0.0)
+    assert abs(step_pole("RK4", least, 0.0, STIFFNESS, STEP)) == pytest.approx(1.0, abs=1e-9)
+    # a damper alone: its pole is 2 per step, within 2.785
+    assert stable_armature("RK4", STEP, 0.0, 7.0) == pytest.approx(STEP * 7.0 / 2.0)
+
+
+def test_a_mode_started_at_the_rate_keeps_the_exact_positions():
+    w, ratio, q0, v0 = 3.0, 0.05, 0.4, -0.7
+    timed = time_modes("Euler", w, ratio, STEP)
+    m, c = float(timed.mass), float(timed.damping)
+    q, v = q0, float(start_rate(q0, v0, w, ratio, STEP))
+    damped = w * math.sqrt(1.0 - ratio**2)
+    for k in range(1, 30):
+        v += STEP * (-c * v - w**2 * q) / m
+        q += STEP * v
+        t = k * STEP
+        exact = math.exp(-ratio * w * t) * (
+            q0 * math.cos(damped * t) + (v0 + ratio * w * q0) / damped * math.sin(damped * t)
+        )
+        assert q == pytest.approx(exact, abs=1e-12)
