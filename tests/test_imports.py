@@ -91,8 +91,6 @@ PUBLIC = {
     "Recorder",
     "Recovery",
     "RecoveryRows",
-    "Profile",
-    "ProfilePart",
     "Rectangle",
     "Retimed",
     "Root",

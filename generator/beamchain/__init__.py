@@ -84,8 +84,6 @@ if TYPE_CHECKING:
     from beamchain.structure.beam import Beam as Beam
     from beamchain.structure.modal_data import FurtherPoint as FurtherPoint
     from beamchain.structure.modal_data import ModalData as ModalData
-    from beamchain.structure.profile import Profile as Profile
-    from beamchain.structure.profile import ProfilePart as ProfilePart
     from beamchain.structure.profile import section_from as section_from
     from beamchain.structure.readers import read_modes as read_modes
     from beamchain.structure.readers import read_op4 as read_op4
@@ -221,11 +219,7 @@ _PLACES = {
     "structure.readers": ("read_modes", "read_op4"),
     "structure.recovery_rows": ("RecoveryRows",),
     "structure.readers.superelement": ("InterfaceGrid",),
-    "structure.profile": (
-        "Profile",
-        "ProfilePart",
-        "section_from",
-    ),
+    "structure.profile": ("section_from",),
     "structure.section": (
         "Box",
         "Custom",

@@ -1,7 +1,6 @@
 """Profiles through sectionproperties against closed forms: thin-walled theory, sums over rectangles
 and circles."""
 
-import json
 import sys
 
 import mujoco
@@ -9,7 +8,6 @@ import numpy as np
 import pytest
 
 import beamchain as bc
-from command import call
 
 pytestmark = pytest.mark.host
 analysis = pytest.importorskip(
@@ -18,6 +16,7 @@ analysis = pytest.importorskip(
 )
 pre = pytest.importorskip("sectionproperties.pre")
 library = pytest.importorskip("sectionproperties.pre.library")
+shapely = pytest.importorskip("shapely")
 
 EXACT = 1e-9  # relative: polynomials over straight-edged elements
 THIN = 0.02  # relative: thin-walled theory at walls of a hundredth of the width
@@ -25,8 +24,13 @@ CIRCLE = 2e-3  # relative: circles of 128 corners
 TORSION = 5e-3  # relative: quadratic elements
 
 ALUMINIUM = bc.Material(youngs_modulus=7e10, density=2700.0, poissons_ratio=0.33)
-CARBON = bc.Material(youngs_modulus=1.2e11, density=1600.0, shear_modulus=5e9)
 E, RHO, G = 7e10, 2700.0, 7e10 / 2.66
+
+
+def shape(outline, holes=(), material=None):
+    """A geometry by its corners."""
+    given = {} if material is None else {"material": material}
+    return pre.Geometry(shapely.Polygon(outline, holes), **given)
 
 
 def meshed(geometry, size):
@@ -75,15 +79,14 @@ def test_boxes_follow_bredt(cells):
             rectangle(-width / 2 + t, -t / 2, low, high),
             rectangle(t / 2, width / 2 - t, low, high),
         )
-    section = bc.Profile(outline=outline, holes=holes).section()
+    section = bc.section_from(meshed(shape(outline, holes), 5e-7), material=ALUMINIUM)
     area, around = (width - t) * (height - t), 2.0 * (width + height - 2.0 * t)
-    assert section.torsion_constant == pytest.approx(4.0 * area**2 * t / around, rel=THIN)
+    assert section.torsion_stiffness == pytest.approx(G * 4.0 * area**2 * t / around, rel=THIN)
     web = (cells - 1) * t * (height - 2 * t)
-    assert section.area == pytest.approx(
-        width * height - (width - 2 * t) * (height - 2 * t) + web, rel=EXACT
-    )
+    solid = width * height - (width - 2 * t) * (height - 2 * t) + web
+    assert section.axial_stiffness == pytest.approx(E * solid, rel=EXACT)
     iz = (height * width**3 - (height - 2 * t) * (width - 2 * t) ** 3) / 12.0
-    assert section.second_moment_z == pytest.approx(iz + web * t**2 / 12.0, rel=EXACT)
+    assert section.bending_stiffness_xy == pytest.approx(E * (iz + web * t**2 / 12.0), rel=EXACT)
 
 
 def test_a_box_agrees_with_the_shape_that_needs_no_extra():
@@ -139,31 +142,18 @@ def test_concentric_tubes_of_two_materials():
     assert found.axial_stiffness == pytest.approx(2e11 * areas[0] + 1e10 * areas[1], rel=CIRCLE)
 
 
-SANDWICH = f"""name = "panel"
-[[segment]]
-length = 3.0
-[segment.section]
-shape = "profile"
-[[segment.section.parts]]
-outline = {[list(p) for p in rectangle(-0.05, 0.05, -0.002, 0.002)]}
-material = {{ youngs_modulus = 7e10, density = 2700.0, poissons_ratio = 0.33 }}
-[[segment.section.parts]]
-outline = {[list(p) for p in rectangle(-0.03, 0.03, 0.002, 0.003)]}
-material = {{ youngs_modulus = 1.2e11, density = 1600.0, shear_modulus = 5e9 }}
-[[segment.section.parts]]
-outline = {[list(p) for p in rectangle(-0.03, 0.03, -0.003, -0.002)]}
-material = {{ youngs_modulus = 1.2e11, density = 1600.0, shear_modulus = 5e9 }}
-[modes]
-xz = 2
-xy = 1
-torsion = 1
-"""
+def sandwich(*strips):
+    """A plate of aluminium with carbon strips, `(z0, z1)` each."""
+    plate = pre.Material("plate", 7e10, 0.33, 1.0, 2700.0, "grey")
+    carbon = pre.Material("carbon", 1.2e11, 0.2, 1.0, 1600.0, "black")
+    parts = [shape(rectangle(-0.05, 0.05, -0.002, 0.002), material=plate)]
+    parts += [shape(rectangle(-0.03, 0.03, *z), material=carbon) for z in strips]
+    return meshed(pre.CompoundGeometry(parts), 2e-6)
 
 
-def test_a_sandwich_in_toml_is_fitted(tmp_path):
+def test_a_sandwich_is_fitted():
     """Strips on a plate: EI by hand, and the frequencies of MuJoCo's file from it."""
-    (tmp_path / "panel.toml").write_text(SANDWICH)
-    section = bc.read_spec(tmp_path / "panel.toml").segment[0].section
+    section = bc.section_from(sandwich((0.002, 0.003), (-0.003, -0.002)))
     strips = 2.0 * 0.06 * (0.003**3 - 0.002**3) / 3.0
     xz = 7e10 * 0.1 * 0.004**3 / 12.0 + 1.2e11 * strips
     xy = 7e10 * 0.004 * 0.1**3 / 12.0 + 1.2e11 * 2.0 * 0.001 * 0.06**3 / 12.0
@@ -171,25 +161,16 @@ def test_a_sandwich_in_toml_is_fitted(tmp_path):
     assert section.bending_stiffness_xz == pytest.approx(xz, rel=EXACT)
     assert section.bending_stiffness_xy == pytest.approx(xy, rel=EXACT)
     assert section.linear_mass == pytest.approx(mass, rel=EXACT)
-    answer = call("fit", tmp_path / "panel.toml", "-o", tmp_path / "fit", "--json")
-    assert answer.status == 0, answer.err
-    mujoco.MjModel.from_xml_path(str(tmp_path / "fit" / "scene.xml"))
-    ports = json.loads((tmp_path / "fit" / "fit.json").read_text())["ports"]
-    first = 1.875104068711961**2 / 9.0 * np.sqrt(np.array([xz, xy]) / mass)
-    assert ports["xz"]["achieved"]["frequencies"][0] == pytest.approx(first[0], rel=1e-6)
-    assert ports["xy"]["achieved"]["frequencies"][0] == pytest.approx(first[1], rel=1e-6)
-
-
-def test_what_embed_writes_needs_the_extra_no_more(tmp_path):
-    """The mark in the file holds the computed section."""
-    (tmp_path / "panel.toml").write_text(SANDWICH)
-    craft = (
-        '<mujoco><worldbody><body name="bus"><freejoint/><inertial pos="0 0 0" mass="90" '
-        'diaginertia="9 9 9"/></body></worldbody></mujoco>'
+    made = bc.fit(
+        bc.Spec(
+            segment=(bc.Segment(length=3.0, section=section),),
+            modes=bc.Modes(xz=2, xy=1, torsion=1),
+        )
     )
-    text = bc.embed(craft, {"bus": tmp_path / "panel.toml"}, retime=False).to_mjcf()
-    assert "bending_stiffness_xy" in text
-    assert "outline" not in text
+    mujoco.MjModel.from_xml_string(made.scene_mjcf())
+    first = 1.875104068711961**2 / 9.0 * np.sqrt(np.array([xz, xy]) / mass)
+    assert made.achieved["xz"].frequencies[0] == pytest.approx(first[0], rel=1e-6)
+    assert made.achieved["xy"].frequencies[0] == pytest.approx(first[1], rel=1e-6)
 
 
 Z = ((-0.001, -0.025), (0.04, -0.025), (0.04, -0.023), (0.001, -0.023))
@@ -198,8 +179,9 @@ Z += tuple((-y, -z) for y, z in Z)
 
 def test_a_z_profile_is_turned_as_the_message_says():
     """tan 2a = -2 I_yz / (I_yy - I_zz), by three rectangles."""
+    geometry = shape(Z)
     with pytest.raises(bc.InputError, match="principal axes") as error:
-        bc.Profile(outline=Z).section()
+        bc.section_from(meshed(geometry, 1e-6), material=ALUMINIUM)
     pieces = [(-0.001, 0.001, -0.023, 0.023), (-0.001, 0.04, -0.025, -0.023)]
     pieces.append((-0.04, 0.001, 0.023, 0.025))
     moments = np.zeros(3)
@@ -212,14 +194,10 @@ def test_a_z_profile_is_turned_as_the_message_says():
     yy, zz, yz = moments
     angle = float(str(error.value).split("turned by ")[1].split(" degrees")[0])
     assert np.tan(np.radians(2.0 * angle)) == pytest.approx(-2.0 * yz / (yy - zz), rel=1e-5)
-    first = float(str(error.value).split("rotation = ")[1].split(" ")[0])
-    with pytest.raises(bc.InputError, match="principal axes") as again:
-        bc.Profile(outline=Z, rotation=0.3).section()
-    second = float(str(again.value).split("rotation = ")[1].split(" ")[0])
-    assert np.cos(4.0 * (first - second)) == pytest.approx(1.0)  # up to quarter turns
-    turned = bc.Profile(outline=Z, rotation=second).section()
+    turn = float(str(error.value).split("rotate_section(")[1].split(")")[0])
+    turned = bc.section_from(meshed(geometry.rotate_section(turn), 1e-6), material=ALUMINIUM)
     mean, half = (yy + zz) / 2.0, np.hypot((yy - zz) / 2.0, yz)
-    both = sorted([turned.second_moment_y, turned.second_moment_z])
+    both = sorted([turned.bending_stiffness_xz / E, turned.bending_stiffness_xy / E])
     np.testing.assert_allclose(both, [mean - half, mean + half], rtol=1e-6)
 
 
@@ -237,44 +215,12 @@ def test_units_of_millimetres():
 
 def test_a_strip_on_one_side_moves_the_elastic_centre_off_the_mass():
     with pytest.raises(bc.InputError, match=r"(shear|elastic) centre"):
-        bc.Profile(
-            parts=(
-                bc.ProfilePart(outline=rectangle(-0.05, 0.05, -0.002, 0.002), material=ALUMINIUM),
-                bc.ProfilePart(outline=rectangle(-0.03, 0.03, 0.002, 0.003), material=CARBON),
-            )
-        ).section()
+        bc.section_from(sandwich((0.002, 0.003)))
 
 
-@pytest.mark.parametrize(
-    ("profile", "match"),
-    [
-        ({"outline": ((0, 0), (1, 1), (1, 0), (0, 1))}, "Self-intersection"),
-        ({"outline": ((0, 0), (1, 1))}, "fewer than 3 corners"),
-        ({"outline": rectangle(0, 1, 0, 1), "holes": (rectangle(2, 3, 0, 1),)}, "no area"),
-        ({"outline": ((0, 0), (1, 0), (2, 0))}, "no area"),
-        (
-            {
-                "parts": tuple(
-                    bc.ProfilePart(outline=rectangle(0, 1, z, z + 1), material=ALUMINIUM)
-                    for z in (0, 3)
-                )
-            },
-            "do not touch",
-        ),
-        (
-            {
-                "parts": tuple(
-                    bc.ProfilePart(outline=rectangle(0, 1, z, z + 1), material=ALUMINIUM)
-                    for z in (0, 0.5)
-                )
-            },
-            "overlap",
-        ),
-    ],
-)
-def test_what_is_no_profile_is_refused(profile, match):
-    with pytest.raises(bc.InputError, match=match):
-        bc.Profile(**profile).section()
+def test_parts_that_do_not_touch_are_refused():
+    with pytest.raises(bc.InputError, match="do not touch"):
+        bc.section_from(sandwich((0.004, 0.005), (-0.005, -0.004)))
 
 
 def test_a_section_without_material_is_refused():

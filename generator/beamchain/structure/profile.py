@@ -9,100 +9,16 @@ import copy
 import dataclasses
 import warnings
 from collections.abc import Sequence
-from typing import Annotated, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamchain.checks import Struct, field, of_type, positive
+from beamchain.checks import of_type, positive
 from beamchain.errors import InputError
-from beamchain.late import importing
-from beamchain.structure.section import Custom, Draw, Equivalent, Material, Solid
+from beamchain.structure.section import Draw, Equivalent, Material
 
 OFF_AXIS = 0.01  # of the radius of gyration: a coupling of a frequency by 1e-4
 TURNED = 1e-4  # product of inertia over the moments: the same
-THIN = 1.0  # elements over the square of the mean thickness: they are quadratic
-MOST_ELEMENTS = 5000.0
-MOST_POINTS = 5000
-EXTRA = "pip install 'beamchain[sections]'"
-
-Point = tuple[float, float]
-_outline = field("corners [y, z] of the outline, in order; it closes itself", "m")
-_holes = field("outlines of holes, each a list of corners [y, z]", "m")
-
-
-class ProfilePart(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A part of a composite profile, of a material of its own; parts touch and do not overlap.
-
-    Example:
-        >>> import beamchain as bc
-        >>> skin = bc.Material(youngs_modulus=7e10, density=1600.0, shear_modulus=5e9)
-        >>> corners = ((0.0, 0.0), (0.1, 0.0), (0.1, 0.001), (0.0, 0.001))
-        >>> len(bc.ProfilePart(outline=corners, material=skin).outline)
-        4
-    """
-
-    outline: Annotated[tuple[Point, ...], _outline]
-    material: Annotated[Material, field("material of the part")]
-    holes: Annotated[tuple[tuple[Point, ...], ...], _holes] = ()
-
-
-class Profile(
-    Solid,
-    frozen=True,
-    kw_only=True,
-    forbid_unknown_fields=True,
-    tag_field="shape",
-    tag="profile",
-):
-    """A profile by its outline or its parts, computed by sectionproperties (the extra `sections`).
-
-    In a segment it becomes a `Custom` section or, with parts, an `Equivalent` one, which need the
-    extra no more.
-
-    Example:
-        >>> import beamchain as bc
-        >>> bc.Profile(outline=((0.0, 0.0), (0.1, 0.0), (0.1, 0.05), (0.0, 0.05))).rotation
-        0.0
-    """
-
-    outline: Annotated[tuple[Point, ...], _outline] = ()
-    holes: Annotated[tuple[tuple[Point, ...], ...], _holes] = ()
-    parts: Annotated[
-        tuple[ProfilePart, ...],
-        field("parts with materials of their own, in place of outline and holes"),
-    ] = ()
-    rotation: Annotated[
-        float, field("angle about x by which the profile is turned before it is used", "rad")
-    ] = 0.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if bool(self.outline) == bool(self.parts):
-            raise InputError(
-                'a "profile" section needs outline = [[y, z], ...], or parts = [{ outline = ..., '
-                "material = ... }, ...], and not both."
-            )
-        if self.parts and self.holes:
-            raise InputError("holes are given beside parts; write them into the part they are in.")
-
-    def section(self) -> Custom | Equivalent:
-        """The section that it is: `Custom` or, with parts, `Equivalent`.
-
-        Raises:
-            InputError: the outline is no area, sectionproperties is missing, or the profile couples
-                bending and torsion or the two planes.
-        """
-        rings = [(part.outline, part.holes) for part in self.parts] or [(self.outline, self.holes)]
-        found = _measure(_section_of(rings, self.rotation), _stiffness(self.parts))
-        found.check("write rotation = {radians:.9g} into the section", self.rotation)
-        if self.parts:
-            return found.equivalent()
-        return Custom(
-            area=found.axial,
-            second_moment_z=found.bending_xy,
-            second_moment_y=found.bending_xz,
-            torsion_constant=found.torsion,
-        )
 
 
 def section_from(
@@ -158,7 +74,7 @@ def section_from(
     else:
         stiffness = [_moduli(material)] * len(parts)
     found = _measure(section, stiffness, unit)
-    found.check("turn its geometry, geometry.rotate_section({degrees:.9g})")
+    found.check()
     return found.equivalent()
 
 
@@ -171,7 +87,7 @@ class Stiffness(NamedTuple):
 
 
 class Properties(NamedTuple):
-    """Stiffness and mass of a profile, in SI; per unit of modulus and density where it has none.
+    """Stiffness and mass of a profile, in SI.
 
     `shear_centre`, `elastic_centre`: `(2,)` from the centre of mass; `extent`: `(2,)` along y, z.
     """
@@ -187,11 +103,8 @@ class Properties(NamedTuple):
     elastic_centre: tuple[float, float]
     extent: tuple[float, float]
 
-    def check(self, cure: str, turned: float = 0.0) -> None:
-        """Refuse what couples bending and torsion, or the two planes.
-
-        `cure`: how to turn it, which so far is `turned` [rad].
-        """
+    def check(self) -> None:
+        """Refuse what couples bending and torsion, or the two planes."""
         gyration = np.sqrt(self.polar / self.mass)
         for word, place, why in (
             ("shear centre", self.shear_centre, "bending and torsion are coupled"),
@@ -211,12 +124,12 @@ class Properties(NamedTuple):
             # tan(2 angle) = -2 I_yz / (I_yy - I_zz)
             angle = 0.5 * np.arctan2(-2.0 * self.product, self.bending_xz - self.bending_xy)
             angle = (angle + np.pi / 4.0) % (np.pi / 2.0) - np.pi / 4.0  # the nearest of four
-            turn = turned - angle
-            told = cure.format(radians=turn, degrees=float(np.degrees(turn)))
+            turn = float(np.degrees(-angle))
             raise InputError(
                 f"the principal axes of the profile are turned by {np.degrees(angle):.6g} degrees "
-                f"about x against y and z, so that the two planes of bending are coupled; {told}, "
-                f"and turn the frame it is mounted on by {np.degrees(-turn):.6g} degrees about x."
+                f"about x against y and z, so that the two planes of bending are coupled; turn "
+                f"its geometry, geometry.rotate_section({turn:.9g}), and the frame it is mounted "
+                f"on by {-turn:.6g} degrees about x."
             )
 
     def equivalent(self) -> Equivalent:
@@ -234,11 +147,6 @@ class Properties(NamedTuple):
 
 def _moduli(material: Material) -> Stiffness:
     return Stiffness(material.youngs_modulus, material.g, material.density)
-
-
-def _stiffness(parts: Sequence[ProfilePart]) -> list[Stiffness]:
-    """Of parts; a profile without has modulus and density 1."""
-    return [_moduli(part.material) for part in parts] or [Stiffness(1.0, 1.0, 1.0)]
 
 
 def _parts_of(geometry: Any) -> list[Any]:
@@ -311,59 +219,3 @@ def _weighted(section: Any, weights: Sequence[float], *, warping: bool = True) -
             "share an edge."
         )
     return out
-
-
-Ring = tuple[Sequence[Point], Sequence[Sequence[Point]]]
-
-
-def _section_of(rings: Sequence[Ring], rotation: float) -> Any:
-    """A meshed sectionproperties `Section` of some outlines with their holes, turned."""
-    try:
-        with importing, warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of its own imports
-            import shapely  # pyright: ignore[reportMissingModuleSource]
-            from sectionproperties.analysis import (  # pyright: ignore[reportMissingImports]
-                Section,
-            )
-            from sectionproperties.pre import (  # pyright: ignore[reportMissingImports]
-                CompoundGeometry,
-                Geometry,
-            )
-    except ImportError as error:
-        raise InputError(
-            f'a "profile" section needs sectionproperties ({error}); {EXTRA}, or give its '
-            'properties as shape = "custom" or "equivalent".'
-        ) from None
-    count = sum(len(outline) + sum(map(len, holes)) for outline, holes in rings)
-    if count > MOST_POINTS:
-        raise InputError(f"the profile has {count} corners; at most {MOST_POINTS} are taken.")
-    shapes: list[Any] = []
-    for k, (outline, holes) in enumerate(rings):
-        where = "outline" if len(rings) == 1 else f"parts[{k}].outline"
-        if len(outline) < 3 or any(len(hole) < 3 for hole in holes):
-            raise InputError(f"{where} or one of its holes has fewer than 3 corners.")
-        shape = shapely.Polygon(outline, holes)
-        if not shape.is_valid or shape.area <= 0.0:
-            reason = shapely.is_valid_reason(shape)
-            raise InputError(
-                f"{where} with its holes is no area ({reason}); list the corners once around, and "
-                "keep holes inside."
-            )
-        shapes.append(shapely.affinity.rotate(shape, rotation, origin=(0, 0), use_radians=True))
-    for k, shape in enumerate(shapes):
-        for other, before in enumerate(shapes[:k]):
-            if shape.intersection(before).area > 1e-9 * min(shape.area, before.area):
-                raise InputError(
-                    f"parts[{other}] and parts[{k}] overlap; each place has one material."
-                )
-    geometries = [Geometry(shape) for shape in shapes]
-    geometry = geometries[0] if len(geometries) == 1 else CompoundGeometry(geometries)
-    sizes = [_element_size(shape) for shape in shapes]
-    geometry.create_mesh(mesh_sizes=sizes)
-    return Section(geometry)
-
-
-def _element_size(shape: Any) -> float:
-    """Largest area of an element: several across the mean thickness, but not too many."""
-    thickness = 2.0 * shape.area / shape.length
-    return max(thickness**2 / THIN, shape.area / MOST_ELEMENTS)

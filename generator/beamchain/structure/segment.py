@@ -9,7 +9,6 @@ import numpy as np
 from beamchain.checks import Struct, field, not_negative
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
-from beamchain.structure.profile import Profile
 from beamchain.structure.section import Equivalent, Material, Section
 
 Theory = Literal["euler", "timoshenko"]
@@ -31,8 +30,8 @@ class Stations(NamedTuple):
 
 
 EXAMPLES = {
-    "section": "Round(diameter=0.02), Tube(...), Rectangle(...), Box(...), Custom(...), "
-    "Equivalent(...) or Profile(...)",
+    "section": "Round(diameter=0.02), Tube(...), Rectangle(...), Box(...), Custom(...) "
+    "or Equivalent(...)",
     "material": "Material(youngs_modulus=7e10, density=2700.0)",
 }
 
@@ -49,9 +48,9 @@ class Segment(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """
 
     length: Annotated[float, field("length along x", "m", above=0.0)]
-    section: Annotated[Section | Profile, field("section at the root end")]
+    section: Annotated[Section, field("section at the root end")]
     section_end: Annotated[
-        Section | Profile | None,
+        Section | None,
         field("section at the tip end, of the same shape, for a linear taper"),
     ] = None
     material: Annotated[
@@ -79,7 +78,7 @@ class Segment(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         for name, value, kind in (
-            ("section", self.section, Section | Profile),
+            ("section", self.section, Section),
             ("material", self.material, Material | None),
         ):
             if not isinstance(value, kind):
@@ -87,7 +86,6 @@ class Segment(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
                     f"{name} = {value!r:.60} is a {type(value).__name__}; give one as "
                     f"{EXAMPLES[name]}."
                 )
-        self._compute_profiles()
         if self.section_end is not None and type(self.section_end) is not type(self.section):
             raise InputError(
                 f'section_end has shape "{_shape_name(self.section_end)}" but section has '
@@ -130,29 +128,13 @@ class Segment(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
                     "or leave it out at both."
                 )
 
-    def _compute_profiles(self) -> None:
-        """Put the computed section in the place of a profile."""
-        material = self.material
-        for name, section in (("section", self.section), ("section_end", self.section_end)):
-            if not isinstance(section, Profile):
-                continue
-            if bool(section.parts) == (material is not None):
-                raise InputError(
-                    "material is given beside the parts of a profile, which have their own; leave "
-                    "material out."
-                    if section.parts
-                    else "material is missing; add material = { youngs_modulus = 7e10, density = "
-                    "2700.0, poissons_ratio = 0.33 }, or give the profile in parts of their own."
-                )
-            msgspec.structs.force_setattr(self, name, section.section())
-
     @property
     def taper(self) -> float:
         """Largest ratio between a dimension at the two ends, at least 1."""
         return self.section.ratio(self.end)
 
     @property
-    def end(self) -> Section | Profile:
+    def end(self) -> Section:
         """The section at the tip end."""
         return self.section if self.section_end is None else self.section_end
 
