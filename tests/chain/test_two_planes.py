@@ -176,7 +176,7 @@ def test_a_random_array():
 @pytest.mark.slow
 @pytest.mark.parametrize("kept", [{"xy": 2, "xz": 2}, {"xy": 3, "xz": 3, "torsion": 2}])
 def test_forty_random_arrays(kept):
-    """Every one of them; version 1 held 35 and 26."""
+    """Every one of them."""
     for seed in range(40):
         judge(random_array(seed), fit(random_array(seed), modes=kept), kept)
 

@@ -15,7 +15,7 @@ from msgspec import UNSET, UnsetType
 
 from beamchain.errors import InputError
 from beamchain.mjcf.craft import BLANK, Craft, Include, inner_text
-from beamchain.mjcf.text import Edit, Node, change_start_tag, split_start_tag
+from beamchain.mjcf.text import Edit, Node, split_start_tag
 
 SIGN = "beamchain embed"
 STEP = re.compile(r"timed for \w+ at \S+ s")
@@ -84,15 +84,9 @@ class Changed(
     forbid_unknown_fields=True,
     omit_defaults=True,
 ):
-    """The start tag behind the mark was changed; `was`: as it stood.
-    Version 1 kept attributes alone (`old`)."""
+    """The start tag behind the mark was changed; `was`: as it stood."""
 
-    was: str = ""
-    old: dict[str, str | None] = {}
-
-    def original(self, tag: str) -> str:
-        """The start tag as it stood, of the one that stands there now."""
-        return self.was or change_start_tag(tag, self.old)
+    was: str
 
 
 class KeyMark(Changed, frozen=True, tag="key"):
@@ -119,16 +113,9 @@ class IncludeMark(
     forbid_unknown_fields=True,
     omit_defaults=True,
 ):
-    """From here to the end mark stands what an `<include>` brings in.
-    Version 1 kept its attributes alone."""
+    """From here to the end mark stands what an `<include>` brings in; `was`: as it stood."""
 
-    was: str = ""
-    attributes: dict[str, str] = {}
-
-    @property
-    def element(self) -> str:
-        """The `<include>` as it stood."""
-        return self.was or change_start_tag("<include/>", dict(self.attributes))
+    was: str
 
 
 class MovedMark(
@@ -372,7 +359,7 @@ def remove_marked_changes(craft: Craft) -> Craft:
         elif isinstance(mark, StepMark):
             edit = _take_out_line(craft, node)
         elif isinstance(mark, IncludeMark):
-            edit = Edit(node.start, _end_of_include(craft, node), mark.element)
+            edit = Edit(node.start, _end_of_include(craft, node), mark.was)
         else:
             edit = _edit_of_change(craft, node, mark)
         edits.append(edit)
@@ -397,15 +384,14 @@ def _edit_of_change(craft: Craft, node: Node, mark: Changed) -> Edit:
     include = _read_mark(craft, following)
     if isinstance(include, IncludeMark):
         # its path was changed, then it was put in place
-        tag, rest = split_start_tag(include.element)
-        return Edit(node.start, _end_of_include(craft, following), mark.original(tag) + rest)
+        _, rest = split_start_tag(include.was)
+        return Edit(node.start, _end_of_include(craft, following), mark.was + rest)
     if isinstance(mark, OpenedMark):
         if _only_pieces(craft, following):
             return Edit(node.start, following.end, mark.was)
         # the user has put something of his own beside the appendage
         return Edit(node.start, following.start, "")
-    tag = craft.source(following.start, following.inner)
-    return Edit(node.start, following.inner, mark.original(tag))
+    return Edit(node.start, following.inner, mark.was)
 
 
 def _side_by_side(pieces: Sequence[_Piece]) -> list[_Piece]:
