@@ -3,8 +3,6 @@
 import os
 import subprocess
 import sys
-import zipfile
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -72,28 +70,6 @@ def test_a_backend_of_matplotlib_that_there_is_not(tmp_path):
     assert outside(["init", "boom"], tmp_path).returncode == 0
     done = outside(["fit", "boom.toml", "-o", "out"], tmp_path, MPLBACKEND="nonsense")
     assert (done.returncode, done.stderr) == (0, "")
-
-
-# -- archives that are larger than they look -------------------------------------------------------
-def bomb(path: Path) -> None:
-    """2 GB of zeros in some megabytes, as columns of a log."""
-    rows = 40_000_000
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
-        for name in ("time", "torque_z", "rate_z", "rate_x", "rate_y"):
-            with archive.open(f"{name}.npy", "w", force_zip64=True) as stream:
-                head = {"descr": "<f8", "fortran_order": False, "shape": (rows,)}
-                np.lib.format.write_array_header_1_0(stream, head)
-                for _ in range(20):
-                    stream.write(bytes(8 * rows // 20))
-
-
-@pytest.mark.slow
-def test_a_log_that_unpacks_to_gigabytes(tmp_path):
-    path = tmp_path / "log.npz"
-    bomb(path)
-    assert path.stat().st_size < 20_000_000
-    with pytest.raises(bc.InputError, match="unpacks to more than"):
-        bc.identify(path, CRAFTS / "observer.xml", "left")
 
 
 def test_a_good_log_is_read_as_its_mapping_is(tmp_path):

@@ -240,9 +240,8 @@ REFUSED: dict[str, tuple[str, bytes]] = {
 }
 
 
-def reader_of(ending: str, name: str = "") -> list[Callable[[Path], object]]:
+def reader_of(ending: str) -> list[Callable[[Path], object]]:
     """All readers that take files of an ending."""
-    del name
     return list(dict.fromkeys(read for kind, _, read in READERS.values() if kind == ending))
 
 
