@@ -2,7 +2,8 @@
 
 `python tests/mutants.py --seed n` draws 200 changes of constants, signs, operators, indices and
 comparisons inside functions of FOLDERS. Each goes into a temporary copy of the package, on which
-the tests of the same folder run that `make quick` runs; those that fail unchanged are left out.
+the quick tests of the same folder run, those of `make quick` first; tests that fail unchanged are
+left out.
 """
 
 import argparse
@@ -154,7 +155,7 @@ def _run(generator: str, folder: str, without: frozenset[str], options: list[str
     os.dup2(nowhere, 1)
     os.dup2(nowhere, 2)
     tests = _Tests(without)
-    words = [f"tests/{folder}", "-m", "not slow and not host", "--brief", *options]
+    words = [f"tests/{folder}", "-m", "not slow and not host", *options]
     status = pytest.main([*words, "-p", "no:cacheprovider"], plugins=[tests])
     pipe.send((int(status), frozenset(tests.failed)))
 
@@ -178,15 +179,20 @@ def _tests(
         process.join()
 
 
-def noticed(change: Change, failing: frozenset[str], limit: float) -> bool:
-    """Whether the tests of the change's folder fail with it, or take over `limit` seconds."""
+def noticed(change: Change, failing: frozenset[str], limit: float) -> str:
+    """Which quick tests of the change's folder fail with it: "quick" or "longer" ones, or none, "".
+
+    Those of `make quick` may take `limit` seconds, all of them ten times as long.
+    """
     with tempfile.TemporaryDirectory() as place:
         copy = Path(place, "generator")
         shutil.copytree(PACKAGE, copy / "beamchain", ignore=shutil.ignore_patterns("__pycache__"))
         Path(place, "mjcf_templates").symlink_to(ROOT / "mjcf_templates")
         file = copy / "beamchain" / change.file
         file.write_bytes(change.within(file.read_bytes()))
-        return _tests(copy, change.folder, failing, limit, "-x")[0] != 0
+        if _tests(copy, change.folder, failing, limit, "-x", "--brief")[0]:
+            return "quick"
+        return "longer" if _tests(copy, change.folder, failing, 10.0 * limit, "-x")[0] else ""
 
 
 def _every(folders: tuple[str, ...]) -> Iterator[Change]:
@@ -216,17 +222,17 @@ def main() -> None:
     drawn.sort(key=lambda change: (change.file, change.line, change.column))
     failing = {c.folder: frozenset[str]() for c in drawn}
     for folder in failing:
-        failing[folder] = _tests(PACKAGE.parent, folder, frozenset(), 600.0)[1]
+        failing[folder] = _tests(PACKAGE.parent, folder, frozenset(), 1800.0)[1]
         for test in sorted(failing[folder]):
             print(f"fails unchanged, and is left out: {test}")
     seen, total = Counter[str](), Counter(change.folder for change in drawn)
     with ThreadPoolExecutor(given.workers) as pool:
         results = pool.map(lambda c: noticed(c, failing[c.folder], given.limit), drawn)
         for change, result in zip(drawn, results, strict=True):
-            seen[change.folder] += result
-            says = "noticed " if result else "survived"
+            seen[change.folder] += bool(result)
+            says = f"noticed ({result})" if result else "survived"
             place = f"{change.file}:{change.line}:{change.column + 1}"
-            print(f"{says} {place}  {change.old} -> {change.new or 'nothing'}", flush=True)
+            print(f"{says:16} {place}  {change.old} -> {change.new or 'nothing'}", flush=True)
     for folder, count in total.items():
         print(f"{folder}: {seen[folder]} of {count} noticed")
     print(f"together: {seen.total()} of {total.total()} noticed")
