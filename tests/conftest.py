@@ -11,8 +11,8 @@ from pathlib import Path
 # the matrices here are small: BLAS threads of several pytest workers only get in each other's way
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-#: test functions of which a case takes more than a twentieth of a second, and files whose fixtures do;
-#: `pytest --brief --durations=20` shows what has to be added
+#: test functions of which a case takes more than a twentieth of a second, and files whose fixtures
+#: do; `pytest --brief --durations=20` shows what has to be added
 LONGER = Path(__file__).with_name("longer.txt")
 
 
