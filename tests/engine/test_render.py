@@ -368,6 +368,7 @@ def test_the_elbow_of_an_arm_turns_by_the_angle_asked_for_and_rings(arm, degrees
     assert np.sign(slew.positions[-1, 6]) == -np.sign(degrees)
 
 
+@pytest.mark.slow
 def test_a_joint_that_cannot_be_turned_is_refused(arm):
     with pytest.raises(bc.InputError, match="nobody.*elbow"):
         simulate(arm, angle=1.0, frames=10, joint="nobody")

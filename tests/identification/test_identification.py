@@ -153,7 +153,13 @@ def test_the_held_out_piece_is_predicted_to_the_noise():
     assert min(found.whiteness.values()) > 1e-4
 
 
-@pytest.mark.parametrize("gap", [(93.6, 96.0), (12.0, 98.0), (0.7, 90.0)])
+@pytest.mark.parametrize(
+    "gap",
+    [
+        (93.6, 96.0),
+        *(pytest.param(gap, marks=pytest.mark.slow) for gap in ((12.0, 98.0), (0.7, 90.0))),
+    ],
+)
 def test_gaps_leave_a_part_to_hold_out_and_a_sensor_that_fails_in_it_is_noticed(gap):
     """The free motion after a gap is from few samples: what is predicted is above the noise."""
     log = without(log_about_z(), gap)

@@ -840,7 +840,15 @@ def three_axes(inertias, gains, delay=0.0):
     "inertias", [(100.0, 100.0, 100.0), (100.0, 120.0, 150.0)], ids=["equal", "scaled"]
 )
 @pytest.mark.parametrize(
-    "spread", [0.0, 1e-9, 1e-6, 1e-3, 0.02], ids=["none", "1e-9", "1e-6", "1e-3", "0.02"]
+    "spread",
+    [
+        0.0,
+        pytest.param(1e-9, marks=pytest.mark.slow),
+        1e-6,
+        pytest.param(1e-3, marks=pytest.mark.slow),
+        0.02,
+    ],
+    ids=["none", "1e-9", "1e-6", "1e-3", "0.02"],
 )
 def test_axes_of_one_design_are_blamed_for_their_own_poles(inertias, spread, delay):
     """Each loop alone, by python-control, says how many poles of its own grow and where."""

@@ -141,6 +141,7 @@ def test_the_budget_of_its_wheel(craft):
     assert worst.share > 0.5
 
 
+@pytest.mark.slow
 def test_a_run_waits_for_the_leading_mode(craft):
     wheel = bc.WheelDisturbance(joint="rw", speeds=(2.0, 12.0), static=STATIC, dynamic=DYNAMIC)
     run = bc.pointing(craft, bc.Disturbances(wheel=(wheel,))).simulate()

@@ -17,6 +17,8 @@ from hub_and_beam import HubAndBeam
 from modes_of_beam import modes_text
 from spacecraft import CRAFTS, spec
 
+pytestmark = pytest.mark.slow  # each makes a page and its drawings
+
 SHIPPED = files("beamchain") / "examples"
 SHOWN = 1e-4  # relative: frequencies are shown with five digits
 DIGITS = 0.006  # relative: the sizes below a drawing have three digits
@@ -153,7 +155,6 @@ def motion(model, qpos, body, place, shape):
 
 
 # -- modes -----------------------------------------------------------------------------------------
-@pytest.mark.slow
 @pytest.mark.parametrize("number", [1, 2])
 def test_two_arrays_and_their_bus_move_as_in_mujocos_own_mode(number, satellite, pages):
     model = satellite.untimed
@@ -237,12 +238,11 @@ def test_the_base_answers_as_a_hub_of_finite_elements_does():
         assert float(turned) / float(size) == pytest.approx(wanted, rel=KEPT)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("craft", "name", "keys"),
     [
         (named, "named", ["<u>"]),
-        pytest.param(arm, "arm", ["bent", "square"], marks=pytest.mark.slow),
+        (arm, "arm", ["bent", "square"]),
     ],
 )
 def test_keyframes_have_their_own_modes(craft, name, keys, pages):
@@ -315,7 +315,7 @@ def test_a_base_that_does_not_fly_is_not_turned():
 
 
 # -- the page --------------------------------------------------------------------------------------
-@pytest.mark.parametrize("name", ["satellite", pytest.param("arm", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", ["satellite", "arm"])
 def test_every_drawing_has_a_still_and_says_what_it_is(name, pages):
     page = pages(name)
     assert len(page.encode()) < LARGEST
@@ -385,7 +385,6 @@ def test_a_rigid_appendage_has_no_drawing():
     assert "replay" not in bc.report.fit_report(fit)[0].partition("<body>")[2]
 
 
-@pytest.mark.slow
 def test_a_craft_of_very_many_appendages_stays_small():
     count = 45
     sites = "".join(
@@ -404,7 +403,6 @@ def test_a_craft_of_very_many_appendages_stays_small():
     assert len(paths(panels(svgs[0])[0], "moving", "ribbon")) == 40
 
 
-@pytest.mark.slow
 def test_under_a_load_the_drawings_have_the_modes_of_the_table():
     text = (SHIPPED / "satellite.xml").read_text().replace('gravity="0 0 0"', 'gravity="0 0 -9.81"')
     text = text.replace("<freejoint/>", '<joint name="turn" axis="0 0 1"/>')

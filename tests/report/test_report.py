@@ -315,6 +315,7 @@ xy = 1
 """
 
 
+@pytest.mark.slow
 def test_what_stands_in_for_a_table_that_is_left_out_is_said(tmp_path):
     (tmp_path / "bare.toml").write_text(BARE)
     answer = call("fit", tmp_path / "bare.toml", "-o", tmp_path / "bare")

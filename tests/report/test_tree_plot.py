@@ -21,6 +21,7 @@ def arm():
     return bc.embed(SHIPPED / "arm.xml", at, retime=False)
 
 
+@pytest.mark.slow
 def test_every_pose_names_what_hangs_where_and_no_names_overlap(arm):
     figure = tree_figure(arm)
     renderer = FigureCanvasAgg(figure).get_renderer()
@@ -39,6 +40,7 @@ def test_every_pose_names_what_hangs_where_and_no_names_overlap(arm):
             assert box.x1 < figure.bbox.x1
 
 
+@pytest.mark.slow
 def test_the_hand_is_drawn_where_the_keyframe_puts_it(arm):
     # the elbow at 6.5 m, the forearm of 5 m turned by 90 degrees
     ax = tree_figure(arm).axes[2]
