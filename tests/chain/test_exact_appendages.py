@@ -9,6 +9,7 @@ import finite_elements as fe
 import frames
 import readback as rb
 from random_appendages import random_appendage, toml, tube_and_strip, uniform
+from solver import body_mass
 
 RATIOS = (0.1, 1.0, 1000.0)  # payload over appendage mass; none is the second port itself
 QUICK = 4  # of the random appendages
@@ -131,7 +132,7 @@ def test_coupled_to_a_hub_as_the_kept_modes_say(tmp_path, seed):
     reading = rb.read(exported(spec, tmp_path))
     counts = {port: n for port, n in spec["modes"].items() if n}
     kept = fe.cantilever(spec, counts)
-    hub = fe.body_mass(50.0, (-0.3, 0.1, 0.2), (30.0, 35.0, 40.0))
+    hub = body_mass(50.0, (-0.3, 0.1, 0.2), (30.0, 35.0, 40.0))
     mass = np.eye(kept.frequencies.size) - kept.participation @ np.linalg.solve(
         hub + kept.rigid, kept.participation.T
     )

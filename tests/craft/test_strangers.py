@@ -19,9 +19,10 @@ from composition import (
     stiffness_matrix,
     with_rods,
 )
-from finite_elements import body_mass, coupled
+from finite_elements import coupled
 from mechanics import mass_matrix, system_matrix
 from random_appendages import toml
+from solver import body_mass
 from spacecraft import CRAFTS
 from spacecraft import frequencies as own_frequencies
 

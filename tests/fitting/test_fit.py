@@ -17,6 +17,7 @@ from beamchain import linearise
 from beamchain.files import to_json
 from command import run
 from planar_truth import Plane
+from solver import body_mass
 from spec_tables import table_of
 
 # frequencies through MuJoCo's centred differences; 1e-11 on the bench, 1e-9 with a free joint
@@ -37,7 +38,7 @@ def coupled_as_kept(hub):
     """Frequencies of the kept modes of the tube on a hub,
     from finite elements and the hub's numbers."""
     kept = fe.cantilever(table_of(tube()), KEPT)
-    carried = fe.body_mass(hub.mass, [-v for v in hub.offset], hub.inertia)
+    carried = body_mass(hub.mass, [-v for v in hub.offset], hub.inertia)
     return Plane(kept.rigid, kept.frequencies, kept.participation).free_frequencies(carried)
 
 

@@ -37,6 +37,7 @@ from beamchain import (
     read_spec,
 )
 from random_appendages import random_appendage, tube_and_strip
+from solver import body_mass
 from spec_tables import spec_of, table_of
 from terminal import run
 from uniform_beam import held_roots
@@ -131,9 +132,7 @@ def independent_error(spec: Spec, result: Fit) -> float:
     assert spec.scene is not None
     assert spec.scene.bandwidth is not None
     assert spec.root.hub is not None
-    hub = fe.body_mass(
-        spec.root.hub.mass, [-v for v in spec.root.hub.offset], spec.root.hub.inertia
-    )
+    hub = body_mass(spec.root.hub.mass, [-v for v in spec.root.hub.offset], spec.root.hub.inertia)
     beam = table_of(spec)
     band = spec.scene.bandwidth
     rigid = fe.rigid_mass(beam)

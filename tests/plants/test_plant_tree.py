@@ -11,7 +11,7 @@ import pytest
 from scipy.linalg import eigh
 
 import beamchain as bc
-from arms import Arm, Link, _matrices, mjcf, toml
+from arms import Arm, Link, assembled, mjcf, toml
 
 BAND = 20.0
 STEP = 0.002
@@ -63,15 +63,13 @@ class Truth:
     axes of the hand); the elbow's angle, the bus's rate, the motion of the hand."""
 
     def __init__(self, angle):
-        self.mass, self.damping, self.stiffness, _, _ = _matrices(ARM, {"fore": angle})
-        size = len(self.mass)
-        turn = np.array(
-            [[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0, 0, 1.0]]
-        )
-        hand = np.zeros((6, size))
-        hand[:3, -6:-3] = hand[3:, -3:] = turn.T
-        self.inputs = np.vstack([np.eye(size)[6], hand[3:]]).T
-        self.position = np.vstack([np.eye(size)[6], np.zeros((3, size)), hand])
+        craft, hand = assembled(ARM, {"fore": angle})
+        self.mass, self.damping, self.stiffness = craft.matrices()
+        size, hand = craft.size, craft.wide(hand.own)
+        (self.elbow,) = craft.hinges
+        elbow = np.eye(1, size, self.elbow)
+        self.inputs = np.vstack([elbow, hand[3:]]).T
+        self.position = np.vstack([elbow, np.zeros((3, size)), hand])
         self.rate = np.zeros((10, size))
         self.rate[1:4, 3:6] = np.eye(3)
 
@@ -98,7 +96,7 @@ class Truth:
         """Damped ones above the real axis, up to three times the band, over the modes up to 600
         times the band (at 60 the damper of the elbow would move them by 2e-5); `locked`: it is
         held."""
-        keep = np.delete(np.arange(len(self.mass)), 6) if locked else np.arange(len(self.mass))
+        keep = np.delete(np.arange(len(self.mass)), self.elbow if locked else [])
         pick = np.ix_(keep, keep)
         shift = BAND**2  # rigid motions are none of the stiffness matrix
         values, shapes = eigh(self.mass[pick], self.stiffness[pick] + shift * self.mass[pick])

@@ -1,9 +1,9 @@
 """Arms of straight beams on a free bus in three-dimensional finite elements, and the MJCF of the
 same arm with its rigid bodies where they are at rest.
 
-Every link is a row of elements of `frames`; a hinge between two of them is an angle of its own. The
-structure is reduced to its modes with the bus held up to sixty times the band, and what is left of
-its static response. Nothing is imported from the package.
+Every link is a beam of `solver`; a hinge between two of them is an angle of its own. The structure
+is reduced to its modes with the bus held up to sixty times the band, and what is left of its static
+response. Nothing is imported from the package.
 """
 
 from dataclasses import dataclass, field
@@ -14,7 +14,7 @@ from scipy.linalg import eigh
 
 from craft_truth import Side
 from finite_elements import _rectangle_torsion
-from frames import Leg, _cross, _element
+from solver import Craft, Section
 
 YOUNG, DENSITY, POISSON = 7e10, 2700.0, 0.33
 ELEMENTS = 30  # of every link, unless the arm says another number
@@ -48,20 +48,21 @@ class Link:
     kv: float = 0.0
     servo: str = ""
 
-    def stiffness_and_mass(self):
-        """Of its section, as a `Leg` takes them."""
+    @property
+    def section(self):
+        """Its stiffness and inertia per length."""
         area = self.width_y * self.width_z
         about_z = self.width_z * self.width_y**3 / 12.0
         about_y = self.width_y * self.width_z**3 / 12.0
         shear = YOUNG / (2.0 * (1.0 + POISSON))
-        return {
-            "axial": YOUNG * area,
-            "torsion": shear * _rectangle_torsion(self.width_y, self.width_z),
-            "bending_y": YOUNG * about_y,
-            "bending_z": YOUNG * about_z,
-            "mass": DENSITY * area,
-            "polar": DENSITY * (about_y + about_z),
-        }
+        return Section(
+            axial=YOUNG * area,
+            torsion=shear * _rectangle_torsion(self.width_y, self.width_z),
+            bending_y=YOUNG * about_y,
+            bending_z=YOUNG * about_z,
+            mass=DENSITY * area,
+            polar=DENSITY * (about_y + about_z),
+        )
 
 
 @dataclass(frozen=True)
@@ -177,98 +178,33 @@ def _words(values):
 
 def side(arm, band, angles=None):
     """The arm at a pose as a `Side`, the bus's six motions first."""
-    return _reduced(*_matrices(arm, angles), REACH * band)
+    return reduced(assembled(arm, angles)[0], REACH * band)
 
 
-def _matrices(arm, angles):
-    """Mass, damping and stiffness of the whole arm, what moves with the bus where all is locked,
-    and the number of hinges."""
-    angles = angles or {}
-    hinges = [link.name for link in arm.links if link.axis is not None]
-    size = 6 + len(hinges) + 6 * arm.elements * len(arm.links)
-    mass, stiffness, damping = (np.zeros((size, size)) for _ in range(3))
-    rigid = np.vstack([np.eye(6), np.zeros((size - 6, 6))])  # all locked: the bus moves every node
-    _add_body(mass, np.eye(6, size), arm.bus, np.diag(arm.bus_inertia))
-    place = np.array(arm.at, dtype=float)
-    turn = np.eye(3)
-    root = _moved(np.eye(6, size), place)
-    start = 6 + len(hinges)
+def assembled(arm, angles=None):
+    """The whole arm as a `Craft`, and the frame of its hand."""
+    craft = Craft()
+    craft.body(craft.base, arm.bus, inertia=arm.bus_inertia)
+    frame = craft.base.at(arm.at)
     for link in arm.links:
         if link.axis is not None:
-            own = 6 + hinges.index(link.name)
-            root = root.copy()
-            axis = turn @ np.array(link.axis, dtype=float)
-            root[3:, own] += axis
-            stiffness[own, own] += link.stiffness + link.kp
-            damping[own, own] += link.damping + link.kv
-            turn = _rotation(axis, angles.get(link.name, 0.0)) @ turn
-        _add_body(mass, root, link.mass, turn @ np.diag(link.inertia) @ turn.T)
-        ends = [root]
-        for k in range(arm.elements):
-            rows = np.zeros((6, size))
-            here = slice(start + 6 * k, start + 6 * k + 6)
-            rows[:, here] = np.eye(6)
-            ends.append(rows)
-            node = place + link.length * (k + 1) / arm.elements * turn[:, 0]
-            rigid[here] = _moved(np.eye(6), node)
-        start += 6 * arm.elements
-        m, k, d = _beam(arm, link, place, turn)
-        to_nodes = np.vstack(ends)
-        mass += to_nodes.T @ m @ to_nodes
-        stiffness += to_nodes.T @ k @ to_nodes
-        damping += to_nodes.T @ d @ to_nodes
-        place = place + link.length * turn[:, 0]
-        root = ends[-1]
-    _add_body(mass, root, arm.hand, turn @ np.diag(arm.hand_inertia) @ turn.T)
-    return mass, damping, stiffness, rigid, len(hinges)
+            frame = craft.hinge(
+                frame,
+                link.axis,
+                (angles or {}).get(link.name, 0.0),
+                link.stiffness + link.kp,
+                link.damping + link.kv,
+            )
+        craft.body(frame, link.mass, inertia=link.inertia)
+        frame = craft.beam(frame, link.length, arm.elements, link.section, arm.ratio)[-1]
+    craft.body(frame, arm.hand, inertia=arm.hand_inertia)
+    return craft, frame
 
 
-def _rotation(axis, angle):
-    cross = _cross(axis)
-    return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
-
-
-def _moved(rows, arm):
-    """Motion of a point at `arm` of the body that moves by `rows`."""
-    out = rows.copy()
-    out[:3] -= _cross(arm) @ rows[3:]
-    return out
-
-
-def _add_body(mass, rows, weight, inertia):
-    mass += weight * rows[:3].T @ rows[:3] + rows[3:].T @ inertia @ rows[3:]
-
-
-def _beam(arm, link, place, turn):
-    """Mass, stiffness and damping of a link over the motions of its nodes, root first.
-
-    The ratio is that of every mode with the root held, nothing at the end.
-    """
-    end = place + link.length * turn[:, 0]
-    leg = Leg(tuple(place), tuple(end), arm.elements, **link.stiffness_and_mass())
-    size = 6 * (arm.elements + 1)
-    mass, stiffness = np.zeros((size, size)), np.zeros((size, size))
-    nodes = [place + link.length * k / arm.elements * turn[:, 0] for k in range(arm.elements + 1)]
-    # an element along x, in the link's own axes: those of `frames` would not turn about it
-    along = np.array([link.length / arm.elements, 0.0, 0.0])
-    rows, _, strain = _element(np.zeros(3), along, leg)
-    to_own = np.kron(np.eye(4), turn.T)
-    for k in range(arm.elements):
-        both = slice(6 * k, 6 * k + 12)
-        mass[both, both] += to_own.T @ (rows.T @ rows) @ to_own
-        stiffness[both, both] += to_own.T @ (strain.T @ strain) @ to_own
-    values, shapes = eigh(stiffness[6:, 6:], mass[6:, 6:])
-    rigid = np.vstack([_moved(np.eye(6), node - place) for node in nodes])
-    relative = np.eye(size)
-    relative[:, :6] -= rigid
-    to_modes = shapes.T @ mass[6:, 6:] @ relative[6:]
-    spread = 2.0 * arm.ratio * np.sqrt(values)
-    return mass, stiffness, to_modes.T @ (spread[:, None] * to_modes)
-
-
-def _reduced(mass, damping, stiffness, rigid, hinges, top):
+def reduced(craft, top):
     """Over the bus's motions, all else locked, the modes with the bus held up to `top` [rad/s], and
     what is left of the static response to accelerations of the bus."""
+    mass, damping, stiffness = craft.matrices()
     # of the inverse, so that slow modes keep their digits; free hinges need the shift
     shift = (top / REACH) ** 2
     inverse, shapes = eigh(mass[6:, 6:], stiffness[6:, 6:] + shift * mass[6:, 6:])
@@ -278,11 +214,12 @@ def _reduced(mass, damping, stiffness, rigid, hinges, top):
     values = 1.0 / inverse - shift
     values = np.where(values < 1e-6 * shift, 0.0, values)  # free hinges
     low = values < top**2
-    participation = shapes.T @ (mass @ rigid)[6:]
-    forces = np.hstack([participation, shapes[:hinges].T])  # of the bus, and in hinges
+    participation = shapes.T @ (mass @ craft.locked)[6:]
+    of_hinges = shapes[np.array(craft.hinges, dtype=int) - 6].T
+    forces = np.hstack([participation, of_hinges])
     rest = np.linalg.qr(forces[~low] / values[~low, None])[0]
     kept = np.hstack([shapes[:, low], shapes[:, ~low] @ rest])
-    basis = np.hstack([rigid, np.vstack([np.zeros((6, kept.shape[1])), kept])])
+    basis = np.hstack([craft.locked, np.vstack([np.zeros((6, kept.shape[1])), kept])])
     m = basis.T @ mass @ basis
     c = basis.T @ damping @ basis
     k = np.zeros_like(m)
@@ -302,9 +239,9 @@ def frequencies(side, count):
 
 def modes(arm, top, angles=None):
     """Modes of the undamped arm at a pose up to `top` [rad/s]: frequencies `(n,)`, exactly zero
-    where nothing is deformed, and shapes `(dofs, n)` of unit modal mass. Rows of the shapes: the
-    bus's six motions, the hinges, then the nodes of each link behind its root, six motions each."""
-    mass, _, stiffness, _, _ = _matrices(arm, angles)
+    where nothing is deformed, and shapes `(dofs, n)` of unit modal mass, whose rows begin with the
+    bus's six motions."""
+    mass, _, stiffness = assembled(arm, angles)[0].matrices()
     # of the inverse, so that slow modes keep their digits; motions without strain need the shift
     shift = (top / REACH) ** 2
     inverse, shapes = eigh(mass, stiffness + shift * mass)

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import beamchain as bc
-from plant_truth import LEFT, RIGHT, Truth, array, boom, moved, number, quat, tube, turned
+from plant_truth import LEFT, RIGHT, Truth, array, boom, number, quat, tube, turned
 from random_appendages import toml
 
 #: degrees of the drives `north` and `south`
@@ -238,8 +238,8 @@ class EngineerTruth(Truth):
 
     def outputs(self, names, s):
         """Rows of `attitude` and `rate` of the bus, and of its sensors in their own axes."""
-        star = moved(*STAR) @ self.hub
-        imu = moved(*IMU) @ self.hub
+        star = self.seen(*STAR)
+        imu = self.seen(*IMU)
         rows = {
             "attitude": self.hub[3:],
             "rate": s * self.hub[3:],

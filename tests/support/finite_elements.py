@@ -739,15 +739,3 @@ def coupled(spec, hub=None, modes=8, payload=None, ports=PORTS):
     rows = _Rows(elastic, np.vstack(rigid), [], np.zeros((0, 0)))
     rest = stiff + (np.zeros((6, 6)) if hub is None else np.asarray(hub, dtype=float))
     return 1.0 / np.linalg.svd(rows.free(rest), compute_uv=False)[:modes]
-
-
-def body_mass(mass, centre=(0.0, 0.0, 0.0), inertia=(0.0, 0.0, 0.0)):
-    """`(6, 6)` mass matrix about the origin of a rigid body with its centre at `centre`
-    (inertia about it)."""
-    x, y, z = centre
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    inertia = np.asarray(inertia, dtype=float)
-    inertia = np.diag(inertia) if inertia.ndim == 1 else inertia
-    return np.block(
-        [[mass * np.eye(3), -mass * cross], [mass * cross, inertia - mass * cross @ cross]]
-    )

@@ -1,11 +1,8 @@
 """Frames of beams out of one axis (L-shapes, skew legs),
 and modes files as another program would deliver them.
 
-Elements of 12 freedoms after Euler and Bernoulli in any direction, consistent mass, bodies at
-nodes. As in `finite_elements`, stiffness and mass are kept as rows: four Gauss points of the cubic
-shape functions are the consistent mass exactly, and the six natural strains (stretch, twist, and in
-each plane the symmetric and the antisymmetric bending) are the stiffness exactly. Nothing is
-imported from the package.
+Elements of `solver` in any direction, bodies at nodes. As in `finite_elements`, stiffness and mass
+are kept as rows. Nothing is imported from the package.
 """
 
 import json
@@ -13,24 +10,19 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.polynomial.legendre import leggauss
 from scipy.linalg import solve_triangular
+
+from solver import Section, element_rows, moved
 
 
 @dataclass(frozen=True)
 class Leg:
-    """A prismatic member between two points, cut into `elements`:
-    stiffness and inertia per length."""
+    """A prismatic member between two points, cut into `elements`."""
 
     start: tuple
     end: tuple
     elements: int
-    axial: float
-    torsion: float
-    bending_y: float  # about its own y axis
-    bending_z: float
-    mass: float
-    polar: float
+    section: Section
 
 
 @dataclass(frozen=True)
@@ -55,11 +47,6 @@ class FrameModes:
     everything: np.ndarray  # `(6, 6)` effective mass of all modes of the mesh
 
 
-def _cross(r):
-    x, y, z = r
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-
-
 def _axes(direction):
     """Rows: a member's own x, y, z; its z lies as near the frame's z as can be (the frame's y
     for upright members)."""
@@ -70,46 +57,13 @@ def _axes(direction):
     return np.array([x, y, np.cross(x, y)])
 
 
-def _element(a, b, leg):
-    """Rows of mass `(24, 12)`, positions of them as rigid rows `(24, 6)`,
-    and rows of stiffness `(6, 12)`."""
-    span = float(np.linalg.norm(b - a))
-    turn = _axes(b - a)
-    own = np.zeros((12, 12))
-    for i in range(4):
-        own[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] = turn
-    u, v, w, twist, v_turn, w_turn = (np.arange(12)[[i, i + 6]] for i in (0, 1, 2, 3, 5, 4))
-    stiff = np.zeros((6, 12))
-    stiff[0, u] = np.sqrt(leg.axial / span) * np.array([-1.0, 1.0])
-    stiff[1, twist] = np.sqrt(leg.torsion / span) * np.array([-1.0, 1.0])
-    # plane xy: slope = rotation about z; plane xz: slope = - rotation about y
-    for k, (place, angle, sign, bending) in enumerate(
-        ((v, v_turn, 1.0, leg.bending_z), (w, w_turn, -1.0, leg.bending_y))
-    ):
-        root = np.sqrt(bending / span)
-        stiff[2 + 2 * k, angle] = root * np.array([-1.0, 1.0])
-        stiff[3 + 2 * k, angle] = np.sqrt(3.0) * root * sign
-        stiff[3 + 2 * k, place] = np.sqrt(3.0) * root * 2.0 / span * np.array([1.0, -1.0])
-    points, weights = leggauss(4)
-    mass, rigid = [], []
-    for xi, weight in zip(points, weights * span / 2.0, strict=True):
-        s = (1.0 + xi) / 2.0
-        line = np.array([1.0 - s, s])
-        cubic = np.array([1.0 - 3.0 * s**2 + 2.0 * s**3, 3.0 * s**2 - 2.0 * s**3])
-        slope = span * np.array([s - 2.0 * s**2 + s**3, s**3 - s**2])
-        rows = np.zeros((4, 12))
-        rows[0, u] = line
-        rows[1, v], rows[1, v_turn] = cubic, slope
-        rows[2, w], rows[2, w_turn] = cubic, -slope
-        rows[3, twist] = line
-        heavy = np.sqrt(weight * np.array([leg.mass, leg.mass, leg.mass, leg.polar]))[:, None]
-        here = a + s * (b - a)
-        still = np.vstack(
-            [np.hstack([turn, -turn @ _cross(here)]), np.hstack([np.zeros((1, 3)), turn[:1]])]
-        )
-        mass.append(heavy * rows @ own)
-        rigid.append(heavy * still)
-    return np.vstack(mass), np.vstack(rigid), stiff @ own
+def element(a, b, leg):
+    """Rows of mass `(16, 12)`, the same of rigid motion about the origin `(16, 6)`, and rows of
+    stiffness `(6, 12)`."""
+    heavy, strain, _ = element_rows(float(np.linalg.norm(b - a)), leg.section)
+    own = np.kron(np.eye(4), _axes(b - a))
+    still = np.vstack([moved(np.eye(6), a), moved(np.eye(6), b)])
+    return heavy @ own, heavy @ own @ still, strain @ own
 
 
 def frame_modes(legs, bodies=(), modes=8, port=(0.0, 0.0, 0.0), tip=None):
@@ -150,7 +104,7 @@ def frame_modes(legs, bodies=(), modes=8, port=(0.0, 0.0, 0.0), tip=None):
 
     mass, rigid, stiff = [], [], []
     for i, j, leg in members:
-        m, r, s = _element(nodes[i], nodes[j], leg)
+        m, r, s = element(nodes[i], nodes[j], leg)
         mass.append(wide(m, i, j))
         rigid.append(r)
         stiff.append(wide(s, i, j))
@@ -158,9 +112,7 @@ def frame_modes(legs, bodies=(), modes=8, port=(0.0, 0.0, 0.0), tip=None):
         i = node(body.at)
         root = np.diag(np.sqrt([body.mass] * 3 + list(body.inertia)))
         mass.append(wide(root, i))
-        rigid.append(
-            root @ np.block([[np.eye(3), -_cross(nodes[i])], [np.zeros((3, 3)), np.eye(3)]])
-        )
+        rigid.append(root @ moved(np.eye(6), nodes[i]))
     assert size == 6 * len(nodes), "bodies sit at ends of elements"
     moving = np.vstack(mass)[:, 6:]
     carried = np.vstack(rigid)
@@ -191,17 +143,11 @@ def tube(start, end, elements, diameter=0.05, wall=0.002, young=7e10, density=27
     area = np.pi / 4.0 * (diameter**2 - inner**2)
     i = np.pi / 64.0 * (diameter**4 - inner**4)
     shear = young / 2.0 / (1.0 + poisson)
-    return Leg(
-        tuple(start),
-        tuple(end),
-        elements,
-        young * area,
-        2.0 * shear * i,
-        young * i,
-        young * i,
-        density * area,
-        2.0 * density * i,
+    bending = young * i
+    section = Section(
+        young * area, 2.0 * shear * i, bending, bending, density * area, 2.0 * density * i
     )
+    return Leg(tuple(start), tuple(end), elements, section)
 
 
 def strip(
@@ -213,10 +159,7 @@ def strip(
     hard = thickness * width**3 / 12.0
     twist = width * thickness**3 / 3.0 * (1.0 - 0.63 * thickness / width)
     shear = young / 2.0 / (1.0 + poisson)
-    return Leg(
-        tuple(start),
-        tuple(end),
-        elements,
+    section = Section(
         young * area,
         shear * twist,
         young * soft,
@@ -224,6 +167,7 @@ def strip(
         density * area,
         density * (soft + hard),
     )
+    return Leg(tuple(start), tuple(end), elements, section)
 
 
 def l_frame(seed, modes):
@@ -273,7 +217,7 @@ def as_delivered(found, length=1.0, mass=1.0, axes=None, reference=(0.0, 0.0, 0.
     both = np.block([[turn, np.zeros((3, 3))], [np.zeros((3, 3)), turn]])
     # motion of the port (appendage axes) per motion of the reference point (file axes):
     # v + omega x away
-    move = both @ np.block([[np.eye(3), -_cross(away)], [np.zeros((3, 3)), np.eye(3)]])
+    move = both @ moved(np.eye(6), away)
     unit = np.array([1.0] * 3 + [length] * 3)
     rigid = move.T @ found.rigid @ move
     return {

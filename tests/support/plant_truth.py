@@ -18,19 +18,9 @@ from scipy.spatial.transform import Rotation
 import beamchain as bc
 import finite_elements as fe
 from random_appendages import toml
+from solver import Craft, Frame, Modes
 
 EYE = np.eye(3)
-
-
-def cross(v):
-    x, y, z = v
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-
-
-def moved(place, turn):
-    """`(6, 6)` motion of a frame at `place`, its axes in the columns of `turn`,
-    per motion of the parent in its axes."""
-    return np.block([[turn.T, -turn.T @ cross(place)], [np.zeros((3, 3)), turn.T]])
 
 
 def number(values):
@@ -114,57 +104,34 @@ class Truth:
     the rest of their mass rigid."""
 
     def __init__(self, craft, counts, angles=None):
-        wheels = craft.get("wheels", {})
-        drives = craft.get("drives", {})
-        rigid = 6 + len(wheels) + len(drives)
-        parts = [
-            (name, a, self.modes(a["spec"], counts(a))) for name, a in craft["appendages"].items()
-        ]
-        size = rigid + sum(w.size for *_, (w, _) in parts)
-        self.m, self.c, self.k = (
-            np.zeros((size, size)),
-            np.zeros((size, size)),
-            np.zeros((size, size)),
-        )
-        self.names = [*wheels, *drives]
-        hub = np.hstack([np.eye(6), np.zeros((6, size - 6))])
-        self.hub = hub
-        self.m += (
-            hub.T
-            @ fe.body_mass(craft["hub"]["mass"], craft["hub"]["com"], craft["hub"]["inertia"])
-            @ hub
-        )
-        for i, wheel in enumerate(wheels.values()):
-            turn, (j, t) = along(wheel["axis"]), wheel["inertia"]
-            motion = moved(np.array(wheel["at"]), turn) @ hub
-            momentum = cross(turn[:, 2] * j * wheel.get("rate", 0.0))
-            motion[5, 6 + i] = 1.0
-            self.m += motion.T @ np.diag([wheel["mass"]] * 3 + [t, t, j]) @ motion
-            self.c += -hub[3:].T @ momentum @ hub[3:]  # w x h
-            self.c[6 + i, 6 + i] += wheel.get("damping", 0.0)
-        frames = {None: hub}
-        for i, (name, drive) in enumerate(drives.items()):
-            angle = (angles or {}).get(name, 0.0)
-            at = 6 + len(wheels) + i
-            turn = drive["turn"] @ Rotation.from_rotvec([angle, 0.0, 0.0]).as_matrix()
-            motion = moved(np.array(drive["at"]), turn) @ hub
-            motion[3, at] = 1.0
-            self.m += motion.T @ np.diag([drive["mass"]] * 3 + list(drive["inertia"])) @ motion
-            self.c[at, at] += drive.get("damping", 0.0)
-            self.k[at, at] += drive.get("stiffness", 0.0)
-            frames[name] = motion
-        start = rigid
-        for _, a, (w, rows) in parts:
-            motion = moved(np.array(a["at"]), a["turn"]) @ frames[a.get("on")]
-            mine = slice(start, start + w.size)
-            self.m += motion.T @ fe.rigid_mass(a["spec"]) @ motion
-            self.m[mine] += rows @ motion
-            self.m[:, mine] += motion.T @ rows.T
-            self.m[mine, mine] += np.eye(w.size)
-            self.k[mine, mine] += np.diag(w**2)
-            self.c[mine, mine] += np.diag(2.0 * a["spec"].get("damping", {}).get("ratio", 0.0) * w)
-            start += w.size
-        self.craft, self.size = craft, size
+        wheels, drives = craft.get("wheels", {}), craft.get("drives", {})
+        self.craft, self.names = craft, [*wheels, *drives]
+        whole = Craft()
+        whole.body(whole.base, craft["hub"]["mass"], craft["hub"]["com"], craft["hub"]["inertia"])
+        for wheel in wheels.values():
+            whole.wheel(
+                whole.base.at(wheel["at"], along(wheel["axis"])),
+                (0.0, 0.0, 1.0),
+                wheel["mass"],
+                *wheel["inertia"],
+                wheel.get("rate", 0.0),
+                wheel.get("damping", 0.0),
+            )
+        frames = {None: whole.base}
+        for name, drive in drives.items():
+            held = {key: drive.get(key, 0.0) for key in ("stiffness", "damping")}
+            frames[name] = whole.hinge(
+                whole.base.at(drive["at"], drive["turn"]),
+                (1.0, 0.0, 0.0),
+                (angles or {}).get(name, 0.0),
+                **held,
+            )
+            whole.body(frames[name], drive["mass"], inertia=drive["inertia"])
+        for a in craft["appendages"].values():
+            root = frames[a.get("on")].at(a["at"], a["turn"])
+            whole.modes(root, self.modes(a["spec"], counts(a)))
+        self.m, self.c, self.k = whole.matrices()
+        self.size, self.hub = whole.size, whole.wide(np.eye(6))
 
     @staticmethod
     def modes(spec, counts):
@@ -172,8 +139,13 @@ class Truth:
         for name, count in counts.items():
             with contextlib.suppress(ValueError):  # rigid there
                 ports.append(fe.port(spec, name, count))
-        rows = [p.participation @ fe.into_space(p.port).T for p in ports]
-        return np.concatenate([p.frequencies for p in ports]), np.vstack(rows)
+        rows = np.vstack([p.participation @ fe.into_space(p.port).T for p in ports])
+        w, ratio = np.concatenate([p.frequencies for p in ports]), spec.get("damping", {})
+        return Modes(w, ratio.get("ratio", 0.0), rows, fe.rigid_mass(spec), 0.0 * rows, 0.0)
+
+    def seen(self, place, turn):
+        """`(6, size)` motion of a frame on the hub in its own axes."""
+        return Frame(self.hub, np.zeros(3), EYE).at(place, turn).own
 
     def inputs(self, names):
         columns = []
@@ -181,9 +153,9 @@ class Truth:
             if name == "torque:hub":
                 columns.append(self.hub[3:].T)
             elif name == "force:hub":
-                columns.append((moved(self.craft["hub"]["com"], EYE) @ self.hub)[:3].T)
+                columns.append(self.seen(self.craft["hub"]["com"], EYE)[:3].T)
             elif name == "wrench:unit":
-                columns.append((moved(*self.craft["unit"]) @ self.hub).T)
+                columns.append(self.seen(*self.craft["unit"]).T)
             else:
                 joint = name.removesuffix("_motor")
                 gear = self.craft.get("wheels", {}).get(joint, {}).get("gear", 1.0)
@@ -192,7 +164,7 @@ class Truth:
 
     def outputs(self, names, s):
         rows = []
-        unit = moved(*self.craft["unit"]) @ self.hub
+        unit = self.seen(*self.craft["unit"])
         for name in names:
             if name in ("attitude", "rate"):
                 rows.append(self.hub[3:] * (s if name == "rate" else 1.0))

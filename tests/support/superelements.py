@@ -14,6 +14,7 @@ import numpy as np
 from scipy.linalg import eigh
 
 import frames
+from solver import moved
 
 GRIDS = (3, 11, 27)
 PORT = 45  # the end of the mast, where it is an interface grid as well
@@ -83,12 +84,7 @@ def superelement(modes=22, port=False):
     end = node(np.array(legs[-1].end))
     mass[6 * end : 6 * end + 3, 6 * end : 6 * end + 3] += 4e-4 * np.eye(3)
     reference = np.mean([PLACES[grid] for grid in GRIDS], axis=0)
-    rigid = np.vstack(
-        [
-            np.block([[np.eye(3), -frames._cross(p - reference)], [np.zeros((3, 3)), np.eye(3)]])
-            for p in nodes
-        ]
-    )
+    rigid = np.vstack([moved(np.eye(6), p - reference) for p in nodes])
     held = 6 * len(GRIDS)
     squares, shapes = eigh(stiffness[held:, held:], mass[held:, held:])
     end = 6 * node(np.array(mast)) - held
@@ -124,7 +120,7 @@ def _mesh(legs, held):
     size = 6 * len(nodes)
     mass, stiffness = np.zeros((size, size)), np.zeros((size, size))
     for i, j, leg in members:
-        m, _, s = frames._element(nodes[i], nodes[j], leg)
+        m, _, s = frames.element(nodes[i], nodes[j], leg)
         at = np.r_[6 * i : 6 * i + 6, 6 * j : 6 * j + 6]
         mass[np.ix_(at, at)] += m.T @ m
         stiffness[np.ix_(at, at)] += s.T @ s
@@ -182,7 +178,7 @@ def wing_on_two_feet(modes=14):
     )
     first = legs[0]
     step = (np.array(first.end) - np.array(first.start)) / first.elements
-    _, _, strain = frames._element(np.array(first.start), np.array(first.start) + step, first)
+    _, _, strain = frames.element(np.array(first.start), np.array(first.start) + step, first)
     second = next(i for i, p in enumerate(nodes) if np.allclose(p, first.start + step, atol=1e-6))
     at = np.r_[:6, 6 * second : 6 * second + 6]
     return Wing(

@@ -20,7 +20,8 @@ from scipy.linalg import eigh
 
 import finite_elements as fe
 from craft_truth import damped_poles
-from frames import Body, FrameModes, Leg, _cross, frame_modes, write_modes
+from frames import Body, FrameModes, Leg, frame_modes, write_modes
+from solver import Craft, Frame, Modes, Section, cross, moved
 
 YOUNG, DENSITY, POISSON = 7e10, 2700.0, 0.33
 SHEAR = YOUNG / (2.0 * (1.0 + POISSON))
@@ -245,74 +246,44 @@ def _modes_of_leaf(part, count):
         area = width_y * width_z
         about_z = width_z * width_y**3 / 12.0
         about_y = width_y * width_z**3 / 12.0
-        legs.append(
-            Leg(
-                start,
-                end,
-                LEAF_ELEMENTS,
-                axial=YOUNG * area,
-                torsion=SHEAR * fe._rectangle_torsion(width_y, width_z),
-                bending_y=YOUNG * about_y,
-                bending_z=YOUNG * about_z,
-                mass=DENSITY * area,
-                polar=DENSITY * (about_y + about_z),
-            )
+        section = Section(
+            axial=YOUNG * area,
+            torsion=SHEAR * fe._rectangle_torsion(width_y, width_z),
+            bending_y=YOUNG * about_y,
+            bending_z=YOUNG * about_z,
+            mass=DENSITY * area,
+            polar=DENSITY * (about_y + about_z),
         )
+        legs.append(Leg(start, end, LEAF_ELEMENTS, section))
     return frame_modes(legs, [Body(place, mass) for place, mass in part.lumps], modes=count)
 
 
-class _Set:
-    """A tree at a pose: rows of the motion of every body and of both ends of every part, over the
-    bus's six motions, the hinges, and `size` further coordinates, which `tip` places."""
-
-    def __init__(self, tree, angles, size, tip):
-        angles = angles or {}
-        hinges = tree.hinges
-        count = 6 + len(hinges) + size
-        self.bodies = {"bus": (np.eye(6, count), np.zeros(3), np.eye(3))}
-        self.roots, self.turns = {}, {}
-        tips = {}
-        left = [*tree.parts, *tree.bodies]
-        while left:
-            one = left.pop(0)
-            if isinstance(one, Carried):
-                if one.on not in tips:
-                    left.append(one)
-                    continue
-                rows, place, turn = tips[one.on]
-                turn = turn @ _matrix(one.turn)
-                if one.axis is not None:
-                    rows = rows.copy()
-                    rows[3:, 6 + hinges.index(one.name)] += turn @ one.axis
-                    turn = turn @ _rotation(np.array(one.axis), angles.get(one.name, 0.0))
-                self.bodies[one.name] = rows, place, turn
-                continue
-            if one.on not in (tips if one.direct else self.bodies):
-                left.append(one)
-                continue
-            if one.direct:
-                rows, place, turn = tips[one.on]
-            else:
-                rows, place, turn = self.bodies[one.on]
-                away = turn @ one.at
-                rows, place, turn = _moved(rows, away), place + away, turn @ _matrix(one.turn)
-            self.roots[one.name], self.turns[one.name] = rows, np.kron(np.eye(2), turn)
-            away = turn @ [one.length, 0.0, 0.0]
-            tips[one.name] = tip(one.name, rows, away, turn, count), place + away, turn
-        self.tips = {name: rows for name, (rows, _, _) in tips.items()}
-        self.mass = np.zeros((count, count))
-        weights = {body.name: (body.mass, body.inertia) for body in tree.bodies}
-        weights["bus"] = tree.bus, tree.bus_inertia
-        for name, (rows, _, turn) in self.bodies.items():
-            weight, inertia = weights[name]
-            self.mass += weight * rows[:3].T @ rows[:3]
-            self.mass += rows[3:].T @ (turn @ np.diag(inertia) @ turn.T) @ rows[3:]
-        self.stiffness, self.damping = np.zeros((2, count, count))
-        for body in tree.bodies:
-            if body.axis is not None:
-                at = 6 + hinges.index(body.name)
-                self.stiffness[at, at] = body.stiffness
-                self.damping[at, at] = body.damping
+def _assembled(tree, angles, put):
+    """A tree at a pose as a `Craft`; `put(craft, part, root)` puts a part on the frame of its root
+    and has the frame of its tip."""
+    craft = Craft()
+    craft.body(craft.base, tree.bus, inertia=tree.bus_inertia)
+    bodies, tips = {"bus": craft.base}, {}
+    left = [*tree.parts, *tree.bodies]
+    while left:
+        one = left.pop(0)
+        is_part = isinstance(one, Part)
+        holders = bodies if is_part and not one.direct else tips
+        if one.on not in holders:
+            left.append(one)
+            continue
+        frame = holders[one.on]
+        if is_part:
+            root = frame if one.direct else frame.at(one.at, _matrix(one.turn))
+            tips[one.name] = put(craft, one, root)
+            continue
+        frame = frame.at((0.0, 0.0, 0.0), _matrix(one.turn))
+        if one.axis is not None:
+            angle = (angles or {}).get(one.name, 0.0)
+            frame = craft.hinge(frame, one.axis, angle, one.stiffness, one.damping)
+        craft.body(frame, one.mass, inertia=one.inertia)
+        bodies[one.name] = frame
+    return craft
 
 
 @dataclass(frozen=True, eq=False)
@@ -327,38 +298,32 @@ class Whole:
     @cached_property
     def mass(self):
         """`(6, 6)` with all else locked."""
-        locked = _Set(
-            self.tree, self.angles, 0, lambda name, rows, away, turn, count: _moved(rows, away)
-        )
-        mass = locked.mass
-        for name, rows in locked.roots.items():
-            own = locked.turns[name].T @ rows
-            mass = mass + own.T @ modes_of(self.tree.part(name)).rigid @ own
-        return mass[:6, :6]
+
+        def put(craft, part, root):
+            craft.add("mass", root.own, modes_of(part).rigid)
+            return root.at((part.length, 0.0, 0.0))
+
+        return _assembled(self.tree, self.angles, put).matrices()[0][:6, :6]
 
     def accelerance(self, omega):
         """`(k, 6, 6)` acceleration of the bus per wrench on it."""
-        carriers = {p.name for p in self.tree.parts if _carries(self.tree, p)}
-        names = [part.name for part in self.tree.parts if part.name in carriers]
-        first = 6 + len(self.tree.hinges)
+        ends = []  # rows of both ends of carriers, of the root alone of others
 
-        def tip(name, rows, away, turn, count):
-            out = np.zeros((6, count))
-            if name in carriers:
-                at = first + 6 * names.index(name)
-                out[:, at : at + 6] = np.eye(6)
-            return out
+        def put(craft, part, root):
+            tip = root.at((part.length, 0.0, 0.0))
+            if _carries(self.tree, part):
+                tip = Frame(np.eye(craft.size + 6)[craft.coordinates(6)], tip.place, tip.turn)
+            ends.append((part, root, tip))
+            return tip
 
-        at_pose = _Set(self.tree, self.angles, 6 * len(names), tip)
+        craft = _assembled(self.tree, self.angles, put)
+        mass, damping, stiffness = craft.matrices()
         s = 1j * omega[:, None, None]
-        dynamic = s**2 * at_pose.mass + s * at_pose.damping + at_pose.stiffness
-        for part in self.tree.parts:
-            back = at_pose.turns[part.name].T
-            root = back @ at_pose.roots[part.name]
-            own = _element_at(part, omega, self.tree.ratio, part.name in carriers)
-            if part.name in carriers:
-                root = np.vstack([root, back @ at_pose.tips[part.name]])
-            dynamic = dynamic + root.T @ own @ root
+        dynamic = s**2 * mass + s * damping + stiffness
+        for part, root, tip in ends:
+            carries = _carries(self.tree, part)
+            rows = np.vstack([craft.wide(end.own) for end in ((root, tip) if carries else (root,))])
+            dynamic = dynamic + rows.T @ _element_at(part, omega, self.tree.ratio, carries) @ rows
         right = np.broadcast_to(np.eye(dynamic.shape[1], 6), (omega.size, dynamic.shape[1], 6))
         return s**2 * np.linalg.solve(dynamic, right)[:, :6]
 
@@ -378,33 +343,13 @@ class Whole:
     def _modal(self):
         """Mass, damping and stiffness over the bus's motions, the hinges and all modes of all
         parts."""
-        starts, size = {}, 0
-        first = 6 + len(self.tree.hinges)
-        for part in self.tree.parts:
-            starts[part.name] = first + size
-            size += modes_of(part).frequencies.size
 
-        def tip(name, rows, away, turn, count):
-            out = _moved(rows, away)
-            modes = modes_of(self.tree.part(name))
-            here = slice(starts[name], starts[name] + modes.frequencies.size)
-            out[:, here] += np.kron(np.eye(2), turn) @ modes.tip.T
-            return out
+        def put(craft, part, root):
+            own = modes_of(part)
+            modes = own.frequencies, self.tree.ratio, own.participation, own.rigid, own.tip
+            return craft.modes(root, Modes(*modes, part.length))[0]
 
-        at_pose = _Set(self.tree, self.angles, size, tip)
-        mass, stiffness, damping = at_pose.mass, at_pose.stiffness, at_pose.damping
-        for name, start in starts.items():
-            modes = modes_of(self.tree.part(name))
-            here = np.arange(start, start + modes.frequencies.size)
-            rows = at_pose.turns[name].T @ at_pose.roots[name]
-            pushed = modes.participation @ rows
-            mass += rows.T @ modes.rigid @ rows
-            mass[here] += pushed
-            mass[:, here] += pushed.T
-            mass[here, here] += 1.0
-            stiffness[here, here] += modes.frequencies**2
-            damping[here, here] += 2.0 * self.tree.ratio * modes.frequencies
-        return mass, damping, stiffness
+        return _assembled(self.tree, self.angles, put).matrices()
 
     @cached_property
     def _slow(self):
@@ -444,7 +389,7 @@ def _element_at(part, omega, ratio, with_tip):
     if not with_tip:
         return root
     flexibility = summed(to_tip, to_tip)
-    follow = _moved(np.eye(6), np.array([part.length, 0.0, 0.0])) - s**2 * summed(to_tip, to_root)
+    follow = moved(np.eye(6), (part.length, 0.0, 0.0)) - s**2 * summed(to_tip, to_root)
     stiff = np.linalg.inv(flexibility)
     across = -stiff @ follow
     return np.block(
@@ -455,22 +400,10 @@ def _element_at(part, omega, ratio, with_tip):
     )
 
 
-def _moved(rows, arm):
-    """Motion of a point at `arm` of the body that moves by `rows`."""
-    out = rows.copy()
-    out[:3] -= _cross(arm) @ rows[3:]
-    return out
-
-
-def _rotation(axis, angle):
-    cross = _cross(axis)
-    return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
-
-
 def _matrix(quaternion):
     w, vector = quaternion[0], np.asarray(quaternion[1:], dtype=float)
-    cross = _cross(vector)
-    return np.eye(3) + 2.0 * w * cross + 2.0 * cross @ cross
+    k = cross(vector)
+    return np.eye(3) + 2.0 * w * k + 2.0 * k @ k
 
 
 def _product(first, second):
