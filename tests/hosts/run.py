@@ -89,6 +89,13 @@ HOSTS = {
             PAGE.format("sections"),
         ],
     ),
+    # a second program beside the tests' own finite elements
+    "opensees": (
+        "openseespy.opensees",
+        "",
+        ["openseespy"],
+        ["tests/hosts/test_opensees.py"],
+    ),
     # of mjx, what make test-full runs
     "worlds": ("mujoco.mjx", "[mjx]", [], ["tests/hosts/test_mjx_worlds.py"]),
     "mjx": ("mujoco.mjx", "[mjx]", KERNEL, [*MJX, NOTEBOOK, PAGE.format("mjx")]),
