@@ -105,7 +105,7 @@ extremes: $(VENV)/.installed
 	PYTHONPATH=tests:tests/support $(BIN)/python -m extremes build/extremes
 
 ledger: $(VENV)/.installed
-	$(BIN)/python tests/ledger/ledger.py --workers $(WORKERS) $(if $(STORE),--store) $(CRAFT)
+	PYTHONPATH=tests/support $(BIN)/python tests/ledger/ledger.py --workers $(WORKERS) $(if $(STORE),--store) $(CRAFT)
 
 notebooks: $(VENV)/.installed
 	$(BIN)/python notebooks/execute.py

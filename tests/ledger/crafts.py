@@ -13,6 +13,8 @@ import truth
 from numpy.polynomial import Legendre, Polynomial
 from scipy.linalg import eigh
 
+from solver import body_mass, rotation
+
 HUB = (300.0, (100.0, 120.0, 150.0))
 Y, Z = (0, 1, 0), (0, 0, 1)
 CRAFTS = {}
@@ -90,7 +92,7 @@ def plate(length, width, thickness, modes=12, **more):
     rigid = np.zeros((6, weight.size))
     rigid[2], rigid[3], rigid[4] = 1.0, np.tile(y, x.size), -np.repeat(x, y.size)
     m, l2, w2 = per * length * width, length**2 / 3.0, width**2 / 12.0
-    mass = truth.body_mass(m, [m * w2, m * l2, m * (l2 + w2)])
+    mass = body_mass(m, inertia=[m * w2, m * l2, m * (l2 + w2)])
     mass[1, 5] = mass[5, 1] = m * length / 2.0
     mass[2, 4] = mass[4, 2] = -m * length / 2.0
     table = {
@@ -113,7 +115,7 @@ def part(place, spec, turn=0.0, offset=(0.5, 0.0, 0.0), rider=None):
     if rider:
         length = sum(segment["length"] for segment in spec["segment"])
         spec = spec | {"port": [{"name": "end", "x": length, "carries": [rider["name"]]}]}
-    axes = truth.about(Z, math.radians(turn))
+    axes = rotation(Z, math.radians(turn))
     return {"place": place, "spec": spec, "turn": turn, "axes": axes, "offset": axes @ offset} | {
         "rider": rider
     }

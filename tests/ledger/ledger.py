@@ -6,7 +6,7 @@ margins of a loop, each figure beside what `truth.py` has of it. What changed ag
 is printed, and with `--store` stored. Processor times are shown as a ratio, and not compared. A
 gain margin is often reached beyond the band, where the exact craft has modes that a chain lacks.
 
-Run: python tests/ledger/ledger.py [--store] [--workers 2] [name ...]
+Run: PYTHONPATH=tests/support python tests/ledger/ledger.py [--store] [--workers 2] [name ...]
 """
 
 import argparse
@@ -156,7 +156,7 @@ def hang_liquids(c, model):
     for place, spec in c["specs"].items():
         if "slosh" in spec:
             dofs = own(place, model)
-            w = np.repeat(truth.tank(spec).w[: len(dofs) // 2], 2)
+            w = np.repeat(truth.tank(spec).frequencies[: len(dofs) // 2], 2)
             model.jnt_stiffness[model.dof_jntid[dofs]] = model.dof_M0[dofs] * w**2
 
 

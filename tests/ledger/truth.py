@@ -1,154 +1,36 @@
 """What the ledger holds the package against: finite elements, plain MuJoCo and sampled responses.
 
-Nothing is imported from the package. Beams are p-elements (cubic Hermite functions, for twist and
-stretch linear ones, with polynomials that vanish at the nodes), a spacecraft is its rigid bodies
-and the modes of its appendages, a file is what differences of MuJoCo's forces and of `mj_step` say.
-SI units and radians throughout.
+Nothing is imported from the package. Beams are those of `finite_elements`, a spacecraft is one of
+`solver`, a file is what differences of MuJoCo's forces and of `mj_step` say.
 """
-
-import itertools
-from typing import NamedTuple
 
 import mujoco
 import numpy as np
-from numpy.polynomial import Legendre, Polynomial
 from scipy.linalg import eigh
 from scipy.optimize import brentq
 from scipy.special import jnp_zeros
 
-BUBBLES, ELEMENTS = 6, 3  # in an element, and elements in a stretch
-FASTEST = 1e-8  # slowest over fastest mode, squared: beyond, an appendage is rigid
+import finite_elements as fe
+from solver import Craft, Modes, body_mass
+
+MODES = 8  # of every port of a beam that its mesh has right
 LEAST, UNSTATED = 1e-5, 0.005  # ratios at which modes are compared: at least; where none is stated
 GROWS = 1.0 + 1e-6  # size of a pole of a step that grows
 AXES = ("tx", "ty", "tz", "x", "y", "z")
-#: motions in space of a port's displacement and rotation, with their signs
-PORTS = {"xy": ((1, 5), (1.0, 1.0)), "xz": ((2, 4), (1.0, -1.0))}
-PORTS |= {"torsion": ((3,), (1.0,)), "axial": ((0,), (1.0,))}
 
 
-class Appendage(NamedTuple):
-    """Modes `w` `(n,)` of a damping `ratio`, participation `(6, n)` at the root, rigid mass matrix
-    `(6, 6)`, and motion `(6, n)` in them of its tip, which is at `(length, 0, 0)`."""
-
-    w: np.ndarray
-    ratio: float | None
-    participation: np.ndarray
-    mass: np.ndarray
-    tip: np.ndarray
-    length: float
-
-
-# -- beams -----------------------------------------------------------------------------------------
-def _section(segment, s):
-    """Stiffness by port, mass and polar inertia per length at the shares `s` of a segment."""
-    start = segment["section"]
-    end = segment.get("section_end", start)
-    d = {k: v + s * (end[k] - v) for k, v in start.items() if isinstance(v, float)}
-    extra = segment.get("nonstructural_mass", 0.0) + 0.0 * s
-    names = [*PORTS, "mass", "polar"]
-    if start["shape"] == "equivalent":
-        keys = ["bending_stiffness_xy", "bending_stiffness_xz", "torsion_stiffness"]
-        values = [d.get(k) for k in [*keys, "axial_stiffness"]]
-        return dict(
-            zip(names, [*values, d["linear_mass"] + extra, d["polar_inertia"]], strict=True)
-        )
-    if start["shape"] == "tube":
-        outer = d["outer_diameter"] / 2.0
-        inner = outer - d["wall"]
-        area, about_z = np.pi * (outer**2 - inner**2), np.pi / 4.0 * (outer**4 - inner**4)
-        about_y, twist = about_z, 2.0 * about_z
-    else:  # Timoshenko and Goodier, Theory of Elasticity, art. 109
-        b, h = d["width_y"], d["width_z"]
-        area, about_z, about_y = b * h, h * b**3 / 12.0, b * h**3 / 12.0
-        thin, wide = np.minimum(b, h), np.maximum(b, h)
-        odd = np.arange(1, 60, 2)[:, None]
-        series = np.sum(np.tanh(odd * np.pi * wide / (2.0 * thin)) / odd**5, axis=0)
-        twist = wide * thin**3 / 3.0 * (1.0 - 192.0 / np.pi**5 * thin / wide * series)
-    young, density = segment["material"]["youngs_modulus"], segment["material"]["density"]
-    shear = young / (2.0 + 2.0 * segment["material"]["poissons_ratio"])
-    values = [young * about_z, young * about_y, shear * twist, young * area]
-    values += [density * area + extra, density * (about_y + about_z)]
-    return dict(zip(names, values, strict=True))
-
-
-_INSIDE = [Legendre.basis(k).convert(kind=Polynomial) for k in range(BUBBLES)]
-_HERMITE = [[2, -3, 0, 1], [1, -1, -1, 1], [2, 3, 0, -1], [-1, -1, 1, 1]]
-_C1 = [Polynomial(c) / 4.0 for c in _HERMITE] + [Polynomial([1, 0, -1]) ** 2 * p for p in _INSIDE]
-_C0 = [Polynomial([0.5, -0.5]), Polynomial([0.5, 0.5])]
-_C0 += [Polynomial([1, 0, -1]) * p for p in _INSIDE]
-_XI, _WEIGHT = np.polynomial.legendre.leggauss(BUBBLES + 8)
-
-
-def _port(spec, port):
-    """One port of a beam: frequencies, participation `(m, n)`, tip motion `(m, n)` of its modes
-    held at the root, and rigid mass matrix `(m, m)`."""
-    order, each, functions = (2, 2, _C1) if port in ("xy", "xz") else (1, 1, _C0)
-    per = "polar" if port == "torsion" else "mass"
-    value = np.array([p(_XI) for p in functions])
-    strain = np.array([p.deriv(order)(_XI) for p in functions])
-
-    def node(x):
-        return [[1.0, x], [0.0, 1.0]] if each == 2 else [[1.0]]
-
-    springs = {j["after_segment"]: j.get(f"stiffness_{port}") for j in spec.get("joint", ())}
-    rigid, here = node(0.0), list(range(each))  # motion of each freedom as the root moves
-    terms, stiff, start = [], True, 0.0
-    for number, segment in enumerate(spec["segment"]):
-        if springs.get(number):
-            pull = springs[number] * np.array([[1.0, -1.0], [-1.0, 1.0]])
-            terms.append(([here[-1], len(rigid)], 0.0, pull))
-            rigid.append(rigid[here[-1]])
-            here = [*here[:-1], len(rigid) - 1]
-        end = round(start + segment["length"], 9)
-        lumps = {p["x"]: p for p in spec.get("lump", ()) if start < p["x"] <= end}
-        marks = sorted({start, *lumps, end})
-        for a, b in itertools.pairwise(marks):
-            for left, right in itertools.pairwise(np.linspace(a, b, ELEMENTS + 1)):
-                half = (right - left) / 2.0
-                at = _section(segment, (left + half * (1.0 + _XI) - start) / segment["length"])
-                scale = np.ones((len(functions), 1))
-                scale[[1, 3] if each == 2 else []] = half  # rotations, not slopes in xi
-                f, g = value * scale, strain * scale / half**order
-                stiff = stiff and at[port] is not None
-                k = g * (at[port] * _WEIGHT * half) @ g.T if stiff else 0.0
-                own = [*here, *range(len(rigid), len(rigid) + len(functions) - each)]
-                terms.append((own, f * (at[per] * _WEIGHT * half) @ f.T, k))
-                rigid += node(right) + [[0.0] * each] * BUBBLES
-                here = own[each : 2 * each]
-            if b in lumps:
-                m, turned = lumps[b]["mass"], lumps[b].get("inertia", (0.0, 0.0, 0.0))
-                own = {"xy": [m, turned[2]], "xz": [m, turned[1]], "torsion": [turned[0]]}
-                terms.append((here, np.diag(own.get(port, [m])), 0.0))
-        start = end
-    mass, stiffness = np.zeros((2, len(rigid), len(rigid)))
-    for own, m, k in terms:
-        mass[np.ix_(own, own)] += m
-        stiffness[np.ix_(own, own)] += k
-    push = mass @ np.array(rigid)
-    whole = np.array(rigid).T @ push
-    if not stiff:
-        return np.zeros(0), np.zeros((each, 0)), np.zeros((each, 0)), whole
-    # the slowest modes are the largest of this problem, and lose no digits to the fastest
-    flexible, shapes = eigh(mass[each:, each:], stiffness[each:, each:])
-    sound = flexible > FASTEST * flexible[-1]
-    w = 1.0 / np.sqrt(flexible[sound])
-    shapes = shapes[:, sound] * w
-    return w, push[each:].T @ shapes, shapes[[i - each for i in here]], whole
-
-
+# -- appendages ------------------------------------------------------------------------------------
 def beam(spec):
     """An appendage of segments, joints and lumps, as the dict of its SPEC.toml."""
-    parts = {port: _port(spec, port) for port in PORTS}
-    mass, rows, tips = np.zeros((6, 6)), [], []
-    for port, (_, felt, end, whole) in parts.items():
-        into = np.zeros((6, len(felt)))
-        into[PORTS[port][0], range(len(felt))] = PORTS[port][1]
-        mass += into @ whole @ into.T
-        rows.append(into @ felt)
-        tips.append(into @ end)
-    w = np.concatenate([part[0] for part in parts.values()])
-    length = sum(segment["length"] for segment in spec["segment"])
-    return Appendage(w, damping(spec), np.hstack(rows), mass, np.hstack(tips), length)
+    found = fe.every_mode(spec, MODES)
+    return Modes(
+        found.frequencies,
+        damping(spec),
+        found.participation,
+        found.rigid,
+        found.tip,
+        fe.length(spec),
+    )
 
 
 def damping(spec):
@@ -160,8 +42,8 @@ def delivered(spec):
     """An appendage given as a table of modes."""
     table = spec["table"]
     w = 2.0 * np.pi * np.array(table["frequencies_hz"])
-    rows, mass = np.array(table["participation"]), np.array(table["mass"])
-    return Appendage(w, damping(spec), rows, mass, 0.0 * rows, 0.0)
+    rows, mass = np.array(table["participation"]).T, np.array(table["mass"])
+    return Modes(w, damping(spec), rows, mass, 0.0 * rows)
 
 
 def tank(spec, modes=12):
@@ -172,40 +54,18 @@ def tank(spec, modes=12):
     xi = jnp_zeros(1, 1000)
     half = np.tanh(xi * h / (2.0 * r))
     across = h**2 / 12.0 - 0.75 * r**2 + 16.0 * r**3 / h * np.sum(half / (xi**3 * (xi**2 - 1.0)))
-    lift = transport([h / 2.0, 0.0, 0.0], np.eye(3))
-    mass = lift.T @ body_mass(m, [0.0, m * across, m * across]) @ lift
+    mass = body_mass(m, [h / 2.0, 0.0, 0.0], [0.0, m * across, m * across])
     xi, half = xi[:modes], half[:modes]
     deep = np.tanh(xi * h / r)
     w = np.sqrt(a * xi * deep / r)
     root = np.sqrt(m * 2.0 * r * deep / (xi * h * (xi**2 - 1.0)))
-    rows = np.zeros((6, 2 * modes))
-    rows[1, :modes], rows[5, :modes] = root, root * (h - 2.0 * r / xi * half)
-    rows[2, modes:], rows[4, modes:] = root, -rows[5, :modes]
-    return Appendage(np.tile(w, 2), s["ratio"], rows, mass, 0.0 * rows, h)
+    rows = np.zeros((2 * modes, 6))
+    rows[:modes, 1], rows[:modes, 5] = root, root * (h - 2.0 * r / xi * half)
+    rows[modes:, 2], rows[modes:, 4] = root, -rows[:modes, 5]
+    return Modes(np.tile(w, 2), s["ratio"], rows, mass, 0.0 * rows, h)
 
 
 # -- a spacecraft ----------------------------------------------------------------------------------
-def body_mass(mass, inertia):
-    """`(6, 6)` of a rigid body at its centre."""
-    return np.diag([mass, mass, mass, *inertia]).astype(float)
-
-
-def _cross(v):
-    x, y, z = v
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-
-
-def transport(offset, axes):
-    """`(6, 6)` motion of a frame at `offset` with `axes` (columns), per motion of the body."""
-    return np.block([[axes.T, -axes.T @ _cross(offset)], [np.zeros((3, 3)), axes.T]])
-
-
-def about(axis, angle):
-    """`(3, 3)` rotation about a unit vector."""
-    k = _cross(axis)
-    return np.eye(3) + np.sin(angle) * k + (1.0 - np.cos(angle)) * k @ k
-
-
 def assemble(hub, parts, angles):
     """A spacecraft with exact appendages, `M q'' + C q' + K q = f`, the hub's six motions first:
     `(M, C, K)`, and the damping with which it is compared in place of C.
@@ -214,43 +74,26 @@ def assemble(hub, parts, angles):
     body a dict with mass, inertia, axis, kp, kv, parts; `angles`: of its joints, root first.
     """
 
-    def size(parts):
-        riders = [p[3] for p in parts if p[3]]
-        return sum(p[2].w.size for p in parts) + sum(
-            bool(r["axis"]) + size(r["parts"]) for r in riders
-        )
+    def matrices(ratio_of):
+        craft, turned = Craft(), iter(angles)
 
-    n = 6 + size(parts)
-    m, c, k, compared = np.zeros((4, n, n))
-    free, angles = itertools.count(6), iter(angles)
+        def body(frame, mass, inertia, parts):
+            craft.body(frame, mass, inertia=inertia)
+            for offset, axes, item, rider in parts:
+                damped = item._replace(ratio=ratio_of(item.ratio))
+                end, _ = craft.modes(frame.at(offset, axes), damped)
+                if rider is None:
+                    continue
+                if rider["axis"]:
+                    angle = next(turned, 0.0)
+                    end = craft.hinge(end, rider["axis"], angle, rider["kp"], rider["kv"])
+                body(end, rider["mass"], rider["inertia"], rider["parts"])
 
-    def body(jacobian, mass, inertia, parts):
-        m[:] += jacobian.T @ body_mass(mass, inertia) @ jacobian
-        for offset, axes, item, rider in parts:
-            root = transport(offset, axes) @ jacobian
-            own = np.array([next(free) for _ in item.w], dtype=int)
-            m[:] += root.T @ item.mass @ root
-            push = root.T @ item.participation
-            m[:, own] += push
-            m[own, :] += push.T
-            m[own, own] += 1.0
-            k[own, own] = item.w**2
-            least = UNSTATED if item.ratio is None else max(item.ratio, LEAST)
-            c[own, own] = 2.0 * (item.ratio or 0.0) * item.w
-            compared[own, own] = 2.0 * least * item.w
-            if rider is None:
-                continue
-            end = transport([item.length, 0.0, 0.0], np.eye(3)) @ root
-            end[:, own] += item.tip
-            if rider["axis"]:
-                at = next(free)
-                end = transport(np.zeros(3), about(rider["axis"], next(angles, 0.0))) @ end
-                end[3:, at] += rider["axis"]
-                k[at, at], c[at, at], compared[at, at] = (rider[key] for key in ("kp", "kv", "kv"))
-            body(end, rider["mass"], rider["inertia"], rider["parts"])
+        body(craft.base, *hub, parts)
+        return craft.matrices()
 
-    body(np.eye(6, n), *hub, parts)
-    return m, c, k, compared
+    stated = matrices(lambda ratio: ratio or 0.0)
+    return *stated, matrices(lambda r: UNSTATED if r is None else max(r, LEAST))[1]
 
 
 # -- a file ----------------------------------------------------------------------------------------

@@ -14,6 +14,7 @@ Ports: "xy" (displacement y, rotation about +z), "xz" (displacement z, rotation 
 "torsion", "axial". Space: motions (x, y, z, rotations about x, y, z) of the root.
 """
 
+import contextlib
 import json
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -709,6 +710,23 @@ def cantilever(spec, modes, payload=None):
     found.sort(key=lambda mode: mode[0])
     w, rows, tips, names = zip(*found, strict=True)
     return Modes(np.array(w), np.array(rows), np.array(tips), names, rigid_mass(spec, payload))
+
+
+def every_mode(spec, converged=12):
+    """All modes of the mesh that has the lowest of every port right: together they are the mesh,
+    with whatever is fixed to its tip. Ports in which the appendage is rigid have none."""
+    found = []
+    for name in PORTS:
+        with contextlib.suppress(ValueError):
+            p = port(spec, name, converged)
+            left, values, right = np.linalg.svd(p.rows.elastic, full_matrices=False)
+            tip = (p.rows.at(length(spec)) @ (right.T / values)).T
+            turn = into_space(name).T
+            found.append(
+                (1.0 / values, left.T @ p.rows.rigid @ turn, tip @ turn, [name] * len(tip))
+            )
+    w, rows, tips, names = (np.concatenate(each) for each in zip(*found, strict=True))
+    return Modes(w, rows, tips, tuple(names), rigid_mass(spec))
 
 
 def coupled(spec, hub=None, modes=8, payload=None, ports=PORTS):

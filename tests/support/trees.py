@@ -218,17 +218,15 @@ def modes_of(part):
     """All modes of the mesh of a part, the root held."""
     if not part.is_beam:
         return _modes_of_leaf(part, 10**6)
-    spec = {"segment": [_segment(part)]}
-    frequencies, participation, tip = [], [], []
-    for name in fe.PORTS:
-        port = fe.port(spec, name, CONVERGED)
-        left, values, right = np.linalg.svd(port.rows.elastic, full_matrices=False)
-        to_space = fe.into_space(name).T
-        frequencies.append(1.0 / values)
-        participation.append(left.T @ port.rows.rigid @ to_space)
-        tip.append((port.rows.at(part.length) @ (right.T / values)).T @ to_space)
-    together = (np.concatenate(each) for each in (frequencies, participation, tip))
-    return FrameModes(*together, fe.rigid_mass(spec), part.length, np.zeros((6, 6)))
+    found = fe.every_mode({"segment": [_segment(part)]}, CONVERGED)
+    return FrameModes(
+        found.frequencies,
+        found.participation,
+        found.tip,
+        found.rigid,
+        part.length,
+        np.zeros((6, 6)),
+    )
 
 
 def _segment(part):
