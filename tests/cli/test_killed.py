@@ -56,7 +56,7 @@ COMMANDS = {
     ),
     "sweep": (["sweep", "SPEC", "-o", "OUT", "--samples", "40"], "sweep.json"),
 }
-MOMENTS = 6  # kills per command
+MOMENTS = 3  # kills per command
 
 
 def _write_and_die(folder: Path, after: int, force: bool) -> None:

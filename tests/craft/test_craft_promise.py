@@ -20,7 +20,7 @@ from mechanics import damping_matrix, mass_matrix, stiffness_matrix
 from random_appendages import random_appendage, toml
 from seeds import seed
 
-CRAFTS = 24
+CRAFTS = 12
 QUICK = 1  # of them in the quick suite
 AGREE = 0.05  # stated and found craft error, relative
 # of the craft error: what differs below is the last digits of file and finite elements

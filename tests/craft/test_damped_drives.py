@@ -17,7 +17,7 @@ from plant_truth import spec, tube
 AGREE = 0.05  # stated and true error, relative
 ROUNDING = 1e-8  # of the error: below, it is the last digits of file and finite elements
 BEYOND = 1.02  # times its tolerance: no craft that is said to keep it may be off by more
-CRAFTS = 24
+CRAFTS = 12
 QUICK = 1  # of them in the quick suite
 EVEN = 40_000  # points: the narrowest peak below, 3e-4 of its frequency wide, holds a dozen
 

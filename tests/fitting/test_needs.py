@@ -43,7 +43,7 @@ from terminal import run
 from uniform_beam import held_roots
 
 AXES = {"tx": 0, "ty": 1, "tz": 2, "x": 3, "y": 4, "z": 5}  # turns are x, y, z of a scene
-SCENES = 200
+SCENES = 80
 # the independent grid may hit a peak a little nearer its top than the choice's own
 GRID_SLACK = 1.02
 TIGHT = 0.9  # share of scenes in which one mode fewer breaks the promise

@@ -1,5 +1,5 @@
-"""The tests' own solver beside OpenSees: a space frame with rigid bodies at nodes, and its buckling
-load. Elements are the same in theory (Euler and Bernoulli, consistent mass); the code is not."""
+"""The tests' own solver beside OpenSees: a space frame with rigid bodies at nodes.
+Elements are the same in theory (Euler and Bernoulli, consistent mass); the code is not."""
 
 import numpy as np
 import pytest

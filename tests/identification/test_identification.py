@@ -136,7 +136,7 @@ def test_intervals_hold_the_truth_and_are_as_narrow_as_the_log_allows(count):
 
 @pytest.mark.slow
 def test_intervals_hold_the_truth_in_many_draws_with_the_order_found():
-    agrees_with_theory(*draws(200))
+    agrees_with_theory(*draws(100))
 
 
 def test_of_forty_modes_those_that_show_are_right():

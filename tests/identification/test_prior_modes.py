@@ -27,7 +27,7 @@ INTERVAL = 1.96
 COVERED = 0.95
 TAIL = 5e-4  # a right program fails once in two thousand draws
 WIDTH = 0.3  # of a prior that states none, relative; the draws are a little narrower
-LOGS = 12
+LOGS = 6
 
 
 def draw(seed):

@@ -17,7 +17,7 @@ import finite_elements as fe
 from limits import largest_steps
 from random_appendages import random_appendage, toml
 
-CRAFTS = int(os.environ.get("BEAMCHAIN_CRAFTS", "16"))
+CRAFTS = int(os.environ.get("BEAMCHAIN_CRAFTS", "8"))
 FACTORS = (0.1, 1.0, 10.0, 100.0)
 STEPS = 10_000
 PUSH = 1e-9  # of a length: linear motion, also after 1e4 steps of a hundred seconds
