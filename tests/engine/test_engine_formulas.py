@@ -1,10 +1,38 @@
 """Closed forms beside the formulas of what is read from a model."""
 
+import mujoco
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from formulas import small_turn, sum_of_poles
+from formulas import (
+    Turn,
+    drive_in_hinge,
+    drive_of,
+    linear_at,
+    mount,
+    named_output,
+    offset_cautions,
+    reach,
+    rest_point,
+    simulate_hub,
+    skin_vertices,
+    small_turn,
+    sum_of_poles,
+    turn,
+    unit_of_control,
+)
+
+FREE = """<mujoco><compiler angle="radian"/><option gravity="0 0 0" timestep="0.01"/><worldbody>
+<body name="bus" pos="1 2 3"><freejoint/>
+<inertial pos="0 0 0" mass="20" diaginertia="4 5 6"/>
+<site name="port" pos=".3 -.1 .2" euler=".4 .2 -.7"/>{inside}</body></worldbody>{rest}</mujoco>"""
+ARM = """<body name="link" pos=".5 0 0"><joint name="hinge" axis="0 0 1" damping=".7"/>
+<inertial pos="2 0 0" mass="3" diaginertia=".3 .3 .4"/><site name="hand" pos="3 0 0"/></body>"""
+
+
+def craft(inside="", rest=""):
+    return mujoco.MjModel.from_xml_string(FREE.format(inside=inside, rest=rest))
 
 
 @pytest.mark.parametrize("axis", np.vstack([np.eye(3), [2 / 3, -1 / 3, 2 / 3]]))
@@ -23,3 +51,188 @@ def test_accelerance_of_poles_is_their_sum():
     wanted = 7.0 + s**2 * ((2.0 + 1.0j) / (1.0 - 0.2 * s - 0.1j * s) + 0.5 / (1.0 - 0.4 * s))
     got = sum_of_poles(slowness, products, np.array([[7.0]]), np.array([0.3, 2.0]))
     assert got[0, 0] == pytest.approx(wanted, rel=1e-13)
+
+
+# -- places and motions ----------------------------------------------------------------------------
+def test_a_port_moves_another_of_its_body_as_a_rigid_body_does():
+    """v' = v + w x r, each in its own axes."""
+    model = craft('<site name="other" pos="-.2 .5 .1" euler="0 .9 .3"/>')
+    one, other = mount(model, "port", "site", "port"), mount(model, "other", "site", "other")
+    v, w = np.array([0.3, -0.2, 0.5]), np.array([1.0, 2.0, -0.7])
+    moved = other.axes.T @ (one.axes @ v + np.cross(one.axes @ w, other.origin - one.origin))
+    found = one.from_port(other) @ np.concatenate([v, w])
+    assert found == pytest.approx(np.concatenate([moved, other.axes.T @ one.axes @ w]), abs=1e-14)
+    assert one.held() == []
+
+
+def test_a_port_on_a_hinge_is_held_in_what_the_hinge_does_not_turn():
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><worldbody><body name="bus"><joint axis="0 0 1"/>
+        <inertial pos="0 0 0" mass="20" diaginertia="4 5 6"/><site name="port" pos=".5 0 0"/>
+        </body></worldbody></mujoco>"""
+    )
+    assert mount(model, "port", "site", "port").held() == ["xy", "xz", "torsion", "axial"]
+    assert mount(model, "port", "site", "port").hub[5, 5] == pytest.approx(6.0 + 20.0 * 0.25)
+
+
+@pytest.mark.parametrize("size", [1e-4, 1.0, 50.0])
+def test_a_hinge_moves_what_lies_farthest_from_it_by_its_arm(size):
+    model = craft(ARM)
+    motion = np.zeros(model.nv)
+    motion[6] = size
+    rest = np.array(model.qpos0)
+    assert reach(model, rest, motion) == pytest.approx(3.0 * size, rel=1e-8)
+    assert turn(model, rest, motion) == pytest.approx(size, rel=1e-8)
+    assert reach(model, rest, 0.0 * motion) == 0.0
+
+
+def test_vertices_of_a_skin_are_the_weighted_places_of_its_bones():
+    model = craft(
+        """<geom size=".1"/><body name="tip" pos="2 0 0"><joint axis="0 1 0"/><geom size=".1"/>
+        </body>""",
+        """<deformable><skin vertex="1 .3 0 1.5 0 .2 2.5 .1 0" face="0 1 2">
+        <bone body="bus" bindpos=".1 0 0" bindquat=".8 .6 0 0" vertid="0 1" vertweight="1 .25"/>
+        <bone body="tip" bindpos="2 .1 0" bindquat=".6 0 .8 0" vertid="1 2" vertweight=".75 1"/>
+        </skin></deformable>""",
+    )
+    data = mujoco.MjData(model)
+    data.qpos[3:] = [0.5, 0.5, -0.5, 0.5, 0.4]
+    mujoco.mj_kinematics(model, data)
+    vertices = np.array([[1, 0.3, 0], [1.5, 0, 0.2], [2.5, 0.1, 0]])
+
+    def carried(body, at, quaternion, p):
+        inside = Rotation.from_quat(quaternion, scalar_first=True).inv().apply(p - np.array(at))
+        return data.body(body).xpos + data.body(body).xmat.reshape(3, 3) @ inside
+
+    first = [carried("bus", (0.1, 0, 0), (0.8, 0.6, 0, 0), p) for p in vertices]
+    second = [carried("tip", (2, 0.1, 0), (0.6, 0, 0.8, 0), p) for p in vertices]
+    wanted = [first[0], 0.25 * first[1] + 0.75 * second[1], second[2]]
+    np.testing.assert_allclose(skin_vertices(model, data, 0), wanted, atol=1e-6)  # single precision
+
+
+# -- signals ---------------------------------------------------------------------------------------
+def test_motion_of_a_site_is_told_in_the_axes_it_starts_from():
+    model = craft()
+    point = rest_point(model)
+    data = point.data()
+    mujoco.mj_forward(model, data)
+    _, output = named_output(point, data, "motion:port")
+    place, axes = data.site("port").xpos.copy(), data.site("port").xmat.reshape(3, 3).copy()
+    data.qpos[:3] += [0.2, -0.3, 0.4]
+    mujoco.mj_forward(model, data)
+    found = output.read(data)
+    assert found[:3] == pytest.approx(axes.T @ [0.2, -0.3, 0.4], abs=1e-14)
+    assert data.site("port").xpos - place == pytest.approx([0.2, -0.3, 0.4])
+    assert found[3:] == pytest.approx(np.zeros(3), abs=1e-14)
+
+
+def test_units_of_controls():
+    actuators = {
+        '<motor joint="hinge"/>': "N m",
+        '<motor joint="hinge" gear="2"/>': "N m",
+        '<general joint="hinge" gainprm="2"/>': "",
+        '<motor joint="slide"/>': "N",
+        '<position joint="hinge" kp="3"/>': "rad",
+        '<position joint="slide" kp="3" kv="1"/>': "m",
+        '<velocity joint="hinge" kv="3"/>': "rad/s",
+        '<velocity joint="slide" kv="3"/>': "m/s",
+        '<general joint="hinge" gainprm="3" biastype="affine" biasprm="0 -2 0"/>': "",
+        '<intvelocity joint="hinge" kp="3" actrange="-1 1"/>': "",
+        '<motor site="port" gear="0 0 1 0 0 0"/>': "N",
+        '<motor site="port" gear="0 0 0 0 1 0"/>': "N m",
+        '<motor site="port" gear="0 0 1 0 1 0"/>': "",
+    }
+    slide = '<body><joint name="slide" type="slide"/><geom size=".1"/></body>'
+    model = craft(ARM + slide, f"<actuator>{''.join(actuators)}</actuator>")
+    assert [unit_of_control(model, i) for i in range(model.nu)] == list(actuators.values())
+
+
+def test_linear_system_of_a_hinge_with_a_lagging_motor_and_a_sensor():
+    """J q'' = -k q - d q' + g a,  a' = (u - a) / tau; the sensors read q' and q."""
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><option gravity="0 0 0"/><worldbody><body>
+        <joint name="hinge" axis="0 1 0" stiffness="7" damping=".3"/>
+        <inertial pos="0 0 0" mass="1" diaginertia="4 5 6"/></body></worldbody>
+        <actuator><general name="lag" joint="hinge" dyntype="filter" dynprm=".5" gear="3"/>
+        </actuator><sensor><jointvel name="spin" joint="hinge"/><jointpos name="angle"
+        joint="hinge"/></sensor></mujoco>"""
+    )
+    point = rest_point(model)
+    outputs = [named_output(point, point.data(), name)[1] for name in ("spin", "angle")]
+    found = linear_at(point, outputs=outputs)
+    assert (found.mass, found.damping, found.stiffness) == pytest.approx((5.0, 0.3, 7.0), rel=1e-9)
+    assert found.activations.force == pytest.approx(3.0, rel=1e-9)
+    assert found.activations.rate == pytest.approx(-2.0, rel=1e-9)
+    assert found.outputs.position == pytest.approx(np.array([[0.0], [1.0]]), abs=1e-9)
+    assert found.outputs.rate == pytest.approx(np.array([[1.0], [0.0]]), abs=1e-9)
+
+
+# -- runs ------------------------------------------------------------------------------------------
+def test_a_constant_force_and_torque_move_a_free_body_as_euler_does():
+    """x_k = F h^2 / m k (k + 1) / 2, and the same of the angle about an axis of inertia."""
+    wrench = np.zeros((50, 6))
+    wrench[:, 1], wrench[:, 5] = 3.0, 0.6
+    found = simulate_hub(craft(), "Euler", 0.02, wrench)
+    k = np.arange(1, 51)
+    grown = 0.02**2 * k * (k + 1) / 2.0
+    np.testing.assert_allclose(found.motion[:, 1], 3.0 / 20.0 * grown, rtol=1e-9)
+    np.testing.assert_allclose(found.motion[:, 5], 0.6 / 6.0 * grown, rtol=1e-9)
+    np.testing.assert_allclose(found.motion[:, [0, 2, 3, 4]], 0.0, atol=1e-15)
+    assert found.seconds >= 0.0
+
+
+def test_a_run_that_breaks_off_is_not_a_number():
+    wrench = np.full((20, 6), 1e14)
+    assert not np.all(np.isfinite(simulate_hub(craft(), "Euler", 10.0, wrench).motion))
+
+
+def test_a_driven_hinge_on_a_free_body_keeps_momentum_and_its_angle():
+    model = craft(ARM)
+    joint = model.joint("hinge").id
+    found = drive_of(model, joint, [joint], Turn(0.8, 4.0), spacing=0.2, samples=21)
+    turned = [Turn(0.8, 4.0).at(t)[0] for t in 0.2 * np.arange(21)]
+    np.testing.assert_allclose(found.qpos[:, 7], turned, atol=1e-12)
+    assert found.qpos[-1, 7] == pytest.approx(0.8)
+    data = mujoco.MjData(model)
+    for qpos, qvel in zip(found.qpos, found.qvel, strict=True):
+        data.qpos[:], data.qvel[:] = qpos, qvel
+        mujoco.mj_forward(model, data)
+        mujoco.mj_subtreeVel(model, data)
+        assert np.abs(data.subtree_linvel[1]).max() < 1e-6
+        assert np.abs(data.subtree_angmom[1]).max() < 1e-5
+    # rigid bodies about their common centre: reduced mass, and the two inertias
+    speed = found.qvel[10]
+    inertia = 0.4 + 3.0 * 20.0 / 23.0 * 2.0**2
+    assert abs(speed[5]) > 0.1 * speed[6] / inertia
+
+
+def test_the_torque_of_a_turn_in_a_hinge_makes_it():
+    """Bang-bang over the duration: half of the angle in the middle, all at the end, at rest."""
+    model = craft(ARM)
+    model.opt.timestep = 4e-3
+    joint, angle, duration = model.joint("hinge").id, 0.9, 2.0
+    push = drive_in_hinge(model, joint, [], angle)(angle, duration)
+    data = mujoco.MjData(model)
+    model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    for k in range(500):
+        push(data, k * 4e-3, (k + 1) * 4e-3)
+        mujoco.mj_step(model, data)
+        if k == 249:
+            assert data.qpos[7] == pytest.approx(angle / 2.0, abs=8e-3)
+    assert data.qpos[7] == pytest.approx(angle, abs=8e-3)
+    assert data.qvel[6] == pytest.approx(0.0, abs=8e-3)
+
+
+# -- loads -----------------------------------------------------------------------------------------
+@pytest.mark.parametrize(("offset", "beside"), [(0.02, "20 mm"), (-0.02, "20 mm"), (1e-5, "")])
+def test_a_thrust_beside_the_centre_of_mass_is_told_in_millimetres(offset, beside):
+    thruster = f'<site name="thruster" pos="0 {offset} 0"/>'
+    rest = """<actuator><motor site="thruster" gear="5 0 0 0 0 0"/></actuator>
+    <keyframe><key name="burn" ctrl="2"/></keyframe>"""
+    model = craft(thruster, rest)
+    said = offset_cautions(model, 0, 1, np.array(model.qpos0), "burn")
+    assert len(said) == bool(beside)
+    if said:
+        assert beside in said[0]
+        assert "0.2 N m" in said[0]
+    assert offset_cautions(model, None, 1, np.array(model.qpos0), "burn") == []

@@ -4,8 +4,20 @@ from beamchain.chain.chain import Chain, Hinge, Link
 from beamchain.chain.links import bodies, raise_polar_inertia, settle_links, share
 from beamchain.chain.recursion import Nodes, realise, split
 from beamchain.craft.recovery import _left_out as load_of_modes_left_out
+from beamchain.engine.drawn import skin_vertices
+from beamchain.engine.driven_hinge import Turn, drive_of
+from beamchain.engine.linear import linear_at
+from beamchain.engine.loaded import offset_cautions
+from beamchain.engine.mount import mount
+from beamchain.engine.operating_point import rest_point
 from beamchain.engine.partial_fractions import _accelerance as sum_of_poles
+from beamchain.engine.reach import reach, turn
+from beamchain.engine.rollout import simulate as simulate_hub
 from beamchain.engine.signals import _small_turn as small_turn
+from beamchain.engine.signals import _unit as unit_of_control
+from beamchain.engine.signals import named_output
+from beamchain.engine.slew import _in_hinge as drive_in_hinge
+from beamchain.engine.slew import _mode_to_ring as mode_to_ring
 from beamchain.fitting.needs import Promise
 from beamchain.identification.resolution import resolution
 from beamchain.plants.pointing import _total as total_index
@@ -47,29 +59,41 @@ __all__ = [
     "Sections",
     "Slosh",
     "System",
+    "Turn",
     "apparent_pole",
     "as_compared",
     "bodies",
     "change_of_frequencies",
     "condensed_mass",
     "continuous_poles",
+    "drive_in_hinge",
+    "drive_of",
     "driven",
     "hinge_armature",
     "independent_parts",
     "largest_angle",
+    "linear_at",
     "load_of_modes_left_out",
     "maximum_of",
+    "mode_to_ring",
+    "mount",
+    "named_output",
     "nearest_body",
+    "offset_cautions",
     "peak_clusters",
     "polynomial",
     "raise_polar_inertia",
+    "reach",
     "realise",
     "resolution",
+    "rest_point",
     "rounding_of_residual",
     "run_of_turn",
     "runge_kutta_limit",
     "settle_links",
     "share",
+    "simulate_hub",
+    "skin_vertices",
     "small_turn",
     "split",
     "stable_armature",
@@ -79,4 +103,6 @@ __all__ = [
     "sum_of_poles",
     "time_modes",
     "total_index",
+    "turn",
+    "unit_of_control",
 ]
