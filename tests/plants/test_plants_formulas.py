@@ -1,10 +1,13 @@
 """Closed forms beside the formulas of plants."""
 
+import control
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
+import beamchain as bc
 from beamchain.plants.error_indices import ErrorIndex
-from formulas import total_index
+from formulas import running_mean, states_of_a_rising_load, total_index
 
 
 def index(rms, peak):
@@ -19,3 +22,80 @@ def test_peaks_that_may_meet_add_up_and_random_errors_add_squares():
     assert total.peak == pytest.approx([7.0 + 15.0], rel=1e-14)
     assert total.rms == pytest.approx([np.sqrt(0.25 + 1.44 + 25.0)], rel=1e-14)
     assert np.isnan(total_index(indices[2:], ["snap"]).rms[0])
+
+
+# -- transients ------------------------------------------------------------------------------------
+SYSTEMS = {
+    "two modes": [[0, 1, 0, 0], [-9, -0.2, 0.5, 0], [0, 0, 0, 1], [0.4, 0, -25, -0.3]],
+    "integrators": [[0, 1, 0], [0, 0, 1], [0, 0, 0]],
+    "a mode on a free body": [[0, 1, 0, 0], [0, 0, 4, 0.1], [0, 0, 0, 1], [0, 0, -7, -0.2]],
+    "critically damped": [[0, 1], [-4, -4]],
+    "as slow as the load": [[-2.5, 0], [0, -1]],
+}
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_states_under_a_load_that_rises_are_those_of_an_integrator(name):
+    """x' = A x + b (1 - exp(-t / tau)), from rest."""
+    matrix = np.array(SYSTEMS[name], dtype=float)
+    drive, tau, times = np.arange(1.0, len(matrix) + 1.0), 0.4, np.array([0.0, 0.1, 0.7, 2.0])
+    wanted = solve_ivp(
+        lambda t, x: matrix @ x - drive * np.expm1(-t / tau),
+        (0.0, 2.0),
+        np.zeros(len(matrix)),
+        "DOP853",
+        times,
+        rtol=1e-11,
+        atol=1e-12,
+    ).y.T
+    found = states_of_a_rising_load(matrix, drive, times, tau)
+    np.testing.assert_allclose(found, wanted, rtol=1e-8, atol=1e-9)
+
+
+def test_running_mean_of_a_straight_line_is_its_value_and_less_at_its_ends():
+    line = np.column_stack([np.arange(7.0), 2.0 - 3.0 * np.arange(7.0)])
+    found = running_mean(line, 2)
+    np.testing.assert_allclose(found[2:5], line[2:5], rtol=1e-14)
+    np.testing.assert_allclose(found[0], (line[0] + line[2]) / 2.0)
+    np.testing.assert_allclose(found[1], (line[0] + line[3]) / 2.0)
+    np.testing.assert_allclose(found[-1], (line[-1] + line[-3]) / 2.0)
+    bent = np.array([[0.0], [0.0], [6.0], [0.0], [0.0]])
+    np.testing.assert_allclose(running_mean(bent, 1)[:, 0], [0.0, 1.5, 3.0, 1.5, 0.0])
+
+
+# -- margins in closed form ------------------------------------------------------------------------
+def loop_of(plant, delay=0.0, step=0.0):
+    """Margins of a plant under 1, the loop closed with minus."""
+    system = control.ss(plant)
+    controller = bc.Controller(
+        loop=(
+            bc.Loop(
+                input=system.input_labels[0],
+                output=system.output_labels[0],
+                numerator=[1.0],
+                denominator=[1.0],
+                delay=delay,
+            ),
+        )
+    )
+    return bc.margins(system, controller)
+
+
+def test_gain_margin_at_rest_is_that_of_the_static_gain():
+    """L(0) = -0.4: unstable from 2.5 on, at frequency 0."""
+    (loop,) = loop_of(control.tf([-0.4], [1.0, 1.0])).loops
+    assert loop.gain == pytest.approx(2.5, rel=1e-9)
+
+
+def test_gain_and_phase_margin_of_three_lags():
+    """k / (s + 1)^3 is -k / 8 at sqrt(3); with k = 2 sqrt(2) its size is 1 at 1."""
+    (loop,) = loop_of(control.tf([2.0 * np.sqrt(2.0)], [1.0, 3.0, 3.0, 1.0])).loops
+    assert loop.gain == pytest.approx(8.0 / (2.0 * np.sqrt(2.0)), rel=1e-7)
+    assert abs(loop.phase) == pytest.approx(45.0, rel=1e-7)
+
+
+@pytest.mark.parametrize(("delay", "told"), [(7.0, True), (6.0, False)])
+def test_a_dead_time_longer_than_a_period_of_the_crossover_is_told(delay, told):
+    """2 / (s + sqrt(3)) is 1 at 1 rad/s, a period of 6.28 s."""
+    found = loop_of(control.tf([2.0], [1.0, np.sqrt(3.0)]), delay)
+    assert told == any(getattr(one, "code", "") == "long-delay" for one in found.warnings)

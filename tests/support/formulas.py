@@ -20,7 +20,9 @@ from beamchain.engine.slew import _in_hinge as drive_in_hinge
 from beamchain.engine.slew import _mode_to_ring as mode_to_ring
 from beamchain.fitting.needs import Promise
 from beamchain.identification.resolution import resolution
+from beamchain.plants.modal_response import _exponential_states as states_of_a_rising_load
 from beamchain.plants.pointing import _total as total_index
+from beamchain.plants.source_errors import _running_mean as running_mean
 from beamchain.ports.compare import as_compared, maximum_of, peak_clusters
 from beamchain.ports.coupled import CoupledPort
 from beamchain.report.outlines import Drawn
@@ -90,6 +92,7 @@ __all__ = [
     "rounding_of_residual",
     "run_of_turn",
     "runge_kutta_limit",
+    "running_mean",
     "settle_links",
     "share",
     "simulate_hub",
@@ -98,6 +101,7 @@ __all__ = [
     "split",
     "stable_armature",
     "start_rate",
+    "states_of_a_rising_load",
     "steepest",
     "step_pole",
     "sum_of_poles",
