@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 
 import beamchain as bc
 from beamchain.plants.error_indices import ErrorIndex
-from formulas import running_mean, states_of_a_rising_load, total_index
+from formulas import ModalForm, ModalResponse, running_mean, states_of_a_rising_load, total_index
 
 
 def index(rms, peak):
@@ -50,6 +50,29 @@ def test_states_under_a_load_that_rises_are_those_of_an_integrator(name):
     ).y.T
     found = states_of_a_rising_load(matrix, drive, times, tau)
     np.testing.assert_allclose(found, wanted, rtol=1e-8, atol=1e-9)
+
+
+def test_contributions_of_modes_add_up_to_the_response():
+    """A rigid motion, two modes of which gyroscopes couple one to it, and a direct part."""
+    a = np.zeros((6, 6))
+    a[0, 1] = a[2, 3] = a[4, 5] = 1.0
+    a[3, 2:4], a[5, 4:6] = [-9.0, -0.2], [-25.0, -0.3]
+    a[1, 3], a[3, 1] = 0.4, -0.4
+    names = ("x", "x_rate", "one", "one_rate", "two", "two_rate")
+    b, c = np.array([[0, 1, 0, 0.5, 0, -0.8]]).T, np.array([[1.0, 0, 0.3, 0, 2.0, 0]])
+    d = np.array([[0.1]])
+    form = ModalForm(a, b, c, d, names, ("",) * 6, np.ones(6), (1, 1))
+    split = ModalResponse(form, ["one", "two", "lost"])
+    omega = np.array([0.7, 4.0])
+    parts = split.parts(omega, np.array([2.0]))
+    assert split.names == ("one", "two", "rigid motion")
+    for k, s in enumerate(1j * omega):
+        states = np.linalg.solve(s * np.eye(6) - a, 2.0 * b[:, 0])
+        assert parts[0, k, 0] == pytest.approx(0.3 * states[2], rel=1e-12)
+        assert parts[1, k, 0] == pytest.approx(2.0 * states[4], rel=1e-12)
+        assert parts[2, k, 0] == pytest.approx(states[0] + 0.2, rel=1e-12)
+    found = np.sort_complex(split.poles)
+    np.testing.assert_allclose(found, np.sort_complex(np.linalg.eigvals(a)), atol=1e-9)
 
 
 def test_running_mean_of_a_straight_line_is_its_value_and_less_at_its_ends():

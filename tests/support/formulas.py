@@ -3,6 +3,8 @@
 from beamchain.chain.chain import Chain, Hinge, Link
 from beamchain.chain.links import bodies, raise_polar_inertia, settle_links, share
 from beamchain.chain.recursion import Nodes, realise, split
+from beamchain.craft.modal_form import ModalForm
+from beamchain.craft.quantities import _check_inertia as check_inertia
 from beamchain.craft.recovery import _left_out as load_of_modes_left_out
 from beamchain.engine.drawn import skin_vertices
 from beamchain.engine.driven_hinge import Turn, drive_of
@@ -18,8 +20,11 @@ from beamchain.engine.signals import _unit as unit_of_control
 from beamchain.engine.signals import named_output
 from beamchain.engine.slew import _in_hinge as drive_in_hinge
 from beamchain.engine.slew import _mode_to_ring as mode_to_ring
+from beamchain.fitting.fewest import weights as weights_of_modes
 from beamchain.fitting.needs import Promise
+from beamchain.fitting.warnings import imported_warnings
 from beamchain.identification.resolution import resolution
+from beamchain.plants.modal_response import ModalResponse
 from beamchain.plants.modal_response import _exponential_states as states_of_a_rising_load
 from beamchain.plants.pointing import _total as total_index
 from beamchain.plants.source_errors import _running_mean as running_mean
@@ -55,6 +60,8 @@ __all__ = [
     "Drawn",
     "Hinge",
     "Link",
+    "ModalForm",
+    "ModalResponse",
     "Nodes",
     "PlanarChain",
     "Promise",
@@ -66,12 +73,14 @@ __all__ = [
     "as_compared",
     "bodies",
     "change_of_frequencies",
+    "check_inertia",
     "condensed_mass",
     "continuous_poles",
     "drive_in_hinge",
     "drive_of",
     "driven",
     "hinge_armature",
+    "imported_warnings",
     "independent_parts",
     "largest_angle",
     "linear_at",
@@ -109,4 +118,5 @@ __all__ = [
     "total_index",
     "turn",
     "unit_of_control",
+    "weights_of_modes",
 ]
