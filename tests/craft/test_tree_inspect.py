@@ -45,6 +45,7 @@ def energies(model):
     return np.sqrt(squares[keep]), out
 
 
+@pytest.mark.slow
 def test_every_coupled_mode_says_which_link_bends(arm):
     found = inspect_model(arm.model)
     frequencies, true = energies(arm.model)

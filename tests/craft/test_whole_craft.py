@@ -55,6 +55,7 @@ def one():
     return bc.embed(CRAFT, {"+y": PANEL})
 
 
+@pytest.mark.slow
 def test_equal_appendages_get_prefixes_of_their_places(flexible, one):
     assert [a.prefix for a in flexible.appendages] == ["array__y_", "array_-y_"]
     assert [a.prefix for a in one.appendages] == ["array_"]

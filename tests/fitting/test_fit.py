@@ -407,6 +407,7 @@ def test_report_tells_the_warnings(tmp_path):
     assert "damping ratio, asked" in page
 
 
+@pytest.mark.slow
 def test_fewer_modes_than_asked_for_exits_with_three(tmp_path, monkeypatch, capsys):
     spec = tmp_path / "boom.toml"
     spec.write_text(TUBE + '[modes]\nxy = 8\n[fit]\nsprings = "hinges"\n')

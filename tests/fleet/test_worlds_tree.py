@@ -50,6 +50,7 @@ def plain(world):
     return out
 
 
+@pytest.mark.slow
 def test_drawn_worlds_of_a_tree_are_those_of_mujoco(arm):
     many = bc.worlds(arm, RANGES, count=4, timestep=STEP, seed=3)
     given = 0.1 * np.random.default_rng(1).normal(size=(300, 4, 1))

@@ -85,6 +85,7 @@ def test_without_noise_three_axes_of_turned_wings_are_found_exactly():
     )
 
 
+@pytest.mark.slow
 def test_without_noise_the_response_of_a_boom_is_that_of_the_log():
     """Without a prior, rows of force are left out:
     then the modes are those with free translation."""

@@ -57,6 +57,7 @@ def test_modes_that_are_not_excited_leave_a_positive_mass(inertia):
     assert not found.refused
 
 
+@pytest.mark.slow
 def test_a_file_that_is_refused_is_said_to_be(tmp_path, monkeypatch):
     def by_diagonal(rigid: np.ndarray, power: float) -> np.ndarray:
         return np.diag(np.diag(rigid) ** power)

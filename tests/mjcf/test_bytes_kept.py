@@ -17,7 +17,7 @@ import pytest
 from command import run
 
 RANDOM = 48 if "BEAMCHAIN_FUZZ" in os.environ else 8
-QUICK = 3  # of them in the quick half
+QUICK = 1  # of them in the quick half
 ROD = """name = "rod"
 [[segment]]
 length = 4.0

@@ -35,6 +35,7 @@ MARK = 1e-3  # poles and zeros are marked where the refined grid changes sign
 __all__ = ["boom", "reports"]  # the fixtures
 
 
+@pytest.mark.slow
 def test_in_band_errors_stand_beside_the_classical_chains(boom):
     fit, page, _ = boom
     classical = equal_links(fit.spec.beam, 2, "classical").port("xy")
@@ -46,6 +47,7 @@ def test_in_band_errors_stand_beside_the_classical_chains(boom):
     assert cells[3] == plots.percent(theirs)
 
 
+@pytest.mark.slow
 def test_verdict(boom):
     fit, page, _ = boom
     verdict = html.fromstring(page).xpath("//p[contains(@class, 'verdict')]")[0]
@@ -186,6 +188,7 @@ def test_a_curve_stands_where_the_axes_say(boom):
     assert error[peak] == pytest.approx(curve.error.max(), rel=0.05)
 
 
+@pytest.mark.slow
 def test_what_was_left_out_stands_with_its_cost():
     spec = bc.read_spec(example("array_scene"))
     fit = bc.fit(spec)

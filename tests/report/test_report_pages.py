@@ -161,6 +161,7 @@ def test_damping_shown_is_the_budgets(study, pages):
         )
 
 
+@pytest.mark.slow
 def test_stability_of_a_foreign_model(tmp_path):
     path = bc.embed(CRAFTS / "planar.xml", {"mount": spec("rod")}).write(tmp_path / "craft.xml")[-1]
     assert call("stability", path, "-o", tmp_path / "out", "-q").status in (0, 3)
@@ -169,6 +170,7 @@ def test_stability_of_a_foreign_model(tmp_path):
     assert "beamchain stability craft.xml -o craft-stability" in page
 
 
+@pytest.mark.slow
 def test_names_of_the_user_keep_their_letters():
     """A site `py` is no word to begin a sentence with."""
     text = """<mujoco><worldbody><body name="hub"><joint name="turn" axis="0 0 1"/>
@@ -197,6 +199,7 @@ def test_dollars_in_a_name_are_no_formula(tmp_path):
     assert "attitude_x per push$1$" in (tmp_path / "plant_report.html").read_text()
 
 
+@pytest.mark.slow
 def test_equal_appendages_are_shown_once():
     bus = (EXAMPLES / "satellite.xml").read_text()
     bus = bus.replace("<freejoint/>", '<joint name="turn" axis="0 0 1"/>')  # no turn is drawn

@@ -113,6 +113,7 @@ def test_what_cannot_be_is_left_out_and_said():
     assert found.indices.size + len(found.left_out) == 10
 
 
+@pytest.mark.slow
 def test_command_and_the_ten_lines(tmp_path):
     out = tmp_path / "variants"
     answer = call("sweep", ARRAY, "--samples", 3, "--workers", 1, "-o", out, "--json")
