@@ -9,6 +9,7 @@ import pytest
 
 from formulas import (
     PlanarChain,
+    PoleRow,
     apparent_pole,
     condensed_mass,
     continuous_poles,
@@ -18,6 +19,7 @@ from formulas import (
     polynomial,
     run_of_turn,
     runge_kutta_limit,
+    servos_that_chatter,
     stable_armature,
     start_rate,
     step_pole,
@@ -254,3 +256,31 @@ def test_a_mode_started_at_the_rate_keeps_the_exact_positions():
             q0 * math.cos(damped * t) + (v0 + ratio * w * q0) / damped * math.sin(damped * t)
         )
         assert q == pytest.approx(exact, abs=1e-12)
+
+
+def test_error_of_a_pole_is_of_frequency_and_damping_together():
+    """Poles 2 exp(i 120 deg) and 2.2 exp(i 120 deg) lie a tenth apart; 60 degrees of turn are 1."""
+    row = PoleRow(2.0, 0.5, 2.2, 0.5, slowed=False, step_error=0.0)
+    assert row.error == pytest.approx(0.1, rel=1e-12)
+    row = PoleRow(2.0, 0.5, 2.0, 0.0, slowed=False, step_error=0.0)
+    assert row.error == pytest.approx(2.0 * math.sin(math.radians(15.0)), rel=1e-12)
+    row = PoleRow(1.0, 1.2, 1.0, 0.9, slowed=False, step_error=0.0)  # on the real axis
+    assert row.error == pytest.approx(abs(-0.9 + 0.43588989435j + 1.2) / 1.2, rel=1e-9)
+
+
+@pytest.mark.parametrize(("step", "told"), [(0.0124, False), (0.0126, True)])
+def test_a_servo_chatters_beyond_two_of_its_inertia_over_its_damping(step, told):
+    """I = 5, gear 2, kv = 200: 800 N m s about the joint, 2 I / kv = 0.0125 s."""
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><option timestep="{step}" integrator="implicitfast"/><worldbody><body>
+        <joint name="hinge" axis="0 0 1"/><inertial pos="0 0 0" mass="1" diaginertia="4 4 5"/>
+        </body></worldbody><actuator><position name="servo" joint="hinge" gear="2" kp="10" kv="200"
+        forcerange="-3 3"/></actuator></mujoco>"""
+    )
+    said = list(servos_that_chatter(model))
+    assert len(said) == told
+    if told:
+        assert 'damping="800"' in said[0]
+        assert "0.012 s" in said[0]
+    model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
+    assert not list(servos_that_chatter(model))

@@ -47,6 +47,8 @@ from beamchain.steps.integrators import (
 )
 from beamchain.steps.large_motion import _Plane as PlanarChain
 from beamchain.steps.modal import condensed_mass
+from beamchain.steps.poles import PoleRow
+from beamchain.steps.saturation import servos_that_chatter
 from beamchain.structure.elements import _largest_change as change_of_frequencies
 from beamchain.structure.planes import rounding_of_residual
 from beamchain.structure.readers.nastran_bulk import System
@@ -64,6 +66,7 @@ __all__ = [
     "ModalResponse",
     "Nodes",
     "PlanarChain",
+    "PoleRow",
     "Promise",
     "Sections",
     "Slosh",
@@ -102,6 +105,7 @@ __all__ = [
     "run_of_turn",
     "runge_kutta_limit",
     "running_mean",
+    "servos_that_chatter",
     "settle_links",
     "share",
     "simulate_hub",
