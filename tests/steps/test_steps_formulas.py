@@ -6,6 +6,7 @@ import math
 import mujoco
 import numpy as np
 import pytest
+from scipy.optimize import fsolve
 
 from formulas import (
     PlanarChain,
@@ -79,6 +80,53 @@ def test_a_root_that_is_pushed_along_x_softens_a_point_on_a_hinge():
     # w^2 = (k - m a_x a) / (m a^2) falls to 0.99^2 of its value
     pushed = STIFF * (1.0 - 0.99**2) / (WEIGHT * ARM)
     assert one_link().axial() == pytest.approx(pushed, rel=1e-9)
+
+
+@pytest.mark.parametrize(("acceleration", "slew"), [(3.0, 0.0), (0.0, 2.0), (2.0, 1.5)])
+def test_a_chain_bends_until_its_hinges_hold_the_moments_behind_them(acceleration, slew):
+    """k (angle - angle before) = sum of (r - hinge) x f - slew I over the links behind a hinge,
+    f = m (slew y, -acceleration - slew x) at each mass centre."""
+    at, stiffness = np.array([0.2, 0.9, 1.5]), np.array([30.0, 22.0, 9.0])
+    mass, com = np.array([1.0, 1.2, 0.8, 0.5]), np.array([0.1, 0.6, 1.1, 1.9])
+    inertia = np.array([0.01, 0.02, 0.03, 0.02])
+
+    def places(angles):
+        joint, joints, centres = np.array([at[0], 0.0]), [], [np.array([com[0], 0.0])]
+        for j, angle in enumerate(angles):
+            along = np.array([np.cos(angle), np.sin(angle)])
+            joints.append(joint)
+            centres.append(joint + (com[j + 1] - at[j]) * along)
+            joint = joint + (at[j + 1] - at[j] if j < 2 else 0.0) * along
+        return np.array(joints), np.array(centres)
+
+    def moments(centres, about, first):
+        force = mass[:, None] * np.column_stack(
+            [slew * centres[:, 1], -acceleration - slew * centres[:, 0]]
+        )
+        arm = centres - about
+        each = arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0] - slew * inertia
+        return each[first:].sum()
+
+    def unbalance(angles):
+        joints, centres = places(angles)
+        held = stiffness * np.diff(angles, prepend=0.0)
+        return held - [moments(centres, joint, j + 1) for j, joint in enumerate(joints)]
+
+    angles = fsolve(unbalance, np.zeros(3), xtol=1e-13)
+    _, centres = places(angles)
+    assert np.abs(angles).max() > 0.1
+    chain = PlanarChain(
+        hinges=at,
+        stiffness=np.diag(stiffness),
+        armature=np.zeros((3, 3)),
+        mass=mass,
+        com=com,
+        inertia=inertia,
+        along=inertia,
+    )
+    displacement, moment = chain.bent(acceleration, slew)
+    assert displacement == pytest.approx(mass @ centres[:, 1] / mass.sum(), rel=1e-8)
+    assert moment == pytest.approx(moments(centres, np.zeros(2), 0), rel=1e-8)
 
 
 def test_a_hub_that_turns_evenly_spins_its_root_and_pulls_it_inwards():
