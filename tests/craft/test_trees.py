@@ -10,7 +10,7 @@ import pytest
 from lxml import etree
 
 import beamchain as bc
-from arms import DENSITY, Arm, Link, frequencies, mjcf, side, toml
+from arms import Arm, Link, frequencies, mjcf, side, toml
 from command import call
 from craft_truth import Pair, compiled
 
@@ -121,14 +121,14 @@ def test_modes_of_what_carries_are_added_one_at_a_time(tmp_path):
 def cantilever(place, port, count):
     """Frequencies of a link of the arm with its root held, in closed form."""
     link = UPPER if place.endswith("upper") else FORE
-    stiffness, mass = link.stiffness_and_mass(), DENSITY * link.width_y * link.width_z
+    section = link.section
     if port in ("torsion", "axial"):
-        over = stiffness["polar"] if port == "torsion" else mass
-        speed = np.sqrt(stiffness[port] / over)
+        over = section.polar if port == "torsion" else section.mass
+        speed = np.sqrt(getattr(section, port) / over)
         return [(k + 0.5) * np.pi / link.length * speed for k in range(count)]
-    bending = stiffness["bending_z" if port == "xy" else "bending_y"]
+    bending = section.bending_z if port == "xy" else section.bending_y
     roots = [1.8751040687, 4.6940911330, 7.8547574382, 10.9955407349, 14.1371683910][:count]
-    return [(root / link.length) ** 2 * np.sqrt(bending / mass) for root in roots]
+    return [(root / link.length) ** 2 * np.sqrt(bending / section.mass) for root in roots]
 
 
 @pytest.mark.slow
