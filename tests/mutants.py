@@ -2,8 +2,8 @@
 
 `python tests/mutants.py --seed n` draws 200 changes of constants, signs, operators, indices and
 comparisons inside functions of FOLDERS. Each goes into a temporary copy of the package, on which
-the quick tests of the same folder run, those of `make quick` first; tests that fail unchanged are
-left out.
+those quick tests of the same folder run that call the function, the shortest first. Which these are
+is found by running all of them once unchanged; tests that fail then are left out.
 """
 
 import argparse
@@ -14,11 +14,14 @@ import random
 import shutil
 import sys
 import tempfile
-from collections import Counter
+import threading
+from collections import Counter, defaultdict
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
+from types import FrameType
+from typing import Self
 
 import pytest
 
@@ -47,6 +50,9 @@ OPERATORS: dict[type[ast.AST], tuple[str, str]] = {
     ast.Eq: ("==", "!="),
     ast.NotEq: ("!=", "=="),
 }
+
+
+Place = tuple[str, int]  # file and first line of a function
 
 
 @dataclass(frozen=True)
@@ -133,66 +139,138 @@ def changes(file: str, source: bytes) -> list[Change]:
 
 
 class _Tests:
-    """Plugin of pytest: leaves out the tests `without`, and keeps which failed."""
+    """Plugin of pytest: keeps what failed, how long each test took and which functions it called.
 
-    def __init__(self, without: frozenset[str]) -> None:
-        self.without, self.failed = without, list[str]()
+    Args:
+        only: tests to run, in this order; None: all, with their calls recorded.
+    """
+
+    def __init__(self, generator: Path, only: list[str] | None) -> None:
+        self.package, self.only = str(generator / "beamchain"), only
+        self.failed, self.seconds = set[str](), defaultdict[str, float](float)
+        self.calls, self.fixtures = dict[str, set[Place]](), defaultdict[str, set[Place]](set)
+        self.now = set[Place]()  # called by the test or the fixture that runs
 
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
-        items[:] = [item for item in items if item.nodeid not in self.without]
+        if self.only is not None:
+            named = {item.nodeid: item for item in items}
+            items[:] = [named[test] for test in self.only if test in named]
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        self.seconds[report.nodeid] += report.duration
         if report.failed:
-            self.failed.append(report.nodeid)
+            self.failed.add(report.nodeid)
+
+    def _profile(self, frame: FrameType, event: str, _: object) -> None:
+        code = frame.f_code
+        if event == "call" and code.co_filename.startswith(self.package):
+            self.now.add((code.co_filename, code.co_firstlineno))
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_protocol(self, item: pytest.Item):
+        if self.only is not None:
+            return (yield)
+        self.now = set()
+        threading.setprofile(self._profile)
+        sys.setprofile(self._profile)
+        try:
+            return (yield)
+        finally:
+            sys.setprofile(None)
+            names = getattr(item, "fixturenames", ())
+            self.calls[item.nodeid] = self.now.union(*(self.fixtures[name] for name in names))
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_fixture_setup(self, fixturedef: pytest.FixtureDef):
+        """What a fixture calls is called by every test that asks for it, not by the first alone."""
+        before, self.now = self.now, set()
+        try:
+            return (yield)
+        finally:
+            self.fixtures[fixturedef.argname] |= self.now
+            self.now |= before
 
 
-def _run(generator: str, folder: str, without: frozenset[str], options: list[str], pipe) -> None:
-    """In a process of its own: send status and failures of a folder's tests to `pipe`."""
-    sys.path.insert(0, generator)
-    os.environ["PYTHONPATH"] = generator  # for the commands that tests start
+def _run(generator: Path, folder: str, only: list[str] | None, pipe) -> None:
+    """In a process of its own: send status of a folder's tests, and what is kept of them."""
+    sys.path.insert(0, str(generator))
+    os.environ["PYTHONPATH"] = str(generator)  # for the commands that tests start
     os.chdir(ROOT)
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)
     os.dup2(nowhere, 2)
-    tests = _Tests(without)
-    words = [f"tests/{folder}", "-m", "not slow and not host", *options]
-    status = pytest.main([*words, "-p", "no:cacheprovider"], plugins=[tests])
-    pipe.send((int(status), frozenset(tests.failed)))
+    tests = _Tests(generator, only)
+    files = [f"tests/{folder}"] if only is None else sorted({t.split("::")[0] for t in only})
+    words = ["-x"] if only is not None else []
+    words += ["-m", "not slow and not host", "-p", "no:cacheprovider"]
+    status = pytest.main([*files, *words], plugins=[tests])
+    passed = {test: kept for test, kept in tests.calls.items() if test not in tests.failed}
+    pipe.send((int(status), sorted(tests.failed), passed, dict(tests.seconds)))
 
 
-def _tests(
-    generator: Path, folder: str, without: frozenset[str], limit: float, *options: str
-) -> tuple[int, frozenset[str]]:
-    """Exit status of pytest (-1: a crash, or past `limit` seconds) and the tests that failed."""
+def _tests(generator: Path, folder: str, only: list[str] | None, limit: float):
+    """What `_run` sends; status -1: a crash, or past `limit` seconds."""
     processes = multiprocessing.get_context("fork")  # with the libraries already imported
     here, there = processes.Pipe(duplex=False)
-    words = (str(generator), folder, without, list(options), there)
-    process = processes.Process(target=_run, args=words)
+    process = processes.Process(target=_run, args=(generator, folder, only, there))
     process.start()
     there.close()
     try:
-        return here.recv() if here.poll(limit) else (-1, frozenset())
+        return here.recv() if here.poll(limit) else (-1, [], {}, {})
     except EOFError:
-        return -1, frozenset()
+        return -1, [], {}, {}
     finally:
         process.kill()
         process.join()
 
 
-def noticed(change: Change, failing: frozenset[str], limit: float) -> str:
-    """Which quick tests of the change's folder fail with it: "quick" or "longer" ones, or none, "".
+@dataclass(frozen=True)
+class Reached:
+    """Which quick tests of a folder call which functions of the package, and how long they take."""
 
-    Those of `make quick` may take `limit` seconds, all of them ten times as long.
-    """
+    calls: dict[str, set[Place]]
+    seconds: dict[str, float]
+
+    @classmethod
+    def of(cls, folder: str) -> Self:
+        """Run them unchanged; those that fail are printed and left out."""
+        status, failed, calls, seconds = _tests(PACKAGE.parent, folder, None, 1800.0)
+        if status < 0:
+            raise SystemExit(f"the quick tests of {folder} do not end")
+        for test in failed:
+            print(f"fails unchanged, and is left out: {test}")
+        return cls(calls, seconds)
+
+    def by(self, change: Change) -> list[str]:
+        """Those that call the function of a change, the shortest first."""
+        file = PACKAGE / change.file
+        functions = [
+            (min([node.lineno, *(name.lineno for name in node.decorator_list)]), node.end_lineno)
+            for node in ast.walk(ast.parse(file.read_bytes()))
+            if isinstance(node, ast.FunctionDef)
+        ]
+        # the innermost, with the comprehensions and lambdas in it
+        first, last = max(span for span in functions if span[0] <= change.line <= (span[1] or 0))
+        of = {(str(file), line) for line in range(first, (last or first) + 1)}
+        found = [test for test, places in self.calls.items() if places & of]
+        return sorted(found, key=lambda test: self.seconds[test])
+
+
+def noticed(change: Change, reached: Reached, limit: float) -> str:
+    """What the quick tests of its folder say of a change, given `limit` seconds."""
+    tests = reached.by(change)
+    if not tests:
+        return "no test calls it"
     with tempfile.TemporaryDirectory() as place:
         copy = Path(place, "generator")
         shutil.copytree(PACKAGE, copy / "beamchain", ignore=shutil.ignore_patterns("__pycache__"))
         Path(place, "mjcf_templates").symlink_to(ROOT / "mjcf_templates")
         file = copy / "beamchain" / change.file
         file.write_bytes(change.within(file.read_bytes()))
-        if _tests(copy, change.folder, failing, limit, "-x", "--brief")[0]:
-            return "quick"
-        return "longer" if _tests(copy, change.folder, failing, 10.0 * limit, "-x")[0] else ""
+        status = _tests(copy, change.folder, tests, limit)[0]
+        if status > pytest.ExitCode.INTERRUPTED:
+            raise SystemExit(f"pytest ends with {status} on {change}")
+        return "noticed" if status else "survived"
 
 
 def _every(folders: tuple[str, ...]) -> Iterator[Change]:
@@ -212,7 +290,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--folders", nargs="+", choices=FOLDERS, default=FOLDERS)
-    parser.add_argument("--limit", type=float, default=60.0, help="seconds for each change")
+    parser.add_argument("--limit", type=float, default=300.0, help="seconds for each change")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--changes", nargs="+", type=_named, help="FILE|LINE|COLUMN|OLD|NEW")
     given = parser.parse_args()
@@ -220,19 +298,14 @@ def main() -> None:
     drawn = random.Random(given.seed).sample(list(_every(FOLDERS)), given.count)
     drawn = given.changes or [change for change in drawn if change.folder in given.folders]
     drawn.sort(key=lambda change: (change.file, change.line, change.column))
-    failing = {c.folder: frozenset[str]() for c in drawn}
-    for folder in failing:
-        failing[folder] = _tests(PACKAGE.parent, folder, frozenset(), 1800.0)[1]
-        for test in sorted(failing[folder]):
-            print(f"fails unchanged, and is left out: {test}")
     seen, total = Counter[str](), Counter(change.folder for change in drawn)
     with ThreadPoolExecutor(given.workers) as pool:
-        results = pool.map(lambda c: noticed(c, failing[c.folder], given.limit), drawn)
+        reached = dict(zip(total, pool.map(Reached.of, total), strict=True))
+        results = pool.map(lambda c: noticed(c, reached[c.folder], given.limit), drawn)
         for change, result in zip(drawn, results, strict=True):
-            seen[change.folder] += bool(result)
-            says = f"noticed ({result})" if result else "survived"
+            seen[change.folder] += result == "noticed"
             place = f"{change.file}:{change.line}:{change.column + 1}"
-            print(f"{says:16} {place}  {change.old} -> {change.new or 'nothing'}", flush=True)
+            print(f"{result:16} {place}  {change.old} -> {change.new or 'nothing'}", flush=True)
     for folder, count in total.items():
         print(f"{folder}: {seen[folder]} of {count} noticed")
     print(f"together: {seen.total()} of {total.total()} noticed")
