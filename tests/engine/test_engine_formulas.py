@@ -15,6 +15,8 @@ from formulas import (
     offset_cautions,
     reach,
     rest_point,
+    run_of_drive,
+    seen,
     simulate_hub,
     skin_vertices,
     small_turn,
@@ -204,6 +206,43 @@ def test_a_driven_hinge_on_a_free_body_keeps_momentum_and_its_angle():
     speed = found.qvel[10]
     inertia = 0.4 + 3.0 * 20.0 / 23.0 * 2.0**2
     assert abs(speed[5]) > 0.1 * speed[6] / inertia
+
+
+@pytest.mark.parametrize(("integrator", "miss"), [("RK4", 1e-4), ("implicitfast", 2e-2)])
+def test_a_craft_under_the_torques_of_its_drive_makes_the_turn(integrator, miss):
+    model = craft(ARM)
+    joint, made = model.joint("hinge").id, Turn(0.8, 4.0)
+    drive = drive_of(model, joint, [joint], made, spacing=0.2, samples=26)
+    found = run_of_drive(model, [joint], drive, integrator, 10)
+    times = 0.2 * np.arange(26)
+    assert np.max(np.abs(found.qpos[:, 7] - [made.at(t)[0] for t in times])) < miss
+    assert np.max(np.abs(found.qvel[:, 6] - [made.at(t)[1] for t in times])) < miss
+    assert found.qpos[-1, 7] == pytest.approx(0.8, abs=miss)
+
+
+def test_a_turning_arm_seen_from_outside():
+    """Two bodies with no momentum: each has the other's, reversed."""
+    model = craft(ARM)
+    joint, link = model.joint("hinge").id, model.body("link").id
+    drive = drive_of(model, joint, [joint], Turn(0.8, 4.0), spacing=0.2, samples=21)
+    run = run_of_drive(model, [joint], drive, "RK4", 10)
+    found = seen(model, run, [link], [model.site("hand").id], link)
+    centre = np.array([1.0, 2.0, 3.0]) + 3.0 / 23.0 * np.array([2.5, 0.0, 0.0])
+    for k in range(21):
+        at, rate = run.qpos[k, :3], run.qvel[k, 5]
+        speed, whole = run.qvel[k, :3], rate + run.qvel[k, 6]
+        momentum = 6.0 * rate + 20.0 * np.cross(at - centre, speed)[2]
+        energy = 20.0 * speed @ speed * (1.0 + 20.0 / 3.0) + 6.0 * rate**2 + 0.4 * whole**2
+        assert found.share[k] == pytest.approx(abs(momentum), abs=1e-6)
+        assert found.energy[k] == pytest.approx(energy / 2.0, abs=1e-6)
+        turned = Rotation.from_quat(run.qpos[k, 3:7], scalar_first=True)
+        now = turned * Rotation.from_rotvec([0.0, 0.0, run.qpos[k, 7]])
+        assert found.rotations[k, 0] == pytest.approx(now.as_matrix(), abs=1e-9)
+        hinge = at + turned.apply([0.5, 0.0, 0.0])
+        assert found.places[k, 0] == pytest.approx(hinge, abs=1e-9)
+        assert found.places[k, 1] == pytest.approx(hinge + now.apply([3.0, 0, 0]), abs=1e-9)
+    assert np.max(np.abs(found.momentum)) < 1e-5
+    assert np.max(found.share) > 0.1
 
 
 def test_the_torque_of_a_turn_in_a_hinge_makes_it():

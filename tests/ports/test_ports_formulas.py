@@ -4,7 +4,17 @@ import numpy as np
 import pytest
 
 from beamchain import PortModel, compare
-from formulas import CoupledPort, as_compared, maximum_of, peak_clusters
+from formulas import (
+    CoupledPort,
+    Shapes,
+    as_compared,
+    body_mass_matrix,
+    first_moment,
+    free_peaks,
+    joined,
+    maximum_of,
+    peak_clusters,
+)
 
 ROUNDED = 1e-12
 
@@ -84,3 +94,88 @@ def test_an_attachment_mode_is_the_static_shape_of_the_modes_left_out():
     moments = [0.9, abs(q @ [0.5, 0.4]) / size]
     assert np.abs(got.participation[:, 0]) == pytest.approx(moments, rel=ROUNDED)
     assert np.abs(got.tip[:, 0]) == pytest.approx([1.5, abs(q @ [-1.0, 0.7]) / size], rel=ROUNDED)
+
+
+def test_dynamic_mass_of_coupled_damping_is_that_of_its_two_equations():
+    # q1'' + d11 q1' + d12 q2' + w1^2 q1 = -l1 a, by Cramer's rule
+    (w1, w2), (l1, l2), (d11, d12, d22), w = (2.0, 5.0), (0.3, 0.2), (0.1, 0.05, 0.4), 2.5
+    model = CoupledPort(
+        np.array([[1.5]]),
+        np.array([w1, w2]),
+        np.array([[l1], [l2]]),
+        np.array([[d11, d12], [d12, d22]]),
+    )
+    s = 1j * w
+    one, both, two = s**2 + s * d11 + w1**2, s * d12, s**2 + s * d22 + w2**2
+    whole = one * two - both**2
+    q1, q2 = (-l1 * two + l2 * both) / whole, (-l2 * one + l1 * both) / whole
+    felt = 1.5 + s**2 * (l1 * q1 + l2 * q2)
+    assert model.D(np.array([w]))[0, 0, 0] == pytest.approx(felt, rel=ROUNDED)
+
+
+def test_energy_of_a_body_is_that_of_its_points():
+    random = np.random.default_rng(2)
+    mass, at = random.uniform(1.0, 2.0, 9), random.normal(size=(9, 3))
+    centre = mass @ at / mass.sum()
+    arms = at - centre
+    inertia = sum(m * (r @ r * np.eye(3) - np.outer(r, r)) for m, r in zip(mass, arms, strict=True))
+    matrix = body_mass_matrix(mass.sum(), centre, inertia)
+    for velocity, rate in random.normal(size=(4, 2, 3)):
+        energy = mass @ np.sum((velocity + np.cross(rate, at)) ** 2, axis=1)
+        both = np.concatenate([velocity, rate])
+        assert both @ matrix @ both == pytest.approx(energy, rel=ROUNDED)
+    assert first_moment(matrix) == pytest.approx(mass @ at, rel=ROUNDED)
+
+
+def test_a_free_mode_has_the_modal_mass_that_the_root_leaves_it():
+    # (1 - l^2 / m) q'' + d q' + w^2 q = 0
+    mass, moment, w, d = 4.0, 1.2, 3.0, 0.24
+    model = PortModel(np.array([[mass]]), np.array([w]), np.array([[moment]]))
+    left = 1.0 - moment**2 / mass
+    frequency = w / np.sqrt(left)
+    found = free_peaks(model, np.array([[d]]))
+    assert found == pytest.approx(np.array([[frequency, d / (2.0 * left * frequency)]]), rel=1e-9)
+
+
+def test_parts_that_do_not_couple_become_one_model_in_space():
+    bending = PortModel(
+        np.diag([2.0, 1.0]),
+        np.array([3.0]),
+        np.array([[0.4, 0.2]]),
+        np.array([0.01]),
+        tip=np.array([[0.7, 0.1, 0.8, 0.2]]),  # two points, each moved and turned
+    )
+    twist = PortModel(
+        np.array([[0.5]]),
+        np.array([2.0]),
+        np.array([[0.3]]),
+        np.array([0.02]),
+        tip=np.array([[1.0, 0.5]]),
+    )
+    motions = [np.eye(6)[:, [1, 5]], np.eye(6)[:, [3]]]
+    both = joined([bending, twist], motions, np.diag([2.0, 2.0, 2.0, 1.0, 1.0, 1.0]))
+    assert both.frequencies.tolist() == [2.0, 3.0]
+    assert both.damping.tolist() == [0.02, 0.01]
+    assert both.participation.tolist() == [[0, 0, 0, 0.3, 0, 0], [0, 0.4, 0, 0, 0, 0.2]]
+    assert both.tip is not None
+    assert both.tip.tolist() == [
+        [0, 0, 0, 1.0, 0, 0, 0, 0, 0, 0.5, 0, 0],
+        [0, 0.7, 0, 0, 0, 0.1, 0, 0.8, 0, 0, 0, 0.2],
+    ]
+
+
+@pytest.mark.parametrize("bending", [True, False])
+def test_momentum_of_a_mode_in_the_turn_of_a_hinge_is_that_of_what_lies_behind(bending):
+    x, value, moved, turned = (
+        np.array(v) for v in ((1.0, 3.0), (0.4, 0.9), (0.5, 0.7), (0.2, 0.3))
+    )
+    shapes = Shapes(x, moved, turned, value[None], bending)
+    (got,) = shapes.momenta(np.array([0.0, 1.0, 2.0]))
+    arms = ((1.0, 3.0), (None, 2.0), (None, 1.0))  # a mass at the hinge is not behind it
+    for found, reach in zip(got, arms, strict=True):
+        wanted = sum(
+            v * (m * (arm if bending else 1.0) + t)
+            for v, m, t, arm in zip(value, moved, turned, reach, strict=True)
+            if arm is not None
+        )
+        assert found == pytest.approx(wanted, rel=ROUNDED)

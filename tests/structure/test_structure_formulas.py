@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from scipy.special import jnp_zeros
+from scipy.special import iv, ivp, jnp_zeros
 
-from beamchain import Material, ModalData, Rectangle, Round
+from beamchain import Beam, Lump, Material, ModalData, Rectangle, Round, Segment, Tube
 from formulas import (
     Sections,
     Slosh,
@@ -13,6 +13,7 @@ from formulas import (
     independent_parts,
     nearest_body,
     rounding_of_residual,
+    sections_at,
 )
 
 ROUNDED = 1e-12
@@ -40,6 +41,100 @@ def test_extreme_stress_of_a_section_is_at_its_corner_or_along_its_radius(is_rou
     assert got / 1e6 == pytest.approx([1.0 + bent, 1.0 - bent], rel=ROUNDED)
     at_corner = section.stress(force, moment, -0.1, -0.2)[0, 0]
     assert at_corner / 1e6 == pytest.approx(1.0 + 30.0 + 40.0, rel=ROUNDED)
+
+
+@pytest.mark.parametrize(("height", "radius"), [(0.6, 0.4), (0.3, 0.5), (1.0, 0.25)])
+def test_inertia_of_a_locked_liquid_is_that_of_potential_flow(height, radius):
+    # N. E. Joukowsky: phi = x z + psi about the centre; psi vanishes in slope at the ends and
+    # undoes twice the wall's motion, x = sum a sin(k x), k = (2 n + 1) pi / h
+    sign = (-1.0) ** np.arange(400)
+    k = (2.0 * np.arange(400) + 1.0) * np.pi / height
+    a = 4.0 * sign / (height * k**2)
+    slope = ivp(1, np.minimum(k * radius, 700.0))
+    one, two = (iv(n, np.minimum(k * radius, 700.0)) / slope for n in (1, 2))
+    wall = np.pi * radius * (-radius * height**3 / 12.0 + 4.0 * np.sum(a * one * sign / k**3))
+    half = height * radius**4 / 8.0 - 2.0 * radius**2 * np.sum(a * sign * two / k**2)
+    wanted = 900.0 * (wall + 2.0 * np.pi * half)
+    tank = Slosh(
+        shape="cylinder", radius=radius, height=height, density=900.0, acceleration=1.0, ratio=0.01
+    )
+    assert tank.inertia == pytest.approx(wanted, rel=1e-5)
+    mass = 900.0 * np.pi * radius**2 * height
+    behind = tank.line().behind(np.array([0.0, height / 2.0]))
+    rotary = wanted - mass * height**2 / 12.0
+    about_root = wanted + mass * (height / 2.0) ** 2
+    assert behind[:, 0, 0] == pytest.approx([mass, mass / 2.0], rel=ROUNDED)
+    assert behind[:, 1, 5] == pytest.approx(mass * height * np.array([0.5, 0.375]), rel=ROUNDED)
+    outer = mass * height**2 * 7.0 / 24.0 + rotary / 2.0
+    assert behind[:, 5, 5] == pytest.approx([about_root, outer], rel=1e-5)
+    assert behind[:, 3, 3] == pytest.approx([0.0, 0.0], abs=ROUNDED)
+
+
+def test_what_lies_behind_a_station_of_two_segments():
+    # 2 m of 5 x 3 cm, then 1 m of 4 x 2 cm, a lump at the joint between them
+    material = Material(youngs_modulus=7e10, density=2700.0)
+    inner = Rectangle(width_y=0.05, width_z=0.03)
+    outer = Rectangle(width_y=0.04, width_z=0.02)
+    beam = Beam(
+        segments=[
+            Segment(length=2.0, section=inner, material=material),
+            Segment(length=1.0, section=outer, material=material),
+        ],
+        lumps=[Lump(x=2.0, mass=5.0, inertia=(0.1, 0.2, 0.3))],
+    )
+    m1, m2 = 2700.0 * 0.05 * 0.03, 2700.0 * 0.04 * 0.02
+    got = beam.behind(np.array([0.5, 2.0, 2.5, 3.0]))
+    wanted = [(m1 * 1.5 + m2 + 5.0), m2, m2 / 2.0, 0.0]
+    assert got[:, 0, 0] == pytest.approx(wanted, rel=ROUNDED, abs=ROUNDED)
+    first = [m1 * (4.0 - 0.25) / 2.0 + m2 * 2.5 + 10.0, m2 * 2.5, m2 * (9.0 - 6.25) / 2.0, 0.0]
+    assert got[:, 1, 5] == pytest.approx(first, rel=ROUNDED, abs=ROUNDED)
+    polar = [2700.0 * w * h * (w**2 + h**2) / 12.0 for w, h in ((0.05, 0.03), (0.04, 0.02))]
+    about_x = [polar[0] * 1.5 + polar[1] + 0.1, polar[1], polar[1] / 2.0, 0.0]
+    assert got[:, 3, 3] == pytest.approx(about_x, rel=ROUNDED, abs=ROUNDED)
+
+
+def test_sections_where_two_segments_meet_are_those_of_the_outer():
+    material = Material(youngs_modulus=7e10, density=2700.0)
+    beam = Beam(
+        segments=[
+            Segment(
+                length=2.0,
+                section=Tube(outer_diameter=0.1, wall=0.01),
+                section_end=Tube(outer_diameter=0.06, wall=0.01),
+                material=material,
+            ),
+            Segment(length=1.0, section=Rectangle(width_y=0.04, width_z=0.02), material=material),
+        ]
+    )
+    found = sections_at(beam, np.array([0.0, 1.0, 2.0, 3.0]))
+    assert found.is_round.tolist() == [True, True, False, False]
+    circles = [np.pi / 4.0 * (d**2 - i**2) for d, i in ((0.1, 0.08), (0.08, 0.06))]
+    assert found.area == pytest.approx([*circles, 8e-4, 8e-4], rel=ROUNDED)
+    assert found.half_y == pytest.approx([0.05, 0.04, 0.02, 0.02], rel=ROUNDED)
+    assert found.half_z == pytest.approx([0.05, 0.04, 0.01, 0.01], rel=ROUNDED)
+    about_z = [np.pi / 64.0 * (d**4 - i**4) for d, i in ((0.1, 0.08), (0.08, 0.06))]
+    assert found.second_moment_z[:2] == pytest.approx(about_z, rel=ROUNDED)
+    assert found.second_moment_z[2] == pytest.approx(0.02 * 0.04**3 / 12.0, rel=ROUNDED)
+    assert found.second_moment_y[2] == pytest.approx(0.04 * 0.02**3 / 12.0, rel=ROUNDED)
+
+
+@pytest.mark.parametrize("is_round", [True, False])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_fibre_under_most_tension_is_where_navier_s_stress_is_largest(is_round, sign):
+    section = Sections(
+        *(np.array([v]) for v in (2e-3, 3e-6, 2e-6, 0.05, 0.05 if is_round else 0.03)),
+        np.array([is_round]),
+    )
+    moment = np.array([9.0, -40.0, 25.0])
+    y, z = section.fibre(0, moment, sign)
+    got = section.per_load(0, y, z) @ np.concatenate([[100.0, 7.0, 8.0], moment])
+    if is_round:
+        towards = sign * np.array([-25.0, -40.0]) / np.hypot(25.0, 40.0)
+        assert np.array([y, z]) == pytest.approx(0.05 * towards, rel=ROUNDED)
+    else:
+        assert (y, z) == (-sign * 0.05, -sign * 0.03)
+    bent = -25.0 * y / 3e-6 + -40.0 * z / 2e-6
+    assert got == pytest.approx(100.0 / 2e-3 + bent, rel=ROUNDED)
 
 
 def test_modes_of_a_tank_are_those_of_potential_flow():

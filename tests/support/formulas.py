@@ -7,7 +7,8 @@ from beamchain.craft.modal_form import ModalForm
 from beamchain.craft.quantities import _check_inertia as check_inertia
 from beamchain.craft.recovery import _left_out as load_of_modes_left_out
 from beamchain.engine.drawn import skin_vertices
-from beamchain.engine.driven_hinge import Turn, drive_of
+from beamchain.engine.driven_hinge import Turn, drive_of, seen
+from beamchain.engine.driven_hinge import run as run_of_drive
 from beamchain.engine.linear import linear_at
 from beamchain.engine.loaded import offset_cautions
 from beamchain.engine.mount import mount
@@ -28,8 +29,11 @@ from beamchain.plants.modal_response import ModalResponse
 from beamchain.plants.modal_response import _exponential_states as states_of_a_rising_load
 from beamchain.plants.pointing import _total as total_index
 from beamchain.plants.source_errors import _running_mean as running_mean
-from beamchain.ports.compare import as_compared, maximum_of, peak_clusters
+from beamchain.ports.compare import as_compared, free_peaks, maximum_of, peak_clusters
+from beamchain.ports.compose import joined
 from beamchain.ports.coupled import CoupledPort
+from beamchain.ports.model import Shapes
+from beamchain.ports.motions import body_mass_matrix, first_moment
 from beamchain.report.outlines import Drawn
 from beamchain.report.replay import _steepest as steepest
 from beamchain.steps.driven import driven, run_of_turn
@@ -53,7 +57,7 @@ from beamchain.structure.elements import _largest_change as change_of_frequencie
 from beamchain.structure.planes import rounding_of_residual
 from beamchain.structure.readers.nastran_bulk import System
 from beamchain.structure.rigid_body import independent_parts, nearest_body
-from beamchain.structure.sections_at import Sections
+from beamchain.structure.sections_at import Sections, sections_at
 from beamchain.structure.slosh import Slosh
 
 __all__ = [
@@ -69,12 +73,14 @@ __all__ = [
     "PoleRow",
     "Promise",
     "Sections",
+    "Shapes",
     "Slosh",
     "System",
     "Turn",
     "apparent_pole",
     "as_compared",
     "bodies",
+    "body_mass_matrix",
     "change_of_frequencies",
     "check_inertia",
     "condensed_mass",
@@ -82,9 +88,12 @@ __all__ = [
     "drive_in_hinge",
     "drive_of",
     "driven",
+    "first_moment",
+    "free_peaks",
     "hinge_armature",
     "imported_warnings",
     "independent_parts",
+    "joined",
     "largest_angle",
     "linear_at",
     "load_of_modes_left_out",
@@ -102,9 +111,12 @@ __all__ = [
     "resolution",
     "rest_point",
     "rounding_of_residual",
+    "run_of_drive",
     "run_of_turn",
     "runge_kutta_limit",
     "running_mean",
+    "sections_at",
+    "seen",
     "servos_that_chatter",
     "settle_links",
     "share",
