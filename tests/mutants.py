@@ -109,7 +109,7 @@ def changes(file: str, source: bytes) -> list[Change]:
         found.add(Change(file, node.lineno, node.col_offset, old.decode(), new))
 
     def walk(node: ast.AST, *, inside: bool, index: bool = False) -> None:
-        if isinstance(node, ast.Raise | ast.JoinedStr | ast.Assert):
+        if isinstance(node, ast.Raise | ast.JoinedStr | ast.Assert) or _is_words(node):
             return
         inside = inside or isinstance(node, ast.FunctionDef)
         if inside and isinstance(node, ast.BinOp):
@@ -136,6 +136,15 @@ def changes(file: str, source: bytes) -> list[Change]:
 
     walk(ast.parse(source), inside=False)
     return sorted(found, key=lambda change: (change.line, change.column))
+
+
+def _is_words(node: ast.AST) -> bool:
+    """Whether it chooses between two texts."""
+    return isinstance(node, ast.IfExp) and all(
+        isinstance(part, ast.JoinedStr)
+        or (isinstance(part, ast.Constant) and isinstance(part.value, str))
+        for part in (node.body, node.orelse)
+    )
 
 
 class _Tests:

@@ -2,11 +2,24 @@
 
 from types import SimpleNamespace
 
+import mujoco
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import beamchain as bc
-from formulas import ModalForm, check_inertia, load_of_modes_left_out
+from formulas import (
+    ModalForm,
+    Reference,
+    Seen,
+    SlewBody,
+    apart,
+    check_inertia,
+    equal_parts,
+    load_of_modes_left_out,
+    modes_finely_divided,
+    turns_of_hinge,
+)
 
 
 def test_centrifugal_load_of_axial_modes_left_out():
@@ -86,3 +99,62 @@ def test_principal_moments_stay_a_body_s_at_every_corner(reach, kept):
     else:
         with pytest.raises(bc.InputError, match="bus.*3, 4, 7.1"):
             check_inertia("bus", np.diag([3.0, 4.0, 6.0]), [range_of])
+
+
+# -- slews -----------------------------------------------------------------------------------------
+@pytest.mark.parametrize("angle", [1e-9, 0.3, 2.0, 3.1])
+def test_two_motions_are_apart_by_their_largest_turn_and_distance(angle):
+    start = Rotation.from_rotvec([0.2, -0.9, 0.4])
+    axis = np.array([2.0, -1.0, 2.0]) / 3.0
+    nothing = np.zeros((3, 2, 3, 3)), np.zeros((3, 2, 3)), np.zeros((3, 3)), np.zeros(3)
+    one = Seen(*nothing, np.zeros(3))
+    other = Seen(*(part.copy() for part in nothing), np.zeros(3))
+    one.rotations[:] = start.as_matrix()
+    for k, part in enumerate((0.2, 1.0, 0.5)):
+        other.rotations[k, 0] = start.as_matrix()
+        other.rotations[k, 1] = (start * Rotation.from_rotvec(part * angle * axis)).as_matrix()
+        other.places[k, 0] = part * np.array([2.0, -3.0, 6.0])
+    turned, moved = apart(one, other)
+    assert turned == pytest.approx([0.0, angle], rel=1e-6, abs=1e-15)
+    assert moved == pytest.approx([7.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("limits", "angles"),
+    [
+        ("", [90.0, 90.0, 180.0]),
+        ('range="-120 150"', [90.0, 90.0]),
+        ('range="-60 50"', [-60.0, -60.0]),
+        ('range="-20 60" ref="10"', [50.0, 50.0]),
+    ],
+)
+def test_a_hinge_is_turned_as_far_as_its_range_goes(limits, angles):
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><worldbody><body><joint type="slide"/><joint name="drive" {limits}/>
+        <geom size="1"/></body></worldbody></mujoco>"""
+    )
+    found = turns_of_hinge(model, model.joint("drive").id, 4.0)
+    assert np.degrees([turn.angle for turn in found]) == pytest.approx(angles)
+    assert [turn.duration for turn in found] == [20.0, 40.0, 40.0][: len(found)]
+
+
+def test_steps_fill_a_sample_and_modes_are_divided():
+    assert [equal_parts(1.0, step) for step in (0.25, 0.3, 1.0 / 3.0, 2.0)] == [4, 4, 3, 1]
+    # kept, static shapes (two of each load in bending), divided: three times, at most six
+    for kept, static, port, modes in (
+        (1, 0, "xy", 3),
+        (2, 0, "xz", 6),
+        (6, 0, "torsion", 5),
+        (3, 1, "xy", 3),
+        (3, 1, "torsion", 6),
+    ):
+        assert modes_finely_divided(kept, static, port) == modes
+
+
+def test_what_a_slew_is_off_is_a_share_of_its_elastic_motion():
+    body = SlewBody("bus", 0.2, 0.4, 0.01, 0.06, 0.03, 1.0)
+    assert body.chain_share == pytest.approx(0.15)
+    assert body.step_share == pytest.approx(0.15)
+    assert SlewBody("bus", 0.0, 1e-10, 0.5, 0.5, 0.5, 0.5).chain_share == 0.0
+    assert Reference(None, 0.3, 1.0).compared().step == 0.6
+    assert Reference(None, 0.4, 1.0).compared().step == 0.2

@@ -5,7 +5,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from beamchain import PortModel
 from formulas import (
+    Carrying,
     Turn,
     drive_in_hinge,
     drive_of,
@@ -15,6 +17,7 @@ from formulas import (
     offset_cautions,
     reach,
     rest_point,
+    rigid_body,
     run_of_drive,
     seen,
     simulate_hub,
@@ -275,3 +278,54 @@ def test_a_thrust_beside_the_centre_of_mass_is_told_in_millimetres(offset, besid
         assert beside in said[0]
         assert "0.2 N m" in said[0]
     assert offset_cautions(model, None, 1, np.array(model.qpos0), "burn") == []
+
+
+# -- what ports carry ------------------------------------------------------------------------------
+def test_response_of_a_body_with_appendages_that_carry_is_that_of_all_coordinates():
+    """Two appendages, the second on a port of the first: q and the modes in one mass matrix."""
+    random = np.random.default_rng(3)
+
+    def spread(size):
+        rows = random.normal(size=(size, size))
+        return rows @ rows.T + size * np.eye(size)
+
+    counts, points, ports = (2, 1), (2, 1), ((0, 0), (0, 1), (1, 0))
+    models = [
+        PortModel(
+            spread(6),
+            np.sort(random.uniform(1.0, 4.0, n)),
+            random.normal(size=(n, 6)) / 3.0,
+            np.full(n, 0.03),
+            tip=random.normal(size=(n, 6 * k)),
+        )
+        for n, k in zip(counts, points, strict=True)
+    ]
+    roots = [random.normal(size=(6, 24)) for _ in models]
+    roots[0][:, 6:] = 0.0
+    roots[1][:, 12:] = 0.0
+    carried = spread(24)
+    bus = spread(6)
+    carried[:6, :6] = 0.0
+    shapes = np.zeros((18, 3))
+    shapes[:6, :2], shapes[6:12, :2] = models[0].tip[:, :6].T, models[0].tip[:, 6:].T
+    shapes[12:, 2:] = models[1].tip.T
+    by_modes = np.block([[np.eye(6), np.zeros((6, 3))], [np.zeros((18, 6)), shapes]])
+    mass = by_modes.T @ carried @ by_modes
+    mass[:6, :6] += bus
+    mass[6:, 6:] += np.eye(3)
+    for model, root, at in zip(models, roots, (slice(6, 8), slice(8, 9)), strict=True):
+        moved = root @ by_modes
+        mass += moved.T @ model.rigid_mass @ moved
+        coupled = np.zeros((9, 9))
+        coupled[at] = model.participation @ moved
+        mass += coupled + coupled.T
+    w = np.concatenate([model.frequencies for model in models])
+    omega = np.array([0.7, 2.5])
+    carrying = Carrying(tuple(roots), carried, ports)
+    assert carrying.by_modes(models) == pytest.approx(by_modes)
+    got = rigid_body(bus).response(omega, models, carrying=carrying)
+    for k, s in enumerate(1j * omega):
+        held = np.zeros(9, dtype=complex)
+        held[6:] = 0.06 * w / s + (w / s) ** 2
+        wanted = np.linalg.inv(mass + np.diag(held))[:6, :6]
+        assert got[:, :, k] == pytest.approx(wanted, rel=1e-9, abs=1e-12)

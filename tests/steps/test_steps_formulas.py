@@ -17,6 +17,7 @@ from formulas import (
     driven,
     hinge_armature,
     largest_angle,
+    map_by_differences,
     polynomial,
     run_of_turn,
     runge_kutta_limit,
@@ -332,3 +333,20 @@ def test_a_servo_chatters_beyond_two_of_its_inertia_over_its_damping(step, told)
         assert "0.012 s" in said[0]
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
     assert not list(servos_that_chatter(model))
+
+
+def test_differences_of_a_step_of_two_springs_are_those_of_semi_implicit_euler():
+    # v' = v + h (f - k x) / m, x' = x + h v'; in y = sqrt(m) x and h y'
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><option gravity="0 0 0" timestep=".1"/><worldbody>
+        <body><joint type="slide" axis="1 0 0" stiffness="8"/>
+        <inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/></body>
+        <body><joint type="slide" axis="0 1 0" stiffness="3"/>
+        <inertial pos="0 0 0" mass="5" diaginertia="1 1 1"/></body></worldbody></mujoco>"""
+    )
+    roots = np.sqrt([2.0, 5.0])
+    change, drive = map_by_differences(model, np.zeros(2), np.diag(1.0 / roots))
+    pull = np.diag(0.1**2 * np.array([4.0, 0.6]))
+    wanted = np.block([[-pull, np.eye(2)], [-pull, np.zeros((2, 2))]])
+    assert change == pytest.approx(wanted, abs=1e-9)
+    assert drive == pytest.approx(0.1**2 * np.vstack([np.eye(2), np.eye(2)]), abs=1e-9)

@@ -6,10 +6,16 @@ from beamchain.chain.recursion import Nodes, realise, split
 from beamchain.craft.modal_form import ModalForm
 from beamchain.craft.quantities import _check_inertia as check_inertia
 from beamchain.craft.recovery import _left_out as load_of_modes_left_out
+from beamchain.craft.slews import SlewBody
+from beamchain.craft.slews import _apart as apart
+from beamchain.craft.slews import _more as modes_finely_divided
+from beamchain.craft.slews import _parts as equal_parts
+from beamchain.craft.slews import _Reference as Reference
+from beamchain.craft.slews import _turns as turns_of_hinge
 from beamchain.engine.drawn import skin_vertices
-from beamchain.engine.driven_hinge import Turn, drive_of, seen
+from beamchain.engine.driven_hinge import Seen, Turn, drive_of, seen
 from beamchain.engine.driven_hinge import run as run_of_drive
-from beamchain.engine.linear import linear_at
+from beamchain.engine.linear import Carrying, linear_at, rigid_body
 from beamchain.engine.loaded import offset_cautions
 from beamchain.engine.mount import mount
 from beamchain.engine.operating_point import rest_point
@@ -53,6 +59,7 @@ from beamchain.steps.large_motion import _Plane as PlanarChain
 from beamchain.steps.modal import condensed_mass
 from beamchain.steps.poles import PoleRow
 from beamchain.steps.saturation import servos_that_chatter
+from beamchain.steps.step_map import _by_differences as map_by_differences
 from beamchain.structure.elements import _largest_change as change_of_frequencies
 from beamchain.structure.planes import rounding_of_residual
 from beamchain.structure.readers.nastran_bulk import System
@@ -61,6 +68,7 @@ from beamchain.structure.sections_at import Sections, sections_at
 from beamchain.structure.slosh import Slosh
 
 __all__ = [
+    "Carrying",
     "Chain",
     "CoupledPort",
     "Drawn",
@@ -72,11 +80,15 @@ __all__ = [
     "PlanarChain",
     "PoleRow",
     "Promise",
+    "Reference",
     "Sections",
+    "Seen",
     "Shapes",
+    "SlewBody",
     "Slosh",
     "System",
     "Turn",
+    "apart",
     "apparent_pole",
     "as_compared",
     "bodies",
@@ -88,6 +100,7 @@ __all__ = [
     "drive_in_hinge",
     "drive_of",
     "driven",
+    "equal_parts",
     "first_moment",
     "free_peaks",
     "hinge_armature",
@@ -97,8 +110,10 @@ __all__ = [
     "largest_angle",
     "linear_at",
     "load_of_modes_left_out",
+    "map_by_differences",
     "maximum_of",
     "mode_to_ring",
+    "modes_finely_divided",
     "mount",
     "named_output",
     "nearest_body",
@@ -110,6 +125,7 @@ __all__ = [
     "realise",
     "resolution",
     "rest_point",
+    "rigid_body",
     "rounding_of_residual",
     "run_of_drive",
     "run_of_turn",
@@ -133,6 +149,7 @@ __all__ = [
     "time_modes",
     "total_index",
     "turn",
+    "turns_of_hinge",
     "unit_of_control",
     "weights_of_modes",
 ]
