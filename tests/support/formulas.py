@@ -60,6 +60,12 @@ from beamchain.steps.modal import condensed_mass
 from beamchain.steps.poles import PoleRow
 from beamchain.steps.saturation import servos_that_chatter
 from beamchain.steps.step_map import _by_differences as map_by_differences
+from beamchain.steps.tree_response import Compared, Tendons
+from beamchain.steps.tree_response import Seen as SeenAtPose
+from beamchain.steps.tree_time import Alone
+from beamchain.steps.tree_time import _newton_step as newton_step
+from beamchain.steps.tree_time import _Room as Room
+from beamchain.steps.tree_time import _step_length as step_length
 from beamchain.structure.elements import _largest_change as change_of_frequencies
 from beamchain.structure.planes import rounding_of_residual
 from beamchain.structure.readers.nastran_bulk import System
@@ -68,8 +74,10 @@ from beamchain.structure.sections_at import Sections, sections_at
 from beamchain.structure.slosh import Slosh
 
 __all__ = [
+    "Alone",
     "Carrying",
     "Chain",
+    "Compared",
     "CoupledPort",
     "Drawn",
     "Hinge",
@@ -81,12 +89,15 @@ __all__ = [
     "PoleRow",
     "Promise",
     "Reference",
+    "Room",
     "Sections",
     "Seen",
+    "SeenAtPose",
     "Shapes",
     "SlewBody",
     "Slosh",
     "System",
+    "Tendons",
     "Turn",
     "apart",
     "apparent_pole",
@@ -117,6 +128,7 @@ __all__ = [
     "mount",
     "named_output",
     "nearest_body",
+    "newton_step",
     "offset_cautions",
     "peak_clusters",
     "polynomial",
@@ -144,6 +156,7 @@ __all__ = [
     "start_rate",
     "states_of_a_rising_load",
     "steepest",
+    "step_length",
     "step_pole",
     "sum_of_poles",
     "time_modes",

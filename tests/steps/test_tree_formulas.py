@@ -1,0 +1,179 @@
+"""Closed forms and difference quotients beside the search for the timing of a tree."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from formulas import Alone, Compared, Room, SeenAtPose, Tendons, newton_step, step_length
+
+STEP = 0.05
+STIFFNESS = np.array([40.0, 90.0, 60.0])
+DAMPING = np.array([0.3, 0.2, 0.5])
+PAIR, SINGLE = np.array([[0.9, 0.2], [0.2, 0.7]]), np.array([[0.8]])
+UNKNOWNS = np.array([0.5, 0.6, 0.4, 0.01, -0.012, 0.005, 0.1, -0.2, 0.05])  # c, s, e
+MODAL = SimpleNamespace(names=("a", "b", "c"), stiffness=STIFFNESS, damping=DAMPING)
+ALONE = (
+    Alone(np.array([0, 2]), PAIR, PAIR),
+    Alone(np.array([1]), SINGLE, SINGLE),
+)
+INTEGRATORS = ("Euler", "implicitfast", "RK4")
+# armature over h d / 2: Euler damps tendons by the rate before the step, implicitfast by that after
+LATE = {"Euler": 1.0, "implicitfast": -1.0, "RK4": 0.0}
+
+
+def room(integrator):
+    return Room.of(ALONE, MODAL, integrator, STEP, 4.0)
+
+
+def quotients(function, at, size=1e-6):
+    """`(m, n)` by central differences."""
+    moves = size * np.eye(at.size)
+    return np.array(
+        [(np.asarray(function(at + m)) - function(at - m)) / (2.0 * size) for m in moves]
+    ).T
+
+
+def test_bounds_of_the_search():
+    # |s|: 5/16 of the squared phase at the end of the band, between 1 and 5 %
+    for band, softer in ((1.0, 0.01), (6.0, 5.0 / 16.0 * 0.09), (20.0, 0.05)):
+        found = Room.of(ALONE, MODAL, "Euler", STEP, band)
+        assert found.high == pytest.approx([3.0] * 3 + [softer] * 3 + [0.3] * 3)
+        assert found.low == pytest.approx([-1e-9] * 3 + [-softer] * 3 + [-0.3] * 3)
+    assert room("Euler").start == pytest.approx([0.55] * 3 + [0.0] * 6)
+    assert room("RK4").start == pytest.approx([0.425] * 3 + [0.0] * 6)
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+def test_tendons_of_the_unknowns(integrator):
+    found = room(integrator).tendons(UNKNOWNS)
+    c, s, e = UNKNOWNS.reshape(3, 3)
+    late = room(integrator).late
+    assert found.stiffness == pytest.approx((1.0 + s) * STIFFNESS)
+    assert found.damping == pytest.approx((1.0 + e) * DAMPING)
+    assert found.armature == pytest.approx(
+        c * STEP**2 * STIFFNESS + late * (1.0 + e) * STEP * DAMPING / 2.0
+    )
+    assert late == LATE[integrator]
+
+
+@pytest.mark.parametrize(("integrator", "limit"), [("Euler", 0.25), ("RK4", 0.125)])
+def test_the_barrier_and_its_derivatives(integrator, limit):
+    made = room(integrator)
+    c, s, _ = UNKNOWNS.reshape(3, 3)
+    more = (c - (1.0 + s) * limit) * STEP**2 * STIFFNESS
+    pair = 0.98 * PAIR + np.diag(more[[0, 2]])
+    determinant = (pair[0, 0] * pair[1, 1] - pair[0, 1] ** 2) * (0.98 * 0.8 + more[1])
+    edges = np.concatenate([UNKNOWNS - made.low, made.high - UNKNOWNS])
+    assert made.value(UNKNOWNS) == pytest.approx(-np.log(edges).sum() - np.log(determinant))
+    gradient, hessian = made.derivatives(UNKNOWNS)
+    assert gradient == pytest.approx(quotients(made.value, UNKNOWNS), rel=1e-5, abs=1e-6)
+    second = quotients(lambda at: made.derivatives(at)[0], UNKNOWNS)
+    assert hessian == pytest.approx(second, rel=1e-5, abs=1e-4)
+    for i, beyond in ((0, -0.1), (4, 1.0), (8, -0.3)):
+        outside = UNKNOWNS.copy()
+        outside[i] = beyond
+        assert made.value(outside) == np.inf
+    heavy = Alone(np.array([1]), SINGLE, -5.0 * SINGLE)
+    assert Room.of([heavy], MODAL, integrator, STEP, 4.0).value(UNKNOWNS) == np.inf
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+def test_slopes_by_the_unknowns_are_those_by_the_tendons_they_make(integrator):
+    made = room(integrator)
+    by_tendons = np.random.default_rng(1).normal(size=(2, 9))
+    wanted = quotients(lambda at: by_tendons @ np.concatenate(made.tendons(at)), UNKNOWNS)
+    assert made.by_unknowns(by_tendons) == pytest.approx(wanted, rel=1e-7, abs=1e-8)
+
+
+def test_largest_squared_phase_of_the_appendages_alone():
+    # a pair without coupling, so that each tendon is by itself: h^2 k (1 + s) / (S + c h^2 k)
+    apart = (Alone(np.array([0, 1, 2]), np.eye(3), np.diag([0.9, 0.8, 0.7])),)
+    made = Room.of(apart, MODAL, "Euler", STEP, 4.0)
+    c, s, _ = UNKNOWNS.reshape(3, 3)
+    squares = STEP**2 * STIFFNESS
+    wanted = np.max((1.0 + s) * squares / (np.array([0.9, 0.8, 0.7]) + c * squares))
+    assert made.largest(UNKNOWNS) == pytest.approx(wanted)
+
+
+# -- responses -------------------------------------------------------------------------------------
+def response(integrator):
+    """Three motions, two of them looked at; the exact response is another than the step's."""
+    random = np.random.default_rng(4)
+    b = random.normal(size=(3, 3))
+    damping = np.diag([0.02, 0.3, 0.4]) + 0.01
+    motion = SimpleNamespace(
+        squares=np.array([0.0, 30.0, 80.0]),
+        damping=damping,
+        implicit=damping if integrator == "implicitfast" else 0.4 * damping,  # Euler: of joints
+        timestep=STEP,
+        integrator=integrator,
+    )
+    seen = SeenAtPose(
+        motion,
+        rows=random.normal(size=(2, 3)),
+        tendons=b,
+        plain=Tendons(STIFFNESS, DAMPING, np.zeros(3)),
+        joints=np.diag([0.1, 0.0, 0.2]),
+        exact=None,
+        omega=np.zeros(0),
+    )
+    z = np.exp(STEP * np.array([0.3 + 3.0j, 0.2 + 6.0j]))
+    exact = random.normal(size=(2, 2, 2))
+    return Compared(seen, z - 1.0, exact + np.swapaxes(exact, 1, 2), np.array([1.0, 2.5]))
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+def test_what_a_response_misses_and_its_slopes(integrator):
+    compared = response(integrator)
+    seen, motion = compared.seen, compared.seen.motion
+    numbers = np.concatenate([1.02 * STIFFNESS, 1.1 * DAMPING, [0.05, 0.08, 0.02]])
+    tendons = Tendons(*np.split(numbers, 3))
+    wanted, worst = [], 0.0
+    for step, exact, size in zip(compared.step, compared.exact, compared.size, strict=True):
+        z = 1.0 + step
+        spring, late = STEP**2 * z / (z - 1.0) ** 2, STEP * z / (z - 1.0)
+        early = STEP / (z - 1.0)
+        if integrator == "RK4":
+            s = np.log(z) / STEP
+            spring, late, early = 1.0 / s**2, 1.0 / s, 1.0 / s
+        b = seen.tendons
+        extra = 0.1 * b.T @ np.diag(DAMPING) @ b
+        dynamic = (
+            np.eye(3)
+            + seen.joints
+            + b.T @ np.diag(tendons.armature) @ b
+            + (motion.damping - motion.implicit) * early
+            + motion.implicit * late
+            + extra * (early if integrator == "Euler" else late)
+            + (np.diag(motion.squares) + 0.02 * b.T @ np.diag(STIFFNESS) @ b) * spring
+        )
+        missed = (seen.rows @ np.linalg.inv(dynamic) @ seen.rows.T - exact) / size
+        worst = max(worst, np.linalg.svd(missed)[1][0])
+        wanted.append([missed[0, 0], np.sqrt(2.0) * missed[0, 1], missed[1, 1]])
+    wanted = np.ravel(wanted)
+    difference = compared.difference(tendons)
+    assert difference == pytest.approx(np.concatenate([wanted.real, wanted.imag]))
+    assert compared.worst(tendons) == pytest.approx(worst)
+    got, slopes = compared.slopes(tendons)
+    assert got == pytest.approx(difference)
+    by_numbers = quotients(lambda at: compared.difference(Tendons(*np.split(at, 3))), numbers)
+    assert slopes == pytest.approx(by_numbers, rel=1e-5, abs=1e-7)
+
+
+def test_a_newton_step_goes_down_the_objective_and_is_halved_until_it_does():
+    made, compared, weight = room("Euler"), response("Euler"), 1e-3
+
+    def objective(at):
+        missed = compared.difference(made.tendons(at))
+        return missed @ missed / 2.0 + weight * made.value(at)
+
+    step, decrease = newton_step(made, [compared], weight, UNKNOWNS)
+    slope = quotients(objective, UNKNOWNS)
+    assert decrease == pytest.approx(-slope @ step, rel=1e-4)
+    length = step_length(made, [compared], weight, UNKNOWNS, step, decrease)
+    now = objective(UNKNOWNS)
+    tried = 0.5 ** np.arange(20)
+    lowered = [objective(UNKNOWNS + t * step) < now - 1e-4 * t * decrease for t in tried]
+    assert length == tried[lowered.index(True)]
+    assert step_length(made, [compared], weight, UNKNOWNS, -step, decrease) == 0.0
