@@ -9,15 +9,20 @@ import pytest
 from scipy.optimize import fsolve
 
 from formulas import (
+    Chain,
+    Hinge,
+    Link,
     PlanarChain,
     PoleRow,
     apparent_pole,
     condensed_mass,
     continuous_poles,
+    culprit,
     driven,
     hinge_armature,
     largest_angle,
     map_by_differences,
+    plane_of_chain,
     polynomial,
     run_of_turn,
     runge_kutta_limit,
@@ -350,3 +355,55 @@ def test_differences_of_a_step_of_two_springs_are_those_of_semi_implicit_euler()
     wanted = np.block([[-pull, np.eye(2)], [-pull, np.zeros((2, 2))]])
     assert change == pytest.approx(wanted, abs=1e-9)
     assert drive == pytest.approx(0.1**2 * np.vstack([np.eye(2), np.eye(2)]), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("spring", "damper", "named", "share"),
+    # per joint a stiffness and a damping that Euler takes before the step; mass 2 and 5
+    [((9000.0, 10.0), (0.0, 0.0), "fast", 1.0), ((10.0, 10.0), (0.0, 300.0), "slow", 1.0)],
+)
+def test_what_makes_a_step_grow_is_the_spring_or_damper_that_is_too_stiff(
+    spring, damper, named, share
+):
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><option gravity="0 0 0" timestep=".05"><flag eulerdamp="disable"/></option>
+        <worldbody>
+        <body><joint name="fast" type="slide" axis="1 0 0" stiffness="{spring[0]}"
+        damping="{damper[0]}"/><inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/></body>
+        <body><joint name="slow" type="slide" axis="0 1 0" stiffness="{spring[1]}"
+        damping="{damper[1]}"/><inertial pos="0 0 0" mass="5" diaginertia="1 1 1"/></body>
+        </worldbody></mujoco>"""
+    )
+    found = culprit(model, np.zeros(2))
+    number = ("fast", "slow").index(named)
+    mass, h = (2.0, 5.0)[number], 0.05
+    # z^2 - (2 - c h / m - k h^2 / m) z + 1 - c h / m
+    pull, lost = spring[number] * h**2 / mass, damper[number] * h / mass
+    grows = np.max(np.abs(np.roots([1.0, lost + pull - 2.0, 1.0 - lost])))
+    assert grows > 1.0
+    assert found.name == named
+    assert found.growth == pytest.approx(grows)
+    assert found.share == pytest.approx(share)
+    assert found.frequency == pytest.approx(np.sqrt(spring[number] / mass))
+    assert found.damps == (damper[number] > 0.0)
+
+
+def test_links_without_a_hinge_in_a_plane_are_one_body_in_it():
+    links = (
+        Link(0.0, 1.0, 2.0, 0.5, (0.1, 0.3, 0.4)),
+        Link(1.0, 1.0, 4.0, 1.8, (0.2, 0.5, 0.6)),
+        Link(2.0, 1.0, 3.0, 2.4, (0.1, 0.2, 0.3)),
+    )
+    hinges = (Hinge(1.0, {"torsion": 7.0}), Hinge(2.0, {"xz": 5.0, "xy": 9.0}))
+    for port, stiffness, of in (("xy", 9.0, (0.4, 0.6, 0.3)), ("xz", 5.0, (0.3, 0.5, 0.2))):
+        found = plane_of_chain(Chain(links, hinges, 3.0), port)
+        centre = (2.0 * 0.5 + 4.0 * 1.8) / 6.0
+        spread = 2.0 * (centre - 0.5) ** 2 + 4.0 * (1.8 - centre) ** 2
+        assert found.hinges.tolist() == [2.0]
+        assert found.stiffness[0, 0] == pytest.approx(stiffness)
+        assert found.mass.tolist() == [6.0, 3.0]
+        assert found.com == pytest.approx([centre, 2.4])
+        assert found.inertia == pytest.approx([spread + of[0] + of[1], of[2]])
+        # x^2 alone: half of what two of a body's moments have above the third
+        own = [(0.3 + 0.4 - 0.1) / 2.0, (0.5 + 0.6 - 0.2) / 2.0, (0.2 + 0.3 - 0.1) / 2.0]
+        assert found.along == pytest.approx([spread + own[0] + own[1], own[2]])

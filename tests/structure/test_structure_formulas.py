@@ -12,6 +12,7 @@ from formulas import (
     change_of_frequencies,
     independent_parts,
     nearest_body,
+    realisable_body,
     rounding_of_residual,
     sections_at,
 )
@@ -224,3 +225,20 @@ def test_frequencies_of_other_number_have_not_settled():
     two = np.array([2.0, 4.0])
     assert change_of_frequencies((two, two), (two * 1.01, two)) == pytest.approx(0.01, rel=1e-9)
     assert change_of_frequencies((two, two), (two, two[:1])) == np.inf
+
+
+def test_a_rod_s_rounded_inertia_becomes_that_of_masses():
+    """Principal moments are sums of two second moments, none of which is below zero."""
+    axes = np.linalg.qr(np.array([[1.0, 2.0, 0.5], [0.3, 1.0, -1.0], [2.0, 0.1, 1.0]]))[0]
+    for moments, wanted in (
+        ((0.0, 2.0, 2.1), (0.05, 2.025, 2.075)),  # second moments 2.05, 0.05 and 0
+        ((1.0, 2.0, 2.9), (1.0, 2.0, 2.9)),
+    ):
+        body = np.eye(6) * 3.0
+        body[3:, 3:] = axes @ np.diag(moments) @ axes.T
+        found = np.linalg.eigvalsh(realisable_body(body)[3:, 3:])
+        assert 2.0 * found[2] <= np.sum(found) * (1.0 + 1e-12)
+        if moments == wanted:
+            assert found == pytest.approx(wanted)
+        else:  # the nearest: what is missing, 0.1, is spread as (1, 1, -1) / 3 of it
+            assert found == pytest.approx(np.array(moments) + np.array([1, 1, -1]) * 0.1 / 3.0)

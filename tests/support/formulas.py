@@ -31,10 +31,18 @@ from beamchain.fitting.fewest import weights as weights_of_modes
 from beamchain.fitting.needs import Promise
 from beamchain.fitting.warnings import imported_warnings
 from beamchain.identification.resolution import resolution
+from beamchain.plants.error_indices import deviation_share, largest_deviation, windowed_variance
+from beamchain.plants.local_loop import delay_near
 from beamchain.plants.modal_response import ModalResponse
 from beamchain.plants.modal_response import _exponential_states as states_of_a_rising_load
 from beamchain.plants.pointing import _total as total_index
+from beamchain.plants.source_errors import _closed_in as closed_in
+from beamchain.plants.source_errors import _integral as nodes_of_density
 from beamchain.plants.source_errors import _running_mean as running_mean
+from beamchain.plants.verdicts import _limiting as limiting_modes
+from beamchain.plants.wheel_sweep import WheelSweep
+from beamchain.plants.worst_margins import figure as figure_of_sample
+from beamchain.plants.worst_margins import smallness
 from beamchain.ports.compare import as_compared, free_peaks, maximum_of, peak_clusters
 from beamchain.ports.compose import joined
 from beamchain.ports.coupled import CoupledPort
@@ -42,6 +50,7 @@ from beamchain.ports.model import Shapes
 from beamchain.ports.motions import body_mass_matrix, first_moment
 from beamchain.report.outlines import Drawn
 from beamchain.report.replay import _steepest as steepest
+from beamchain.steps.culprit import culprit
 from beamchain.steps.driven import driven, run_of_turn
 from beamchain.steps.integrators import (
     apparent_pole,
@@ -56,6 +65,7 @@ from beamchain.steps.integrators import (
     time_modes,
 )
 from beamchain.steps.large_motion import _Plane as PlanarChain
+from beamchain.steps.large_motion import _plane as plane_of_chain
 from beamchain.steps.modal import condensed_mass
 from beamchain.steps.poles import PoleRow
 from beamchain.steps.saturation import servos_that_chatter
@@ -69,7 +79,7 @@ from beamchain.steps.tree_time import _step_length as step_length
 from beamchain.structure.elements import _largest_change as change_of_frequencies
 from beamchain.structure.planes import rounding_of_residual
 from beamchain.structure.readers.nastran_bulk import System
-from beamchain.structure.rigid_body import independent_parts, nearest_body
+from beamchain.structure.rigid_body import independent_parts, nearest_body, realisable_body
 from beamchain.structure.sections_at import Sections, sections_at
 from beamchain.structure.slosh import Slosh
 
@@ -99,6 +109,7 @@ __all__ = [
     "System",
     "Tendons",
     "Turn",
+    "WheelSweep",
     "apart",
     "apparent_pole",
     "as_compared",
@@ -106,12 +117,17 @@ __all__ = [
     "body_mass_matrix",
     "change_of_frequencies",
     "check_inertia",
+    "closed_in",
     "condensed_mass",
     "continuous_poles",
+    "culprit",
+    "delay_near",
+    "deviation_share",
     "drive_in_hinge",
     "drive_of",
     "driven",
     "equal_parts",
+    "figure_of_sample",
     "first_moment",
     "free_peaks",
     "hinge_armature",
@@ -119,6 +135,8 @@ __all__ = [
     "independent_parts",
     "joined",
     "largest_angle",
+    "largest_deviation",
+    "limiting_modes",
     "linear_at",
     "load_of_modes_left_out",
     "map_by_differences",
@@ -129,11 +147,14 @@ __all__ = [
     "named_output",
     "nearest_body",
     "newton_step",
+    "nodes_of_density",
     "offset_cautions",
     "peak_clusters",
+    "plane_of_chain",
     "polynomial",
     "raise_polar_inertia",
     "reach",
+    "realisable_body",
     "realise",
     "resolution",
     "rest_point",
@@ -151,6 +172,7 @@ __all__ = [
     "simulate_hub",
     "skin_vertices",
     "small_turn",
+    "smallness",
     "split",
     "stable_armature",
     "start_rate",
@@ -165,4 +187,5 @@ __all__ = [
     "turns_of_hinge",
     "unit_of_control",
     "weights_of_modes",
+    "windowed_variance",
 ]
