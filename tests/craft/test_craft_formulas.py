@@ -10,14 +10,22 @@ from scipy.spatial.transform import Rotation
 import beamchain as bc
 from formulas import (
     ModalForm,
+    ModesOfCraft,
     Reference,
     Seen,
     SlewBody,
     apart,
     check_inertia,
+    clusters,
     equal_parts,
     load_of_modes_left_out,
     modes_finely_divided,
+    momentum_of_mode,
+    pairs_of_modes,
+    phase_of_two,
+    port_of_mode,
+    shares_of_energy,
+    slow_modes,
     turns_of_hinge,
 )
 
@@ -158,3 +166,83 @@ def test_what_a_slew_is_off_is_a_share_of_its_elastic_motion():
     assert SlewBody("bus", 0.0, 1e-10, 0.5, 0.5, 0.5, 0.5).chain_share == 0.0
     assert Reference(None, 0.3, 1.0).compared().step == 0.6
     assert Reference(None, 0.4, 1.0).compared().step == 0.2
+
+
+# -- coupled modes ---------------------------------------------------------------------------------
+def test_modes_of_two_masses_that_a_spring_holds_together():
+    mass, k = np.diag([2.0, 6.0]), 30.0
+    craft = SimpleNamespace(mass=mass, stiffness=k * np.array([[1.0, -1.0], [-1.0, 1.0]]))
+    frequency, shapes = slow_modes(craft, 5.0)
+    assert frequency == pytest.approx([np.sqrt(k * (1 / 2 + 1 / 6))])  # the rigid motion is none
+    assert shapes.T @ mass @ shapes == pytest.approx(np.eye(1))
+    assert np.abs(shapes[:, 0]) == pytest.approx([3.0 / np.sqrt(24.0), 1.0 / np.sqrt(24.0)])
+
+
+def test_modes_under_a_thrust_that_stays_with_the_craft():
+    # K = [[20, 3], [0, 45]] over masses 5: squares 4 and 9, shapes (1, 0) and (3, 5^2 / 5)
+    craft = SimpleNamespace(mass=5.0 * np.eye(2), stiffness=np.array([[20.0, 3.0], [0.0, 45.0]]))
+    frequency, shapes = slow_modes(craft, 3.0)
+    assert frequency == pytest.approx([2.0, 3.0])
+    assert np.abs(shapes[:, 0]) == pytest.approx([1.0 / np.sqrt(5.0), 0.0])
+    assert shapes[1, 1] / shapes[0, 1] == pytest.approx(25.0 / 3.0)
+    assert 5.0 * np.sum(shapes**2, axis=0) == pytest.approx([1.0, 1.0])
+
+
+def modes_of(frequency, shapes, share):
+    return ModesOfCraft(np.array(frequency), np.array(shapes, float).T, np.array(share, float).T)
+
+
+def test_modes_are_paired_by_what_moves_where_frequencies_cross():
+    mass = np.eye(2)
+    one, other = [1.0, 0.0], [0.0, 1.0]
+    exact = modes_of([1.0, 1.2], [one, other], [one, other])
+    crossed = modes_of([1.1, 1.3], [other, one], [other, one])
+    kept = np.array([True, True])
+    assert pairs_of_modes(exact, crossed, kept, mass) == {0: 1, 1: 0}
+    # two pairs that are unlike cost 2, half of it for the motion and half for the energy, and
+    # frequencies off by a factor r twice 2 ln r: alike below r = e
+    for r, partners in ((2.65, {0: 1, 1: 0}), (2.8, {0: 0, 1: 1})):
+        exact = modes_of([1.0, r], [one, other], [one, other])
+        crossed = modes_of([1.0, r], [other, one], [other, one])
+        assert pairs_of_modes(exact, crossed, kept, mass) == partners
+    # one is left for two: the kept one has it
+    single = modes_of([1.1], [one], [one])
+    assert pairs_of_modes(exact, single, np.array([False, True]), mass) == {1: 0}
+
+
+def test_modes_of_one_frequency_may_mix():
+    mixed = np.array([[1.0, 1.0], [1.0, -1.0]]) / np.sqrt(2.0)
+    exact = modes_of([1.0, 1.0], np.eye(2), np.eye(2))
+    ours = modes_of([1.0, 1.0], mixed, np.full((2, 2), 0.5))
+    assert set(pairs_of_modes(exact, ours, np.array([True, True]), np.eye(2))) == {0, 1}
+    assert clusters(np.array([1.0, 1.0 + 1e-9, 2.0, 3.0])).tolist() == [0, 0, 1, 2]
+
+
+def test_energy_of_a_mode_is_shared_among_the_parts_that_strain():
+    energy = np.array([[1.0, 0.0], [2.0, 1.0], [1.0, 4.0]])
+    found = shares_of_energy(energy, [np.array([0, 1]), np.array([2])])
+    assert found == pytest.approx(np.array([[0.75, 0.2], [0.25, 0.8]]))
+
+
+@pytest.mark.parametrize(
+    ("momenta", "words"),
+    [
+        ([[1, 0.1, 0], [2, 0, 0]], " in phase"),
+        ([[1, 0.1, 0], [-2, 0, 0]], " opposed"),
+        ([[1, 0, 0], [0, 2, 0]], ""),
+        ([[1, 0, 0]], ""),
+    ],
+)
+def test_whether_two_appendages_move_the_same_way(momenta, words):
+    assert phase_of_two(np.array(momenta, float)) == words
+
+
+def test_a_mode_is_of_the_port_in_which_its_strongest_cantilever_mode_participates():
+    rows = np.array([[0.1, 0.9, 0, 0, 0, 0.4], [0, 0, 0.2, 0.5, -0.1, 0]])
+    model = bc.PortModel(np.diag([4.0, 4.0, 4.0, 0.3, 2.0, 2.0]), np.array([2.0, 5.0]), rows)
+    assert port_of_mode(model, np.array([1.0, 0.3])) == "xy"  # energies 4 and 2.25
+    assert port_of_mode(model, np.array([1.0, 0.5])) == "torsion"  # 4 and 6.25
+    found = momentum_of_mode(model, np.array([2.0, 3.0]), "xy")
+    assert found == pytest.approx(2.0 * rows[0, :3] + 3.0 * rows[1, :3])
+    found = momentum_of_mode(model, np.array([2.0, 3.0]), "torsion")
+    assert found == pytest.approx(2.0 * rows[0, 3:] + 3.0 * rows[1, 3:])

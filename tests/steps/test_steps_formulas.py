@@ -24,6 +24,7 @@ from formulas import (
     map_by_differences,
     plane_of_chain,
     polynomial,
+    round_down,
     run_of_turn,
     runge_kutta_limit,
     servos_that_chatter,
@@ -407,3 +408,8 @@ def test_links_without_a_hinge_in_a_plane_are_one_body_in_it():
         # x^2 alone: half of what two of a body's moments have above the third
         own = [(0.3 + 0.4 - 0.1) / 2.0, (0.5 + 0.6 - 0.2) / 2.0, (0.2 + 0.3 - 0.1) / 2.0]
         assert found.along == pytest.approx([spread + own[0] + own[1], own[2]])
+
+
+def test_steps_are_rounded_down_to_two_digits():
+    given = (0.01968, 0.3, 7.99, 0.29999999999999999)
+    assert [round_down(step) for step in given] == [0.019, 0.3, 7.9, 0.3]

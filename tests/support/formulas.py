@@ -3,6 +3,14 @@
 from beamchain.chain.chain import Chain, Hinge, Link
 from beamchain.chain.links import bodies, raise_polar_inertia, settle_links, share
 from beamchain.chain.recursion import Nodes, realise, split
+from beamchain.craft.coupled_modes import _clusters as clusters
+from beamchain.craft.coupled_modes import _Modes as ModesOfCraft
+from beamchain.craft.coupled_modes import _momentum as momentum_of_mode
+from beamchain.craft.coupled_modes import _pairs as pairs_of_modes
+from beamchain.craft.coupled_modes import _phase as phase_of_two
+from beamchain.craft.coupled_modes import _port as port_of_mode
+from beamchain.craft.coupled_modes import _shares as shares_of_energy
+from beamchain.craft.coupled_modes import slow_modes
 from beamchain.craft.modal_form import ModalForm
 from beamchain.craft.quantities import _check_inertia as check_inertia
 from beamchain.craft.recovery import _left_out as load_of_modes_left_out
@@ -29,7 +37,7 @@ from beamchain.engine.slew import _in_hinge as drive_in_hinge
 from beamchain.engine.slew import _mode_to_ring as mode_to_ring
 from beamchain.fitting.fewest import weights as weights_of_modes
 from beamchain.fitting.needs import Promise
-from beamchain.fitting.warnings import imported_warnings
+from beamchain.fitting.warnings import doubtful, imported_warnings, step_warnings
 from beamchain.identification.resolution import resolution
 from beamchain.plants.error_indices import deviation_share, largest_deviation, windowed_variance
 from beamchain.plants.local_loop import delay_near
@@ -51,6 +59,7 @@ from beamchain.ports.motions import body_mass_matrix, first_moment
 from beamchain.report.outlines import Drawn
 from beamchain.report.replay import _steepest as steepest
 from beamchain.steps.culprit import culprit
+from beamchain.steps.cures import round_down
 from beamchain.steps.driven import driven, run_of_turn
 from beamchain.steps.integrators import (
     apparent_pole,
@@ -94,6 +103,7 @@ __all__ = [
     "Link",
     "ModalForm",
     "ModalResponse",
+    "ModesOfCraft",
     "Nodes",
     "PlanarChain",
     "PoleRow",
@@ -118,11 +128,13 @@ __all__ = [
     "change_of_frequencies",
     "check_inertia",
     "closed_in",
+    "clusters",
     "condensed_mass",
     "continuous_poles",
     "culprit",
     "delay_near",
     "deviation_share",
+    "doubtful",
     "drive_in_hinge",
     "drive_of",
     "driven",
@@ -143,15 +155,19 @@ __all__ = [
     "maximum_of",
     "mode_to_ring",
     "modes_finely_divided",
+    "momentum_of_mode",
     "mount",
     "named_output",
     "nearest_body",
     "newton_step",
     "nodes_of_density",
     "offset_cautions",
+    "pairs_of_modes",
     "peak_clusters",
+    "phase_of_two",
     "plane_of_chain",
     "polynomial",
+    "port_of_mode",
     "raise_polar_inertia",
     "reach",
     "realisable_body",
@@ -159,6 +175,7 @@ __all__ = [
     "resolution",
     "rest_point",
     "rigid_body",
+    "round_down",
     "rounding_of_residual",
     "run_of_drive",
     "run_of_turn",
@@ -169,8 +186,10 @@ __all__ = [
     "servos_that_chatter",
     "settle_links",
     "share",
+    "shares_of_energy",
     "simulate_hub",
     "skin_vertices",
+    "slow_modes",
     "small_turn",
     "smallness",
     "split",
@@ -180,6 +199,7 @@ __all__ = [
     "steepest",
     "step_length",
     "step_pole",
+    "step_warnings",
     "sum_of_poles",
     "time_modes",
     "total_index",

@@ -26,6 +26,7 @@ from beamchain.engine.operating_point import (
 from beamchain.errors import InputError
 from beamchain.steps.budget import linear_model
 from beamchain.steps.culprit import Culprit, culprit
+from beamchain.steps.cures import round_down
 from beamchain.steps.limits import step_limits
 from beamchain.steps.saturation import servos_that_chatter
 from beamchain.steps.step_map import growing_poses
@@ -185,7 +186,7 @@ def _unstable_step(model: "mujoco.MjModel") -> Iterator[str]:
     found = culprit(still, places[pose])
     fastest_motion = "coupled mode" if worst.ratio < 1.0 else "motion, overdamped,"
     unit = "rad/s" if worst.ratio < 1.0 else "1/s"
-    shorter = f'<option timestep="{_round_down(0.5 * largest):g}">'
+    shorter = f'<option timestep="{round_down(0.5 * largest):g}">'
     yield Caution(
         "unstable-step",
         f"timestep {float(model.opt.timestep):g} s is above the {largest:.4g} s at which "
@@ -206,17 +207,12 @@ def _integration(model: "mujoco.MjModel", fastest: float, zeta: float) -> Iterat
                 "discrete-damping",
                 f"the integrator discrete adds a damping ratio of {added:.2g} to the fastest kept "
                 f"mode at timestep {step:g} s (the structure has {zeta:g}); below "
-                f"{_round_down(allowed * 2.0 / fastest):g} s it is less than half of that.",
+                f"{round_down(allowed * 2.0 / fastest):g} s it is less than half of that.",
             )
     has_tendon_damping = bool(model.ntendon) and bool(np.any(np.asarray(model.tendon_damping) > 0))
     is_explicit = not euler_damps_implicitly(model)
     if integrator == "Euler" and (has_tendon_damping or is_explicit) and zeta > 0.0:
         yield Caution("tendon-damping", f"{TENDON_DAMPING}, which shifts it by about w h.")
-
-
-def _round_down(value: float) -> float:
-    digit = 10.0 ** np.floor(np.log10(value))
-    return float(np.floor(value / digit) * digit)
 
 
 def _held_by(found: Culprit) -> str:
