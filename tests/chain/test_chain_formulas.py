@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import beamchain as bc
 from beamchain import PortModel
 from formulas import (
     Chain,
@@ -145,3 +146,34 @@ def test_masses_of_nodes_become_rods_with_the_same_moments():
     outer, inner = 1.0, 2.0  # of the node of 3 kg, to either rod
     assert com == pytest.approx([1.2 * outer / 5.0, 0.8 * 1.5 / 3.5])
     assert inertia == pytest.approx([4.0 * outer / 5.0 * 1.2**2, inner * 1.5 / 3.5 * 0.8**2])
+
+
+def test_polar_inertia_beyond_what_a_link_can_carry_goes_to_the_others():
+    # as 1 to 2 to 3, but the last carries at most 2.5 + 2.5
+    links = [link(0, 0.0, 9.0, 9.0), link(1, 0.0, 9.0, 9.0), link(2, 0.0, 2.5, 2.5)]
+    real = np.array([1.0, 2.0, 3.0])
+    assert share(links, [6.0], [[0, 1, 2]], real) == pytest.approx([1.0, 2.0, 3.0])
+    assert share(links, [14.0], [[0, 1, 2]], real) == pytest.approx([3.0, 6.0, 5.0])
+    assert share(links, [3.0, 4.0], [[0, 1], [2]], real) == pytest.approx([1.0, 2.0, 4.0])
+    with pytest.raises(bc.BeamchainError):
+        share(links, [5.1], [[2]], real)
+    # one that has none gets a thousandth of a thousandth of what is across
+    assert share(links, [0.0], [[0, 1, 2]], real) == pytest.approx([9e-6, 9e-6, 2.5e-6])
+
+
+@pytest.mark.parametrize(
+    ("polar", "least", "mass", "raised"),
+    [
+        (0.0, 1.9e-3, 1.0, True),  # a thousandth of the chain's transverse inertia may be added
+        (0.0, 2.5e-3, 1.0, False),
+        (0.0, 1e-4, 5e-5, False),  # lighter than the least inertia in number
+        (1e-4, 0.9e-4, 1.0, False),
+    ],
+)
+def test_how_much_roll_inertia_is_raised(polar, least, mass, raised):
+    # about the root: 1 (0.5^2 + 1.5^2) and 2 across, 4.5 and two links to be raised
+    links = tuple(Link(float(k), 1.0, mass, k + 0.5, (polar, 1.0, 1.0)) for k in range(2))
+    chain = Chain(links, (Hinge(1.0, {"xy": 3.0}),), 2.0)
+    found = raise_polar_inertia(chain, least)[0]
+    expected = least if raised else polar
+    assert [one.inertia for one in found.links] == [(expected, 1.0, 1.0)] * 2

@@ -9,23 +9,27 @@ from scipy.spatial.transform import Rotation
 
 import beamchain as bc
 from formulas import (
+    BentLine,
     ModalForm,
     ModesOfCraft,
     Reference,
     Seen,
     SlewBody,
     apart,
+    bent_line,
     check_inertia,
     clusters,
     equal_parts,
     load_of_modes_left_out,
     modes_finely_divided,
     momentum_of_mode,
+    motion_of_modes,
     pairs_of_modes,
     phase_of_two,
     port_of_mode,
     shares_of_energy,
     slow_modes,
+    turned_by,
     turns_of_hinge,
 )
 
@@ -246,3 +250,104 @@ def test_a_mode_is_of_the_port_in_which_its_strongest_cantilever_mode_participat
     assert found == pytest.approx(2.0 * rows[0, :3] + 3.0 * rows[1, :3])
     found = momentum_of_mode(model, np.array([2.0, 3.0]), "torsion")
     assert found == pytest.approx(2.0 * rows[0, 3:] + 3.0 * rows[1, 3:])
+
+
+# -- bent lines ------------------------------------------------------------------------------------
+@pytest.mark.parametrize("size", [0.0, 1e-6, 1e-3, 2.0, 3.1])
+def test_rotations_by_vectors(size):
+    vectors = size * np.array([[2.0, -1.0, 2.0], [0.0, 3.0, 0.0]]) / 3.0
+    wanted = Rotation.from_rotvec(vectors).as_matrix()
+    np.testing.assert_allclose(turned_by(vectors), wanted, atol=1e-14)
+
+
+def test_motion_slope_and_curvature_of_cubic_modes():
+    """Splines give cubics back, one to either side of a hinge line."""
+    at = np.linspace(0.1, 3.0, 30)
+
+    def cubic(x, derivative=0):
+        inner = np.poly1d([0.2, -0.5, 0.0, 0.0])
+        kink = np.poly1d([0.4, 0.7, -0.3, 0.0])  # from the hinge at 1
+        for _ in range(derivative):
+            inner, kink = inner.deriv(), kink.deriv()
+        return inner(x) + np.where(x > 1.0 + 1e-9, kink(x - 1.0), 0.0)
+
+    moved = np.sqrt(np.linspace(1.0, 2.0, 30))
+    model = SimpleNamespace(
+        shapes=SimpleNamespace(x=at, moved=moved, values=(moved * cubic(at))[None])
+    )
+    x = np.array([0.0, 0.5, 1.0, 1.7, 3.0])
+    motion, slope, bend = motion_of_modes(model, x, [0.0, 1.0, 3.0])
+    np.testing.assert_allclose(motion[0], cubic(x), atol=1e-12)
+    np.testing.assert_allclose(slope[0], cubic(x, 1), atol=1e-11)
+    np.testing.assert_allclose(bend[0], cubic((x[1:] + x[:-1]) / 2.0, 2), atol=1e-9)
+
+
+@pytest.mark.parametrize("port", ["xy", "xz", "torsion"])
+def test_a_line_that_bends_in_a_cantilever_s_first_mode(port):
+    length, side, density = 3.0, 0.04, 2700.0
+    beam = bc.Beam(
+        segments=[
+            bc.Segment(
+                length=length,
+                section=bc.Rectangle(width_y=side, width_z=side),
+                material=bc.Material(youngs_modulus=7e10, density=density),
+            )
+        ]
+    )
+    mass = density * side**2
+    rigid = beam.rigid_mass()
+    line = bent_line(beam, {port: beam.port(port, 3)}, rigid, [1.5, length], [], 50.0)
+    assert np.sum(line.masses) == pytest.approx(mass * length)
+    assert line.lengths == pytest.approx(np.full(40, length / 40))
+    assert line.masses == pytest.approx(mass * line.lengths)
+    assert line.centres == pytest.approx(line.lengths / 2.0)
+    polar, across = mass * side**2 / 6.0 * line.lengths, mass * line.lengths**3 / 12.0
+    assert line.inertias[:, 0, 0] == pytest.approx(polar)
+    assert line.inertias[:, 1, 1] == pytest.approx(across)
+    assert line.inertias[:, 2, 2] == pytest.approx(across)
+    eta = np.zeros((1, line.model.modes))
+    eta[0, 0] = 1e-4
+    axes, ends, centres = line.bent(eta)
+    x = np.cumsum(line.lengths)
+    if port == "torsion":
+        # sin(pi x / 2 L), mass-normalised by the polar inertia per length
+        turn = np.sin(np.pi * x / (2.0 * length)) * np.sqrt(2.0 / (mass * side**2 / 6.0 * length))
+        found = np.arctan2(axes[0, :, 2, 1], axes[0, :, 1, 1])
+        middle = np.sin(np.pi * (x - length / 80) / (2.0 * length)) / np.sin(
+            np.pi * x / (2.0 * length)
+        )
+        assert np.abs(found) == pytest.approx(1e-4 * turn * middle, rel=1e-3)
+        assert ends[0, :, 0] == pytest.approx(x)
+        return
+    root = 1.8751040687 / length
+    ratio = (np.cosh(1.8751040687) + np.cos(1.8751040687)) / (
+        np.sinh(1.8751040687) + np.sin(1.8751040687)
+    )
+    shape = np.cosh(root * x) - np.cos(root * x) - ratio * (np.sinh(root * x) - np.sin(root * x))
+    column = 1 if port == "xy" else 2
+    wanted = 1e-4 * shape / np.sqrt(mass * length)
+    assert np.abs(ends[0, :, column]) == pytest.approx(wanted, rel=1e-3, abs=1e-9)
+    assert np.max(np.abs(ends[0, :, 3 - column])) < 1e-12
+    halfway = (ends[0] + np.vstack([np.zeros(3), ends[0, :-1]])) / 2.0
+    assert centres[0] == pytest.approx(halfway, abs=1e-12)
+    # a port between cells has the slope of the mode there
+    for number, (place, cell) in enumerate(((1.5, 19), (length, 39))):
+        where, turned = line.port(number, axes, ends, eta)
+        rise = np.sinh(root * place) + np.sin(root * place)
+        rise -= ratio * (np.cosh(root * place) - np.cos(root * place))
+        slope = 1e-4 * root * rise / np.sqrt(mass * length)
+        assert np.abs(turned[0, column, 0]) == pytest.approx(slope, rel=1e-3)
+        assert where[0] == pytest.approx(ends[0, cell])
+
+
+def test_an_arc_has_a_shorter_chord():
+    # a cell of length h that bends by t: the chord 2 sin(t / 2) h / t
+    nothing = np.zeros((1, 1, 3))
+    bows = nothing.copy()
+    bows[0, 0, 2] = 0.2
+    line = BentLine(
+        None, np.zeros(1, int), np.array([2.0]), np.ones(1), np.array([1.0]),
+        np.eye(3)[None], nothing, np.array([[0.3]]), bows, (), np.ones(1),
+    )  # fmt: skip
+    _, ends, _ = line.bent(np.array([[1.0]]))
+    assert ends[0, 0, 0] == pytest.approx(2.0 * np.sin(0.1) / 0.1 + 0.3, rel=1e-5)

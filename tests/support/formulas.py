@@ -3,6 +3,8 @@
 from beamchain.chain.chain import Chain, Hinge, Link
 from beamchain.chain.links import bodies, raise_polar_inertia, settle_links, share
 from beamchain.chain.recursion import Nodes, realise, split
+from beamchain.craft.bent_line import BentLine, bent_line, turned_by
+from beamchain.craft.bent_line import _motion as motion_of_modes
 from beamchain.craft.coupled_modes import _clusters as clusters
 from beamchain.craft.coupled_modes import _Modes as ModesOfCraft
 from beamchain.craft.coupled_modes import _momentum as momentum_of_mode
@@ -94,6 +96,7 @@ from beamchain.structure.slosh import Slosh
 
 __all__ = [
     "Alone",
+    "BentLine",
     "Carrying",
     "Chain",
     "Compared",
@@ -123,6 +126,7 @@ __all__ = [
     "apart",
     "apparent_pole",
     "as_compared",
+    "bent_line",
     "bodies",
     "body_mass_matrix",
     "change_of_frequencies",
@@ -156,6 +160,7 @@ __all__ = [
     "mode_to_ring",
     "modes_finely_divided",
     "momentum_of_mode",
+    "motion_of_modes",
     "mount",
     "named_output",
     "nearest_body",
@@ -204,6 +209,7 @@ __all__ = [
     "time_modes",
     "total_index",
     "turn",
+    "turned_by",
     "turns_of_hinge",
     "unit_of_control",
     "weights_of_modes",
