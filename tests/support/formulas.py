@@ -63,6 +63,9 @@ from beamchain.report.replay import _steepest as steepest
 from beamchain.steps.culprit import culprit
 from beamchain.steps.cures import round_down
 from beamchain.steps.driven import driven, run_of_turn
+from beamchain.steps.forms import Craft, form2_many, tune
+from beamchain.steps.forms import _Step as StepOfCraft
+from beamchain.steps.forms import stability as squared_phase
 from beamchain.steps.integrators import (
     apparent_pole,
     continuous_poles,
@@ -81,6 +84,7 @@ from beamchain.steps.modal import condensed_mass
 from beamchain.steps.poles import PoleRow
 from beamchain.steps.saturation import servos_that_chatter
 from beamchain.steps.step_map import _by_differences as map_by_differences
+from beamchain.steps.step_map import motion_at
 from beamchain.steps.tree_response import Compared, Tendons
 from beamchain.steps.tree_response import Seen as SeenAtPose
 from beamchain.steps.tree_time import Alone
@@ -101,6 +105,7 @@ __all__ = [
     "Chain",
     "Compared",
     "CoupledPort",
+    "Craft",
     "Drawn",
     "Hinge",
     "Link",
@@ -119,6 +124,7 @@ __all__ = [
     "Shapes",
     "SlewBody",
     "Slosh",
+    "StepOfCraft",
     "System",
     "Tendons",
     "Turn",
@@ -145,6 +151,7 @@ __all__ = [
     "equal_parts",
     "figure_of_sample",
     "first_moment",
+    "form2_many",
     "free_peaks",
     "hinge_armature",
     "imported_warnings",
@@ -160,6 +167,7 @@ __all__ = [
     "mode_to_ring",
     "modes_finely_divided",
     "momentum_of_mode",
+    "motion_at",
     "motion_of_modes",
     "mount",
     "named_output",
@@ -198,6 +206,7 @@ __all__ = [
     "small_turn",
     "smallness",
     "split",
+    "squared_phase",
     "stable_armature",
     "start_rate",
     "states_of_a_rising_load",
@@ -208,6 +217,7 @@ __all__ = [
     "sum_of_poles",
     "time_modes",
     "total_index",
+    "tune",
     "turn",
     "turned_by",
     "turns_of_hinge",
