@@ -51,8 +51,10 @@ from beamchain.plants.source_errors import _integral as nodes_of_density
 from beamchain.plants.source_errors import _running_mean as running_mean
 from beamchain.plants.verdicts import _limiting as limiting_modes
 from beamchain.plants.wheel_sweep import WheelSweep
+from beamchain.plants.worst_case import Loops as LoopsOfSamples
+from beamchain.plants.worst_case import search as worst_sample
+from beamchain.plants.worst_margins import SampleLoops, smallness
 from beamchain.plants.worst_margins import figure as figure_of_sample
-from beamchain.plants.worst_margins import smallness
 from beamchain.ports.compare import as_compared, free_peaks, maximum_of, peak_clusters
 from beamchain.ports.compose import joined
 from beamchain.ports.coupled import CoupledPort
@@ -109,6 +111,7 @@ __all__ = [
     "Drawn",
     "Hinge",
     "Link",
+    "LoopsOfSamples",
     "ModalForm",
     "ModalResponse",
     "ModesOfCraft",
@@ -118,6 +121,7 @@ __all__ = [
     "Promise",
     "Reference",
     "Room",
+    "SampleLoops",
     "Sections",
     "Seen",
     "SeenAtPose",
@@ -224,4 +228,5 @@ __all__ = [
     "unit_of_control",
     "weights_of_modes",
     "windowed_variance",
+    "worst_sample",
 ]
