@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import beamchain as bc
-from formulas import LoopsOfSamples, SampleLoops, worst_sample
+from formulas import LoopsOfSamples, SampleLoops, balanced_bounds, structured_bound, worst_sample
 
 MASS, SPRING, DAMPER = 2.0, 18.0, 0.5
 SOFTER, WEAKER = 0.3, 0.5  # relative uncertainty
@@ -131,3 +131,22 @@ def test_margins_of_a_sample_reach_as_far_as_the_sensitivity_does():
                 lambda at, f=figure: np.log(made.reach(at).sizes[f]), DELTAS, k, 1e-2
             )
             assert slope[k] == pytest.approx(by_reach, rel=5e-3, abs=1e-4)
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 5])
+def test_bound_of_a_matrix_of_rank_one_is_the_sum_of_its_diagonal_s_sizes(size):
+    """mu of u v^H is sum |u_i v_i|, and scaling reaches it."""
+    random = np.random.default_rng(size)
+    u, v = random.normal(size=(2, size)) + 1j * random.normal(size=(2, size))
+    scale = 10.0 ** random.uniform(-2.0, 2.0, size)
+    m = np.outer(scale * u, v.conj() / scale)
+    wanted = np.sum(np.abs(u * v))
+    assert structured_bound(m) == pytest.approx(wanted, rel=1e-5)
+    assert balanced_bounds(m[None])[0] == pytest.approx(wanted, rel=1e-3)
+
+
+def test_bound_of_a_matrix_without_its_diagonal():
+    """Two channels in a ring: mu is the root of the product."""
+    m = np.array([[0.0, 8.0j], [0.5, 0.0]])
+    assert structured_bound(m) == pytest.approx(2.0, rel=1e-6)
+    assert balanced_bounds(np.array([m, 3.0 * m])) == pytest.approx([2.0, 6.0], rel=1e-3)

@@ -49,6 +49,8 @@ from beamchain.plants.pointing import _total as total_index
 from beamchain.plants.source_errors import _closed_in as closed_in
 from beamchain.plants.source_errors import _integral as nodes_of_density
 from beamchain.plants.source_errors import _running_mean as running_mean
+from beamchain.plants.structured import balanced_bounds
+from beamchain.plants.structured import bound as structured_bound
 from beamchain.plants.verdicts import _limiting as limiting_modes
 from beamchain.plants.wheel_sweep import WheelSweep
 from beamchain.plants.worst_case import Loops as LoopsOfSamples
@@ -136,6 +138,7 @@ __all__ = [
     "apart",
     "apparent_pole",
     "as_compared",
+    "balanced_bounds",
     "bent_line",
     "bodies",
     "body_mass_matrix",
@@ -218,6 +221,7 @@ __all__ = [
     "step_length",
     "step_pole",
     "step_warnings",
+    "structured_bound",
     "sum_of_poles",
     "time_modes",
     "total_index",
