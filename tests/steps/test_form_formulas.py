@@ -5,13 +5,16 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from beamchain import PortModel
 from formulas import (
     Craft,
+    LinearModel,
     StepOfCraft,
     form2_many,
     motion_at,
     squared_phase,
     tune,
+    unit_mass_of_port,
 )
 
 STEP = 0.05
@@ -174,3 +177,70 @@ def test_map_of_a_step_of_two_damped_springs(integrator):
     flow = np.block([[np.zeros((2, 2)), np.eye(2)], [-inverse @ k, -inverse @ d]])
     found = np.sort_complex(motion.continuous_poles())
     assert found == pytest.approx(np.sort_complex(h * np.linalg.eigvals(flow)), rel=1e-6)
+
+
+# -- step limits -----------------------------------------------------------------------------------
+K, D, AT_JOINTS, IN_STEP, OF_TENDONS = 50.0, 0.8, 0.3, 14.0, 9.0
+LIMITED = LinearModel(*(np.array([[v]]) for v in (K, D, AT_JOINTS, IN_STEP, OF_TENDONS)))
+
+
+def one_step(integrator, h, of_tendons=OF_TENDONS):
+    """Of `y'' + D y' + K y = 0` over (y, h v), as MuJoCo's integrators take it."""
+    if integrator == "RK4":
+        a = h * np.array([[0.0, 1.0 / h], [-K * h, -D]])
+        powers = [np.linalg.matrix_power(a, n) for n in range(5)]
+        return powers[0] + powers[1] + powers[2] / 2 + powers[3] / 6 + powers[4] / 24
+    late = AT_JOINTS if integrator == "Euler" else D
+    left = 1.0 + h * late
+    kept = 1.0 - h * (D - late)
+    if integrator == "discrete":
+        # springs at the end of the step; those of tendons for the position alone
+        pull = h**2 * K / (left + h**2 * (IN_STEP + of_tendons))
+        keep = kept / (left + h**2 * IN_STEP)
+    else:
+        pull, keep = h**2 * K / left, kept / left
+    return np.array([[1.0 - pull, keep], [-pull, keep]])
+
+
+EVERY = ("Euler", "implicit", "implicitfast", "discrete", "RK4")
+
+
+@pytest.mark.parametrize("integrator", EVERY)
+def test_what_a_step_shows_of_a_damped_spring(integrator):
+    pole = complex(-D / 2.0, np.sqrt(K - D**2 / 4.0))
+    assert np.max(LIMITED.poles().imag) == pytest.approx(pole.imag)
+    for h in (0.02, 0.1):
+        z = np.linalg.eigvals(one_step(integrator, h))
+        found = np.linalg.eigvals(LIMITED.step(integrator, h))
+        assert np.sort_complex(found) == pytest.approx(np.sort_complex(z), rel=1e-9)
+        shown = np.log(z[np.argmax(z.imag)]) / h
+        assert LIMITED.shown(integrator, h, np.array([pole]))[0] == pytest.approx(shown)
+    for error in (1e-2, 1e-4):
+        step = LIMITED.step_for_error(integrator, pole, error, 0.2)
+        z = np.linalg.eigvals(one_step(integrator, step))
+        off = abs(abs(np.log(z[np.argmax(z.imag)])) / step / abs(pole) - 1.0)
+        assert off == pytest.approx(error, rel=1e-4) or (step > 0.19 and off < error)
+
+
+@pytest.mark.parametrize("integrator", EVERY)
+def test_the_largest_step_is_where_a_pole_leaves_the_unit_circle(integrator):
+    # the springs of tendons, which discrete takes for the position alone, are left out: safe
+    matrices = (np.array([[v]]) for v in (K, D, AT_JOINTS, IN_STEP))
+
+    def grows(h):
+        return np.max(np.abs(np.linalg.eigvals(one_step(integrator, h, 0.0)))) - 1.0
+
+    found = LinearModel(*matrices).largest_step(integrator)
+    assert np.isfinite(found)
+    assert grows(found * (1.0 - 1e-6)) < 0.0 < grows(found * (1.0 + 1e-6))
+
+
+def test_a_free_port_in_units_of_its_own_mass():
+    # one mode: (1 - l^2 / m) q'' + 2 zeta w q' + w^2 q = 0
+    model = PortModel(
+        np.array([[4.0]]), np.array([3.0]), np.array([[1.2]]), damping=np.array([0.02])
+    )
+    left = 1.0 - 1.2**2 / 4.0
+    stiffness, damping = unit_mass_of_port(model)
+    assert stiffness[0, 0] == pytest.approx(9.0 / left)
+    assert damping[0, 0] == pytest.approx(0.12 / left)

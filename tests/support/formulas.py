@@ -84,6 +84,8 @@ from beamchain.steps.integrators import (
 )
 from beamchain.steps.large_motion import _Plane as PlanarChain
 from beamchain.steps.large_motion import _plane as plane_of_chain
+from beamchain.steps.limits import LinearModel
+from beamchain.steps.limits import normalise as unit_mass_of_port
 from beamchain.steps.modal import condensed_mass
 from beamchain.steps.poles import PoleRow
 from beamchain.steps.saturation import servos_that_chatter
@@ -112,6 +114,7 @@ __all__ = [
     "Craft",
     "Drawn",
     "Hinge",
+    "LinearModel",
     "Link",
     "LoopsOfSamples",
     "ModalForm",
@@ -229,6 +232,7 @@ __all__ = [
     "turn",
     "turned_by",
     "turns_of_hinge",
+    "unit_mass_of_port",
     "unit_of_control",
     "weights_of_modes",
     "windowed_variance",
