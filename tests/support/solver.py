@@ -129,14 +129,16 @@ def element_rows(length, section):
 
 def mesh(length, elements, section, tension=0.0):
     """Mass and stiffness `(6 n + 6,)` squared of a beam over the motions of its nodes, in its own
-    axes, root first; `tension` [N], one number or one of each element."""
-    size = 6 * elements + 6
+    axes, root first; `tension` [N], a number or a function of the distance from the root."""
+    size, h = 6 * elements + 6, length / elements
     mass, stiffness = np.zeros((2, size, size))
-    heavy, strain, slope = element_rows(length / elements, section)
-    for k, force in enumerate(np.broadcast_to(tension, elements)):
+    heavy, strain, slope = element_rows(h, section)
+    points = h / 2.0 * np.repeat(1.0 + GAUSS[0], 2)
+    for k in range(elements):
         both = slice(6 * k, 6 * k + 12)
+        force = tension(h * k + points) if callable(tension) else tension
         mass[both, both] += heavy.T @ heavy
-        stiffness[both, both] += strain.T @ strain + force * slope.T @ slope
+        stiffness[both, both] += strain.T @ strain + slope.T * force @ slope
     return mass, stiffness
 
 
