@@ -10,11 +10,10 @@ from dataclasses import dataclass, field
 
 import mujoco
 import numpy as np
-from scipy.linalg import eigh
 
 from craft_truth import Side
 from finite_elements import _rectangle_torsion
-from solver import Craft, Section
+from solver import Craft, Section, normal_modes
 
 YOUNG, DENSITY, POISSON = 7e10, 2700.0, 0.33
 ELEMENTS = 30  # of every link, unless the arm says another number
@@ -205,15 +204,8 @@ def reduced(craft, top):
     """Over the bus's motions, all else locked, the modes with the bus held up to `top` [rad/s], and
     what is left of the static response to accelerations of the bus."""
     mass, damping, stiffness = craft.matrices()
-    # of the inverse, so that slow modes keep their digits; free hinges need the shift
-    shift = (top / REACH) ** 2
-    inverse, shapes = eigh(mass[6:, 6:], stiffness[6:, 6:] + shift * mass[6:, 6:])
-    positive = inverse > 1e-12 * inverse[-1]
-    inverse, shapes = inverse[positive], shapes[:, positive]
-    shapes = shapes / np.sqrt(inverse)
-    values = 1.0 / inverse - shift
-    values = np.where(values < 1e-6 * shift, 0.0, values)  # free hinges
-    low = values < top**2
+    w, shapes = normal_modes(mass[6:, 6:], stiffness[6:, 6:], (top / REACH) ** 2)
+    values, low = w**2, w < top
     participation = shapes.T @ (mass @ craft.locked)[6:]
     of_hinges = shapes[np.array(craft.hinges, dtype=int) - 6].T
     forces = np.hstack([participation, of_hinges])
@@ -233,8 +225,8 @@ def reduced(craft, top):
 
 def frequencies(side, count):
     """The lowest frequencies above zero [rad/s]."""
-    values = eigh(side.stiffness, side.mass, eigvals_only=True)
-    return np.sqrt(values[values > 0.01])[:count]
+    w, _ = normal_modes(side.mass, side.stiffness, 1.0)
+    return w[w > 0.1][:count]
 
 
 def modes(arm, top, angles=None):
@@ -242,12 +234,5 @@ def modes(arm, top, angles=None):
     where nothing is deformed, and shapes `(dofs, n)` of unit modal mass, whose rows begin with the
     bus's six motions."""
     mass, _, stiffness = assembled(arm, angles)[0].matrices()
-    # of the inverse, so that slow modes keep their digits; motions without strain need the shift
-    shift = (top / REACH) ** 2
-    inverse, shapes = eigh(mass, stiffness + shift * mass)
-    values = 1.0 / inverse - shift
-    low = (inverse > 0.0) & (values < top**2)
-    inverse, values, shapes = inverse[low], values[low], shapes[:, low]
-    values = np.where(values < 1e-6 * shift, 0.0, values)
-    order = np.argsort(values)
-    return np.sqrt(values[order]), (shapes / np.sqrt(inverse))[:, order]
+    w, shapes = normal_modes(mass, stiffness, (top / REACH) ** 2)
+    return w[w < top], shapes[:, w < top]

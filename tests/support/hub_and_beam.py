@@ -1,9 +1,9 @@
-"""A rigid hub with a uniform beam in a plane, in finite elements, under a smooth torque: the exact
-answer in time. Nothing is imported from the package.
+"""A rigid hub with a uniform beam of `solver` in a plane, under a smooth torque: the exact answer
+in time. Nothing is imported from the package.
 
-Cubic Hermite elements, consistent mass. Freedoms: displacement and rotation of the root, which
-moves with the hub, then of every node outwards. Loads at a node are those of what lies beyond it
-on what lies before it, from the element that begins there: `-(K u + M u'')`.
+Freedoms: displacement and rotation of the root, which moves with the hub, then of every node
+outwards. Loads at a node are those of what lies beyond it on what lies before it, from the element
+that begins there: `-(K u + M u'')`.
 
 The torque is `T sin(w t)^3 = T (3 sin w t - sin 3 w t) / 4`, so that each mode has a closed form.
 """
@@ -12,7 +12,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import eigh
+
+from solver import Section, body_mass, mesh, normal_modes
+
+PLANE = [1, 5]  # of the motions of a node: displacement y, rotation about z
 
 
 @dataclass(frozen=True)
@@ -29,113 +32,76 @@ class HubAndBeam:
     tip_mass: float = 0.0
     tip_inertia: float = 0.0
 
-    @cached_property
-    def element(self):
-        """Stiffness and mass of one element."""
-        h = self.length / self.elements
-        k = np.array(
-            [
-                [12.0, 6.0 * h, -12.0, 6.0 * h],
-                [6.0 * h, 4.0 * h**2, -6.0 * h, 2.0 * h**2],
-                [-12.0, -6.0 * h, 12.0, -6.0 * h],
-                [6.0 * h, 2.0 * h**2, -6.0 * h, 4.0 * h**2],
-            ]
-        )
-        m = np.array(
-            [
-                [156.0, 22.0 * h, 54.0, -13.0 * h],
-                [22.0 * h, 4.0 * h**2, 13.0 * h, -3.0 * h**2],
-                [54.0, 13.0 * h, 156.0, -22.0 * h],
-                [-13.0 * h, -3.0 * h**2, -22.0 * h, 4.0 * h**2],
-            ]
-        )
-        return k * self.bending_stiffness / h**3, m * self.linear_mass * h / 420.0
+    def _mesh(self, elements):
+        """Stiffness and mass of the first elements."""
+        bending = self.bending_stiffness
+        section = Section(0.0, 0.0, bending, bending, self.linear_mass, 0.0)
+        mass, stiffness = mesh(self.length * elements / self.elements, elements, section)
+        own = np.flatnonzero(np.isin(np.arange(len(mass)) % 6, PLANE))
+        return stiffness[np.ix_(own, own)], mass[np.ix_(own, own)]
 
     @cached_property
     def beam(self):
         """Stiffness and mass of the beam alone."""
-        size = 2 * (self.elements + 1)
-        stiffness = np.zeros((size, size))
-        mass = np.zeros((size, size))
-        for e in range(self.elements):
-            own = slice(2 * e, 2 * e + 4)
-            stiffness[own, own] += self.element[0]
-            mass[own, own] += self.element[1]
+        stiffness, mass = self._mesh(self.elements)
         mass[-2:, -2:] += np.diag([self.tip_mass, self.tip_inertia])
         return stiffness, mass
-
-    @property
-    def hub(self):
-        """`(2, 2)` mass of the hub about the root."""
-        moved = self.hub_mass * self.offset
-        return np.array([[self.hub_mass, -moved], [-moved, self.hub_inertia + moved * self.offset]])
 
     @cached_property
     def rigid(self):
         """`(size, 2)` motion of all freedoms with the root."""
         x = np.linspace(0.0, self.length, self.elements + 1)
-        out = np.zeros((2 * x.size, 2))
-        out[0::2, 0] = 1.0
-        out[0::2, 1] = x
-        out[1::2, 1] = 1.0
-        return out
+        return np.column_stack([np.tile([1.0, 0.0], x.size), np.stack([x, x**0.0], 1).ravel()])
 
     def cantilever(self, count):
         """Frequencies and mass-normalised shapes `(size, count)` with the root held."""
         stiffness, mass = self.beam
-        squares, shapes = eigh(stiffness[2:, 2:], mass[2:, 2:], subset_by_index=(0, count - 1))
-        out = np.vstack([np.zeros((2, count)), shapes])
+        w, shapes = normal_modes(mass[2:, 2:], stiffness[2:, 2:])
+        out = np.vstack([np.zeros((2, count)), shapes[:, :count]])
         signs = np.sign(self.rigid[:, 0] @ mass @ out)
-        return np.sqrt(squares), out * signs
+        return w[:count], out * signs
+
+    def modes(self, basis):
+        """Frequencies and mass-normalised shapes `(size, k)` of the hub and beam on a basis."""
+        stiffness, mass = self.beam
+        mass = mass.copy()
+        hub = body_mass(self.hub_mass, (-self.offset, 0.0, 0.0), (0.0, 0.0, self.hub_inertia))
+        mass[:2, :2] += hub[np.ix_(PLANE, PLANE)]
+        w, modes = normal_modes(basis.T @ mass @ basis, basis.T @ stiffness @ basis, 1.0)
+        return w, basis @ modes
 
     def motion(self, basis, torque, omega, time):
         """Freedoms and accelerations `(size, t)` of the hub and beam on a basis `(size, k)`."""
-        stiffness, mass = self.beam
-        mass = mass.copy()
-        mass[:2, :2] += self.hub
-        squares, modes = eigh(basis.T @ stiffness @ basis, basis.T @ mass @ basis)
-        modes = basis @ modes
-        squares[:2] = 0.0  # rigid
-        squares = squares[:, None]
-        w = np.sqrt(squares)
-        q = np.zeros((squares.size, time.size))
-        a = np.zeros_like(q)
+        w, modes = self.modes(basis)
+        w = w[:, None]
+        q, a = np.zeros((2, w.size, time.size))
         for part, rate in ((0.75, omega), (-0.25, 3.0 * omega)):
             drive = np.sin(rate * time)
             with np.errstate(divide="ignore", invalid="ignore"):
                 own = np.where(w > 0.0, np.sin(w * time) / w, time)
-            shape = (drive - rate * own) / (squares - rate**2)
+            shape = (drive - rate * own) / (w**2 - rate**2)
             q += part * shape
-            a += part * (drive - squares * shape)
+            a += part * (drive - w**2 * shape)
         force = torque * modes[1][:, None]
         return modes @ (q * force), modes @ (a * force)
 
     def held(self, basis, inputs, step):
         """Freedoms `(size, t)` at the starts of steps over which torques `(t,)` are held, and
         accelerations there just before and just behind."""
-        stiffness, mass = self.beam
-        mass = mass.copy()
-        mass[:2, :2] += self.hub
-        squares, modes = eigh(basis.T @ stiffness @ basis, basis.T @ mass @ basis)
-        modes = basis @ modes
-        squares[:2] = 0.0  # rigid
-        w = np.sqrt(squares)
+        w, modes = self.modes(basis)
         cosine = np.cos(w * step)
         with np.errstate(divide="ignore", invalid="ignore"):
             sine = np.where(w > 0.0, np.sin(w * step) / w, step)
-            rest = np.where(w > 0.0, (1.0 - cosine) / squares, step**2 / 2.0)
+            rest = np.where(w > 0.0, (1.0 - cosine) / w**2, step**2 / 2.0)
         q, v = np.zeros_like(w), np.zeros_like(w)
         states, before, behind = [], [], []
         last = 0.0
         for value in inputs:
             states.append(q)
-            before.append(modes[1] * last - squares * q)
-            behind.append(modes[1] * value - squares * q)
+            before.append(modes[1] * last - w**2 * q)
+            behind.append(modes[1] * value - w**2 * q)
             force = modes[1] * value
-            q, v = (
-                cosine * q + sine * v + rest * force,
-                cosine * v - squares * sine * q + sine * force,
-            )
+            q, v = cosine * q + sine * v + rest * force, cosine * v - w**2 * sine * q + sine * force
             last = value
         return tuple(modes @ np.array(rows).T for rows in (states, before, behind))
 
@@ -154,7 +120,7 @@ class HubAndBeam:
         """`(2, t)` shear force and moment at a node."""
         first = 2 * self.node(x)
         own = slice(first, first + 4)
-        stiffness, mass = self.element
+        stiffness, mass = self._mesh(1)
         return -(stiffness @ moved[own] + mass @ accelerated[own])[:2]
 
     def strain_load(self, x, frequencies, shapes):

@@ -46,6 +46,17 @@ def body_mass(mass, centre=(0.0, 0.0, 0.0), inertia=(0.0, 0.0, 0.0)):
     return np.block([[mass * np.eye(3), -mass * away], [mass * away, inertia - mass * away @ away]])
 
 
+def normal_modes(mass, stiffness, shift=0.0):
+    """Frequencies `(n,)`, ascending, and shapes of unit modal mass; of the inverse, so that slow
+    modes keep their digits. `shift` [rad^2/s^2]: where something moves freely, which gets exactly
+    zero; motions without mass are left out."""
+    inverse, shapes = eigh(mass, stiffness + shift * mass)
+    kept = np.flatnonzero(inverse > 1e-12 * inverse[-1])[::-1]
+    squares = 1.0 / inverse[kept] - shift
+    squares = np.where(squares < 1e-6 * shift, 0.0, squares)
+    return np.sqrt(squares), shapes[:, kept] / np.sqrt(inverse[kept])
+
+
 class Section(NamedTuple):
     """Stiffness and inertia per length of a prismatic member along its own x."""
 
