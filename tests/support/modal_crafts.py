@@ -1,8 +1,8 @@
-"""Planar craft made by hand: a hub and appendages whose springs are modal tendons,
-and their matrices in numpy.
+"""Planar craft made by hand: a hub and appendages whose springs are modal tendons, as MJCF and in
+the tests' own solver.
 
 The appendages' bodies are those of a fitted chain; everything else (mass matrices, modes, tendon
-coefficients, the exact motion) is worked out here, apart from the package.
+coefficients, the exact motion) is worked out apart from the package.
 """
 
 from dataclasses import dataclass
@@ -10,12 +10,15 @@ from functools import cache
 
 import mujoco
 import numpy as np
-from scipy.linalg import eigh, expm
-from scipy.optimize import brentq
+from scipy.linalg import expm
 
 import beamchain as bc
+import solver
 from appendages import STEEL, seed_boom
 from beamchain import Beam, Round, Segment
+from mechanics import INTEGRATORS, system_matrix
+
+Z = (0.0, 0.0, 1.0)
 
 
 @cache
@@ -33,40 +36,24 @@ def chain_of(kind: str, modes: int):
     return bc.fit(beam, modes={"xy": modes}).chain
 
 
-@dataclass(frozen=True)
-class Part:
-    """An appendage in the plane: hinge mass matrix Q, coupling P to (x, y, rotation) of its root,
-    rows, frequencies."""
-
-    chain: object
-    q: np.ndarray
-    p: np.ndarray
-    rigid: np.ndarray
-    rows: np.ndarray
-    w: np.ndarray
+def hang(whole, frame, chain):
+    """Put a chain's links on a frame of a craft, its hinges without springs."""
+    x = 0.0
+    for i, link in enumerate(chain.links):
+        if i:
+            step, x = chain.hinges[i - 1].x - x, chain.hinges[i - 1].x
+            frame = whole.hinge(frame.at((step, 0.0, 0.0)), Z)
+        whole.body(frame, link.mass, (link.com - x, 0.0, 0.0), link.inertia)
 
 
 @cache
-def part(kind: str, modes: int) -> Part:
-    chain = chain_of(kind, modes)
-    at = np.array([h.x for h in chain.hinges])
-    n = at.size
-    q = np.zeros((n, n))
-    p = np.zeros((3, n))
-    rigid = np.zeros((3, 3))
-    for i, link in enumerate(chain.links):
-        m = link.mass
-        x = link.com
-        inertia = link.inertia[2]
-        arm = np.where(np.arange(n) < i, x - at, 0.0)
-        turn = np.where(np.arange(n) < i, 1.0, 0.0)
-        root = np.array([0.0, 1.0, x])
-        q += m * np.outer(arm, arm) + inertia * np.outer(turn, turn)
-        p += m * np.outer(root, arm) + inertia * np.outer([0, 0, 1], turn)
-        rigid += m * np.outer(root, root) + np.diag([m, 0, inertia])
-    k = np.diag([h.stiffness["xy"] for h in chain.hinges])
-    square, t = eigh(k, q)
-    return Part(chain, q, p, rigid, np.linalg.inv(t), np.sqrt(square))
+def modes_of(kind: str, modes: int) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies of a chain with its root held, and its modes as rows over its hinges."""
+    chain, whole = chain_of(kind, modes), solver.Craft()
+    hang(whole, whole.base, chain)
+    stiffness = np.diag([hinge.stiffness["xy"] for hinge in chain.hinges])
+    w, shapes = solver.normal_modes(whole.matrices()[0][6:, 6:], stiffness)
+    return w, np.linalg.inv(shapes)
 
 
 @dataclass(frozen=True)
@@ -75,34 +62,26 @@ class Craft:
 
     xml: str
     mass: np.ndarray
-    stiffness: np.ndarray
     damping: np.ndarray
+    stiffness: np.ndarray
 
     def model(self, h: float, integrator: str = "Euler") -> mujoco.MjModel:
         model = mujoco.MjModel.from_xml_string(self.xml)
         model.opt.timestep = h
-        model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
+        model.opt.integrator = INTEGRATORS[integrator]
         return model
 
-    def continuous(self) -> np.ndarray:
-        n = self.mass.shape[0]
-        inverse = np.linalg.inv(self.mass)
-        return np.block(
-            [[np.zeros((n, n)), np.eye(n)], [-inverse @ self.stiffness, -inverse @ self.damping]]
-        )
-
     def poles(self) -> np.ndarray:
-        s = np.linalg.eigvals(self.continuous())
+        s = np.linalg.eigvals(system_matrix(self.mass, self.damping, self.stiffness))
         s = s[s.imag > 1e-6 * np.max(np.abs(s))]
         return s[np.argsort(np.abs(s))]
 
     def frequencies(self) -> np.ndarray:
-        squares = eigh(self.stiffness, self.mass, eigvals_only=True)
-        return np.sqrt(squares[3:])
+        return solver.normal_modes(self.mass, self.stiffness, 1e-2)[0][3:]
 
     def stepper(self, h: float) -> tuple[np.ndarray, np.ndarray]:
         """Exact map of the state and of a wrench held over the step."""
-        f = self.continuous()
+        f = system_matrix(self.mass, self.damping, self.stiffness)
         n = self.mass.shape[0]
         g = np.vstack([np.zeros((n, n)), np.linalg.inv(self.mass)])
         both = expm(np.block([[f, g], [np.zeros((n, 3 * n))]]) * h)
@@ -122,40 +101,30 @@ def craft(parts, mass, inertia, offset=1.0, ratio=0.0, scale=1.0) -> Craft:
         ratio: damping ratio of every mode; a tuple: per mode.
         scale: factor on all frequencies.
     """
-    out = [part(kind, modes) for kind, modes, _ in parts]
-    n = 3 + sum(a.w.size for a in out)
-    m = np.zeros((n, n))
-    k = np.zeros((n, n))
-    d = np.zeros((n, n))
-    m[:3, :3] = np.diag([mass, mass, inertia])
-    bodies, tendons, first = [], [], 3
-    for number_, (a, (_, _, angle)) in enumerate(zip(out, parts, strict=True), 1):
-        name = f"boom{number_}"
-        cos = np.cos(angle)
-        sin = np.sin(angle)
-        # motion of the root, in its own axes, by that of the hub
-        root = np.array([[cos, sin, 0.0], [-sin, cos, offset], [0.0, 0.0, 1.0]])
-        here = slice(first, first + a.w.size)
-        w = a.w * scale
-        ratios = np.broadcast_to(np.asarray(ratio, dtype=float), w.shape)
-        m[:3, :3] += root.T @ a.rigid @ root
-        m[:3, here] = root.T @ a.p
-        m[here, :3] = m[:3, here].T
-        m[here, here] = a.q
-        k[here, here] = a.rows.T @ np.diag(w**2) @ a.rows
-        d[here, here] = a.rows.T @ np.diag(2 * ratios * w) @ a.rows
-        bodies.append(body_text(a.chain, name, (offset * cos, offset * sin), angle))
-        for i, row in enumerate(a.rows):
+    whole = solver.Craft()
+    whole.body(whole.base, mass, inertia=(inertia,) * 3)
+    bodies, tendons = [], []
+    for count, (kind, modes, angle) in enumerate(parts, 1):
+        name, chain, first = f"boom{count}", chain_of(kind, modes), whole.size
+        root = offset * np.cos(angle), offset * np.sin(angle)
+        hang(whole, whole.base.at((*root, 0.0), solver.rotation(Z, angle)), chain)
+        w, own = modes_of(kind, modes)
+        w = w * scale
+        rates = 2.0 * np.broadcast_to(ratio, w.shape) * w
+        rows = np.hstack([np.zeros((w.size, first)), own])
+        whole.add("stiffness", rows, np.diag(w**2))
+        whole.add("damping", rows, np.diag(rates))
+        bodies.append(body_text(chain, name, root, angle))
+        for i, row in enumerate(own):
             joints = "".join(
                 f'<joint joint="{name}_hinge{j + 1}_xy" coef="{number(c)}"/>'
                 for j, c in enumerate(row)
             )
             tendons.append(
                 f'<fixed name="{name}_mode{i + 1}_xy" limited="false" '
-                f'stiffness="{number(w[i] ** 2)}" damping="{number(2 * ratios[i] * w[i])}" '
+                f'stiffness="{number(w[i] ** 2)}" damping="{number(rates[i])}" '
                 f'armature="0" frictionloss="0" springlength="0">{joints}</fixed>'
             )
-        first += a.w.size
     xml = f"""<mujoco model="craft"><compiler angle="radian"/><option gravity="0 0 0">
     <flag contact="disable"/></option>
 <worldbody><body name="hub"><joint name="hub_x" type="slide" axis="1 0 0"/>
@@ -164,7 +133,8 @@ def craft(parts, mass, inertia, offset=1.0, ratio=0.0, scale=1.0) -> Craft:
 <inertial pos="0 0 0" mass="{number(mass)}"
 diaginertia="{number([inertia, inertia, inertia])}"/>{"".join(bodies)}</body></worldbody>
 <tendon>{"".join(tendons)}</tendon></mujoco>"""
-    return Craft(xml, m, k, d)
+    plane = np.ix_(*[[0, 1, 5, *range(6, whole.size)]] * 2)
+    return Craft(xml, *(matrix[plane] for matrix in whole.matrices()))
 
 
 def body_text(chain, name, at, angle) -> str:
@@ -191,36 +161,3 @@ def body_text(chain, name, at, angle) -> str:
             f'diaginertia="{number(link.inertia)}"/>{text}</body>'
         )
     return text
-
-
-def uniform_beam_truth(
-    modes: int, mass=500.0, inertia=500.0, offset=1.0
-) -> tuple[np.ndarray, np.ndarray]:
-    """Mass and squared frequencies over (hub y, hub rotation, modes) of the 2008 rod on a hub,
-    from the beam's formulas."""
-    length, diameter = 15.0, 0.012
-    area = np.pi * diameter**2 / 4
-    second = np.pi * diameter**4 / 64
-    line, bend = 7800.0 * area, 2.06e11 * second
-    beam = line * length
-    lam = np.array(
-        [
-            brentq(
-                lambda v: np.cos(v) + 1 / np.cosh(v),
-                (i + 0.5) * np.pi - 1.0,
-                (i + 0.5) * np.pi + 1.0,
-            )
-            for i in range(modes)
-        ]
-    )
-    sigma = (np.cosh(lam) + np.cos(lam)) / (np.sinh(lam) + np.sin(lam))
-    # mass-normalised: integral of phi = 2 sigma/lam, of x phi = 2/lam^2
-    force = np.sqrt(beam) * 2 * sigma / lam
-    moment = np.sqrt(beam) * length * 2 / lam**2
-    rows = np.stack([force, moment + offset * force])
-    x = length / 2 + offset
-    rigid = np.array(
-        [[mass + beam, beam * x], [beam * x, inertia + beam * (length**2 / 12 + x**2)]]
-    )
-    full = np.block([[rigid, rows], [rows.T, np.eye(modes)]])
-    return full, bend / line * (lam / length) ** 4
