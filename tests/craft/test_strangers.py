@@ -5,30 +5,25 @@ The coupled modes of what `embed` writes are those of a composition by hand; wha
 out is said; the file comes back byte for byte; inspect, plant, stability and retime do not stumble.
 """
 
+import tomllib
+
 import mujoco
 import numpy as np
 import pytest
 
 import beamchain as bc
 from command import call
-from composition import (
-    ROD,
-    damping_matrix,
-    frequencies,
-    quiet,
-    stiffness_matrix,
-    with_rods,
-)
-from finite_elements import coupled
-from mechanics import mass_matrix, system_matrix
+from finite_elements import cantilever, coupled
+from mechanics import by_differences, quiet, system_matrix
 from random_appendages import toml
-from solver import body_mass
+from solver import Craft, Frame, Modes, body_mass
 from spacecraft import CRAFTS
 from spacecraft import frequencies as own_frequencies
 
 SAME = 1e-9  # relative: closed forms against MuJoCo's matrices (1e-13 is seen)
 READ = 2e-6  # relative: embed's table, through mjd_transitionFD; a damped net shifts it by 1e-6
 SLOPES = 1e-6  # relative: poles from differences of forces
+STEP = 1e-4  # rad or m of differences: an actuator is not linear
 
 #: file, places, codes of what is left out
 STRANGERS = {
@@ -63,13 +58,44 @@ STRANGERS = {
         {"equality", "other-bases", "tendon-damping"},
     ),
 }
+ROD = CRAFTS / "strangers" / "rod.toml"
 QUICK = ("a massless frame on a massless frame", "at the end of a servo-driven arm")
 
 
 @pytest.fixture
 def rod(tmp_path):
-    (tmp_path / "rod.toml").write_text(ROD)
+    (tmp_path / "rod.toml").write_text(ROD.read_text())
     return tmp_path / "rod.toml"
+
+
+def frequencies(mass, damping, stiffness):
+    """Above zero, ascending [rad/s], undamped."""
+    squares = np.linalg.eigvals(np.linalg.solve(mass, stiffness)).real
+    return np.sqrt(np.sort(squares[squares > 1e-9 * squares.max()]))
+
+
+def with_rods(model, places):
+    """The same of a bare craft with a rod at each place, a site or a body: the craft's matrices
+    from plain MuJoCo."""
+    model = quiet(model)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    found = cantilever(tomllib.loads(ROD.read_text()), {"xy": 2, "xz": 2, "torsion": 1})
+    own = Modes(found.frequencies, 0.0, found.participation, found.rigid, found.tip)
+    whole = Craft()
+    whole.size = model.nv
+    for kind, matrix in zip(
+        ("mass", "damping", "stiffness"), by_differences(model, step=STEP), strict=True
+    ):
+        whole.add(kind, np.eye(model.nv), matrix)
+    for place in places:
+        site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, place)
+        body = model.site_bodyid[site] if site >= 0 else model.body(place).id
+        at = data.site(site) if site >= 0 else data.body(body)
+        rows = np.zeros((6, model.nv))
+        mujoco.mj_jac(model, data, rows[:3], rows[3:], at.xpos, body)
+        whole.modes(Frame(rows, at.xpos, at.xmat.reshape(3, 3)), own)
+    return whole.matrices()
 
 
 @pytest.mark.parametrize(
@@ -82,7 +108,7 @@ def test_embedded(name, rod, tmp_path):
     made = bc.embed(craft, dict.fromkeys(places, rod), retime=False)
     wanted = frequencies(*with_rods(mujoco.MjModel.from_xml_path(str(craft)), places))
     written = quiet(mujoco.MjModel.from_xml_path(str(made.write(tmp_path / "flexible.xml")[-1])))
-    got = frequencies(mass_matrix(written), stiffness_matrix(written))
+    got = frequencies(*by_differences(written, step=STEP))
     # the same modes, and what fills the chain above them
     assert all(np.abs(got / w - 1.0).min() < SAME for w in wanted)
     told = [mode.mujoco for mode in made.assembly.modes if mode.kept and mode.mujoco]
@@ -142,8 +168,7 @@ def test_modes_of_a_plant_beside_joints_that_only_decay(rod):
     made = bc.embed(CRAFTS / "strangers" / "planar_arm.xml", {"tip": rod}, retime=False)
     plant = bc.plant(made, inputs=["torque:base"], outputs=["attitude"])
     model = quiet(made.model)
-    matrices = mass_matrix(model), damping_matrix(model), stiffness_matrix(model)
-    poles = np.linalg.eigvals(system_matrix(*matrices))
+    poles = np.linalg.eigvals(system_matrix(*by_differences(model, step=STEP)))
     ringing = np.abs(poles[poles.imag > 1e-3])
     assert plant.frequency.size >= 3
     assert all(np.abs(ringing / w - 1.0).min() < SLOPES for w in plant.frequency)

@@ -12,7 +12,6 @@ import pytest
 
 import beamchain as bc
 from command import call
-from composition import ROD
 from spacecraft import CRAFTS
 
 MARK = re.compile(r"<!-- beamchain embed (\{.*?\}) -->")
@@ -53,7 +52,7 @@ def spoilt(text, count):
 
 @pytest.mark.parametrize("count", [QUICK, pytest.param(MANY, marks=pytest.mark.slow)])
 def test_every_damaged_mark_is_one_sentence(count, tmp_path):
-    (tmp_path / "rod.toml").write_text(ROD)
+    (tmp_path / "rod.toml").write_bytes((CRAFTS / "strangers" / "rod.toml").read_bytes())
     (tmp_path / "craft.xml").write_text(
         '<mujoco><include file="mount.xml"/><keyframe><key qpos="0 0 0 1 0 0 0"/></keyframe>'
         '<actuator><motor site="mount" gear="0 0 0 1 0 0"/></actuator></mujoco>'

@@ -1,7 +1,6 @@
 """The drawings that move on the pages of `fit` and `embed`: they show the modes and the turn that
 MuJoCo makes of the files, and stand still in print."""
 
-import copy
 import re
 from functools import cache
 from importlib.resources import files
@@ -14,6 +13,7 @@ from scipy.linalg import eigh
 
 import beamchain as bc
 from hub_and_beam import HubAndBeam
+from mechanics import by_differences, quiet
 from modes_of_beam import modes_text
 from spacecraft import CRAFTS, spec
 
@@ -118,26 +118,7 @@ def frames(path):
 
 def modes_of(model, qpos):
     """Frequencies [rad/s] and shapes of a model, by forces and MuJoCo's mass matrix."""
-    model = copy.copy(model)
-    model.opt.gravity[:] = 0.0
-    data = mujoco.MjData(model)
-
-    def pull(step):
-        mujoco.mj_resetData(model, data)
-        data.qpos[:] = qpos
-        mujoco.mj_integratePos(model, data.qpos, step, 1.0)
-        mujoco.mj_forward(model, data)
-        return data.qfrc_passive.copy()
-
-    eye = np.eye(model.nv)
-    stiffness = np.array([(pull(-1e-4 * e) - pull(1e-4 * e)) / 2e-4 for e in eye])
-    data.qpos[:] = qpos
-    mujoco.mj_forward(model, data)
-    mass = np.zeros((model.nv, model.nv))
-    for i, e in enumerate(eye):
-        column = np.zeros(model.nv)
-        mujoco.mj_mulM(model, data, column, e)
-        mass[:, i] = column
+    mass, _, stiffness = by_differences(quiet(model), qpos)
     squares, shapes = eigh((stiffness + stiffness.T) / 2.0, mass)
     moving = squares > 1e-9 * squares.max()
     return np.sqrt(squares[moving]), shapes[:, moving]

@@ -14,6 +14,7 @@ import mujoco
 import numpy as np
 
 import finite_elements as fe
+from mechanics import by_differences, system_matrix
 from plant_truth import Truth
 
 AXES = {"tx": 0, "ty": 1, "tz": 2, "x": 3, "y": 4, "z": 5}
@@ -60,11 +61,7 @@ class Side:
 
 
 def damped_poles(mass, damping, stiffness):
-    n = mass.shape[0]
-    if n == 0:
-        return np.zeros(0)
-    rates = np.linalg.solve(mass, np.hstack([-stiffness, -damping]))
-    return np.linalg.eigvals(np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), rates]))
+    return np.linalg.eigvals(system_matrix(mass, damping, stiffness)) if len(mass) else np.zeros(0)
 
 
 def assembled(craft, angles=None):
@@ -76,37 +73,9 @@ def assembled(craft, angles=None):
 
 def compiled(model, qpos):
     """A compiled file at a pose: forces are differentiated, the mass matrix is MuJoCo's."""
-    data = mujoco.MjData(model)
-    nv = model.nv
-    mass = np.zeros((nv, nv))
-    column = np.zeros(nv)
-    data.qpos[:] = qpos
-    mujoco.mj_forward(model, data)
-    for i, unit in enumerate(np.eye(nv)):
-        mujoco.mj_mulM(model, data, column, unit)
-        mass[:, i] = column
-
-    def force(position, rate):
-        data.qpos[:], data.qvel[:] = position, rate
-        mujoco.mj_forward(model, data)
-        return data.qfrc_passive + data.qfrc_actuator
-
-    # springs, dampers, servos and tendons of fixed coefficients are linear
-    still = np.zeros(nv)
-    step = 1e-3
-    stiffness = np.zeros((nv, nv))
-    damping = np.zeros((nv, nv))
-    free = np.arange(nv) < 6
-    for i, unit in enumerate(np.eye(nv)):
-        damping[:, i] = (force(qpos, -step * unit) - force(qpos, step * unit)) / (2.0 * step)
-        if not free[i]:
-            ends = []
-            for sign in (1.0, -1.0):
-                moved = np.array(qpos)
-                mujoco.mj_integratePos(model, moved, sign * step * unit, 1.0)
-                ends.append(force(moved, still))
-            stiffness[:, i] = (ends[1] - ends[0]) / (2.0 * step)
-    return Side(mass, (damping + damping.T) / 2.0, (stiffness + stiffness.T) / 2.0, nv)
+    mass, damping, stiffness = by_differences(model, qpos)
+    stiffness[:, :6] = 0.0  # of the base, which is free
+    return Side(mass, (damping + damping.T) / 2.0, (stiffness + stiffness.T) / 2.0, model.nv)
 
 
 @dataclass(frozen=True, eq=False)

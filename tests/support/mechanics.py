@@ -47,6 +47,38 @@ def mass_matrix(model, qpos=None) -> np.ndarray:
     return (mass + mass.T) / 2.0
 
 
+def quiet(model):
+    """A copy in which only springs, dampers and actuators act, springs slack at rest."""
+    model = copy.copy(model)
+    flags = mujoco.mjtDisableBit
+    model.opt.gravity[:] = 0.0
+    model.opt.disableflags |= int(
+        flags.mjDSBL_CONTACT | flags.mjDSBL_CONSTRAINT | flags.mjDSBL_CLAMPCTRL
+    )
+    model.qpos_spring[:] = model.qpos0
+    model.tendon_lengthspring[:] = model.tendon_length0[:, None]
+    return model
+
+
+def by_differences(model, qpos=None, step=1e-3):
+    """Mass, damping and stiffness matrix at a pose, the initial one where left out, from
+    differences of all passive and actuator forces."""
+    data, still = mujoco.MjData(model), np.zeros(model.nv)
+
+    def force(moved, rate):
+        mujoco.mj_resetData(model, data)
+        data.qpos[:] = model.qpos0 if qpos is None else qpos
+        mujoco.mj_integratePos(model, data.qpos, moved, 1.0)
+        data.qvel[:] = rate
+        mujoco.mj_forward(model, data)
+        return data.qfrc_passive + data.qfrc_actuator
+
+    steps = step * np.eye(model.nv)
+    damping = [force(still, -e) - force(still, e) for e in steps]
+    stiffness = [force(-e, still) - force(e, still) for e in steps]
+    return (mass_matrix(model, qpos), *(np.array([damping, stiffness]).swapaxes(1, 2) / 2.0 / step))
+
+
 def tendon_rows(model) -> np.ndarray:
     """`(ntendon, nv)` coefficients of fixed tendons over the velocities."""
     rows = np.zeros((model.ntendon, model.nv))

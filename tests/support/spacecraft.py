@@ -1,10 +1,11 @@
 """The fixtures' places and appendages, and small readers that share nothing with the package."""
 
-import copy
 from pathlib import Path
 
 import mujoco
 import numpy as np
+
+from mechanics import by_differences, quiet
 
 CRAFTS = Path(__file__).parents[1] / "crafts"
 APPENDAGES = CRAFTS / "appendages"
@@ -30,28 +31,9 @@ STYLES = {
 def frequencies(model: mujoco.MjModel) -> np.ndarray:
     """Undamped frequencies [rad/s] from forces and MuJoCo's mass matrix: no A, no B,
     nothing of ours."""
-    model = copy.copy(model)  # its switches are changed
-    data = mujoco.MjData(model)
-    model.opt.gravity[:] = 0.0
-    model.opt.disableflags |= int(
-        mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-    )
-
-    def pull(step: np.ndarray) -> np.ndarray:
-        mujoco.mj_resetData(model, data)
-        mujoco.mj_integratePos(model, data.qpos, step, 1.0)
-        mujoco.mj_forward(model, data)
-        return data.qfrc_passive.copy()
-
-    eye = 1e-4 * np.eye(model.nv)
-    stiffness = np.array([(pull(-e) - pull(e)) / 2e-4 for e in eye])
-    mujoco.mj_resetData(model, data)
-    mujoco.mj_forward(model, data)
-    mass = np.zeros((model.nv, model.nv))
-    for i, e in enumerate(np.eye(model.nv)):
-        column = np.zeros(model.nv)
-        mujoco.mj_mulM(model, data, column, e)
-        mass[:, i] = column
+    model = quiet(model)
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
+    mass, _, stiffness = by_differences(model)
     squares = np.sort(
         np.linalg.eigvals(np.linalg.solve(mass, (stiffness + stiffness.T) / 2.0)).real
     )

@@ -14,6 +14,7 @@ from scipy.optimize import linear_sum_assignment
 
 import beamchain as bc
 import finite_elements
+from mechanics import by_differences, mass_matrix, system_matrix
 
 RIGID = 1e-5
 NAMES = ("first", "second", "third", "fourth")
@@ -108,7 +109,7 @@ def stepped(model, qpos=None, moved=1e-3):
         mujoco.mj_differentiatePos(model, out, 1.0, start, data.qpos)
         return np.concatenate([out, data.qvel])
 
-    mass = mass_of(model, start)
+    mass = mass_matrix(model, start)
     sizes = np.concatenate(
         [np.full(nv, moved), np.full(nv, moved / h), moved / h**2 * np.diag(mass)]
     )
@@ -120,41 +121,10 @@ def stepped(model, qpos=None, moved=1e-3):
     return table[:, : 2 * nv], table[:, 2 * nv :]
 
 
-def mass_of(model, qpos):
-    """Mass matrix, armature included."""
-    data = mujoco.MjData(model)
-    out = np.zeros((model.nv, model.nv))
-    data.qpos[:] = qpos
-    mujoco.mj_forward(model, data)
-    for i, unit in enumerate(np.eye(model.nv)):
-        column = np.zeros(model.nv)
-        mujoco.mj_mulM(model, data, column, unit)
-        out[i] = column
-    return out
-
-
 def continuous(model, qpos=None):
     """Poles [1/s] of a model from its mass matrix and the slopes of its passive
     and actuator forces."""
-    start = np.array(model.qpos0 if qpos is None else qpos)
-    data = mujoco.MjData(model)
-    nv = model.nv
-
-    def force(position, rate):
-        mujoco.mj_resetData(model, data)
-        data.qpos[:] = start
-        mujoco.mj_integratePos(model, data.qpos, position, 1.0)
-        data.qvel[:] = rate
-        mujoco.mj_forward(model, data)
-        return data.qfrc_passive + data.qfrc_actuator
-
-    still = np.zeros(nv)
-    eye = 1e-3 * np.eye(nv)
-    stiffness = np.array([(force(-e, still) - force(e, still)) / 2e-3 for e in eye])
-    damping = np.array([(force(still, -e) - force(still, e)) / 2e-3 for e in eye])
-    mass = mass_of(model, start)
-    right = np.linalg.solve(mass, np.hstack([-stiffness.T, -damping.T]))
-    return np.linalg.eigvals(np.vstack([np.hstack([np.zeros((nv, nv)), np.eye(nv)]), right]))
+    return np.linalg.eigvals(system_matrix(*by_differences(model, qpos)))
 
 
 def time_error(model, plain, band, qpos=None):
