@@ -18,6 +18,8 @@ from appendages import (
     REALISABLE,
     close,
     dense_port,
+    drawn_rods,
+    modes_of_rods,
     panels,
     seed_boom,
     stepped_boom,
@@ -25,7 +27,6 @@ from appendages import (
     unit_beam,
 )
 from planar_truth import hub_of, kept_for
-from rods import drawn, modes_of_rods
 from spec_tables import table_of
 from written_chain import read_chain
 
@@ -183,7 +184,7 @@ def test_plane_xz_is_realised_with_its_own_numbers():
 def test_any_chain_is_recovered_from_its_port(seed):
     # 3 N numbers from 3 N data: the canonical chain is unique
     n = seed % 4 + 1
-    masses, lengths, stiffness = drawn(seed, n)
+    masses, lengths, stiffness = drawn_rods(seed, n)
     options = bc.FitOptions(springs="hinges")
     result = bc.fit(modes_of_rods(masses, lengths, stiffness), modes={"xy": n}, options=options)
     found = read_chain(result.to_mjcf()).nodes()

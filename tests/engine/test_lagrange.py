@@ -19,10 +19,9 @@ import pytest
 import sympy as sp
 
 import readback as rb
-from appendages import close, seed_boom
+from appendages import close, drawn_rods, modes_of_rods, seed_boom
 from beamchain import FitOptions, fit
 from planar_truth import Plane
-from rods import drawn, modes_of_rods
 from written_chain import read_chain
 
 # one solve with a mass matrix of condition 1e2 .. 1e4 on either side, relative to the largest
@@ -94,7 +93,7 @@ def parameters(result):
 @cache
 def random_chain(count, seed):
     """N links drawn at random, stiff and soft, by way of the modes that they have."""
-    masses, lengths, stiffness = drawn(seed, count - 1)
+    masses, lengths, stiffness = drawn_rods(seed, count - 1)
     data = modes_of_rods(masses, lengths, 10.0 ** (2.0 * stiffness - 3.0))
     return fit(data, name="chain", modes={"xy": count - 1}, options=FitOptions(springs="hinges"))
 

@@ -11,9 +11,10 @@ from dataclasses import dataclass
 import mpmath
 import numpy as np
 import pytest
-from scipy.linalg import eigh
 
+import beamchain as bc
 from beamchain import Beam, Equivalent, Joint, Lump, Material, Rectangle, Round, Segment
+from solver import Craft, normal_modes
 
 
 def close(expected: object, rel: float = 0.0, abs: float = 0.0) -> object:
@@ -237,22 +238,36 @@ def dense_port(
     """Rigid mass `(2, 2)`, held frequencies and participation of a planar chain,
     from its mass and stiffness matrices.
 
-    Written out with coordinates (root displacement, root rotation, hinge angles) and LAPACK's
-    generalised eigenproblem: an independent way to what `Chain.port` computes from weighted rows.
+    An independent way to what `Chain.port` computes from weighted rows.
 
     Args:
         rigid: (mass, x of the mass centre, inertia about it) per link.
         hinges: (x, stiffness) between the links.
     """
-    count = len(hinges)
-    mass = np.zeros((count + 2, count + 2))
-    for i, (m, x, inertia) in enumerate(rigid):
-        turns = np.array([0.0, 1.0] + [1.0 if j < i else 0.0 for j in range(count)])
-        moves = np.array([1.0, x] + [x - hinges[j][0] if j < i else 0.0 for j in range(count)])
-        mass += m * np.outer(moves, moves) + inertia * np.outer(turns, turns)
-    spring = np.diag([c for _, c in hinges])
-    # for 1 / w^2: the low frequencies keep their digits
-    inverse, shapes = eigh(mass[2:, 2:], spring)
-    inverse, shapes = inverse[::-1], shapes[:, ::-1]
-    participation = (mass[:2, 2:] @ shapes / np.sqrt(inverse)).T
-    return mass[:2, :2], 1.0 / np.sqrt(inverse), participation
+    craft = Craft()
+    craft.links(craft.base, rigid, hinges)
+    mass, _, stiffness = craft.matrices()
+    frequencies, shapes = normal_modes(mass[6:, 6:], stiffness[6:, 6:])
+    return mass[np.ix_([1, 5], [1, 5])], frequencies, shapes.T @ mass[6:, [1, 5]]
+
+
+def drawn_rods(
+    seed: int, modes: int, low: float = 0.3, high: float = 3.0
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Point masses `(N + 1,)` from the root, massless rods `(N,)` between them and springs
+    `(N - 1,)` at the inner masses, with so many modes."""
+    rng = np.random.default_rng(seed)
+    return tuple(rng.uniform(low, high, size) for size in (modes + 2, modes + 1, modes))
+
+
+def modes_of_rods(masses: np.ndarray, lengths: np.ndarray, stiffness: np.ndarray) -> bc.ModalData:
+    """What such rods do in plane xy, as the modes of an appendage."""
+    x = np.concatenate([[0.0], np.cumsum(lengths)])
+    craft = Craft()
+    craft.body(craft.base, masses[0])
+    nodes = [(mass, at, 0.0) for mass, at in zip(masses[1:], x[1:], strict=True)]
+    craft.links(craft.base, nodes, list(zip(x[1:-1], stiffness, strict=True)))
+    mass, _, springs = craft.matrices()
+    frequencies, shapes = normal_modes(mass[6:, 6:], springs[6:, 6:])
+    rigid = mass[:6, :6] + np.diag([0.0, 0.0, 0.0, 1e-4 * mass[5, 5], 0.0, 0.0])
+    return bc.ModalData(rigid, frequencies, shapes.T @ mass[6:, :6], length=float(x[-1]))

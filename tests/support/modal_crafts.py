@@ -38,12 +38,8 @@ def chain_of(kind: str, modes: int):
 
 def hang(whole, frame, chain):
     """Put a chain's links on a frame of a craft, its hinges without springs."""
-    x = 0.0
-    for i, link in enumerate(chain.links):
-        if i:
-            step, x = chain.hinges[i - 1].x - x, chain.hinges[i - 1].x
-            frame = whole.hinge(frame.at((step, 0.0, 0.0)), Z)
-        whole.body(frame, link.mass, (link.com - x, 0.0, 0.0), link.inertia)
+    bodies = [(link.mass, link.com, link.inertia[2]) for link in chain.links]
+    whole.links(frame, bodies, [(hinge.x, 0.0) for hinge in chain.hinges])
 
 
 @cache

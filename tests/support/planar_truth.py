@@ -1,12 +1,14 @@
-"""A beam's plane reduced to its lowest modes on a hub,
-from finite elements and linear algebra of the tests' own."""
+"""A beam's plane reduced to its lowest modes on a hub, from finite elements and normal modes of the
+tests' own."""
 
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import block_diag, null_space
 
 import beamchain as bc
 import finite_elements as fe
+from solver import body_mass, normal_modes
 from spec_tables import table_of
 
 
@@ -19,37 +21,18 @@ class Plane:
     frequencies: np.ndarray
     participation: np.ndarray
 
+    def on(self, hub: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+        """Mass and stiffness over the motions of the root and the modes, on a rigid hub `(m, m)`;
+        None: nothing there."""
+        root = self.rigid if hub is None else self.rigid + hub
+        rows = self.participation
+        mass = np.block([[root, rows.T], [rows, np.eye(len(rows))]])
+        return mass, block_diag(np.zeros_like(root), np.diag(self.frequencies**2))
+
     def free_frequencies(self, hub: np.ndarray | None = None) -> np.ndarray:
-        """`(n,)` with the root free on a rigid hub `(m, m)`; None: nothing there."""
-        return free_modes(self, hub)[0]
-
-
-def free_modes(plane: Plane, hub: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies `(n,)` and root motion `(n, m)` of the mass-normalised modes on a hub `(m, m)`.
-
-    With held modal coordinates y / w (strain energy |y|^2 / 2) the mass of the motion that keeps
-    the momenta at zero is `1 / w (I - L M^-1 L^T) 1 / w`.
-    """
-    mass = plane.rigid if hub is None else plane.rigid + hub
-    rows = plane.participation / plane.frequencies[:, None]
-    inner = np.diag(1.0 / plane.frequencies**2) - rows @ np.linalg.solve(mass, rows.T)
-    values, shapes = np.linalg.eigh((inner + inner.T) / 2.0)
-    w, shapes = 1.0 / np.sqrt(values[::-1]), shapes[:, ::-1]
-    return w, -(np.linalg.solve(mass, rows.T) @ shapes * w).T
-
-
-def held_modes(rigid: np.ndarray, w: np.ndarray, motion: np.ndarray, hub: np.ndarray) -> Plane:
-    """The plane whose modes on a hub are `w` `(n,)` and `motion` `(n, m)`, seen with its root held.
-
-    `W(s) = M^-1 + sum s^2 p p^T / (s^2 + w^2)`: with p0 p0^T = M^-1 the held modes are singular
-    vectors of [1 / w, -(p0^-1 p^T) / w].
-    """
-    root = np.linalg.inv(np.linalg.cholesky(rigid + hub)).T
-    held = -np.linalg.solve(root, motion.T) / w
-    u, s, _ = np.linalg.svd(np.vstack([np.diag(1.0 / w), held]), full_matrices=False)
-    rows = u.T @ np.vstack([np.zeros((w.size, rigid.shape[0])), np.linalg.inv(root)])
-    order = np.argsort(1.0 / s)
-    return Plane(rigid, (1.0 / s)[order], positive(rows[order], rigid))
+        """`(n,)` with the root free on a hub."""
+        shift = self.frequencies.min() * self.frequencies.max()
+        return normal_modes(*self.on(hub), shift)[0][len(self.rigid) :]
 
 
 def positive(rows: np.ndarray, rigid: np.ndarray) -> np.ndarray:
@@ -60,22 +43,19 @@ def positive(rows: np.ndarray, rigid: np.ndarray) -> np.ndarray:
 
 def reduced(table: dict, port: str, n: int, hub: np.ndarray | None = None) -> Plane:
     """The plane that keeps the `n` lowest modes on a hub `(m, m)`; None: with the root held."""
-    beam = fe.port(table, port, max(n, 8))
-    if hub is None:
-        return Plane(beam.rigid, beam.frequencies[:n], beam.participation[:n])
-    carried = np.asarray(hub, dtype=float)
-    values, vectors = np.linalg.eigh(carried)
-    extra = np.sqrt(np.clip(values, 0.0, None))[:, None] * vectors.T
-    root = np.vstack([beam.rows.rigid, extra])
-    basis, triangle = np.linalg.qr(root)
-    elastic = np.vstack([beam.rows.elastic, np.zeros((extra.shape[0], beam.rows.elastic.shape[1]))])
-    left = elastic.copy()
-    for _ in range(2):
-        left = left - basis @ (basis.T @ left)
-    _, s, right = np.linalg.svd(left, full_matrices=False)
-    w = 1.0 / s[:n]
-    motion = -(np.linalg.solve(triangle, basis.T @ elastic @ right[:n].T) * w).T
-    return held_modes(beam.rigid, w, motion, carried)
+    found = fe.every_mode(table)
+    own, turn = np.array(found.ports) == port, fe.into_space(port)
+    w, rows = found.frequencies[own], found.participation[own] @ turn
+    whole = Plane(turn.T @ found.rigid @ turn, w, rows)
+    if hub is not None:
+        mass, stiffness = whole.on(hub)
+        m = len(hub)
+        _, shapes = normal_modes(mass, stiffness, w[0] * w[n])
+        kept = shapes[:, : m + n]
+        held = kept @ null_space(kept[:m])
+        w, shapes = normal_modes(held.T @ mass @ held, held.T @ stiffness @ held)
+        rows = (held @ shapes).T @ mass[:, :m]
+    return Plane(whole.rigid, w[:n], positive(rows[:n], whole.rigid))
 
 
 def hub_of(beam: bc.Beam) -> bc.Hub:
@@ -95,6 +75,6 @@ def kept_for(beam: bc.Beam, target: str, n: int, port: str = "xy") -> Plane:
         hub = np.zeros((2, 2))
     elif target == "hub":
         body = hub_of(beam)
-        mass, x = body.mass, body.offset[0]
-        hub = np.array([[mass, -mass * x], [-mass * x, body.inertia[2] + mass * x**2]])
+        whole = body_mass(body.mass, [-x for x in body.offset], body.inertia)
+        hub = whole[np.ix_([1, 5], [1, 5])]
     return reduced(table_of(beam), port, n, hub)

@@ -203,6 +203,17 @@ class Craft:
             self.add(kind, np.eye(1, self.size, number), [[value]])
         return Frame(rows, frame.place, frame.turn @ rotation(axis, angle))
 
+    def links(self, frame, bodies, hinges):
+        """Rigid bodies `(mass, x, inertia)` along x of a frame, and hinges `(x, stiffness)` about z
+        between them."""
+        start = 0.0
+        for i, (mass, centre, inertia) in enumerate(bodies):
+            if i:
+                at, stiffness = hinges[i - 1]
+                place = frame.at((at - start, 0.0, 0.0))
+                frame, start = self.hinge(place, (0.0, 0.0, 1.0), stiffness=stiffness), at
+            self.body(frame, mass, (centre - start, 0.0, 0.0), (0.0, 0.0, inertia))
+
     def wheel(self, frame, axis, mass, spin, across, rate=0.0, damping=0.0):
         """A wheel with its centre in a frame: inertia `spin` about its axis and `across`; `rate`
         [rad/s] against the frame's body."""
