@@ -26,9 +26,9 @@ from beamchain import BeamchainError, FitOptions, Root  # noqa: E402
 from beamchain.chain.build import cut_chain  # noqa: E402
 from beamchain.chain.tendons import ModeGroup  # noqa: E402
 from beamchain.steps.large_motion import large_motion  # noqa: E402
+from mechanics import momentum  # noqa: E402
 from random_appendages import random_appendage, toml  # noqa: E402
 from spinning import FLAP, spinning  # noqa: E402
-from undisturbed import momenta  # noqa: E402
 
 ROUNDS = 25
 STEPS = 2000
@@ -170,11 +170,10 @@ def drift(
     energy, moved, turned = [], [], []
     every = max(1, round(seconds / timestep / 2000))
     for _ in range(2000):
-        mujoco.mj_forward(model, data)
-        p, angular = momenta(model, data)
+        both = momentum(model, data)
         energy.append(data.energy[0] + data.energy[1])
-        moved.append(p)
-        turned.append(angular)
+        moved.append(both[:3])
+        turned.append(both[3:])
         mujoco.mj_step(model, data, every)
     p = np.array(moved)
     angular = np.array(turned)

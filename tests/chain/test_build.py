@@ -85,7 +85,7 @@ def test_round_tube_has_the_same_springs_in_both_planes():
         assert hinge.stiffness["xy"] == close(hinge.stiffness["xz"], rel=1e-12)
 
 
-@pytest.mark.parametrize("port", rb.PORTS)
+@pytest.mark.parametrize("port", fe.PORTS)
 def test_one_port_alone(port):
     result = fit(tube(), modes={port: 2})
     assert result.status.ok

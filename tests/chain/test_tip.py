@@ -13,6 +13,7 @@ import readback as rb
 from appendages import close, seed_boom, stepped_boom, tapered_boom, tip_loaded_boom, unit_beam
 from arrays import deployed_array, space_beam, tube
 from beamchain import Scene, fit, linearise
+from mechanics import mass_matrix
 
 TIP = 1e-9  # tip motion of every kept mode; 2e-13 of the chain, some 1e-11 through MuJoCo
 ROOT = 1e-9  # frequencies and participation at the root; 5e-12 measured
@@ -29,10 +30,8 @@ def tip_through_differences(text, site, axis):
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     jacobian = np.zeros((3, model.nv))
-    mass = np.zeros((model.nv, model.nv))
     mujoco.mj_jacSite(model, data, jacobian, None, model.site(site).id)
-    for i, unit in enumerate(np.eye(model.nv)):
-        mujoco.mj_mulM(model, data, mass[i], unit)
+    mass = mass_matrix(model)
     squares, shapes = np.linalg.eig(linearise(model).stiffness)
     order = np.argsort(squares.real)
     squares, shapes = squares.real[order], shapes.real[:, order]

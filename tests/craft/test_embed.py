@@ -17,6 +17,7 @@ import beamchain as bc
 import finite_elements as fe
 from appendages import dense_port
 from command import call, run
+from mechanics import mass_matrix
 from spacecraft import CRAFTS, STYLES, frequencies, spec
 from specs import spec_of
 
@@ -424,11 +425,7 @@ class TestHub:
         bare = mujoco.MjModel.from_xml_string(craft)
         data = mujoco.MjData(bare)
         mujoco.mj_forward(bare, data)
-        column = np.zeros(9)
-        mass = np.zeros((9, 9))
-        for i, unit in enumerate(np.eye(9)):
-            mujoco.mj_mulM(bare, data, column, unit)
-            mass[i] = column
+        mass = mass_matrix(bare)
         jacobian = np.zeros((6, 9))
         mujoco.mj_jacSite(bare, data, jacobian[:3], jacobian[3:], 0)
         own = fe.cantilever(given, dict.fromkeys(fe.PORTS, 12))

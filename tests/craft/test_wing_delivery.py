@@ -16,6 +16,7 @@ import superelements as se
 from beamchain.errors import EngineError
 from beamchain.report.tables import fit as tables
 from command import call
+from solver import moved
 
 WING = se.wing_on_two_feet(se.SHIPPED)
 SQUARES = eigh(WING.mesh_stiffness[12:, 12:], WING.mesh_mass[12:, 12:], eigvals_only=True)
@@ -70,16 +71,8 @@ def toml(value):
 
 def rigid_mass():
     """`(6, 6)` of the mesh about the root, in basic axes, mm and t."""
-    blocks = [
-        np.block([[np.eye(3), -cross(np.array(p) - ROOT)], [np.zeros((3, 3)), np.eye(3)]])
-        for p in WING.nodes
-    ]
-    motion = np.vstack(blocks)
+    motion = np.vstack([moved(np.eye(6), np.array(p) - ROOT) for p in WING.nodes])
     return motion.T @ WING.mesh_mass @ motion
-
-
-def cross(v):
-    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
 
 
 # -- which modes are kept, by their numbers in the file --------------------------------------------
@@ -149,7 +142,7 @@ def rigid():
     rows = []
     for grid, turn in ((1, np.eye(3)), (2, se.FEET_TURN)):
         away = np.array(se.FEET[grid]) - ROOT
-        own = np.block([[np.eye(3), -cross(away)], [np.zeros((3, 3)), np.eye(3)]])
+        own = moved(np.eye(6), away)
         rows.append(np.kron(np.eye(2), turn) @ own)
     return np.vstack(rows) @ np.kron(np.eye(2), AXES.T) @ np.diag([1e3] * 3 + [1.0] * 3)
 

@@ -7,7 +7,7 @@ import pytest
 
 from appendages import close
 from beamchain import linearise
-from integrators import INTEGRATORS
+from mechanics import INTEGRATORS
 
 # finite differences of a smooth step, relative to the largest entry of each block
 DERIVATIVE = 1e-9

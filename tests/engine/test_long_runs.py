@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from integrators import INTEGRATORS
+from mechanics import INTEGRATORS
 from undisturbed import ringing as rung
 from undisturbed import tumbling
 

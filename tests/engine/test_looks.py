@@ -8,6 +8,7 @@ from lxml import etree
 
 import beamchain as bc
 from appendages import panels, seed_boom, tapered_boom
+from mechanics import mass_matrix
 
 HUB = bc.Hub(mass=500.0, inertia=(400.0, 400.0, 500.0), offset=(1.0, 0.0, 0.0))
 BOXES = bc.Scene(visuals="boxes")
@@ -52,16 +53,6 @@ ARRAY = bc.Beam(segments=(YOKE, PANEL, PANEL), lumps=(bc.Lump(x=6.0, mass=1.0),)
 def geoms(beam, **options):
     fit = bc.fit(beam, modes={"xy": 2}, root=bc.Root(hub=HUB), scene=BOXES, **options)
     return list(etree.fromstring(fit.to_mjcf()).iter("geom"))
-
-
-def whole_mass(model):
-    """`(nv, nv)` mass matrix at rest."""
-    data = mujoco.MjData(model)
-    out = np.zeros((model.nv, model.nv))
-    mujoco.mj_forward(model, data)
-    for row, unit in zip(out, np.eye(model.nv), strict=True):
-        mujoco.mj_mulM(model, data, row, unit)
-    return out
 
 
 # -- the written files -----------------------------------------------------------------------------
@@ -133,7 +124,7 @@ def test_looks_change_no_motion(visuals):
     assert one.nv == two.nv
     np.testing.assert_array_equal(one.body_mass, two.body_mass)
     np.testing.assert_array_equal(one.body_inertia, two.body_inertia)
-    np.testing.assert_array_equal(whole_mass(one), whole_mass(two))
+    np.testing.assert_array_equal(mass_matrix(one), mass_matrix(two))
     ends = []
     for model in (one, two):
         data = mujoco.MjData(model)
@@ -178,7 +169,7 @@ def test_what_is_drawn_changes_no_dynamics(draw):
     )
     first, second = (mujoco.MjModel.from_xml_string(fit.scene_mjcf()) for fit in (one, two))
     assert np.all(first.geom_contype == 0)
-    np.testing.assert_allclose(whole_mass(first), whole_mass(second), rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(mass_matrix(first), mass_matrix(second), rtol=0.0, atol=1e-12)
     for fit in (one, two):
         assert [m.achieved_rad_s for m in fit.modes] == [m.achieved_rad_s for m in one.modes]
     for tag in ("body", "inertial", "joint", "fixed"):

@@ -14,7 +14,7 @@ import readback as rb
 from appendages import close
 from arrays import deployed_array, space_beam, tube
 from beamchain import Damping, FitOptions, Scene, fit, linearise
-from integrators import INTEGRATORS
+from mechanics import INTEGRATORS
 from uniform_beam import held_roots
 from written_chain import read_chain
 

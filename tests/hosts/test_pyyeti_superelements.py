@@ -13,8 +13,9 @@ import pytest
 from scipy.linalg import eigh
 
 import beamchain as bc
-import readback
 from beamchain.structure.readers.nastran_op4 import read_op4
+from mechanics import mass_matrix, stiffness_matrix
+from solver import moved
 from spec_tables import spec_of
 
 pytestmark = pytest.mark.host
@@ -125,11 +126,9 @@ def rigid_motion():
         (19, (600.0, 300.0, 0.0)),
         (27, (600.0, 0.0, 0.0)),
     ):
-        x, y, z = np.array(place) - (600.0, 150.0, 150.0)
-        cross = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
         turn = np.array([[0, 1, 0], [0, 0, 1], [1, 0, 0]]) if grid == 11 else np.eye(3)
-        block = np.block([[np.eye(3), cross], [np.zeros((3, 3)), np.eye(3)]])
-        rows.append(np.kron(np.eye(2), turn) @ block)
+        motion = moved(np.eye(6), np.array(place) - (600.0, 150.0, 150.0))
+        rows.append(np.kron(np.eye(2), turn) @ motion)
     return np.vstack(rows)
 
 
@@ -137,14 +136,8 @@ def frequencies_in_mujoco(text):
     """Elastic frequencies [Hz] of a compiled file: its mass matrix and the springs of its tendons,
     without differences of steps."""
     model = mujoco.MjModel.from_xml_string(text)
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    mass = np.zeros((model.nv, model.nv))
-    for k, unit in enumerate(np.eye(model.nv)):
-        mujoco.mj_mulM(model, data, mass[k], unit)
-    along = readback._tendon_rows(model, data)
-    stiffness = along.T @ (model.tendon_stiffness[:, None] * along)
-    return np.sqrt(eigh(stiffness, mass, eigvals_only=True)[6:11]) / (2.0 * np.pi)
+    squares = eigh(stiffness_matrix(model), mass_matrix(model), eigvals_only=True)
+    return np.sqrt(squares[6:11]) / (2.0 * np.pi)
 
 
 @pytest.mark.parametrize("name", ["nas2cam_csuper", "nas2cam_extseout"])

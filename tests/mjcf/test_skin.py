@@ -23,6 +23,8 @@ from beamchain.cli import shipped
 from beamchain.engine import backend
 from beamchain.fitting.spec_text import spec_toml
 from command import run
+from mechanics import mass_matrix, stiffness_matrix
+from solver import cross
 
 FOLLOWED = 0.02  # of a mode's largest displacement
 STATED = 2e-3  # between what a fit states of it and what is found here
@@ -139,18 +141,9 @@ def at(model, positions):
 def modes_of(model, port):
     """Frequencies [rad/s] and mass-normalised shapes `(nv, n)` of a model in which the hinges of
     one port move on their springs, slowest first."""
-    data = mujoco.MjData(model)
-    mass, stiffness = np.zeros((2, model.nv, model.nv))
-    mujoco.mj_forward(model, data)
-    for row, unit in zip(mass, np.eye(model.nv), strict=True):
-        mujoco.mj_mulM(model, data, row, unit)
-    for row, unit in zip(stiffness, np.eye(model.nv), strict=True):
-        data.qpos[:] = 1e-3 * unit
-        mujoco.mj_forward(model, data)
-        row[:] = -1e3 * data.qfrc_spring
     own = [j for j in range(model.njnt) if model.joint(j).name.endswith(f"_{port}")]
-    block = np.ix_(own, own)
-    squares, shapes = scipy.linalg.eigh((stiffness + stiffness.T)[block] / 2.0, mass[block])
+    mass, stiffness = (part(model)[np.ix_(own, own)] for part in (mass_matrix, stiffness_matrix))
+    squares, shapes = scipy.linalg.eigh(stiffness, mass)
     return np.sqrt(np.maximum(squares, 0.0)), np.eye(model.nv)[:, own] @ shapes
 
 
@@ -251,8 +244,7 @@ def test_what_no_weights_can_follow_is_as_near_as_can_be():
         row = []
         for body in bodies:
             joints = [j for j in range(model.njnt) if model.jnt_bodyid[j] == body]
-            x, y, z = sum(shape[j] * model.jnt_axis[j] for j in joints)
-            row.append(np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]))
+            row.append(cross(sum(shape[j] * model.jnt_axis[j] for j in joints)))
         rows.append(np.hstack(row))
         wanted.append(beam)
         left.append(drawn - beam)

@@ -23,6 +23,7 @@ import pytest
 import beamchain as bc
 from beamchain.plants.bounds import GainBound
 from command import run
+from mechanics import damping_matrix, mass_matrix, stiffness_matrix
 
 GAP, ABOVE, CLOSED, FOUND, IDLE = 0.10, 1e-6, 0.03, 1e-3, 1.4
 SAMPLES = int(os.environ.get("BEAMCHAIN_SAMPLES", "100"))
@@ -156,23 +157,7 @@ def edited(model, values):
 
 def matrices(model):
     """Mass, with the armature of tendons, damping and stiffness at rest."""
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    mass = np.zeros((model.nv, model.nv))
-    for column, unit in zip(mass, np.eye(model.nv), strict=True):
-        mujoco.mj_mulM(model, data, column.reshape(-1, 1), unit.reshape(-1, 1))
-    damping = np.diag(model.dof_damping)
-    stiffness = np.zeros_like(mass)
-    for joint in range(model.njnt):
-        at = model.jnt_dofadr[joint]
-        stiffness[at, at] += model.jnt_stiffness[joint]
-    for i in range(model.ntendon):
-        row = np.zeros(model.nv)
-        for w in range(model.tendon_adr[i], model.tendon_adr[i] + model.tendon_num[i]):
-            row[model.jnt_dofadr[model.wrap_objid[w]]] = model.wrap_prm[w]
-        stiffness += model.tendon_stiffness[i] * np.outer(row, row)
-        damping = damping + model.tendon_damping[i] * np.outer(row, row)
-    return mass, damping, stiffness
+    return mass_matrix(model), damping_matrix(model), stiffness_matrix(model)
 
 
 def gains(model, loops, output, omega):

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import beamchain as bc
+from mechanics import mass_matrix
 from plant_truth import CRAFTS, Truth, band, embedded, error, kept, motors, wheel_rates
 
 # relative, kept modes against finite elements cut to the same modes; measured 3e-8 at most
@@ -128,13 +129,7 @@ def test_mujocos_own_linearisation_agrees(name, speed, start, limit):
     damping = (x - np.eye(nv)) / h
     inputs = x @ b[nv:] / h
     if not model.nu:  # torque on the hub: through the inverse mass
-        mass = np.zeros((nv, nv))
-        column = np.zeros(nv)
-        mujoco.mj_forward(model, data)
-        for i, unit in enumerate(np.eye(nv)):
-            mujoco.mj_mulM(model, data, column, unit)
-            mass[i] = column
-        inputs = np.linalg.inv(mass)[:, 3:6]
+        inputs = np.linalg.inv(mass_matrix(model))[:, 3:6]
     s = np.geomspace(start, band(craft), 40) * (0.01 + 1j)
     q = np.stack(
         [np.linalg.solve(v**2 * np.eye(nv) + v * damping + stiffness, inputs)[3:6] for v in s], -1

@@ -17,6 +17,7 @@ import pytest
 
 import beamchain as bc
 from loops import margins, scaled, written
+from mechanics import mass_matrix, tendon_rows
 from random_appendages import toml
 from specs import spec_of
 
@@ -198,12 +199,8 @@ def test_participation_against_an_assembly_in_numpy(embedded, file_of):
     given = file_of({"appendage": {"boom_mount_": {"participation": u(relative=0.1, each=True)}}})
     uncertain = bc.plant(embedded, ["torque:bus"], ["attitude"]).uncertain(given)
     model = embedded.model
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    mass = np.zeros((model.nv, model.nv))
+    mass, rows = mass_matrix(model), tendon_rows(model)
     jacobian = np.zeros((model.nv, 3))
-    for column, unit in zip(mass, np.eye(model.nv), strict=True):
-        mujoco.mj_mulM(model, data, column.reshape(-1, 1), unit.reshape(-1, 1))
     for i in range(model.ntendon):  # the nominal appendage has none
         assert model.tendon_armature[i] == 0.0
     jacobian[3:6] = np.eye(3)
@@ -212,10 +209,7 @@ def test_participation_against_an_assembly_in_numpy(embedded, file_of):
         k = np.zeros_like(mass)
         c = np.diag(model.dof_damping)
         k[np.ix_(model.jnt_dofadr[1:], model.jnt_dofadr[1:])] = np.diag(model.jnt_stiffness[1:])
-        for i in range(model.ntendon):
-            row = np.zeros(model.nv)
-            for w in range(model.tendon_adr[i], model.tendon_adr[i] + model.tendon_num[i]):
-                row[model.jnt_dofadr[model.wrap_objid[w]]] = model.wrap_prm[w]
+        for i, row in enumerate(rows):
             factor = p if model.tendon(i).name.startswith("boom_mount_mode") else 1.0
             k += model.tendon_stiffness[i] * np.outer(row, row) / factor**2
             c = c + model.tendon_damping[i] * np.outer(row, row) / factor**2

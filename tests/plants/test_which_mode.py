@@ -7,7 +7,6 @@ import re
 
 import control
 import msgspec
-import mujoco
 import numpy as np
 import pytest
 from scipy.linalg import eigh
@@ -15,6 +14,7 @@ from scipy.linalg import eigh
 import beamchain as bc
 from beamchain.report.tables.plant import margin_table
 from command import call
+from mechanics import by_differences
 
 YOKE = (
     '<body name="{0}" pos="0 {1} 0" xyaxes="0 {2} 0 {3} 0 0"><joint name="{0}" axis="1 0 0"/>'
@@ -129,26 +129,8 @@ def test_without_a_mode_near_none_is_named(plant):
 
 def test_modes_that_oppose_each_other_are_listed_as_left_out(embedded, plant, tmp_path):
     """Wings that twist against each other turn nothing: MuJoCo has that mode, the plant not."""
-    model = embedded.model
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    force = np.zeros((model.nv, model.nv))
-    for i in range(model.nv):
-        for sign in (1.0, -1.0):
-            data.qpos[:] = model.qpos0
-            mujoco.mj_integratePos(model, data.qpos, sign * 1e-6 * np.eye(model.nv)[i], 1.0)
-            mujoco.mj_forward(model, data)
-            force[:, i] -= sign * (data.qfrc_passive + data.qfrc_actuator) / 2e-6
-    data.qpos[:] = model.qpos0
-    mujoco.mj_forward(model, data)
-    # inertia by inverse dynamics, free of gravity and velocity
-    mass = np.zeros((model.nv, model.nv))
-    for i in range(model.nv):
-        data.qvel[:] = 0.0
-        data.qacc[:] = np.eye(model.nv)[i]
-        mujoco.mj_inverse(model, data)
-        mass[:, i] = data.qfrc_inverse + data.qfrc_passive + data.qfrc_actuator
-    squares = eigh((force + force.T) / 2.0, (mass + mass.T) / 2.0, eigvals_only=True)
+    mass, _, stiffness = by_differences(embedded.model)
+    squares = eigh((stiffness + stiffness.T) / 2.0, mass, eigvals_only=True)
     flexible = np.sqrt(squares[squares > 1e-3])
     assert flexible.size == len(plant.modes) + len(plant.unreached)
     assert not set(plant.modes) & set(plant.unreached)

@@ -296,18 +296,26 @@ class _Rows:
             @ self.back
         )
 
-    def free(self, carried):
-        """Elastic rows that are left when the root is free and carries `carried` `(m, m)`."""
-        values, vectors = np.linalg.eigh(carried)
-        top = np.vstack([self.rigid, np.sqrt(np.clip(values, 0.0, None))[:, None] * vectors.T])
-        scale = np.linalg.norm(top, axis=0)
-        keep = scale > 0.0
-        basis, _ = np.linalg.qr(top[:, keep] / scale[keep])
-        rows = np.vstack(
-            [self.elastic, np.zeros((top.shape[0] - self.rigid.shape[0], self.elastic.shape[1]))]
-        )
-        rows = rows - basis @ (basis.T @ rows)
-        return rows - basis @ (basis.T @ rows)
+
+def strained(stretch, heavy):
+    """Rows of mass over strain coordinates y (strain energy |y|^2 / 2), and freedoms per strain
+    coordinate."""
+    scale = np.linalg.norm(stretch, axis=0)
+    triangle = np.linalg.qr(stretch / scale, mode="r")
+    back = solve_triangular(triangle, np.eye(scale.size)) / scale[:, None]
+    return solve_triangular(triangle, (heavy / scale).T, trans="T").T, back
+
+
+def freed(elastic, rigid, hub=None):
+    """Elastic rows that are left when the root is free on a rigid hub `(m, m)`; None: nothing."""
+    values, vectors = np.linalg.eigh(np.zeros((rigid.shape[1],) * 2) if hub is None else hub)
+    top = np.vstack([rigid, np.sqrt(np.clip(values, 0.0, None))[:, None] * vectors.T])
+    scale = np.linalg.norm(top, axis=0)
+    keep = scale > 0.0
+    basis, _ = np.linalg.qr(top[:, keep] / scale[keep])
+    rows = np.vstack([elastic, np.zeros((len(values), elastic.shape[1]))])
+    rows = rows - basis @ (basis.T @ rows)
+    return rows - basis @ (basis.T @ rows)
 
 
 def _spread(rows, freedoms, size):
@@ -443,10 +451,7 @@ def _discretise(spec, port, payload, bubbles):
         raise ValueError(f"{port}: the appendage has no inertia")
     stretch = np.vstack([_spread(rows, freedoms, count) for rows, freedoms in strains])
     heavy = np.vstack([_spread(rows, freedoms, count) for rows, freedoms, _ in masses])
-    scale = np.linalg.norm(stretch, axis=0)
-    triangle = np.linalg.qr(stretch / scale, mode="r")
-    back = solve_triangular(triangle, np.eye(count)) / scale[:, None]
-    elastic = solve_triangular(triangle, (heavy / scale).T, trans="T").T
+    elastic, back = strained(stretch, heavy)
     return _Rows(elastic, np.vstack([rigid for *_, rigid in masses]), elements, back)
 
 
@@ -503,8 +508,8 @@ class Port:
     def coupled(self, hub=None, modes=8):
         """Lowest elastic frequencies with the root free and a rigid hub `(m, m)` on it;
         None: nothing."""
-        hub = np.zeros_like(self.rigid) if hub is None else np.asarray(hub, dtype=float)
-        return 1.0 / np.linalg.svd(self.rows.free(hub), compute_uv=False)[:modes]
+        free = freed(self.rows.elastic, self.rows.rigid, hub)
+        return 1.0 / np.linalg.svd(free, compute_uv=False)[:modes]
 
 
 def port(spec, name, modes=8, payload=None):
@@ -531,7 +536,7 @@ def _converged(key, name, modes, payload):
     while True:
         rows = _discretise(spec, name, payload, bubbles)
         left, values, right = np.linalg.svd(rows.elastic, full_matrices=False)
-        free = np.linalg.svd(rows.free(np.zeros((rows.rigid.shape[1],) * 2)), compute_uv=False)
+        free = np.linalg.svd(freed(rows.elastic, rows.rigid), compute_uv=False)
         now = np.concatenate([values[:modes], free[:modes]])
         change = (
             np.inf
@@ -546,7 +551,7 @@ def _converged(key, name, modes, payload):
     participation = left[:, :n].T @ rows.rigid
     shapes = right[:n].T / values[:n]
     size = np.linalg.norm(rows.rigid, axis=0)
-    signs = np.array([_sign(row / np.where(size > 0.0, size, 1.0)) for row in participation])
+    signs = np.array([first_sign(row / np.where(size > 0.0, size, 1.0)) for row in participation])
     participation, shapes = participation * signs[:, None], shapes * signs
     tip = (rows.at(length(spec)) @ shapes).T
     return Port(
@@ -562,7 +567,7 @@ def _converged(key, name, modes, payload):
     )
 
 
-def _sign(row, small=1e-9):
+def first_sign(row, small=1e-9):
     """+1 or -1: makes the first number of the row that is not negligible positive."""
     for value in row:
         if abs(value) > small * np.max(np.abs(row)):
@@ -609,9 +614,7 @@ class TwoPort:
         elastic = np.vstack([self.elastic, root * self.at])
         carried = np.vstack([self.carried, root * place])
         if hub is not None:
-            elastic = _Rows(elastic, carried, [], np.zeros((0, 0))).free(
-                np.asarray(hub, dtype=float)
-            )
+            elastic = freed(elastic, carried, hub)
         return 1.0 / np.linalg.svd(elastic, compute_uv=False)[:modes]
 
 
@@ -629,7 +632,7 @@ def two_port(spec, name, modes, x=None):
     participation = left.T @ whole.rows.rigid
     motion = (at @ basis @ right.T / values).T
     size = np.sqrt(np.diag(whole.rigid))
-    signs = np.array([_sign(row / size) for row in participation])[:, None]
+    signs = np.array([first_sign(row / size) for row in participation])[:, None]
     return TwoPort(
         name,
         x,
@@ -754,6 +757,5 @@ def coupled(spec, hub=None, modes=8, payload=None, ports=PORTS):
     for block in columns:
         elastic[i : i + block.shape[0], j : j + block.shape[1]] = block
         i, j = i + block.shape[0], j + block.shape[1]
-    rows = _Rows(elastic, np.vstack(rigid), [], np.zeros((0, 0)))
     rest = stiff + (np.zeros((6, 6)) if hub is None else np.asarray(hub, dtype=float))
-    return 1.0 / np.linalg.svd(rows.free(rest), compute_uv=False)[:modes]
+    return 1.0 / np.linalg.svd(freed(elastic, np.vstack(rigid), rest), compute_uv=False)[:modes]

@@ -1,8 +1,8 @@
-"""Logs of a rigid hub with an elastic appendage of closed-form modes, and what they determine;
-shares no code with the package.
+"""Logs of a rigid hub with an elastic appendage, and what they determine; shares no code with the
+package.
 
-The appendage is a uniform beam (two bending planes, torsion), or a pair of them, its frequencies
-and participation in closed form. Hub and appendage move freely by small motions; torque is held
+The appendage is a uniform beam (two bending planes, torsion) in finite elements, or a pair of them.
+Hub and appendage move freely by small motions; torque is held
 between samples, and the transition over a sample is the matrix exponential of the coupled
 equations. A sensor adds noise, bias, quantisation and saturation.
 """
@@ -11,7 +11,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.linalg import expm, solve
-from scipy.optimize import brentq
+
+import finite_elements as fe
+from solver import Craft, Modes
 
 AXES = "xyz"
 
@@ -62,50 +64,21 @@ def doublet(elastic, axis, frequency, apart, second=0.7):
     return replace(changed, participation=part)
 
 
-def cantilever(count):
-    """Roots b of cos b cosh b = -1, and the constants s of their shapes cosh -
-    cos - s (sinh - sin)."""
-    guess = np.pi * (np.arange(count) + 0.5)
-    roots = np.array(
-        [
-            brentq(lambda b: np.cos(b) + 1.0 / np.cosh(b), g - 0.6, g + 0.6, xtol=1e-15)
-            for g in guess
-        ]
-    )
-    fading = np.exp(-roots)  # (sinh b - sin b) / (cosh b + cos b), without overflow
-    shape = (1.0 - fading**2 - 2.0 * fading * np.sin(roots)) / (
-        1.0 + fading**2 + 2.0 * fading * np.cos(roots)
-    )
-    return roots, shape
-
-
 def boom(length, line_mass, ei_xy, ei_xz, gj, polar, counts=(16, 16, 8), damping=0.005):
     """A uniform Euler beam along x, its root clamped: bending in xy and xz, torsion;
     `polar` is inertia per length."""
-    mass = line_mass * length
-    frequency = []
-    columns = []
-    for stiffness, count, force, moment, sign in (
-        (ei_xy, counts[0], 1, 5, 1.0),
-        (ei_xz, counts[1], 2, 4, -1.0),
-    ):
-        roots, shape = cantilever(count)
-        frequency.extend(roots**2 * np.sqrt(stiffness / line_mass) / length**2)
-        part = np.zeros((6, count))
-        part[force] = 2.0 * np.sqrt(mass) * shape / roots
-        part[moment] = sign * 2.0 * np.sqrt(mass) * length / roots**2
-        columns.append(part)
-    turns = np.pi * (np.arange(counts[2]) + 0.5)
-    frequency.extend(turns * np.sqrt(gj / polar) / length)
-    part = np.zeros((6, counts[2]))
-    part[3] = np.sqrt(2.0 * polar * length) / turns
-    columns.append(part)
-    rigid = np.diag(
-        [mass, mass, mass, polar * length, mass * length**2 / 3.0, mass * length**2 / 3.0]
-    )
-    rigid[1, 5] = rigid[5, 1] = mass * length / 2.0
-    rigid[2, 4] = rigid[4, 2] = -mass * length / 2.0
-    return _sorted(np.array(frequency), damping, np.hstack(columns), rigid)
+    section = {
+        "shape": "equivalent",
+        "bending_stiffness_xy": ei_xy,
+        "bending_stiffness_xz": ei_xz,
+        "torsion_stiffness": gj,
+        "linear_mass": line_mass,
+        "polar_inertia": polar,
+    }
+    spec = {"segment": [{"length": length, "section": section}]}
+    found = fe.cantilever(spec, dict(zip(fe.PORTS, counts, strict=False)))
+    damping = np.full(len(found.ports), damping)
+    return Elastic(found.frequencies, damping, found.participation.T, found.rigid)
 
 
 def wings(length, line_mass, ei_xy, ei_xz, gj, polar, counts=(16, 16, 8), damping=0.005):
@@ -115,13 +88,6 @@ def wings(length, line_mass, ei_xy, ei_xz, gj, polar, counts=(16, 16, 8), dampin
     part[:3] = 0.0
     rigid = 2.0 * np.diag(np.diag(one.rigid))
     return replace(one, participation=part, rigid=rigid)
-
-
-def _sorted(frequency, damping, participation, rigid):
-    order = np.argsort(frequency, kind="stable")
-    return Elastic(
-        frequency[order], np.full(frequency.size, damping), participation[:, order], rigid
-    )
 
 
 # -- the spacecraft --------------------------------------------------------------------------------
@@ -152,40 +118,22 @@ class Hub:
             "</body></worldbody></mujoco>"
         )
 
-    def at_origin(self):
-        """`(6, 6)` mass matrix about the body's origin, in its axes."""
-        return moved(
-            np.block([[self.mass * np.eye(3), np.zeros((3, 3))], [np.zeros((3, 3)), self.inertia]]),
-            self.centre,
-        )
-
-    def to_port(self):
-        """`(6, 6)`: motion of the port, in its axes, from that of the body's origin."""
-        return np.kron(np.eye(2), self.axes) @ np.block(
-            [[np.eye(3), -cross(self.port)], [np.zeros((3, 3)), np.eye(3)]]
-        )
-
-
-def cross(v):
-    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
-
-
-def moved(mass, place):
-    """A mass matrix about `place`, seen from the origin."""
-    change = np.block([[np.eye(3), -cross(np.asarray(place))], [np.zeros((3, 3)), np.eye(3)]])
-    return change.T @ mass @ change
+    def carrying(self, elastic):
+        """Mass over the motions of the body's origin, in its axes, and the modes."""
+        craft = Craft()
+        craft.body(craft.base, self.mass, self.centre, self.inertia)
+        rows = elastic.participation.T
+        own = Modes(elastic.frequency, elastic.damping, rows, elastic.rigid, 0.0 * rows)
+        craft.modes(craft.base.at(self.port, self.axes.T), own)
+        return craft.matrices()[0]
 
 
 def seen(hub, elastic):
     """What torques and rotation rates can tell: `(3, 3)` inertia of all, `(3, n)` rows, `(n, n)`
     modal mass, free to translate."""
-    to_port = hub.to_port()
-    total = hub.at_origin() + to_port.T @ elastic.rigid @ to_port
-    rows = to_port.T @ elastic.participation
-    push = solve(total[:3, :3], np.hstack([total[:3, 3:], rows[:3]]), assume_a="pos")
-    inertia = total[3:, 3:] - total[3:, :3] @ push[:, :3]
-    turning = rows[3:] - total[3:, :3] @ push[:, 3:]
-    return inertia, turning, np.eye(elastic.frequency.size) - rows[:3].T @ push[:, 3:]
+    mass = hub.carrying(elastic)
+    rest = mass[3:, 3:] - mass[3:, :3] @ solve(mass[:3, :3], mass[:3, 3:], assume_a="pos")
+    return rest[:3, :3], rest[:3, 3:], rest[3:, 3:]
 
 
 def as_seen(hub, elastic):

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
+from finite_elements import strained
 from solver import Section, element_rows, moved
 
 
@@ -117,11 +117,9 @@ def frame_modes(legs, bodies=(), modes=8, port=(0.0, 0.0, 0.0), tip=None):
     moving = np.vstack(mass)[:, 6:]
     carried = np.vstack(rigid)
     strain = np.vstack(stiff)[:, 6:]
-    scale = np.linalg.norm(strain, axis=0)
-    triangle = np.linalg.qr(strain / scale, mode="r")
-    elastic = solve_triangular(triangle, (moving / scale).T, trans="T").T
+    elastic, back = strained(strain, moving)
     left, values, right = np.linalg.svd(elastic, full_matrices=False)
-    shapes = solve_triangular(triangle, right.T / values) / scale[:, None]
+    shapes = back @ right.T / values
     participation = left.T @ carried
     far = node(legs[-1].end if tip is None else tip) - 1
     motion = shapes[6 * far : 6 * far + 6].T

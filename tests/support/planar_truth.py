@@ -38,7 +38,7 @@ class Plane:
 def positive(rows: np.ndarray, rigid: np.ndarray) -> np.ndarray:
     """The rows with their first number that is not negligible made positive."""
     size = np.sqrt(np.diag(rigid))
-    return np.array([row * fe._sign(row / size) for row in rows]).reshape(-1, rigid.shape[0])
+    return np.array([row * fe.first_sign(row / size) for row in rows]).reshape(-1, rigid.shape[0])
 
 
 def reduced(table: dict, port: str, n: int, hub: np.ndarray | None = None) -> Plane:

@@ -1,4 +1,4 @@
-"""Read an exported appendage back from MuJoCo: only mujoco and numpy, nothing from the package.
+"""Read an exported appendage back from MuJoCo: nothing from the package.
 
 The file's root body is welded to the world, so the compiled model's velocities are the appendage's
 own hinges and slides. Rows of the square root of mass over (root motions, joints) come from the
@@ -16,23 +16,11 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from scipy.linalg import solve_triangular
+from scipy.linalg import block_diag
 
-PORTS = ("xy", "xz", "torsion", "axial")
-COLUMNS = {
-    "xy": ((1, 1.0), (5, 1.0)),
-    "xz": ((2, 1.0), (4, -1.0)),
-    "torsion": ((3, 1.0),),
-    "axial": ((0, 1.0),),
-}
-
-
-def into_space(port):
-    """`(6, m)` motion in space (x, y, z, rotations) per unit of each motion of the port."""
-    out = np.zeros((6, len(COLUMNS[port])))
-    for column, (row, sign) in enumerate(COLUMNS[port]):
-        out[row, column] = sign
-    return out
+from finite_elements import first_sign, freed, into_space, strained
+from mechanics import first, tendon_rows
+from solver import moved
 
 
 # -- files -----------------------------------------------------------------------------------------
@@ -106,35 +94,6 @@ def on_free_base(source, ballast, motors=True):
 
 
 # -- square roots ----------------------------------------------------------------------------------
-def _turned(matrix):
-    """Square root rows of a positive semidefinite matrix."""
-    values, vectors = np.linalg.eigh(matrix)
-    return np.sqrt(np.clip(values, 0.0, None))[:, None] * vectors.T
-
-
-def _cross(r):
-    x, y, z = r
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-
-
-def _first(values):
-    """Springs and dampers of MuJoCo: the linear term,
-    also where a version keeps polynomials beside it."""
-    values = np.asarray(values, dtype=float)
-    return values if values.ndim == 1 else values[:, 0]
-
-
-def _tendon_rows(model, data):
-    """`(ntendon, nv)` coefficients, as MuJoCo has them at rest."""
-    rows = np.zeros((model.ntendon, model.nv))
-    for t in range(model.ntendon):
-        first = model.tendon_adr[t]
-        for w in range(first, first + model.tendon_num[t]):
-            assert model.wrap_type[w] == mujoco.mjtWrap.mjWRAP_JOINT
-            rows[t, model.jnt_dofadr[model.wrap_objid[w]]] += model.wrap_prm[w]
-    return rows
-
-
 @dataclass(frozen=True)
 class Reading:
     """An appendage as MuJoCo has it, root held; `n` modes by frequency, mass normalised.
@@ -249,21 +208,14 @@ class Reading:
         if payload is not None:
             at = _site_rows(self.model, self.data, site) @ self.back
             where = self.data.site(site).xpos - self.root
-            rigid = np.block([[np.eye(3), -_cross(where)], [np.zeros((3, 3)), np.eye(3)]])
             mass, inertia = payload
             root = np.sqrt([mass] * 3 + list(inertia))[:, None]
-            elastic, carried = np.vstack([elastic, root * at]), np.vstack([carried, root * rigid])
+            elastic = np.vstack([elastic, root * at])
+            carried = np.vstack([carried, root * moved(np.eye(6), where)])
         if isinstance(hub, str):
             assert hub == "held"
         else:
-            extra = np.zeros((6, 6)) if hub is None else _turned(np.asarray(hub, dtype=float))
-            top = np.vstack([carried, extra])
-            scale = np.linalg.norm(top, axis=0)
-            keep = scale > 0.0
-            basis, _ = np.linalg.qr(top[:, keep] / scale[keep])
-            elastic = np.vstack([elastic, np.zeros((6, elastic.shape[1]))])
-            for _ in range(2):
-                elastic = elastic - basis @ (basis.T @ elastic)
+            elastic = freed(elastic, carried, hub)
         values = np.linalg.svd(elastic, compute_uv=False)
         return 1.0 / values[: modes or values.size]
 
@@ -283,15 +235,6 @@ class Reading:
         zeta = self.ratios if ratios else np.zeros_like(w)
         gain = s**2 / (s**2 + 2.0 * zeta * w * s + w**2)
         return self.rigid - (self.participation.T * gain) @ self.participation
-
-
-def first_sign(row, small=1e-9):
-    """+1 or -1: makes the first number of the row that is not negligible positive."""
-    size = np.max(np.abs(row), initial=0.0)
-    for value in row:
-        if abs(value) > small * size:
-            return float(np.sign(value))
-    return 1.0
 
 
 def _site_rows(model, data, name):
@@ -334,28 +277,24 @@ def _rows(model, data, root):
         mujoco.mj_jacBodyCom(model, data, at, turn, body)
         frame = data.ximat[body].reshape(3, 3).T  # rows: principal axes
         where = data.xipos[body] - root
-        heavy = np.sqrt(mass)
-        round_ = np.sqrt(inertia)[:, None] * frame
-        moving += [heavy * at, round_ @ turn]
-        carried += [
-            heavy * np.hstack([np.eye(3), -_cross(where)]),
-            np.hstack([np.zeros((3, 3)), round_]),
-        ]
-    tendons = _tendon_rows(model, data)
+        own = block_diag(np.sqrt(mass) * np.eye(3), np.sqrt(inertia)[:, None] * frame)
+        moving.append(own @ np.vstack([at, turn]))
+        carried.append(own @ moved(np.eye(6), where))
+    tendons = tendon_rows(model)
     own = np.vstack(
         [np.diag(np.sqrt(model.dof_armature)), np.sqrt(model.tendon_armature)[:, None] * tendons]
     )
     moving.append(own)
     carried.append(np.zeros((own.shape[0], 6)))
     springs = np.zeros(model.nv)
-    springs[model.jnt_dofadr] = _first(model.jnt_stiffness)
+    springs[model.jnt_dofadr] = first(model.jnt_stiffness)
     strain = np.vstack(
-        [np.diag(np.sqrt(springs)), np.sqrt(_first(model.tendon_stiffness))[:, None] * tendons]
+        [np.diag(np.sqrt(springs)), np.sqrt(first(model.tendon_stiffness))[:, None] * tendons]
     )
     damper = np.vstack(
         [
-            np.diag(np.sqrt(_first(model.dof_damping))),
-            np.sqrt(_first(model.tendon_damping))[:, None] * tendons,
+            np.diag(np.sqrt(first(model.dof_damping))),
+            np.sqrt(first(model.tendon_damping))[:, None] * tendons,
         ]
     )
     return np.vstack(moving), np.vstack(carried), strain, damper
@@ -366,9 +305,7 @@ def _modes(moving, carried, strain, damper):
     scale = np.linalg.norm(strain, axis=0)
     if np.any(scale == 0.0) or strain.shape[1] == 0:
         raise ValueError("a joint has no stiffness")
-    triangle = np.linalg.qr(strain / scale, mode="r")
-    back = solve_triangular(triangle, np.eye(scale.size)) / scale[:, None]
-    elastic = solve_triangular(triangle, (moving / scale).T, trans="T").T
+    elastic, back = strained(strain, moving)
     left, values, right = np.linalg.svd(elastic, full_matrices=False)
     if values[-1] < 1e-14 * values[0]:
         raise ValueError("a joint moves no mass")

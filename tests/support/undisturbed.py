@@ -8,6 +8,7 @@ import numpy as np
 import beamchain as bc
 from appendages import seed_boom
 from beamchain import Hub, Root
+from mechanics import INTEGRATORS, momentum
 
 SHARE = 0.5  # of the stable step
 SMALL = 1e-5  # rad: linear motion
@@ -45,7 +46,7 @@ def ringing(integrator: str, steps: int) -> Ringing:
     """Ring the first mode alone for `steps` steps at half the stable step (of Euler, where
     there is no limit)."""
     model = boom()
-    model.opt.integrator = number(integrator)
+    model.opt.integrator = INTEGRATORS[integrator]
     model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
     linear = bc.linearise(model)
     frequencies = linear.frequencies()
@@ -73,11 +74,6 @@ def ringing(integrator: str, steps: int) -> Ringing:
     wanted = turn(integrator, w * h) / (w * h) - 1.0
     drift = smooth / smooth[0] - 1.0
     return Ringing(h, float(np.max(np.abs(drift))), float(drift[-1]), seen / w - 1.0, float(wanted))
-
-
-def number(integrator: str) -> int:
-    """MuJoCo's number of an integrator."""
-    return int(getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}"))
 
 
 def turn(integrator: str, x: float) -> float:
@@ -123,32 +119,14 @@ def tumbling(integrator: str, timestep: float, seconds: float = 20.0) -> tuple[f
     )
     result = bc.fit(beam, modes={"xy": 2, "xz": 2, "torsion": 1}, root=Root(hub=hub))
     model = mujoco.MjModel.from_xml_string(result.scene_mjcf())
-    model.opt.integrator, model.opt.timestep = number(integrator), timestep
+    model.opt.integrator, model.opt.timestep = INTEGRATORS[integrator], timestep
     data = mujoco.MjData(model)
     data.qvel[:6] = [0.02, -0.01, 0.03, WHEEL, 2.0 * WHEEL, -WHEEL]
     moments = []
     for _ in range(round(seconds / timestep) + 1):
-        mujoco.mj_forward(model, data)
-        moments.append(momenta(model, data))
+        moments.append(momentum(model, data))
         mujoco.mj_step(model, data)
-    p, angular = (np.array(v) for v in zip(*moments, strict=True))
+    p, angular = np.hsplit(np.array(moments), 2)
     return tuple(
         float(np.max(np.linalg.norm(v - v[0], axis=1)) / np.linalg.norm(v[0])) for v in (p, angular)
     )  # type: ignore[return-value]
-
-
-def momenta(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[np.ndarray, np.ndarray]:
-    """Linear momentum, and angular momentum about the world's origin, from bodies' velocities."""
-    p = np.zeros(3)
-    angular = np.zeros(3)
-    velocity = np.zeros(6)
-    for body in range(1, model.nbody):
-        mujoco.mj_objectVelocity(model, data, int(mujoco.mjtObj.mjOBJ_BODY), body, velocity, 0)
-        turn = velocity[:3].copy()
-        move = velocity[3:].copy()  # at the mass centre
-        frame = data.ximat[body].reshape(3, 3)
-        p += model.body_mass[body] * move
-        angular += frame @ (model.body_inertia[body] * (frame.T @ turn)) + np.cross(
-            data.xipos[body], model.body_mass[body] * move
-        )
-    return p, angular
