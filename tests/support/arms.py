@@ -12,10 +12,10 @@ import mujoco
 import numpy as np
 
 from craft_truth import Side
-from finite_elements import _rectangle_torsion
-from solver import Craft, Section, normal_modes
+from solver import Craft, normal_modes, section_of
 
 YOUNG, DENSITY, POISSON = 7e10, 2700.0, 0.33
+MATERIAL = {"youngs_modulus": YOUNG, "density": DENSITY, "poissons_ratio": POISSON}
 ELEMENTS = 30  # of every link, unless the arm says another number
 REACH = 60.0  # times the band: modes with the bus held that are kept one by one
 
@@ -50,18 +50,8 @@ class Link:
     @property
     def section(self):
         """Its stiffness and inertia per length."""
-        area = self.width_y * self.width_z
-        about_z = self.width_z * self.width_y**3 / 12.0
-        about_y = self.width_y * self.width_z**3 / 12.0
-        shear = YOUNG / (2.0 * (1.0 + POISSON))
-        return Section(
-            axial=YOUNG * area,
-            torsion=shear * _rectangle_torsion(self.width_y, self.width_z),
-            bending_y=YOUNG * about_y,
-            bending_z=YOUNG * about_z,
-            mass=DENSITY * area,
-            polar=DENSITY * (about_y + about_z),
-        )
+        shape = {"shape": "rectangle", "width_y": self.width_y, "width_z": self.width_z}
+        return section_of({"section": shape, "material": MATERIAL})
 
 
 @dataclass(frozen=True)

@@ -7,12 +7,15 @@ are kept as rows. Nothing is imported from the package.
 
 import json
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from finite_elements import strained
 from solver import Section, element_rows, moved
+
+SAME = 1e-6  # of a length's unit: two nodes closer than that are one
 
 
 @dataclass(frozen=True)
@@ -66,6 +69,27 @@ def element(a, b, leg):
     return heavy @ own, heavy @ own @ still, strain @ own
 
 
+def nodes_of(legs, first):
+    """Nodes of members, those at some places first, and the elements: (node, node, leg)."""
+    nodes = [np.asarray(place, dtype=float) for place in first]
+    elements = []
+    for leg in legs:
+        a, b = np.asarray(leg.start, dtype=float), np.asarray(leg.end, dtype=float)
+        places = [a + (b - a) * k / leg.elements for k in range(leg.elements + 1)]
+        for place in places:
+            if node_at(nodes, place) is None:
+                nodes.append(place)
+        ends = [node_at(nodes, place) for place in places]
+        elements += [(i, j, leg) for i, j in pairwise(ends)]
+    return nodes, elements
+
+
+def node_at(nodes, place):
+    """Its number; None: there is none."""
+    apart = np.linalg.norm(np.array(nodes) - place, axis=1)
+    return int(np.argmin(apart)) if apart.min() < SAME else None
+
+
 def frame_modes(legs, bodies=(), modes=8, port=(0.0, 0.0, 0.0), tip=None):
     """Modes of a frame held at its port.
 
@@ -77,23 +101,7 @@ def frame_modes(legs, bodies=(), modes=8, port=(0.0, 0.0, 0.0), tip=None):
         tip: where the motion is read; the end of the last leg where left out.
     """
     port = np.asarray(port, dtype=float)
-    nodes = []
-
-    def node(place):
-        place = np.asarray(place, dtype=float) - port
-        for i, known in enumerate(nodes):
-            if np.linalg.norm(known - place) < 1e-9:
-                return i
-        nodes.append(place)
-        return len(nodes) - 1
-
-    assert node(port) == 0
-    members = []
-    for leg in legs:
-        a = np.asarray(leg.start, dtype=float)
-        b = np.asarray(leg.end, dtype=float)
-        ends = [node(a + (b - a) * k / leg.elements) for k in range(leg.elements + 1)]
-        members += [(i, j, leg) for i, j in zip(ends[:-1], ends[1:], strict=True)]
+    nodes, members = nodes_of(legs, [port])
     size = 6 * len(nodes)
 
     def wide(rows, *at):
@@ -104,16 +112,15 @@ def frame_modes(legs, bodies=(), modes=8, port=(0.0, 0.0, 0.0), tip=None):
 
     mass, rigid, stiff = [], [], []
     for i, j, leg in members:
-        m, r, s = element(nodes[i], nodes[j], leg)
+        m, r, s = element(nodes[i] - port, nodes[j] - port, leg)
         mass.append(wide(m, i, j))
         rigid.append(r)
         stiff.append(wide(s, i, j))
     for body in bodies:
-        i = node(body.at)
+        i = node_at(nodes, body.at)
         root = np.diag(np.sqrt([body.mass] * 3 + list(body.inertia)))
         mass.append(wide(root, i))
-        rigid.append(root @ moved(np.eye(6), nodes[i]))
-    assert size == 6 * len(nodes), "bodies sit at ends of elements"
+        rigid.append(root @ moved(np.eye(6), nodes[i] - port))
     moving = np.vstack(mass)[:, 6:]
     carried = np.vstack(rigid)
     strain = np.vstack(stiff)[:, 6:]
@@ -121,7 +128,7 @@ def frame_modes(legs, bodies=(), modes=8, port=(0.0, 0.0, 0.0), tip=None):
     left, values, right = np.linalg.svd(elastic, full_matrices=False)
     shapes = back @ right.T / values
     participation = left.T @ carried
-    far = node(legs[-1].end if tip is None else tip) - 1
+    far = node_at(nodes, legs[-1].end if tip is None else tip) - 1
     motion = shapes[6 * far : 6 * far + 6].T
     n = min(modes, values.size)
     return FrameModes(
@@ -129,7 +136,7 @@ def frame_modes(legs, bodies=(), modes=8, port=(0.0, 0.0, 0.0), tip=None):
         participation[:n],
         motion[:n],
         carried.T @ carried,
-        float(max(p[0] for p in nodes)),
+        float(max(p[0] for p in nodes) - port[0]),
         participation.T @ participation,
     )
 

@@ -12,8 +12,9 @@ import mujoco
 import numpy as np
 from scipy.linalg import eig, eigh
 
-from arms import DENSITY, POISSON, YOUNG, _words
-from finite_elements import _rectangle_torsion
+from arms import _words
+from mechanics import mass_matrix, system_matrix
+from solver import cross
 
 MOVED = 1e-5  # rad or m of differences
 SETTLED = 1e-11
@@ -44,8 +45,7 @@ class Loaded:
     def peaks(self, top):
         """Poles up to `top` [rad/s] above the real axis, ascending, and residues `(k, 6, 6)`."""
         n = len(self.mass)
-        rates = -np.linalg.solve(self.mass, np.hstack([self.stiffness, self.damping]))
-        flow = np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), rates])
+        flow = system_matrix(self.mass, self.damping, self.stiffness)
         values, left, right = eig(flow, left=True)
         found = np.flatnonzero((values.imag > 0.05) & (np.abs(values) < top))
         found = found[np.argsort(np.abs(values[found]))]
@@ -107,24 +107,20 @@ def extrapolated(coarse, fine, ratio, omega, top):
 
 def cells(link, count, inside):
     """A link as cells of equal length (half ones at the ends), and `inside` on its last."""
-    step = link.length / count
-    area = link.width_y * link.width_z
-    about_y = link.width_y * link.width_z**3 / 12.0
-    about_z = link.width_z * link.width_y**3 / 12.0
-    shear = YOUNG / (2.0 * (1.0 + POISSON))
+    step, section = link.length / count, link.section
     springs = {
-        "x": shear * _rectangle_torsion(link.width_y, link.width_z) / step,
-        "y": YOUNG * about_y / step,
-        "z": YOUNG * about_z / step,
+        "x": section.torsion / step,
+        "y": section.bending_y / step,
+        "z": section.bending_z / step,
     }
     axes = {"x": "1 0 0", "y": "0 1 0", "z": "0 0 1"}
     body = inside
     for k in reversed(range(count + 1)):
         long = step / 2.0 if k in (0, count) else step
         before = 0.0 if k == 0 else (step / 2.0 if k == 1 else step)
-        weight = DENSITY * area * long
+        weight = section.mass * long
         across = weight * long**2 / 12.0
-        inertia = [DENSITY * (about_y + about_z) * long, across, across]
+        inertia = [section.polar * long, across, across]
         # in turn one way round and the other, so that no order of the three is preferred
         order = "xyz" if k % 2 else "zyx"
         joints = "".join(
@@ -237,18 +233,12 @@ def at_rest(model, qpos, bend, ctrl=0.0, damping=0.0):
     data.qpos[:] = qpos
     data.qvel[:] = 0.0
     mujoco.mj_forward(model, data)
-    mass = np.zeros((nv, nv))
-    column = np.zeros(nv)
-    for i, unit in enumerate(np.eye(nv)):
-        mujoco.mj_mulM(model, data, column, unit)
-        mass[:, i] = column
     rows = np.zeros((6, nv))
     mujoco.mj_jacBody(model, data, rows[:3], rows[3:], model.body("bus").id)
-    x, y, z = acceleration[:3]
     tilt = np.zeros((6, nv))
     # of R^T a for a turn t of R: - t x a = a x t
-    tilt[:3] = -np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]) @ rows[3:]
-    return Loaded(mass, drag + damping, slope, rows, tilt)
+    tilt[:3] = -cross(acceleration[:3]) @ rows[3:]
+    return Loaded(mass_matrix(model, qpos), drag + damping, slope, rows, tilt)
 
 
 def _mass_of(model, data, qpos, bodies):

@@ -15,6 +15,8 @@ import numpy as np
 from numpy.polynomial.legendre import leggauss
 from scipy.linalg import eigh
 
+from finite_elements import section_properties
+
 GAUSS = leggauss(4)  # exact for the products of cubic shape functions
 
 
@@ -66,6 +68,13 @@ class Section(NamedTuple):
     bending_z: float
     mass: float
     polar: float
+
+
+def section_of(segment):
+    """The section of a uniform segment of a SPEC.toml."""
+    at = section_properties(segment, 0.0)
+    names = ("axial", "torsion", "bending_xz", "bending_xy", "mass", "polar")
+    return Section(*(float(at[name]) for name in names))
 
 
 class Modes(NamedTuple):

@@ -77,17 +77,13 @@ def superelement(modes=22, port=False):
     legs.append(frames.tube(apex, mast, 8, 40.0, 1.5, **tube))
     legs.append(frames.strip(mast, (2000.0, 500.0, 200.0), 5, 30.0, 8.0, **tube))
     nodes, mass, stiffness = _mesh(legs, [PLACES[grid] for grid in grids])
-
-    def node(place):
-        return next(i for i, known in enumerate(nodes) if np.linalg.norm(known - place) < 1e-6)
-
-    end = node(np.array(legs[-1].end))
+    end = frames.node_at(nodes, legs[-1].end)
     mass[6 * end : 6 * end + 3, 6 * end : 6 * end + 3] += 4e-4 * np.eye(3)
     reference = np.mean([PLACES[grid] for grid in GRIDS], axis=0)
     rigid = np.vstack([moved(np.eye(6), p - reference) for p in nodes])
     held = 6 * len(GRIDS)
     squares, shapes = eigh(stiffness[held:, held:], mass[held:, held:])
-    end = 6 * node(np.array(mast)) - held
+    end = 6 * frames.node_at(nodes, mast) - held
     reduced = _craig_bampton(mass, stiffness, grids, modes)
     # the truth is of the whole mesh: rigid motion of every node, no reduction
     return Superelement(
@@ -103,20 +99,7 @@ def superelement(modes=22, port=False):
 
 def _mesh(legs, held):
     """Nodes, the held ones first, mass and stiffness of the bars of a frame."""
-    nodes = [np.array(place) for place in held]
-
-    def node(place):
-        for i, known in enumerate(nodes):
-            if np.linalg.norm(known - place) < 1e-6:
-                return i
-        nodes.append(place)
-        return len(nodes) - 1
-
-    members = []
-    for leg in legs:
-        a, b = np.array(leg.start), np.array(leg.end)
-        ends = [node(a + (b - a) * k / leg.elements) for k in range(leg.elements + 1)]
-        members += [(i, j, leg) for i, j in zip(ends[:-1], ends[1:], strict=True)]
+    nodes, members = frames.nodes_of(legs, held)
     size = 6 * len(nodes)
     mass, stiffness = np.zeros((size, size)), np.zeros((size, size))
     for i, j, leg in members:
@@ -165,7 +148,7 @@ def wing_on_two_feet(modes=14):
         frames.tube((500.0, tip, z), (1100.0, tip, z), 2, 24.0, 1.0, **tube),
     ]
     nodes, mass, stiffness = _mesh(legs, list(FEET.values()))
-    corner = next(i for i, p in enumerate(nodes) if np.allclose(p, (500.0, tip, z), atol=1e-6))
+    corner = frames.node_at(nodes, (500.0, tip, z))
     mass[6 * corner : 6 * corner + 3, 6 * corner : 6 * corner + 3] += 5e-4 * np.eye(3)  # 0.5 kg
     shapes = eigh(stiffness[12:, 12:], mass[12:, 12:])[1][:, :modes]
     # a solver leaves the sign of a shape open: here its sum, weighted from 1 to 2, is positive
@@ -179,7 +162,7 @@ def wing_on_two_feet(modes=14):
     first = legs[0]
     step = (np.array(first.end) - np.array(first.start)) / first.elements
     _, _, strain = frames.element(np.array(first.start), np.array(first.start) + step, first)
-    second = next(i for i, p in enumerate(nodes) if np.allclose(p, first.start + step, atol=1e-6))
+    second = frames.node_at(nodes, first.start + step)
     at = np.r_[:6, 6 * second : 6 * second + 6]
     return Wing(
         _symmetric(motion.T @ mass @ motion),

@@ -16,15 +16,13 @@ from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 
 import numpy as np
-from scipy.linalg import eigh
 
 import finite_elements as fe
 from craft_truth import damped_poles
 from frames import Body, FrameModes, Leg, frame_modes, write_modes
-from solver import Craft, Frame, Modes, Section, cross, moved
+from solver import Craft, Frame, Modes, cross, moved, normal_modes, section_of
 
 YOUNG, DENSITY, POISSON = 7e10, 2700.0, 0.33
-SHEAR = YOUNG / (2.0 * (1.0 + POISSON))
 LEAF_ELEMENTS = 6  # of every leg of a leaf
 CONVERGED = 12  # modes of every port of a beam that its mesh has right to rounding; it has more
 DELIVERED = 250.0  # times the band: the modes of a leaf that its file has; with 60 it lacks 2e-4
@@ -218,7 +216,7 @@ def modes_of(part):
     """All modes of the mesh of a part, the root held."""
     if not part.is_beam:
         return _modes_of_leaf(part, 10**6)
-    found = fe.every_mode({"segment": [_segment(part)]}, CONVERGED)
+    found = fe.every_mode({"segment": [_segment(part.legs[0])]}, CONVERGED)
     return FrameModes(
         found.frequencies,
         found.participation,
@@ -229,8 +227,8 @@ def modes_of(part):
     )
 
 
-def _segment(part):
-    _, end, width_y, width_z = part.legs[0]
+def _segment(leg):
+    _, end, width_y, width_z = leg
     return {
         "length": end[0],
         "section": {"shape": "rectangle", "width_y": width_y, "width_z": width_z},
@@ -239,20 +237,7 @@ def _segment(part):
 
 
 def _modes_of_leaf(part, count):
-    legs = []
-    for start, end, width_y, width_z in part.legs:
-        area = width_y * width_z
-        about_z = width_z * width_y**3 / 12.0
-        about_y = width_y * width_z**3 / 12.0
-        section = Section(
-            axial=YOUNG * area,
-            torsion=SHEAR * fe._rectangle_torsion(width_y, width_z),
-            bending_y=YOUNG * about_y,
-            bending_z=YOUNG * about_z,
-            mass=DENSITY * area,
-            polar=DENSITY * (about_y + about_z),
-        )
-        legs.append(Leg(start, end, LEAF_ELEMENTS, section))
+    legs = [Leg(*leg[:2], LEAF_ELEMENTS, section_of(_segment(leg))) for leg in part.legs]
     return frame_modes(legs, [Body(place, mass) for place, mass in part.lumps], modes=count)
 
 
@@ -334,8 +319,8 @@ class Whole:
     def frequencies(self, count):
         """The lowest undamped frequencies above zero [rad/s]."""
         mass, _, stiffness = self._slow
-        values = eigh(stiffness, mass, eigvals_only=True)
-        return np.sqrt(values[values > 1e-6 * self.band**2])[:count]
+        w, _ = normal_modes(mass, stiffness, self.band**2)
+        return w[w > 1e-3 * self.band][:count]
 
     @cached_property
     def _modal(self):
@@ -354,11 +339,8 @@ class Whole:
         """The same in the undamped modes up to `NEAREST` times the band, the bus's motions
         first."""
         mass, damping, stiffness = self._modal
-        # of the inverse, so that slow modes keep their digits
-        shift = self.band**2
-        held = slice(6, None)
-        inverse, shapes = eigh(mass[held, held], (stiffness + shift * mass)[held, held])
-        shapes = shapes[:, inverse > 1.0 / (NEAREST**2 + 1.0) / shift]
+        w, shapes = normal_modes(mass[6:, 6:], stiffness[6:, 6:], self.band**2)
+        shapes = shapes[:, w < NEAREST * self.band]
         basis = np.zeros((len(mass), 6 + shapes.shape[1]))
         basis[:6, :6] = np.eye(6)
         basis[6:, 6:] = shapes / np.linalg.norm(shapes, axis=0)
