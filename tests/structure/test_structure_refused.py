@@ -789,21 +789,23 @@ DELIVERIES = {
     ),
 }
 
-GROUPS = {
-    "section": SECTIONS,
-    "beam": BEAMS,
-    "modes": MODES,
-    "print": PRINTS,
-    "delivery": DELIVERIES,
-}
-REFUSED = {f"{kind}: {name}": row for kind, rows in GROUPS.items() for name, row in rows.items()}
+GROUPS = {"section": SECTIONS, "beam": BEAMS, "modes": MODES, "print": PRINTS}
+REFUSED = {f"{kind}: {name}": row for kind, group in GROUPS.items() for name, row in group.items()}
+
+
+@pytest.fixture(autouse=True)
+def _in_a_folder_of_its_own(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_what_no_structure_can_be_is_refused(case, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    call, words = REFUSED[case]
-    check_refused(call, InputError, words)
+def test_what_no_structure_can_be_is_refused(case):
+    check_refused(REFUSED[case][0], InputError, REFUSED[case][1])
+
+
+@pytest.mark.parametrize("case", DELIVERIES)
+def test_a_delivery_that_does_not_fit_together_is_refused(case):
+    check_refused(DELIVERIES[case][0], InputError, DELIVERIES[case][1])
 
 
 @pytest.mark.parametrize(
