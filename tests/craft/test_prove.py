@@ -154,10 +154,10 @@ HAND = Arm(**{**ONE.__dict__, "keys": {"as_built": {}}})
     ("change", "sentence"),
     [
         (renamed, "a keyframe was put in, taken out or renamed"),
-        (added_key, "without its appendages the spacecraft does not compile any more"),
+        (added_key, "does not compile any more"),
         (put_on_link, "body 'camera' was put on body 'upper_link2'"),
         (moved_to_another_link, "carries body 'hand' on its port 'end'"),
-        (appendage_taken_out, "which embed moved onto a port, is not found|nothing stands behind"),
+        (appendage_taken_out, "is not found|nothing stands behind"),
     ],
 )
 def test_what_the_marks_do_not_say_any_more_is_said_in_a_sentence(written_once, change, sentence):
@@ -190,12 +190,6 @@ def test_the_command_prints_the_proof_and_exits_with_3_where_it_is_missed(writte
     assert "above the tolerance 0.02" in " ".join(missed.out.split())
 
 
-def test_a_file_without_marks_is_refused(tmp_path):
-    (tmp_path / "arm.xml").write_text(mjcf(ONE))
-    with pytest.raises(bc.InputError, match="was not written by embed"):
-        bc.prove(tmp_path / "arm.xml")
-
-
 @pytest.mark.slow
 def test_text_is_taken_as_a_file_is_and_a_keyframe_that_bends_an_appendage_is_warned_of(tmp_path):
     file, fresh = embedded(tmp_path, TWO)
@@ -207,12 +201,6 @@ def test_text_is_taken_as_a_file_is_and_a_keyframe_that_bends_an_appendage_is_wa
     short = bc.prove(etree.tostring(root, encoding="unicode"))
     (said,) = [said for said in short.warnings if said.code == "bent-keyframe"]
     assert re.search(rf"0.8 rad for 'upper_.*write all {short.model.nq} values", said)
-
-
-def test_text_without_marks_is_refused_without_repeating_it():
-    with pytest.raises(bc.InputError, match="was not written by embed") as refused:
-        bc.prove(mjcf(ONE))
-    assert len(str(refused.value)) < 200
 
 
 @pytest.mark.slow

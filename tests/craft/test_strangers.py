@@ -306,12 +306,6 @@ def test_places_that_mujoco_makes(kind, tmp_path):
     assert own_frequencies(model) == pytest.approx(wanted, rel=1e-6)
 
 
-def test_a_compiled_model_is_refused_for_what_it_is(rod, tmp_path):
-    mujoco.mj_saveModel(mujoco.MjModel.from_xml_string(RING), str(tmp_path / "c.mjb"))
-    with pytest.raises(bc.InputError, match="is a compiled model.*give the MJCF"):
-        bc.embed(tmp_path / "c.mjb", {"craft": rod})
-
-
 def test_a_short_keyframe_is_padded_as_mujoco_does(rod):
     craft = """<mujoco><worldbody><body name="bus" pos="0 0 3"><freejoint/>
     <inertial pos="0 0 0" mass="300" diaginertia="90 90 90"/><site name="mount" pos=".5 0 0"/>

@@ -2,17 +2,28 @@
 (tests/support/flow.py) on a rigid body, and against plain MuJoCo."""
 
 import copy
-import tempfile
-from functools import cache
-from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
 
 import beamchain as bc
+from barge import (
+    ABOUT,
+    BOTH,
+    BURN,
+    BUS,
+    DENSITY,
+    HEIGHT,
+    LIQUID,
+    PLACE,
+    RADIUS,
+    RATIO,
+    craft,
+    embedded,
+    tank,
+)
 from command import call
-from examples import EXAMPLES
 from flow import Flow
 from spacecraft import spec
 
@@ -21,54 +32,6 @@ SAME = 1e-6  # of a response off its peaks, by two ways to linearise
 MASSES = 1e-5  # of the same, the stiffness of the exact one by differences of its masses' places
 HELD = 5e-4  # of a frequency: damping, and what two pendulums leave out of the flow
 STEP = 1e-4  # rad, of differences
-RADIUS, HEIGHT, DENSITY, RATIO = 0.5, 0.8, 1010.0, 0.01
-LIQUID = np.pi * RADIUS**2 * HEIGHT * DENSITY
-BUS, ABOUT = 600.0, 300.0  # kg, kg m^2
-PLACE = 0.4  # m, of the tank's bottom below the bus's centre
-CRAFT = """<mujoco model="barge"><option gravity="{gravity}" timestep="0.02"/><worldbody>
-<body name="bus">{joint}<inertial pos="0 0 0" mass="600" diaginertia="300 300 250"/>
-<site name="left" pos="0 0.5 0" xyaxes="0 1 0 -1 0 0"/>
-<site name="right" pos="0 -0.5 0" xyaxes="0 -1 0 1 0 0"/>
-<site name="tank" pos="0 0 -0.4" xyaxes="{axes}"/><site name="nozzle" pos="0 0 -0.8"/>
-</body></worldbody>
-<actuator><motor name="thrust" site="nozzle" gear="0 0 1 0 0 0"/></actuator>
-<keyframe><key name="burn" ctrl="{thrust!r}"/></keyframe></mujoco>"""
-UP = "0 0 1 0 1 0"
-BOTH = ("left", "right")
-
-
-def craft(thrust=0.0, gravity="0 0 0", joint="<freejoint/>", axes=UP):
-    return CRAFT.format(thrust=float(thrust), gravity=gravity, joint=joint, axes=axes)
-
-
-def tank(acceleration, modes=None, scene="", axis=None):
-    along = "" if axis is None else f"axis = {axis!r}\n"
-    many = "" if modes is None else f"modes = {modes}\n"
-    return (
-        f'name = "tank"\n[slosh]\nshape = "cylinder"\nradius = {RADIUS}\nheight = {HEIGHT}\n'
-        f"density = {DENSITY}\nratio = {RATIO}\nacceleration = {acceleration}\n{along}{many}{scene}"
-    )
-
-
-def embedded(folder, acceleration, *, scene="", **more):
-    """A spacecraft with the tank, whose specification is written into the folder as well."""
-    (folder / "tank.toml").write_text(tank(acceleration, scene=scene))
-    return made_once(acceleration, scene, **more)
-
-
-@cache
-def made_once(acceleration, scene, *, arrays=(), loaded=True, **more):
-    """Of `embedded`: what is asked for again is the same one, which tests only read."""
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "tank.toml"
-        file.write_text(tank(acceleration, scene=scene))
-        at = {"tank": file}
-        mass = BUS + LIQUID
-        for place in arrays:
-            at[place] = EXAMPLES / "array.toml"
-            mass += bc.read_spec(at[place]).beam.rigid_mass()[0, 0]
-        text = craft(mass * acceleration, **more)
-        return bc.embed(text, at, loaded=loaded, retime=False)
 
 
 def clamped(model, acceleration):
@@ -284,29 +247,6 @@ class TestSaid:
         tilted = embedded(tmp_path, 0.05, axes="0 0.4 1 0 1 -0.4")
         assert self.codes(tilted) == ["slosh-weightless", "slosh-tilt"]
 
-    @pytest.mark.parametrize("axes", ["0 0 -1 0 1 0", "1 0 0 0 1 0", "0 1 0 0 0 1"])
-    def test_thrust_against_or_across_the_axis(self, tmp_path, axes):
-        with pytest.raises(bc.InputError, match="not press the liquid onto.*another slosh.axis"):
-            embedded(tmp_path, 0.05, axes=axes)
-
-    def test_thrust_across_the_axis_but_for_rounding(self, tmp_path):
-        (tmp_path / "tank.toml").write_text(tank(0.05, axis="z"))
-        with pytest.raises(bc.InputError, match="not press the liquid onto"):
-            bc.embed(craft(BURN), {"tank": tmp_path / "tank.toml"}, loaded=True)
-
-    def test_carrying(self, tmp_path):
-        (tmp_path / "tank.toml").write_text(tank(0.05))
-        with pytest.raises(bc.InputError, match="carries nothing"):
-            bc.embed(craft(), {"tank": tmp_path / "tank.toml"}, carry={"tank:tip": ["bus"]})
-
-    def test_step_limits_and_recovery(self, tmp_path):
-        (tmp_path / "tank.toml").write_text(tank(0.05))
-        with pytest.raises(bc.InputError, match="no stiffness without an acceleration"):
-            bc.stability(tmp_path / "tank.toml")
-        result = embedded(tmp_path, 0.05)
-        with pytest.raises(bc.InputError, match="has no sections"):
-            result.recover(mujoco.MjData(result.model), "tank")
-
     def test_a_plant_without_a_load(self, tmp_path):
         result = embedded(tmp_path, 0.05, arrays=BOTH)
         with pytest.raises(bc.InputError, match="nothing acts"):
@@ -345,10 +285,9 @@ class TestSaid:
             *("--pose", "burn", "-o", tmp_path / "plant.mat"),
         )
         assert told.status == 2
-        assert (
-            "'tank_' is the liquid of a tank, which is not varied; vary the thrust (+-20 % is "
-            "+-10 % in frequency)"
-        ) in " ".join(told.err.split())
+        said = " ".join(told.err.split())
+        for words in ("'tank_'", "liquid", "not varied", "vary the thrust (+-20 % is +-10 %"):
+            assert words in said
         assert not (tmp_path / "plant.mat").exists()
 
     @pytest.mark.parametrize("turned", [False, True])
@@ -361,9 +300,8 @@ class TestSaid:
         result = bc.embed(text, {"tank": tmp_path / "tank.toml"}, loaded=True, retime=False)
         (said,) = [w for w in result.warnings if w.code == "thrust-offset"]
         moment = 0.014 * BURN
-        assert said.startswith(
-            f"the thrust at burn passes 14 mm beside the centre of mass: {moment:.3g} N m"
-        )
+        assert "burn passes 14 mm beside" in said
+        assert f"{moment:.3g} N m" in said
         model, data = result.model, mujoco.MjData(result.model)
         mujoco.mj_resetDataKeyframe(model, data, 0)
         mujoco.mj_forward(model, data)
@@ -423,7 +361,6 @@ PLACES = {
 }
 ROUNDING = 1e-12  # relative
 SWUNG = 0.1  # rad
-BURN = 0.05 * (BUS + LIQUID)  # N
 
 
 #: axes and forms of the whole walk through a file in the quick half; each axis is also attached

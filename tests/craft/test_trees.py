@@ -230,29 +230,6 @@ def test_timing_is_stable_at_every_step_pose_and_payload(tmp_path, step, integra
             assert np.abs(data.ten_velocity).max() < 3.0 * largest
 
 
-@pytest.mark.parametrize(
-    ("carry", "sentence"),
-    [
-        ({"place_upper:end": "nobody"}, "no body 'nobody'"),
-        ({"place_upper:end": "hand"}, "does not hang directly on body 'bus'"),
-        ({"place_fore:end": "joint_fore"}, "would close a loop"),
-        ({"place_upper:end": "bus"}, "has a free joint"),
-        ({"place_upper:elbow": "joint_fore"}, "has no port 'elbow'; it has: end"),
-        ({"place_upper:tip": "joint_fore"}, "has no port 'tip'"),
-        ({"nowhere:end": "joint_fore"}, "no appendage is put at 'nowhere'"),
-        ({"place_upper": "joint_fore"}, "names no port"),
-        ({"place_upper:end": ["joint_fore", "joint_fore"]}, "hangs on one port"),
-        ({"place_upper:end": 3}, "carry"),
-        (["place_upper:end=joint_fore"], "bodies by port"),
-    ],
-)
-def test_what_cannot_be_carried_is_refused_in_a_sentence(tmp_path, carry, sentence):
-    craft, at = written(tmp_path, arm())
-    with pytest.raises(bc.InputError, match=sentence) as refused:
-        bc.embed(craft, at, carry=carry)
-    assert "\n" not in str(refused.value)
-
-
 @pytest.mark.slow
 def test_the_command_line_carries_too_and_refuses_without_writing(tmp_path):
     craft, at = written(tmp_path, arm())

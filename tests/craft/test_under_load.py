@@ -121,12 +121,6 @@ def test_a_hanging_beam_is_stiffened_as_the_closed_form_says(tmp_path):
     assert added == pytest.approx(1.5709 * 9.81 / 6.0, rel=2e-3)
 
 
-def test_where_nothing_acts_the_load_is_refused(tmp_path):
-    falling = Arm(**{**ONE.__dict__, "keys": {"as_it_is": {}}})
-    with pytest.raises(bc.InputError, match="no load acts"):
-        embedded(tmp_path, falling, modes=FEW)
-
-
 @SLOW
 def test_what_is_not_asked_for_is_left_out(tmp_path):
     flexible, _ = embedded(tmp_path, ONE, False, base=STAND)
@@ -146,7 +140,7 @@ def test_a_thrust_on_what_an_appendage_carries_is_refused(tmp_path):
     )
     (tmp_path / "arm.xml").write_text(marked)
     (tmp_path / "upper.toml").write_text(toml(pushed, UPPER, BAND, 0.05, FEW))
-    with pytest.raises(bc.InputError, match="on what an appendage carries"):
+    with pytest.raises(bc.InputError, match="carries"):
         bc.embed(
             tmp_path / "arm.xml",
             {"place_upper": tmp_path / "upper.toml"},
@@ -171,17 +165,6 @@ def test_the_command_proves_under_the_load_and_says_so(tmp_path):
         answer.record["craft_error"], rel=1e-6
     )
     assert call("inspect", out, "--loaded").status == 2
-
-
-def test_a_load_on_imported_modes_is_refused(tmp_path):
-    mass = np.diag([30.0, 30.0, 30.0, 20.0, 600.0, 600.0])
-    mass[1, 5] = mass[5, 1] = 120.0
-    mass[2, 4] = mass[4, 2] = -120.0
-    row = np.array([[0.0, 4.0, 0.0, 0.0, 0.0, 23.0]])
-    modes = bc.ModalData(rigid_mass=mass, frequencies=np.array([1.3]), participation=row)
-    (tmp_path / "arm.xml").write_text(mjcf(ONE, base=STAND))
-    with pytest.raises(bc.InputError, match="place_upper is imported modes"):
-        bc.embed(tmp_path / "arm.xml", {"place_upper": modes}, retime=False, loaded=True)
 
 
 LENGTH, BENDING, LINE = 10.0, 1277.4, 1.0
@@ -241,7 +224,7 @@ def test_a_thrust_that_the_proof_is_without_is_said():
     before, after = (squares(thrust)[0].real for thrust in (0.0, 100.0))
     assert np.sqrt(after / before) < 0.9  # the thrust is felt
     (text,) = said(pressed(100.0), "load-left-out")
-    assert text.startswith("keyframe burn was judged without its load; under a thrust")
+    assert "burn was judged without its load" in text
     assert "--loaded" in text
     assert not said(pressed(100.0, loaded=True), "load-left-out")
     assert not said(pressed(1e-3), "load-left-out")  # 1e-6 of a frequency

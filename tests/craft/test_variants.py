@@ -442,18 +442,6 @@ def test_impossible_crafts_are_one_sentence(swept, folder, tmp_path, text, match
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize(
-    ("change", "match"),
-    [
-        ({"fit": bc.FitOptions(springs="hinges")}, 'springs = "auto"'),
-        ({"damping": bc.Damping(ratio=0.005, form="hinge")}, 'form = "modal"'),
-    ],
-)
-def test_uncertain_modes_need_tendons(change, match):
-    with pytest.raises(bc.InputError, match=match):
-        beam("left", uncertain={"frequency": {"relative": 0.1}}, xy=2).replace(**change)
-
-
 def test_uncertain_modes_get_tendons_by_themselves():
     plain = structs.replace(beam("left", xy=2), damping=None)
     assert not any(t.stiffness > 0.0 for t in bc.fit(plain).chain.tendons)
@@ -503,5 +491,5 @@ def test_the_command(folder, swept, tmp_path):
 
 
 def test_the_sweep_of_a_craft_has_no_nominal_fit(swept):
-    with pytest.raises(bc.InputError, match="nominal: this is the sweep of a craft"):
+    with pytest.raises(bc.InputError, match="nominal"):
         swept.nominal

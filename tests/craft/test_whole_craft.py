@@ -151,9 +151,7 @@ def test_modes_at_a_keyframe(flexible):
         assert abs(mode.error) < MODE
     # the pose matters
     assert max(abs(a.exact / b.exact - 1.0) for a, b in zip(rest, turned, strict=True)) > 0.01
-    with pytest.raises(
-        bc.InputError, match=r"keyframe 'turnt' is not in the spacecraft; choose from rest, turned"
-    ):
+    with pytest.raises(bc.InputError, match="'turnt'.* rest, turned"):
         flexible.modes_at("turnt")
 
 

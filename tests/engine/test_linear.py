@@ -7,7 +7,6 @@ import pytest
 
 import beamchain as bc
 from appendages import close
-from beamchain.errors import EngineError
 
 EXACT = 1e-12  # five-point differences of linear forces: rounding
 FINITE = 1e-7  # mjd_transitionFD, two points at 1e-6, relative to the largest entry
@@ -116,8 +115,3 @@ def test_mujocos_own_linearisation_proves_it(angle):
         (np.linalg.solve(linear.mass, linear.damping), proof.damping),
     ):
         assert ours == close(theirs, abs=FINITE * np.abs(theirs).max())
-
-
-def test_nothing_to_linearise_is_refused():
-    with pytest.raises(EngineError, match="no degree of freedom to linearise"):
-        bc.Linear.of("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>")

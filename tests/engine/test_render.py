@@ -90,19 +90,6 @@ def test_exaggeration_is_of_the_springs_alone():
     np.testing.assert_array_equal(slew.shown(0.0)[k, springs], 0.0)
 
 
-@pytest.mark.parametrize(
-    ("body", "word"),
-    [
-        ("<body><joint type='hinge' stiffness='1'/><geom size='.1'/></body>", "freejoint"),
-        ("<body name='hub'><freejoint/><geom size='.1'/></body>", "spring"),
-    ],
-)
-def test_scenes_that_cannot_ring_are_refused(body, word):
-    model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{body}</worldbody></mujoco>")
-    with pytest.raises(bc.BeamchainError, match=word):
-        simulate(model, angle=0.5, frames=10)
-
-
 # -- files -----------------------------------------------------------------------------------------
 def frames(count=6):
     out = np.zeros((count, 41, 60, 3), dtype=np.uint8)

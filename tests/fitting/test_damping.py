@@ -232,10 +232,8 @@ def test_euler_is_warned_about():
     assert quiet.warnings == ()
     damped = fit(tube(), modes={"xy": 2, "xz": 0}, damping=Damping(ratio=0.01))
     [text] = damped.warnings
-    assert (
-        "Euler, which MuJoCo takes where nothing is said, integrates tendon damping explicitly"
-        in text
-    )
+    assert "Euler" in text
+    assert "tendon damping explicitly" in text
     euler = fit(
         tube(),
         modes={"xy": 2, "xz": 0},
@@ -284,7 +282,7 @@ def test_what_joint_damping_misses_is_measured_and_said():
         damping=Damping(ratio={"xy": (0.01, 0.001, 0.03)}, form="hinge"),
     )
     [text] = result.warnings
-    assert "plain joint damping cannot give every mode its ratio (xy 1: " in text
+    assert "every mode its ratio (xy 1: " in text
     assert f"{result.achieved['xy'].damping[0]:.4g} for 0.01" in text
     assert not result.chain.tendons
     assert "tendon" not in result.to_mjcf()

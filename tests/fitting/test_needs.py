@@ -22,7 +22,6 @@ from beamchain import (
     Damping,
     Fit,
     Hub,
-    InputError,
     Joint,
     Lump,
     Material,
@@ -400,13 +399,6 @@ def test_elements_that_nothing_uses_are_left_out():
     ).to_mjcf()
     assert 'type="capsule"' in solid
     assert "appendage_tip" in solid
-
-
-def test_contradictory_wishes_are_refused():
-    with pytest.raises(InputError, match="axes"):
-        Scene(bandwidth=1.0, axes=())
-    with pytest.raises(InputError, match="auto"):
-        fit(tube(), root=Root(target="auto"))
 
 
 def test_steps_keep_the_tolerance_and_the_cheapest_comes_first():

@@ -38,36 +38,11 @@ def test_sound_numbers_pass_in_silence():
     [
         ({"modulus": 70.0}, "if GPa were meant, write 7e+10"),
         ({"density": 2.7}, "if g/cm^3 were meant, write 2700"),
-        (
-            {"length": 0.1},
-            "only 5.8 times as long as it is deep; Euler's theory leaves shear out: set theory = "
-            '"timoshenko"',
-        ),
+        ({"length": 0.1}, 'set theory = "timoshenko"'),
     ],
 )
 def test_slips_are_asked_about(wrong, words):
     assert words in said(**wrong)
-
-
-@pytest.mark.parametrize("theory", ["euler", "timoshenko"])
-def test_millimetres_are_asked_about(theory):
-    """Eighty metres of rod on five of boom: no theory helps,
-    and none is advised before the unit is."""
-    with pytest.raises(bc.BeamchainError) as refused:
-        said(diameter=80.0, theory=theory)
-    text = str(refused.value)
-    assert text.startswith(
-        "segment[0]: diameter = 80 m on an appendage 5 m long; if mm were meant, write diameter = "
-        "0.08."
-    )
-    tube = bc.Tube(outer_diameter=20.0, wall=1.0)
-    steel = bc.Material(youngs_modulus=2e11, density=7800.0)
-    with pytest.raises(
-        bc.BeamchainError, match=r"if mm were meant, write outer_diameter = 0\.02, wall = 0\.001\."
-    ):
-        bc.fit(
-            bc.Beam(segments=[bc.Segment(length=15.0, section=tube, material=steel, theory=theory)])
-        )
 
 
 @pytest.mark.parametrize(

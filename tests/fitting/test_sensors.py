@@ -8,7 +8,6 @@ import pytest
 import beamchain as bc
 from appendages import close, tip_loaded_boom
 from arrays import deployed_array, tube
-from beamchain import InputError
 from spec_tables import spec_of, table_of
 
 ACCELERATION = 1e-4  # m/s^2 across the appendage: linear motion
@@ -142,11 +141,6 @@ def test_sensors_travel_into_a_spacecraft(tmp_path):
     names = [model.sensor(i).name for i in range(model.nsensor)]
     assert len(names) == 2 * 4 + 2
     assert all("array" in name for name in names)
-
-
-def test_modes_without_tendons_are_refused():
-    with pytest.raises(InputError, match=r"sensors\.modes"):
-        sensing(tube(), modes={"xy": 1}, sensors={"modes": True}, fit={"springs": "hinges"})
 
 
 def test_asking_for_amplitudes_gives_each_mode_a_tendon():

@@ -54,12 +54,6 @@ def test_a_beam_in_python_takes_repeats():
     assert [segment.repeat for segment in bc.Spec(segment=(panel,)).segment] == [1, 1, 1, 1]
 
 
-@pytest.mark.parametrize("repeat", [0, -1, 501, 2.5, True])
-def test_repeats_have_bounds(repeat):
-    with pytest.raises(bc.InputError, match=r"repeat = .* must be a whole number from 1 to 500"):
-        bc.Segment(length=1.0, section=bc.Round(diameter=0.02), repeat=repeat)
-
-
 def tables():
     """Name and table of every object in the schema."""
     return [

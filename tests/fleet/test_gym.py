@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import beamchain as bc
-from spacecraft import CRAFTS
 
 gymnasium = pytest.importorskip(
     "gymnasium", reason="Gymnasium is not installed: pip install 'beamchain[gym]'"
@@ -156,29 +155,6 @@ def test_warnings_of_a_model_are_told():
     model = bc.embed(satellite, {"left": array}, retime=True)
     with pytest.warns(UserWarning, match="modes are too fast for"):
         gymnasium.make(ID, model=model, period=2.0, timestep=2.0, disable_env_checker=True)
-
-
-@pytest.mark.parametrize(
-    ("given", "said"),
-    [
-        ({"period": 250.0}, "period = 250 s must be at most the episode, 120 s"),
-        ({"model": str(CRAFTS / "planar.xml"), "variants": None}, "no reaction wheels"),
-        ({"timestep": 0.07}, "must divide the period"),
-        ({"slew": 4.0}, "at most pi"),
-        ({"noise": (1e-6,)}, r"noise = .* has the shape \(1,\)"),
-        ({"momentum": 0.0}, "momentum = 0.0 must be above zero"),
-        ({"render_mode": "human"}, "render_mode = 'human' is unknown"),
-    ],
-)
-def test_bad_input_is_answered(given, said):
-    with pytest.raises(bc.InputError, match=said):
-        gymnasium.make(ID, disable_env_checker=True, **given)
-
-
-def test_an_unknown_option_of_reset_is_refused():
-    env = gymnasium.make(ID, disable_env_checker=True, variants=None)
-    with pytest.raises(bc.InputError, match="option of reset = 'tun' is unknown"):
-        env.reset(options={"tun": (0.0, 0.0, 0.1)})
 
 
 @pytest.mark.slow

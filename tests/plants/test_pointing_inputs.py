@@ -5,22 +5,8 @@ import pytest
 
 import beamchain as bc
 from command import call
+from jittered import DAMPED, UNDAMPED, WHEEL
 
-DAMPED = """<mujoco><worldbody><body name="hub"><freejoint/>
-<inertial pos="0 0 0" mass="9" diaginertia="12 12 12"/>
-<body name="wheel" pos="0.3 0 0"><joint name="spin" axis="0 0 1"/>
-<inertial pos="0 0 0" mass="2" diaginertia="0.01 0.01 0.02"/></body>
-<body name="lopsided"><joint name="lopsided" axis="0 0 1"/>
-<inertial pos="0.1 0 0" mass="0.1" diaginertia="0.01 0.01 0.02"/></body>
-<body name="panel"><joint name="arm_hinge1_xy" axis="0 0 1" stiffness="300" damping="0.4"/>
-<inertial pos="0 0 0" mass="1" diaginertia="3 3 3"/><site name="arm_tip" pos="2 0 0"/></body></body>
-</worldbody></mujoco>"""
-UNDAMPED = DAMPED.replace('damping="0.4"', "")
-UNSTABLE = DAMPED.replace('damping="0.4"', 'damping="0"').replace(
-    "</worldbody>",
-    '</worldbody><actuator><general joint="arm_hinge1_xy" biastype="affine" biasprm="0 0 1"/>'
-    "</actuator>",
-)
 TOML = """
 [[wheel]]
 joint = "spin"
@@ -128,120 +114,9 @@ def test_the_command_adds_the_budget(files):
     assert not (files / "other.npz").exists()
 
 
-WHEEL = {"joint": "spin", "speeds": (2.0, 30.0), "static": 2e-6}
-STEPPER = {"joint": "arm_hinge1_xy", "step": 1e-3, "rate": 2.0}
-PSD = {"input": "torque:hub", "frequency": (0.1, 10.0), "density": (1e-8, 1e-8)}
-SNAP = {"appendage": "arm_", "displacement": 0.001, "time_constant": 3.0}
-KINDS = {
-    "wheel": (bc.WheelDisturbance, WHEEL),
-    "stepper": (bc.StepperDisturbance, STEPPER),
-    "psd": (bc.NoiseDisturbance, PSD),
-    "snap": (bc.ThermalSnap, SNAP),
-}
-
-
-@pytest.mark.parametrize(
-    ("kind", "changed", "sentence"),
-    [
-        ("wheel", {"joint": "sping"}, r"wheel.joint = 'sping' is unknown; did you mean 'spin'\?"),
-        ("wheel", {"joint": "lopsided"}, "'lopsided' is no balanced wheel"),
-        ("wheel", {"speeds": (30.0, 2.0)}, r"speeds = \[30, 2\] of wheel 'spin' is no range"),
-        ("wheel", {"speeds": (0.0, 0.0)}, "is no range"),
-        ("wheel", {"speeds": (float("nan"), 1.0)}, r"speeds\[0\] = nan cannot be used"),
-        ("wheel", {"speeds": (1.0,)}, r"speeds = \(1.0,\) of wheel 'spin' is no range"),
-        ("wheel", {"speeds": 5.0}, "speeds = 5.0 of wheel 'spin' is no range"),
-        ("wheel", {"joint": 5}, "wheel.joint = 5 is a int; give the name of a hinge"),
-        ("wheel", {"harmonic": ({"order": 2.0},)}, r"is no list of bc.WheelHarmonic\(...\)"),
-        ("wheel", {"static": 0.0}, "disturbs nothing; give static"),
-        ("wheel", {"static": -1.0}, "static = -1.0 must not be negative"),
-        ("wheel", {"count": 1}, "count = 1 must be a whole number from 2"),
-        ("stepper", {"joint": "arm"}, "stepper.joint = 'arm' is unknown"),
-        ("stepper", {"joint": "spin"}, "neither a position servo nor a spring"),
-        ("stepper", {"torque": 1.0}, "takes either step"),
-        ("stepper", {"step": None, "torque": 1.0}, "takes either step"),
-        ("stepper", {"step": None, "torque": 1.0, "width": 0.5}, "is not shorter than the time"),
-        ("stepper", {"rate": 0.0}, "rate = 0.0 must be above zero"),
-        ("psd", {"frequency": 5.0}, "frequency of psd 'torque:hub' = 5.0 is no list of numbers"),
-        ("psd", {"signals": "torque_z"}, "signals of psd 'torque:hub' = 'torque_z' is no list"),
-        ("psd", {"input": "torque:bus"}, "'bus' is unknown"),
-        ("psd", {"signals": ("torque_q",)}, "signals of psd 'torque:hub' = 'torque_q' is unknown"),
-        ("psd", {"frequency": (10.0, 0.1)}, "list frequencies in ascending order"),
-        ("psd", {"frequency": (1.0,)}, "has 1 frequencies and 2 densities"),
-        ("psd", {"density": (1e-8, 0.0)}, "density = 0 of psd 'torque:hub' is not above zero"),
-        ("psd", {"input": "wrench:arm_tip"}, "different units"),
-        ("snap", {"appendage": "boom_"}, "snap.appendage = 'boom_' is unknown"),
-        ("snap", {"mode": 2}, "mode of snap = 'arm_mode2_xy' is unknown"),
-        ("snap", {"port": "xz", "displacement": None, "moment": 1.0}, "no hinge in port 'xz'"),
-        ("snap", {"port": "torsion"}, "twist displaces no tip"),
-        ("snap", {"moment": 1.0}, "takes either displacement"),
-        ("snap", {"time_constant": -1.0}, "time_constant = -1.0 must be above zero"),
-    ],
-)
-def test_a_mistake_gets_its_sentence(kind, changed, sentence):
-    struct, given = KINDS[kind]
-    with pytest.raises(bc.InputError, match=sentence):
-        bc.pointing(DAMPED, bc.Disturbances(**{kind: (struct(**{**given, **changed}),)}))
-
-
-@pytest.mark.parametrize(
-    ("craft", "kind", "changed", "sentence"),
-    [
-        (UNDAMPED, "wheel", {}, r"at 11.\d+ rad/s its order 1 drives 'arm_mode1_xy' .* undamped"),
-        (UNDAMPED, "psd", {}, "'arm_mode1_xy' .* undamped, so that its variance has no limit"),
-        (UNSTABLE, "psd", {}, "the craft is unstable: its motion at 1"),
-        (
-            DAMPED.replace('name="arm_tip"', 'name="end"'),
-            "snap",
-            {},
-            "no site 'arm_tip'.*scene.tip",
-        ),
-    ],
-)
-def test_a_craft_that_has_no_budget_says_why(craft, kind, changed, sentence):
-    struct, given = KINDS[kind]
-    disturbances = bc.Disturbances(**{kind: (struct(**{**given, **changed}),)})
-    with pytest.raises(bc.InputError, match=sentence):
-        bc.pointing(craft, disturbances)
-
-
 def test_undamped_modes_away_from_the_range_are_no_hindrance():
     wheel = bc.WheelDisturbance(**{**WHEEL, "speeds": (2.0, 8.0)})
     assert bc.pointing(UNDAMPED, bc.Disturbances(wheel=(wheel,))).ape.peak[2] > 0.0
-
-
-@pytest.mark.parametrize(
-    ("arguments", "sentence"),
-    [
-        ({"window": 0.0}, "window = 0.0 must be above zero"),
-        ({"outputs": ["gyro"]}, "'gyro' is unknown"),
-        ({"outputs": []}, "outputs is empty"),
-        ({"at": {"drive": 1.0}}, "joint of at = 'drive' is unknown"),
-        ({"rates": {"lopsided": 1.0}}, "only balanced wheels may turn"),
-    ],
-)
-def test_wrong_arguments(arguments, sentence):
-    disturbances = bc.Disturbances(wheel=(bc.WheelDisturbance(**WHEEL),))
-    with pytest.raises(bc.InputError, match=sentence):
-        bc.pointing(DAMPED, disturbances, **arguments)
-
-
-def test_nothing_and_twice_the_same():
-    with pytest.raises(bc.InputError, match="the disturbances are empty"):
-        bc.Disturbances()
-    with pytest.raises(bc.InputError, match=r"psd = 'x' is no list of bc.NoiseDisturbance"):
-        bc.Disturbances(psd="x")
-    wheel = bc.WheelDisturbance(**WHEEL)
-    with pytest.raises(bc.InputError, match=r"two \[\[wheel\]\] tables are of 'spin'"):
-        bc.Disturbances(wheel=(wheel, wheel))
-    with pytest.raises(bc.InputError, match="give the path of a TOML file with"):
-        bc.pointing(DAMPED, 5)
-    budget = bc.pointing(DAMPED, bc.Disturbances(wheel=(wheel,)))
-    with pytest.raises(bc.InputError, match="source = 'wheel rw' is unknown"):
-        budget.simulate("wheel rw")
-    with pytest.raises(bc.InputError, match="output = 'rate' is unknown"):
-        budget.simulate(output="rate")
-    with pytest.raises(bc.InputError, match="source = 'rw' is unknown"):
-        budget["rw"]
 
 
 @pytest.mark.slow

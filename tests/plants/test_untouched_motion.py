@@ -105,7 +105,7 @@ def test_a_loop_that_drives_the_craft_away_is_refused_as_before():
         )
     )
     assert not bc.margins(plant, wrong).stable
-    with pytest.raises(bc.InputError, match="nominal plant is not stable"):
+    with pytest.raises(bc.InputError, match="not stable"):
         uncertain.worst_margins(wrong)
 
 
@@ -117,7 +117,7 @@ def test_a_gain_to_motion_that_no_loop_holds_is_refused_as_before():
         bc.UncertainCraft(joint={"drive": bc.UncertainJoint(stiffness=RANGE)})
     )
     assert uncertain.worst_case(loops("z"), "torque_z", "attitude_z", simulate=False).stable
-    with pytest.raises(bc.InputError, match="close loops that hold all that 'attitude_x' shows"):
+    with pytest.raises(bc.InputError, match="close loops.*'attitude_x'"):
         uncertain.worst_case(loops("z"), "torque_x", "attitude_x")
 
 

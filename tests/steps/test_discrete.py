@@ -332,8 +332,3 @@ def test_held_input():
     held(mine)
     mine[:] = 9.0  # the caller's array may be used again
     assert np.array_equal(held(np.zeros(2)), [0.0, 0.0])
-
-
-def test_unknown_integrator_is_named():
-    with pytest.raises(bc.InputError, match="leapfrog"):
-        bc.retime(oscillators(1.0, 0.0, 0.1), 0.1, "leapfrog")

@@ -359,36 +359,10 @@ EMPTY = mujoco.MjData(mujoco.MjModel.from_xml_string("<mujoco/>"))
 
 
 @pytest.mark.parametrize(
-    ("changed", "sentence"),
-    [
-        ({"joint": "nobody"}, "hinge = 'nobody' is unknown"),
-        ({"angle": float("nan")}, "angle"),
-        ({"angle": 4.0}, "angle = 4 rad lies beyond the stops of hinge 'hinge1'"),
-        ({"stiffness": 0.0}, "stiffness"),
-        ({"damping": -1.0}, "damping"),
-        ({"armature": -1.0}, "armature"),
-        ({"impact": 2}, "impact"),
-        ({"model": None}, "model"),
-        (
-            {"data": mujoco.MjData(mujoco.MjModel.from_xml_string("<mujoco/>"))},
-            "was made for another model",
-        ),
-    ],
-)
-def test_bad_input_is_refused_in_a_sentence(changed, sentence):
-    model, data = started()
-    given = {"joint": "hinge1", "angle": 0.0, **LATCHED, **changed}
-    place = given.pop("model", model), given.pop("data", data)
-    with pytest.raises(bc.InputError, match=sentence) as refused:
-        bc.latch(*place, **given)
-    assert "\n" not in str(refused.value)
-
-
-@pytest.mark.parametrize(
     ("joint", "state", "sentence"),
     [
-        ('range="-9 60" stiffness="2" springref="99"', 1.1, "is 0.0528 rad beyond its stop at"),
-        ('range="-9 60"', 0.1, "angle is missing: hinge 'hinge' has stops at"),
+        ('range="-9 60" stiffness="2" springref="99"', 1.1, "0.0528 rad beyond"),
+        ('range="-9 60"', 0.1, "angle is missing"),
         ('range="-9 60" stiffness="2" springref="99" margin="0.1"', 0.1, "has margin=0.1"),
         ('stiffness="2" solimplimit="0.8 0.9 0.01"', 0.1, "solreffriction or solimplimit"),
         ('stiffness="2" solreffriction="0.1 1"', 0.1, "solreffriction or solimplimit"),
@@ -404,20 +378,11 @@ def test_a_hinge_that_cannot_latch_is_refused_in_a_sentence(joint, state, senten
     assert all(np.array_equal(getattr(model, name), before[name]) for name in FIELDS)
 
 
-def test_latching_twice_and_unlatching_what_is_free_are_refused():
-    model, data = started()
-    with pytest.raises(bc.InputError, match="hinge 'hinge2' is not latched"):
-        bc.unlatch(model, data, "hinge2")
-    bc.latch(model, data, "hinge2", angle=-3.0)
-    with pytest.raises(bc.InputError, match="hinge 'hinge2' is latched already"):
-        bc.latch(model, data, "hinge2")
-
-
 @pytest.mark.skipif(
     not hasattr(mujoco.MjModel, "jnt_stiffnesspoly"), reason="this MuJoCo has linear springs only"
 )
 def test_a_spring_that_is_not_linear_is_refused():
     model = panel('stiffness="2"')
     model.jnt_stiffnesspoly[1, 0] = 0.1
-    with pytest.raises(bc.InputError, match="has a jnt_stiffnesspoly"):
+    with pytest.raises(bc.InputError, match="jnt_stiffnesspoly"):
         bc.latch(model, mujoco.MjData(model), "hinge")

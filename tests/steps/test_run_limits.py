@@ -46,7 +46,7 @@ def test_embed_warns_of_a_keyframe_beyond_the_chain():
     said = [w for w in fast.warnings if "keyframe" in w]
     assert len(said) == 1
     limit = fast.appendages[0].large_motion["xy"].spin
-    assert said[0].startswith("mount, keyframe spin up: spin reached 0.9 rad/s")
+    assert said[0].startswith("mount, keyframe spin up: ")
     assert f"{limit:.4g}" in said[0]
     (record,) = fast.as_dict()["appendages"]
     assert record["large_motion"][0]["spin"] == limit

@@ -55,7 +55,7 @@ def test_slowed_modes_are_named_by_the_coupled_frequency_from_which_on_they_are_
     ).model
     done = bc.retime(model, 0.1, "Euler", form=4)
     (said,) = done.slowed
-    first = float(re.search(r"off by more than 0.1 % stands at ([\d.]+) rad/s", said)[1])
+    first = float(re.search(r"0.1 % stands at ([\d.]+) rad/s", said)[1])
     plain = mujoco.MjModel.from_xml_string(
         bc.embed(bus(0.02), {"a": boom("one", 0.01)}, retime=False).to_mjcf()
     )
@@ -137,9 +137,7 @@ def test_a_step_is_judged_without_timing_too_and_the_resonance_it_shifts_is_name
     assert np.all(model.tendon_armature == 0.0)  # nothing was timed
     said = " ".join(answer.out.split())
     frequency, shift, ratio = re.search(
-        r"resonance at ([\d.]+) rad/s \(a and b [^)]*\), whose frequency the step shifts by "
-        r"(\S+) of itself and whose damping ratio, ([\d.e-]+),",
-        said,
+        r"at ([\d.]+) rad/s \(a and b .* shifts by (\S+) of .* damping ratio, ([\d.e-]+),", said
     ).groups()
     exact = stepped.continuous(model)
     s = exact[np.argmin(np.abs(exact - 1j * float(frequency)))]
@@ -188,10 +186,7 @@ def test_a_sampled_plant_names_the_servo_that_is_unstable():
         'kv="60"/></actuator></mujoco>'
     )
     made = bc.embed(craft, {"b": boom("boom", 0.005)}, retime=True)
-    with pytest.raises(
-        bc.BeamchainError,
-        match=r"discrete = 0\.25 s is unstable: mode 'drive' .* the servo 'servo' of joint",
-    ) as bad:
+    with pytest.raises(bc.BeamchainError, match="unstable: .*'drive'.* 'servo'") as bad:
         bc.plant(made, ["torque:bus"], ["attitude"], discrete=0.25)
     assert "retime" not in str(bad.value)
     step = float(re.search(r"give a step of ([\d.]+) s", str(bad.value))[1])
@@ -218,11 +213,11 @@ def test_a_pole_that_a_drive_damps_is_named_and_euler_is_not_advised(damper):
     made = bc.embed(text, {"a": boom("boom", 0.01)}, retime=True)
     (said,) = [w for w in made.warnings if w.code == "time-error"]
     assert "damped by 'drive'" in said
-    assert "Timing cannot correct what joint 'drive' damps" in said
+    assert "Timing cannot correct" in said
     assert "Euler" not in said
     assert made.time_error.damped_by == "drive"
     (slowed,) = bc.retime(made.model, 0.1, "implicitfast").slowed
-    assert "joint 'drive' damps it, which timing cannot correct" in slowed
+    assert "joint 'drive' damps it" in slowed
 
 
 @pytest.mark.slow

@@ -221,21 +221,6 @@ def test_the_command_times_joints_and_takes_it_out_again(tmp_path, first):
     assert again.read_text().replace('timestep="0.004"', 'timestep="0.01"') == text
 
 
-@pytest.mark.parametrize(
-    ("options", "joint", "sentence"),
-    [
-        ({"retime": False}, 'name="drive"', "needs timing"),
-        ({}, "", "give it a name"),
-        ({}, 'name="drive" frictionloss="0.1"', "has friction"),
-    ],
-)
-def test_joints_that_cannot_be_timed_are_named(options, joint, sentence):
-    text = SPRUNG.format(step=0.01, integrator="Euler", drive=DRIVES["sprung"][0], more="")
-    text = text.replace('name="drive"', joint)
-    with pytest.raises(bc.InputError, match=sentence):
-        bc.embed(text, {"mount": SPEC}, retime_joints=True, **options)
-
-
 @pytest.mark.slow
 def test_the_largest_step_that_keeps_the_tolerance_is_named(tmp_path):
     """At the step named it is kept, at a third longer it is not."""

@@ -1,5 +1,4 @@
-"""A beam's moments, rigid mass and compliance are the integrals they claim to be,
-and unusable beams are refused."""
+"""A beam's moments, rigid mass and compliance are the integrals they claim to be."""
 
 from itertools import pairwise
 
@@ -22,8 +21,6 @@ from beamchain import (
     Beam,
     Box,
     Equivalent,
-    InputError,
-    Joint,
     Lump,
     Rectangle,
     Round,
@@ -284,13 +281,6 @@ def test_an_xz_stiffness_left_out_at_one_end_is_the_xy_stiffness_there():
     )
 
 
-# -- what is refused -------------------------------------------------------------------------------
-BAR = Segment(length=1.0, section=Round(diameter=0.1), material=STEEL)
-TRUSS = Equivalent(bending_stiffness_xy=1.0, linear_mass=1.0)
-TWISTS = Equivalent(bending_stiffness_xy=1.0, linear_mass=1.0, torsion_stiffness=5.0)
-STRETCHES = Equivalent(bending_stiffness_xy=1.0, linear_mass=1.0, axial_stiffness=5.0)
-
-
 @pytest.mark.parametrize(
     ("root", "tip"),
     [
@@ -312,142 +302,8 @@ def test_the_shear_factor_follows_the_taper(root, tip):
         assert beam.port(port, 3).frequencies[:3] == close(truth, rel=ELEMENTS)
 
 
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (lambda: Segment(length=0.0, section=TRUSS), r"length = 0\.0 must be above zero \(m\)"),
-        (
-            lambda: Segment(length=1.0, section=Round(diameter=0.1)),
-            "material is missing; add material",
-        ),
-        (
-            lambda: Segment(length=1.0, section=TRUSS, material=STEEL),
-            'material is given beside an "equivalent" section',
-        ),
-        (
-            lambda: Segment(length=1.0, section=TRUSS, theory="timoshenko"),
-            'theory = "timoshenko" needs a drawn section',
-        ),
-        (
-            lambda: Segment(length=1.0, section=TRUSS, section_end=TWISTS),
-            "torsion_stiffness is 0 in section and 5 in section_end; 0 is rigid",
-        ),
-        (
-            lambda: Segment(length=1.0, section=STRETCHES, section_end=TRUSS),
-            "axial_stiffness is 5 in section and 0 in section_end; 0 is rigid",
-        ),
-        (
-            lambda: Segment(
-                length=1.0, section=Round(diameter=0.1), material=STEEL, theory="reissner"
-            ),
-            "theory = 'reissner' is unknown; choose one of euler, timoshenko",
-        ),
-        (
-            lambda: Segment(
-                length=1.0, section=Round(diameter=0.1), material=STEEL, shear_factor=0.9
-            ),
-            'shear_factor is given but theory = "euler" has no shear',
-        ),
-        (
-            lambda: Segment(
-                length=1.0,
-                section=Round(diameter=0.1),
-                section_end=Tube(outer_diameter=1.0, wall=0.1),
-                material=STEEL,
-            ),
-            'section_end has shape "tube" but section has "round"',
-        ),
-        (
-            lambda: Segment(length=1.0, section=TRUSS, nonstructural_mass=-0.5),
-            r"nonstructural_mass = -0\.5 must not be negative",
-        ),
-        (lambda: Beam(segments=()), "the beam has no segment"),
-        (lambda: Beam(segments=(BAR,) * 1001), "1001 segments are given; at most 1000"),
-        (
-            lambda: Beam(segments=(BAR,), joints=(Joint(after_segment=1, stiffness_xy=1.0),)),
-            "after_segment = 1 must lie between 0 .* and 0",
-        ),
-        (
-            lambda: Beam(
-                segments=(BAR,),
-                joints=(
-                    Joint(after_segment=0, stiffness_xy=1.0),
-                    Joint(after_segment=0, stiffness_xz=1.0),
-                ),
-            ),
-            r"two joints stand after the same segment \(after_segment = \[0, 0\]\)",
-        ),
-        (
-            lambda: Beam(segments=(BAR,), lumps=(Lump(x=1.1, mass=1.0),)),
-            r"lump\.x = 1\.1 m lies beyond the tip at 1\.0 m",
-        ),
-        (lambda: Joint(after_segment=0), "the joint gives no stiffness"),
-        (
-            lambda: Joint(after_segment=-1, stiffness_xy=1.0),
-            "after_segment = -1 must be a whole number from 0",
-        ),
-        (
-            lambda: Joint(after_segment=0, stiffness_xy=0.0),
-            r"stiffness_xy = 0\.0 must be above zero .* rigid joint",
-        ),
-        (lambda: Lump(x=-0.1, mass=1.0), r"x = -0\.1 must not be negative"),
-        (lambda: Lump(x=0.0, mass=0.0), r"mass = 0\.0 must be above zero \(kg\)"),
-        (
-            lambda: Lump(x=0.0, mass=1.0, inertia=(1.0, 1.0, 2.1)),
-            r"inertia = \[1\.0, 1\.0, 2\.1\] belongs to no rigid body",
-        ),
-        (
-            lambda: Lump(x=0.0, mass=1.0, inertia=(1.0, 1.0, -1.0)),
-            r"inertia\[2\] = -1\.0 must not be negative",
-        ),
-        (lambda: Lump(x=0.0, mass=1.0, inertia=(1.0, 2.0)), r"must hold three numbers"),
-    ],
-)
-def test_unusable_beams_are_refused(make, message):
-    with pytest.raises(InputError, match=message):
-        make()
-
-
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (
-            lambda: unit_beam().port("zx"),
-            "port = 'zx' is unknown; choose one of xy, xz, torsion, axial",
-        ),
-        (lambda: unit_beam().port("xy", 61), "modes = 61 must be a whole number from 0 to 60"),
-        (lambda: unit_beam().port("xy", 2.0), "modes = 2.0 must be a whole number"),
-        (
-            lambda: Beam(segments=(Segment(length=1.0, section=TRUSS),)).port("torsion"),
-            'port "torsion": a segment states no stiffness',
-        ),
-        (
-            lambda: Beam(segments=(Segment(length=1.0, section=TRUSS),)).port("axial"),
-            'port "axial": a segment states no stiffness',
-        ),
-        (
-            lambda: Beam(
-                segments=(
-                    Segment(
-                        length=1.0,
-                        section=Equivalent(
-                            bending_stiffness_xy=1.0, linear_mass=1.0, torsion_stiffness=1.0
-                        ),
-                    ),
-                )
-            ).port("torsion"),
-            'port "torsion": the appendage has no polar inertia',
-        ),
-    ],
-)
-def test_ports_that_do_not_exist_are_refused(call, message):
-    with pytest.raises(InputError, match=message):
-        call()
-
-
-def test_beams_are_frozen_and_compare_by_value():
+def test_beams_compare_by_value():
     assert seed_boom() == seed_boom()
     assert hash(seed_boom()) == hash(seed_boom())
-    with pytest.raises(AttributeError, match="immutable"):
-        seed_boom().segments = ()  # type: ignore[misc]
-    assert isinstance(Beam(segments=[BAR]).segments, tuple)  # a list is taken and frozen
+    # a list is taken and frozen
+    assert isinstance(Beam(segments=list(seed_boom().segments)).segments, tuple)

@@ -31,7 +31,6 @@ from appendages import (
 from beamchain import (
     Beam,
     Equivalent,
-    InputError,
     Joint,
     Lump,
     PortModel,
@@ -538,9 +537,3 @@ def test_five_hundred_of_everything():
         model = beam.port("xy", 4)
         assert model.modes < 500
         assert float(model.rigid_mass[0, 0]) == close(float(beam.rigid_mass()[0, 0]), rel=1e-12)
-
-
-def test_a_thousand_and_one_lumps_are_refused():
-    lumps = tuple(Lump(x=0.5, mass=1.0) for _ in range(1001))
-    with pytest.raises(InputError, match="1001 lumps are given; at most 1000 are taken"):
-        Beam(segments=unit_beam().segments, lumps=lumps)

@@ -12,7 +12,6 @@ import pytest
 from scipy.special import polygamma
 
 from appendages import close
-from beamchain import InputError
 from beamchain.structure.exact import UniformBeam, krylov
 from uniform_beam import dynamic_mass as reference
 from uniform_beam import free_roots, held_roots
@@ -181,16 +180,3 @@ def test_coupled_frequencies_are_zeros_of_the_loaded_beam(ratio):
 def test_heavy_hub_gives_the_cantilever():
     assert UNIT.coupled_frequencies(np.diag([1000.0, 100.0]), 1)[0] == close(3.5228, abs=5e-5)
     assert UNIT.coupled_frequencies(np.diag([0.1, 0.01]), 1)[0] == close(14.355, abs=5e-4)
-
-
-@pytest.mark.parametrize(
-    ("values", "message"),
-    [
-        ((0.0, 1.0, 1.0), "length = 0.0 must be above zero"),
-        ((1.0, -1.0, 1.0), "bending_stiffness = -1.0 must be above zero"),
-        ((1.0, 1.0, float("nan")), "linear_mass = nan cannot be used"),
-    ],
-)
-def test_unusable_beams_are_refused(values, message):
-    with pytest.raises(InputError, match=message):
-        UniformBeam(*values)

@@ -1,10 +1,9 @@
-"""A material gives its shear modulus and Poisson's ratio from whichever was stated,
-and refuses contradictions."""
+"""A material gives its shear modulus and Poisson's ratio from whichever was stated."""
 
 import pytest
 
 from appendages import close
-from beamchain import BeamchainError, InputError, Material
+from beamchain import Material
 
 CLOSED = 1e-15  # one division
 
@@ -39,32 +38,3 @@ def test_ratios_at_the_ends_of_the_range(nu):
     assert Material(youngs_modulus=1.0, density=1.0, poissons_ratio=nu).g == close(
         0.5 / (1 + nu), rel=CLOSED
     )
-
-
-@pytest.mark.parametrize(
-    ("values", "message"),
-    [
-        ({"youngs_modulus": 0.0}, r"youngs_modulus = 0\.0 must be above zero \(N/m\^2\)"),
-        ({"density": -1.0}, r"density = -1\.0 must be above zero \(kg/m\^3\)"),
-        ({"density": float("nan")}, "density = nan cannot be used"),
-        ({"youngs_modulus": 1e31}, "youngs_modulus = 1e\\+31 cannot be used; .* at most 1e\\+30"),
-        ({"poissons_ratio": 0.51}, r"poissons_ratio = 0\.51 must lie above -1 and be at most 0\.5"),
-        ({"poissons_ratio": -1.0}, r"poissons_ratio = -1\.0 must lie above -1"),
-        ({"shear_modulus": 0.0}, r"shear_modulus = 0\.0 must be above zero"),
-        (
-            {"poissons_ratio": 0.3, "shear_modulus": 9e10},
-            r"shear_modulus = 90000000000\.0 and poissons_ratio = 0\.3 disagree \(the ratio gives "
-            r"1e\+11",
-        ),
-    ],
-)
-def test_unusable_materials_are_refused(values, message):
-    with pytest.raises(InputError, match=message):
-        Material(**{"youngs_modulus": 2.6e11, "density": 7800.0} | values)
-
-
-def test_errors_are_the_packages_and_pythons():
-    with pytest.raises(BeamchainError):
-        Material(youngs_modulus=0.0, density=1.0)
-    with pytest.raises(ValueError, match="youngs_modulus"):
-        Material(youngs_modulus=0.0, density=1.0)

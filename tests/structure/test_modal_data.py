@@ -1,7 +1,6 @@
 """Imported modes: the same physics from any axes, point and units; checks; files; matrices."""
 
 import json
-import re
 from dataclasses import replace
 from itertools import pairwise
 
@@ -28,42 +27,10 @@ from beamchain import (
 from modes_of_beam import delivered, modes_of_beam, modes_text
 from prints import cantilever, plate
 from readback import PORTS, into_space
+from textbook_modes import Cloud, frame, uniform_rod
 
 SAME = 1e-9  # the issue's bound: same physics in any axes, about any point, in any units
 PRINT = 5e-7  # relative precision of seven printed digits
-
-
-class Cloud:
-    """Point masses with orthonormal modes, written down about any point in any axes and units,
-    from the definition.
-
-    Nothing is transformed: `L = sum m (u, x cross u)` is evaluated anew each time.
-    """
-
-    def __init__(self, seed: int, points: int = 9, modes: int = 4) -> None:
-        rng = np.random.default_rng(seed)
-        self.at = rng.normal(size=(points, 3)) * [3.0, 1.0, 0.5] + [2.0, 0.1, 0.0]
-        self.mass = rng.uniform(0.5, 3.0, points)
-        # orthonormal once weighted by sqrt(m)
-        shapes = np.linalg.qr(rng.normal(size=(3 * points, modes)))[0]
-        self.shapes = shapes.T.reshape(modes, points, 3) / np.sqrt(self.mass)[:, None]
-        self.frequencies = np.sort(rng.uniform(1.0, 50.0, modes))
-
-    def data(self, point=(0.0, 0.0, 0.0), axes=None, length=1.0, mass=1.0, **more) -> ModalData:
-        """About `point`, in `axes` (rows), in units of `length` m and `mass` kg."""
-        turn = np.eye(3) if axes is None else axes
-        x = (self.at - point) @ turn.T / length
-        m = self.mass / mass
-        u = self.shapes @ turn.T * np.sqrt(mass)
-        rows = np.concatenate(
-            [np.einsum("p,kpi->ki", m, u), np.einsum("p,kpi->ki", m, np.cross(x, u))], axis=1
-        )
-        rigid = np.zeros((6, 6))
-        for xi, mi in zip(x, m, strict=True):
-            for motion_i in np.eye(6):
-                moved = motion_i[:3] + np.cross(motion_i[3:], xi)
-                rigid[int(np.argmax(motion_i))] += mi * np.concatenate([moved, np.cross(xi, moved)])
-        return ModalData(rigid, self.frequencies, rows, **more)
 
 
 def same(a: ModalData, b: ModalData, tolerance: float = SAME) -> None:
@@ -90,53 +57,6 @@ def test_any_axes_point_and_units(seed, angles, point, length, mass):
     same(back, cloud.data())
 
 
-def test_a_turned_mirror_is_refused():
-    data = Cloud(1).data()
-    for bad in (np.diag([1.0, 1.0, -1.0]), np.diag([1.0, 1.0, 1.1]), np.ones((3, 3))):
-        with pytest.raises(InputError, match="right-handed"):
-            data.moved((0, 0, 0), bad)
-
-
-# -- checks ----------------------------------------------------------------------------------------
-def test_wrong_reference_point_and_units_are_refused_with_the_causes():
-    good = Cloud(3).data()
-    shifted = Cloud(3).data(point=(30.0, 0.0, 0.0))
-    with pytest.raises(
-        InputError,
-        match=r"residual mass.*eigenvalue.*reference points, different units.*clamped nodes",
-    ):
-        ModalData(good.rigid_mass, good.frequencies, shifted.participation)
-    with pytest.raises(InputError, match="residual mass"):
-        # tonnes beside kilograms
-        ModalData(good.rigid_mass / 1e3, good.frequencies, good.participation)
-    with pytest.raises(InputError, match="not symmetric"):
-        ModalData(
-            good.rigid_mass + np.eye(6)[[1, 0, 2, 3, 4, 5]] * [1, 0, 0, 0, 0, 0],
-            good.frequencies,
-            good.participation,
-        )
-
-
-@pytest.mark.parametrize("field", ["rigid_mass", "frequencies", "participation"])
-def test_nan_is_refused(field):
-    data = Cloud(2).data()
-    values = np.array(getattr(data, field))
-    values.flat[1] = np.nan
-    with pytest.raises(InputError, match="not a finite number"):
-        replace(data, **{field: values})
-
-
-@pytest.mark.parametrize("field", ["rigid_mass", "frequencies", "participation"])
-def test_numbers_whose_products_overflow_are_refused(field):
-    data = Cloud(2).data()
-    values = np.array(getattr(data, field))
-    values.flat[0] = 8.8e306
-    with pytest.raises(
-        InputError, match=f"{field.removeprefix('rigid_')} holds 8.8e.306; numbers up to 1e.50"
-    ):
-        replace(data, **{field: values})
-
-
 def test_printed_rounding_is_settled_and_told():
     truth = cantilever()
     data = ModalData(truth.mass, truth.frequencies, truth.participation, precision=PRINT)
@@ -145,8 +65,6 @@ def test_printed_rounding_is_settled_and_told():
     assert residual[1, 1] == 0.0
     assert residual[0, 1] == 0.0
     assert any("printed precision" in step for step in data.steps)
-    with pytest.raises(InputError, match="residual mass"):  # the same numbers said to be exact
-        ModalData(truth.mass, truth.frequencies, truth.participation * (1 + 1e-6), precision=1e-13)
 
 
 @pytest.mark.parametrize("turn", [0.0, 0.3, 0.7853981633974483, 1.4])
@@ -186,9 +104,6 @@ def test_port_models_are_blocks_of_space():
 def test_selected_modes():
     data = Cloud(6).data()
     assert data.selected([4, 2]).frequencies.tolist() == data.frequencies[[1, 3]].tolist()
-    for bad, words in (([5], "holds modes 1 to 4"), ([1, 1], "only once"), ([], "at least one")):
-        with pytest.raises(InputError, match=words):
-            data.selected(bad)
 
 
 # -- files -----------------------------------------------------------------------------------------
@@ -222,93 +137,7 @@ def test_typed_numbers_count_their_digits(tmp_path):
     assert data.damping.tolist() == [0.005] * 3
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        (lambda s: s[: len(s) // 2], "cut or mangled|participation|6 rows"),
-        (
-            lambda s: s.replace("participation", "particpation"),
-            "particpation.*keys of a modes file",
-        ),
-        (lambda s: s.replace("mass = [", "mass = [[1.0], ", 1), "6 rows|type|Expected"),
-        (lambda s: re.sub(r"damping = \[[^\]]*\]", "damping = 5.0", s), "between 0 and 1"),
-        (
-            lambda s: re.sub(r"frequencies = \[[^,]*,", "frequencies = [nan,", s),
-            "not a finite number",
-        ),
-        (
-            lambda s: re.sub(r"frequencies = \[[^,]*,", "frequencies = [-1.0,", s),
-            "held at its port",
-        ),
-    ],
-)
-def test_mangled_files_are_refused(tmp_path, change, words):
-    text = modes_text(tapered_boom(), {"xy": 3})
-    path = tmp_path / "a.toml"
-    path.write_text(change(text))
-    with pytest.raises(InputError, match=words):
-        read_modes(path)
-
-
-def test_a_turned_table_is_named(tmp_path):
-    path = tmp_path / "a.json"
-    path.write_text(
-        '{"frequencies": [1.0, 2.0], "participation": [[0,0,0,0,0,0],[0,0,0,0,0,0]], "mass": []}'
-    )
-    with pytest.raises(InputError, match="stands turned"):
-        read_modes(path)
-
-
-@pytest.mark.parametrize("content", ["5", "null", "[1.0]", '"matrices"'])
-def test_json_that_is_no_table_is_refused(tmp_path, content):
-    path = tmp_path / "a.json"
-    path.write_text(content)
-    with pytest.raises(InputError, match="the keys of a modes file are"):
-        read_modes(path)
-
-
 # -- matrices --------------------------------------------------------------------------------------
-def frame(elements: int = 6, length: float = 2.0) -> tuple[np.ndarray, np.ndarray]:
-    """Mass and stiffness `(6 n + 6)` of a straight frame along x, textbook cubic elements,
-    consistent mass."""
-    le, n = length / elements, 6 * elements + 6
-    k = np.zeros((n, n))
-    m = np.zeros((n, n))
-    ea = 5e5
-    gj = 40.0
-    ei = (90.0, 60.0)
-    rho = 1.5
-    j = 0.01
-
-    def bending(dofs, stiff, sign):
-        s = np.diag([1.0, sign, 1.0, sign])
-        kb = (
-            np.array([[12, 6, -12, 6], [6, 4, -6, 2], [-12, -6, 12, -6], [6, 2, -6, 4]])
-            * stiff
-            / le**3
-        )
-        mb = (
-            np.array([[156, 22, 54, -13], [22, 4, 13, -3], [54, 13, 156, -22], [-13, -3, -22, 4]])
-            * rho
-            * le
-            / 420
-        )
-        by_length = np.outer([1, le, 1, le], [1, le, 1, le])
-        kb, mb = kb * by_length, mb * by_length
-        k[np.ix_(dofs, dofs)] += s @ kb @ s
-        m[np.ix_(dofs, dofs)] += s @ mb @ s
-
-    for e in range(elements):
-        a, b = 6 * e, 6 * e + 6
-        bending([a + 1, a + 5, b + 1, b + 5], ei[0], 1.0)
-        bending([a + 2, a + 4, b + 2, b + 4], ei[1], -1.0)
-        for d, stiff, inertia in ((0, ea, rho), (3, gj, j)):
-            dofs = [a + d, b + d]
-            k[np.ix_(dofs, dofs)] += stiff / le * np.array([[1, -1], [-1, 1]])
-            m[np.ix_(dofs, dofs)] += inertia * le / 6 * np.array([[2, 1], [1, 2]])
-    return m, k
-
-
 def from_matrices(folder, mass, stiffness, boundary):
     """The modes of two matrices, by way of a file of NumPy's."""
     np.savez(folder / "matrices.npz", M=mass, K=stiffness, boundary=np.array(list(boundary)))
@@ -376,31 +205,8 @@ def test_rounding_of_a_reduction_is_no_support(tmp_path, elements, grids):
     for row, inertia in ((1, 3.0), (5, 1.5 * 8.0 / 3.0)):
         held = stiffness.copy()
         held[row, row] += 1e-4 * squares[0] * inertia
-        with pytest.raises(InputError, match="strains the structure"):
+        with pytest.raises(InputError, match="strains"):
             read(held)
-
-
-def test_matrices_that_do_not_serve_are_refused(tmp_path):
-    m, k = frame(3)
-    with pytest.raises(InputError, match="six different freedoms"):
-        from_matrices(tmp_path, m, k, range(5))
-    with pytest.raises(InputError, match="order x, y, z"):
-        from_matrices(tmp_path, m, k + np.diag([0.0] * 20 + [50.0] * 4), range(6))
-    with pytest.raises(InputError, match="not symmetric"):
-        from_matrices(tmp_path, m, np.triu(k), range(6))
-    for elements in (2, 3, 5, 8):  # rounding lets some of these be factored
-        loose_m, loose_k = frame(elements)
-        with pytest.raises(InputError, match="can still move"):
-            from_matrices(tmp_path, loose_m, loose_k, [0, 1, 2, 3, 6, 7])
-    (tmp_path / "x.npz").write_bytes(b"PK\3\4 cut")
-    with pytest.raises(InputError, match="cannot be read"):
-        read_modes(tmp_path / "x.npz")
-    np.savez(tmp_path / "y.npz", M=m)
-    with pytest.raises(InputError, match="holds no stiffness"):
-        read_modes(tmp_path / "y.npz")
-    np.savez(tmp_path / "z.npz", M=np.array([{"a": 1}], dtype=object), K=k, boundary=np.arange(6))
-    with pytest.raises(InputError, match="cannot be read"):
-        read_modes(tmp_path / "z.npz")
 
 
 # -- the mass line ---------------------------------------------------------------------------------
@@ -428,10 +234,7 @@ def test_spread_mass_has_the_moments_it_was_made_from(mass, centre, gyration):
     assert sum(pieces) == pytest.approx(mass, rel=1e-12)
 
 
-def test_a_length_that_does_not_hold_the_mass_is_refused():
-    data = modes_of_beam(tapered_boom(), {"xy": 1})
-    with pytest.raises(InputError, match=r"does not hold the mass.*reference"):
-        fit(replace(data, length=2.0, pieces=()))
+def test_the_length_of_a_uniform_line():
     rigid = np.diag([3.0, 3.0, 3.0, 0.0, 1.0, 1.0])
     rigid[1, 5] = rigid[5, 1] = 1.5
     rigid[2, 4] = rigid[4, 2] = -1.5
@@ -439,43 +242,13 @@ def test_a_length_that_does_not_hold_the_mass_is_refused():
     assert uniform.line().length == pytest.approx(1.0, rel=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("stated", "says"),
-    [
-        ({"line": [{"start": 0.0, "length": 8.0, "mass": [3.75, 3.75]}]}, "has 0 in (rotation x"),
-        (
-            {"line": [{"start": 0.0, "length": 8.0, "mass": [3.75], "polar": [0.625]}]},
-            "has 5 in (rotation x",
-        ),
-        (
-            {"points": [{"x": x, "mass": 15.0, "polar": 0.25} for x in (3.0, 5.0)]},
-            "has 510 in (rotation y",
-        ),
-        (
-            {"points": [{"x": x, "mass": 15.0, "polar": 0.25} for x in (3.0, 5.5)]},
-            "has 127.5 in (y, rotation z)",
-        ),
-    ],
-)
-def test_a_line_with_other_moments_than_the_rigid_mass_is_refused(tmp_path, stated, says):
-    """A uniform rod of 30 kg and 8 m: 30 4 = 120 kg m, 30 8^2 / 3 = 640 kg m^2."""
-    mass = np.diag([30.0, 30.0, 30.0, 0.5, 640.0, 640.0])
-    mass[1, 5] = mass[5, 1] = 120.0
-    mass[2, 4] = mass[4, 2] = -120.0
-    modes = {
-        "mass": mass.tolist(),
-        "frequencies": [1.3],
-        "participation": [[0.0], [4.2], [0.0], [0.0], [0.0], [24.9]],
-    }
-    right = {"line": [{"start": 0.0, "length": 8.0, "mass": [3.75], "polar": [0.0625]}]}
-    for length in ({}, {"length": 8.0}):
-        (tmp_path / "modes.json").write_text(json.dumps(modes | right | length))
-        result = fit(read_modes(tmp_path / "modes.json"))
-        assert result.status.ok
-        assert result.chain.length == 8.0
-    (tmp_path / "modes.json").write_text(json.dumps(modes | stated | {"length": 8.0}))
-    with pytest.raises(InputError, match=re.escape(f"line: its mass matrix, with points, {says}")):
-        fit(read_modes(tmp_path / "modes.json"))
+@pytest.mark.parametrize("length", [{}, {"length": 8.0}])
+def test_a_line_with_the_moments_of_the_rigid_mass_gives_the_length(tmp_path, length):
+    line = [{"start": 0.0, "length": 8.0, "mass": [3.75], "polar": [0.0625]}]
+    (tmp_path / "modes.json").write_text(json.dumps(uniform_rod(line=line, **length)))
+    result = fit(read_modes(tmp_path / "modes.json"))
+    assert result.status.ok
+    assert result.chain.length == 8.0
 
 
 def test_an_estimated_length_holds_the_mass():

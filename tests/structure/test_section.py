@@ -11,7 +11,6 @@ from beamchain import (
     Custom,
     Draw,
     Equivalent,
-    InputError,
     Rectangle,
     Round,
     Segment,
@@ -230,63 +229,3 @@ def test_what_is_drawn_is_no_dimension_of_a_taper():
         length=2.0, section=thick, section_end=Equivalent(bending_stiffness_xy=2.0, linear_mass=1.0)
     )
     assert Beam(segments=(bare,)).depth(1.0, "xy") == pytest.approx(1.0)
-
-
-# -- what is refused -------------------------------------------------------------------------------
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (lambda: Round(diameter=0.0), r"diameter = 0\.0 must be above zero \(m\)"),
-        (lambda: Round(diameter=-1.0), r"diameter = -1\.0 must be above zero"),
-        (
-            lambda: Round(diameter=float("nan")),
-            "diameter = nan cannot be used; a finite number in m is needed",
-        ),
-        (lambda: Round(diameter=float("inf")), "diameter = inf cannot be used"),
-        (lambda: Round(diameter=True), "diameter = True is not a number"),
-        (lambda: Round(diameter="2 cm"), "diameter = '2 cm' is not a number"),
-        (
-            lambda: Tube(outer_diameter=0.1, wall=0.06),
-            r"wall = 0\.06 m is more than half of outer_diameter = 0\.1 m",
-        ),
-        (
-            lambda: Box(width_y=0.1, width_z=0.2, wall=0.05),
-            r"wall = 0\.05 m must be less than half .* 0\.1 m",
-        ),
-        (lambda: Rectangle(width_y=0.1, width_z=0.0), r"width_z = 0\.0 must be above zero"),
-        (
-            lambda: Custom(
-                area=0.0, second_moment_z=1.0, second_moment_y=1.0, torsion_constant=1.0
-            ),
-            r"area = 0\.0 must be above zero \(m\^2\)",
-        ),
-        (
-            lambda: Custom(
-                area=1.0,
-                second_moment_z=1.0,
-                second_moment_y=1.0,
-                torsion_constant=1.0,
-                polar_moment=3.0,
-            ),
-            r"polar_moment = 3\.0 m\^4 should be second_moment_y \+ second_moment_z = 2",
-        ),
-        (
-            lambda: Equivalent(bending_stiffness_xy=0.0, linear_mass=1.0),
-            r"bending_stiffness_xy = 0\.0 must be above zero \(N m\^2\)",
-        ),
-        (
-            lambda: Equivalent(bending_stiffness_xy=1.0, linear_mass=1.0, torsion_stiffness=-1.0),
-            r"torsion_stiffness = -1\.0 must not be negative",
-        ),
-        (lambda: Draw(width=1.0, thickness=2.0), r"thickness = 2\.0 m is more than width = 1\.0 m"),
-        (lambda: Draw(width=1.0, thickness=0.0), r"thickness = 0\.0 must be above zero \(m\)"),
-    ],
-)
-def test_unusable_sections_are_refused(make, message):
-    with pytest.raises(InputError, match=message):
-        make()
-
-
-def test_sections_are_frozen():
-    with pytest.raises(AttributeError, match="immutable"):
-        Round(diameter=1.0).diameter = 2.0  # type: ignore[misc]

@@ -4,6 +4,7 @@ after bounded work."""
 import pytest
 
 import beamchain as bc
+from refused import check_refused
 
 ALU = bc.Material(youngs_modulus=7e10, density=2700.0, poissons_ratio=0.33)
 LIGHT = bc.Material(youngs_modulus=7e10, density=0.0021, poissons_ratio=0.33)
@@ -38,11 +39,8 @@ def test_a_taper_beyond_what_double_precision_holds_apart_is_named():
         joints=(bc.Joint(after_segment=1, stiffness_xy=4.86e-5),),
         lumps=(bc.Lump(x=12.8, mass=4e4),),
     )
-    with pytest.raises(
-        bc.BeamchainError, match=r'port "xy": the 12 lowest .* taper is 1\.23e\+08'
-    ) as refusal:
-        beam.port("xy", 12)
-    assert "x = 10.1 to 12.8 m" in str(refusal.value)
+    words = ('port "xy"', "12 lowest", "1.23e+08", "x = 10.1 to 12.8 m")
+    check_refused(lambda: beam.port("xy", 12), bc.BeamchainError, words)
 
 
 def test_a_taper_is_not_followed_beyond_its_end_by_rounding():
@@ -76,12 +74,3 @@ def test_a_taper_is_not_followed_beyond_its_end_by_rounding():
         assert "taper" in str(refusal)
     else:
         assert model.modes > 0
-
-
-def test_a_stiffness_that_underflows_is_named():
-    limp = bc.Equivalent(
-        bending_stiffness_xy=1e4, linear_mass=8.0, torsion_stiffness=3e-300, polar_inertia=5e-3
-    )
-    beam = bc.Beam(segments=(bc.Segment(length=0.86, section=limp),))
-    with pytest.raises(bc.InputError, match=r'port "torsion": a segment has the stiffness 3e-300'):
-        beam.port("torsion", 2)

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy import io
 
 import beamchain as bc
 import superelements as se
+from refused import check_refused
 from spec_tables import spec_of
 
 EXACT = 1e-9  # of the mesh: modes by eigh, of which the lowest lose some digits to K
@@ -34,6 +34,10 @@ TEXT = [
     for form in ("dense", "sparse", "bigmat")
     for digits, letter in ((16, "E"), (16, "D"), (8, "E"))
 ]
+
+
+def refused(path, *words):
+    check_refused(lambda: bc.read_modes(path), bc.InputError, words)
 
 
 @pytest.fixture
@@ -99,28 +103,6 @@ def test_arrays_with_several_grids_in_their_boundary(delivery):
         boundary=np.arange(22, 40),
     )
     check_against_mesh(bc.read_modes(delivery / "boom.npz", asm=delivery / "boom.asm"))
-    with pytest.raises(
-        bc.InputError, match="counted from 0, must name six different freedoms.*give their places"
-    ):
-        bc.read_modes(delivery / "boom.npz")
-
-
-def test_what_a_file_of_arrays_holds_is_listed_as_it_counts(tmp_path):
-    """A .mat counts from 1, names of its own are listed, and v7.3 is named."""
-    arrays = {"M": FOUND.mass, "K": FOUND.stiffness, "boundary": np.arange(1, 19)}
-    io.savemat(tmp_path / "boom.mat", arrays)
-    with pytest.raises(bc.InputError, match=r"boundary = \[1, 2, .* 18\], counted from 1, must"):
-        bc.read_modes(tmp_path / "boom.mat")
-    own = {"Mcb": FOUND.mass, "Kcb": FOUND.stiffness, "bset": np.arange(1, 19)}
-    io.savemat(tmp_path / "own.mat", own)
-    np.savez(tmp_path / "own.npz", **own)
-    for name in ("own.mat", "own.npz"):
-        with pytest.raises(bc.InputError, match="holds no mass .*it holds Mcb, Kcb, bset.*rename"):
-            bc.read_modes(tmp_path / name)
-    head = b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM"
-    (tmp_path / "new.mat").write_bytes(head + bytes(600))
-    with pytest.raises(bc.InputError, match=r"MATLAB v7.3 .*save it with -v7"):
-        bc.read_modes(tmp_path / "new.mat")
 
 
 def test_the_order_that_a_punch_file_beside_states_is_taken(delivery):
@@ -128,8 +110,7 @@ def test_the_order_that_a_punch_file_beside_states_is_taken(delivery):
     both = {name: matrix[np.ix_(turned, turned)] for name, matrix in MATRICES.items()}
     path = delivery / "boom.op4"
     path.write_bytes(se.op4_binary(both, "sparse"))
-    with pytest.raises(bc.InputError, match="strains the structure"):
-        bc.read_modes(path)
+    refused(path, "strains")
     (delivery / "boom.pch").write_text(se.extrn_text((27, 3, 11)))
     check_against_mesh(bc.read_modes(path))
 
@@ -176,34 +157,7 @@ def test_eight_digits_are_a_rigid_body_s(delivery):
     assert result.space.error.frequency < 1e-7
 
 
-# -- what is refused -------------------------------------------------------------------------------
-def refused(path, match, **more):
-    with pytest.raises(bc.InputError, match=match) as caught:
-        bc.read_modes(path, **more)
-    assert "\n" not in str(caught.value)
-
-
-def test_a_grid_at_a_wrong_place_or_in_wrong_axes_is_named(delivery):
-    path = delivery / "boom.op4"
-    path.write_bytes(se.op4_binary(MATRICES))
-    good = (delivery / "boom.asm").read_text()
-    (delivery / "boom.asm").write_text(good.replace(",-300.0,12", ",-301.0,12"))
-    refused(path, r"strains the structure \(forces of .*grid \d+, component")
-    (delivery / "boom.asm").write_text(good.replace(",-300.0,12", ",-300.0,0"))
-    refused(path, "most at grid 27, component .*check the places and axes of the grids")
-    (delivery / "boom.asm").write_text(good.replace(",-300.0,12", ",-300.0,13"))
-    refused(path, "coordinate system 13 is missing")
-    (delivery / "boom.asm").unlink()
-    refused(path, "boom.asm' does not exist; name the file with the grids by asm, or give grids")
-
-
-def test_a_structure_that_is_held_elsewhere_is_refused(delivery):
-    ground = MATRICES["KXX"] + np.diag([0.0] * 17 + [1e9] + [0.0] * 22)
-    path = delivery / "boom.op4"
-    path.write_bytes(se.op4_binary({**MATRICES, "KXX": ground}))
-    refused(path, "or the structure is held elsewhere too")
-
-
+# -- rounding and strain ---------------------------------------------------------------------------
 WING_MASS, WING_STIFFNESS = se.wing_on_two_feet().mass, se.wing_on_two_feet().stiffness
 SOFTEST = np.sort(np.diag(WING_STIFFNESS)[:3])[0]  # N/mm, of a foot across the wing
 
@@ -243,7 +197,7 @@ def test_a_soft_spring_to_ground_is_found_in_every_direction(row, wing):
     """A thousandth of the softest stiffness of a foot."""
     spring = np.zeros_like(WING_STIFFNESS)
     spring[row, row] = 1e-3 * SOFTEST
-    refused(wing(spring), "the structure is held elsewhere too")
+    refused(wing(spring), "strains", "held elsewhere too")
 
 
 @pytest.mark.parametrize("axis", range(3))
@@ -251,32 +205,7 @@ def test_a_soft_spring_to_ground_is_found_in_every_direction(row, wing):
 def test_a_foot_that_is_off_is_found_in_every_direction(axis, shift, wing):
     place = list(se.FEET[1])
     place[axis] += shift
-    refused(wing(places={**se.FEET, 1: tuple(place)}), "check the places and axes of the grids")
-
-
-def test_mistakes_of_a_delivery_get_their_cure(wing):
-    path = wing()
-    matrices = {"KAA": WING_STIFFNESS, "MAA": WING_MASS}
-
-    path.write_bytes(se.op4_binary({"KAA": WING_MASS, "MAA": WING_STIFFNESS}))
-    refused(path, "or mass and stiffness are exchanged")
-
-    path.write_bytes(se.op4_binary({"KRED": WING_STIFFNESS, "MRED": WING_MASS}))
-    refused(
-        path,
-        "holds no mass .*it holds KRED, MRED.*write it with EXTSEOUT, or rename the matrices",
-    )
-
-    modes_first = np.r_[12:26, :12]
-    turned = {name: one[np.ix_(modes_first, modes_first)] for name, one in matrices.items()}
-    path.write_bytes(se.op4_binary(turned))
-    refused(path, "check grids and the order of the freedoms")
-
-    free = np.diag(np.r_[np.zeros(6), 10.0 * np.arange(1, 9)])
-    path.write_bytes(se.op4_binary({"KAA": free, "MAA": np.eye(14)}))
-    refused(path, "Free-free modes without interface grids cannot be read: ask for a fixed-interf")
-    path.with_suffix(".asm").write_text("SPOINT,5001,THRU,5014\n")
-    refused(path, "holds no GRID.*Free-free modes without interface grids cannot be read")
+    refused(wing(places={**se.FEET, 1: tuple(place)}), "strains", "places and axes")
 
 
 def test_the_shipped_delivery_is_that_of_the_mesh():
@@ -294,72 +223,10 @@ def test_the_shipped_delivery_is_that_of_the_mesh():
 def test_matrices_are_read_by_name(wing):
     path = wing()
     np.testing.assert_array_equal(bc.read_op4(path, ["maa"])["MAA"], WING_MASS)
-    for names, match in ((["MUG1"], "holds no MUG1; check its name"), ("MAA", "names")):
-        with pytest.raises(bc.InputError, match=match):
-            bc.read_op4(path, names)
-    with pytest.raises(bc.InputError, match="no.op4' does not exist"):
-        bc.read_op4(path.with_name("no.op4"), ["MAA"])
 
 
 def test_a_foot_in_wrong_axes_is_found(wing):
-    refused(wing(systems=(0, 0)), r"forces of (1\.0e\+00|9).* of their terms.*places and axes")
-
-
-def test_what_does_not_fit_together_is_refused(delivery):
-    path = delivery / "boom.op4"
-    path.write_bytes(se.op4_binary({"MXX": FOUND.mass}))
-    refused(path, "holds no stiffness .*it holds MXX")
-    path.write_bytes(se.op4_binary({**MATRICES, "MXX": FOUND.mass[:9, :9]}))
-    refused(path, "are not square and of one size")
-    path.write_bytes(se.op4_binary(MATRICES) + se.op4_binary(MATRICES))
-    refused(path, "holds KXX more than once")
-    (delivery / "boom.asm").write_text(se.asm_text(modes=20))
-    path.write_bytes(se.op4_binary(MATRICES))
-    refused(path, "matrices of 40 freedoms, but the grids and scalar points of boom.asm make 38")
-    (delivery / "boom.asm").write_text("$ nothing\n")
-    refused(path, "holds no GRID")
-    refused(path, "asm = .* is given|does not exist", asm=delivery / "no.asm")
-    modes = delivery / "modes.toml"
-    modes.write_text("frequencies = [1.0]")
-    refused(
-        modes,
-        "grids is given, but 'modes.toml' states its reference point itself",
-        grids=[bc.InterfaceGrid(id=1, at=(0.0, 0.0, 0.0))],
-    )
-
-
-def test_complex_matrices_are_refused(delivery):
-    text = se.op4_text(MATRICES).decode()
-    path = delivery / "boom.op4"
-    path.write_text(re.sub(r"       2KXX", "       4KXX", text))
-    refused(path, r"KXX holds complex numbers; give real mass and stiffness")
-
-
-def test_sizes_are_bounded(delivery):
-    path = delivery / "boom.op4"
-    header = f"{5000:8d}{-900000:8d}{6:8d}{2:8d}{'KXX':<8}1P,3E23.16\n"
-    path.write_text(header + f"{5001:8d}{1:8d}{1:8d}\n 1.0\n")
-    refused(path, r"KXX has the shape \(900000, 5000\); at most 4000 freedoms")
-    (delivery / "boom.asm").write_text("SPOINT,1,THRU,900000\n")
-    path.write_bytes(se.op4_binary(MATRICES))
-    refused(path, "goes from 1 to 900000")
-
-
-def test_a_body_that_does_not_point_along_x_gets_axes_proposed(delivery):
-    (delivery / "boom.op4").write_bytes(se.op4_binary(MATRICES))
-    imported = {"file": str(delivery / "boom.op4"), "units": UNITS}
-    for turned, proposed in (
-        (
-            [[-1, 0, 0], [0, -1, 0], [0, 0, 1]],
-            r"\[\[1.0, 0.0, 0.0\], \[0.0, 1.0, 0.0\], \[0.0, 0.0, 1.0\]\]",
-        ),
-        (
-            [[-1, 0, 0], [0, 0, 1], [0, 1, 0]],
-            r"\[\[1.0, 0.0, 0.0\], \[0.0, 0.0, -1.0\], \[0.0, 1.0, 0.0\]\]",
-        ),
-    ):
-        with pytest.raises(bc.InputError, match=f"give axes = {proposed}"):
-            bc.fit(spec_of({"imported": {**imported, "axes": turned}}))
+    refused(wing(systems=(0, 0)), "forces of 1.0e+00 of", "places and axes")
 
 
 # -- grids that the root does not hold -------------------------------------------------------------
@@ -408,34 +275,6 @@ def test_a_port_keeps_its_motion_in_other_axes_and_units(with_port):
     moved = np.abs(mast.motion[:, [0, 2, 1]]) * np.sqrt(UNITS["mass"])
     np.testing.assert_allclose(moved, np.abs(WITH_PORT.motion[:3, :3]), rtol=1e-5, atol=1e-4)
     assert "grid 45 is free, as port 'mast'" in data.steps
-
-
-def test_what_is_no_port_is_refused(with_port):
-    refused(
-        with_port,
-        r"ports.mast = 46 is no interface grid of 'boom.op4'; it has 3, 11, 27, 45",
-        ports={"mast": 46},
-    )
-    refused(with_port, "ports names a grid twice", ports={"a": 45, "b": 45})
-    refused(
-        with_port,
-        "none of its freedoms belongs to a grid that the port holds",
-        ports={"a": 45, "b": 3, "c": 11, "d": 27},
-    )
-    refused(with_port, "ports.a = 'x' ", ports={"a": "x"})
-
-
-def test_a_port_carries_nothing(with_port):
-    imported = {"file": str(with_port), "units": UNITS, "ports": {"mast": se.PORT}}
-    craft = """<mujoco><worldbody><body name="bus"><freejoint/>
-<inertial pos="0 0 0" mass="50" diaginertia="9 9 9"/><site name="mount"/>
-<body name="dish" pos="1.6 0 0"><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body>
-</body></worldbody></mujoco>"""
-    spec = spec_of({"name": "boom", "imported": imported})
-    with pytest.raises(bc.InputError, match="port 'mast' .* is free in its modes, but its chain"):
-        bc.embed(craft, {"mount": spec}, carry={"mount:mast": ["dish"]})
-    with pytest.raises(bc.InputError, match=r"ports: 'Mast' must start with a small letter"):
-        spec_of({"imported": {**imported, "ports": {"Mast": 45}}})
 
 
 # -- rounding of a delivery ------------------------------------------------------------------------
@@ -500,11 +339,7 @@ def test_a_grid_that_is_off_by_what_the_strain_check_takes_is_fitted(shift, spok
     assert bool(said) == spoken
     assert mass_error(result.space.data) < 3e-4  # the root moves with the grid as well
     if spoken:
-        assert re.search(
-            r"^wing.op4: the rigid mass that follows from mass and stiffness departs from a rigid "
-            r"body's by \d\.\de-0[567].*grids in the .asm rounded to 8 characters.*a-set",
-            said,
-        )
+        assert re.search(r"^wing.op4: .* by \d\.\de-0[567].* 8 characters.*a-set", said)
 
 
 @pytest.mark.parametrize("digits", [5, 8, 10])
@@ -531,7 +366,7 @@ def test_a_mass_that_is_no_body_s_is_refused_still(change, tmp_path):
         mass[0, 0] += 0.005 * 3.066e-3
     else:
         mass[2, :] = mass[:, 2] = 0.0
-    with pytest.raises(bc.BeamchainError, match="from a rigid body's .*a-set holds") as caught:
+    with pytest.raises(bc.BeamchainError, match="a-set") as caught:
         shipped(tmp_path, mass=mass)
     assert "weight generator" not in str(caught.value)
 
@@ -541,16 +376,15 @@ def test_damping_that_is_ignored_is_named(names, tmp_path):
     others = dict.fromkeys(names, 0.02 * SHIPPED.stiffness)
     said = codes_of(shipped(tmp_path, others=others))["ignored-damping"]
     verb = "are" if len(names) == 2 else "is"
-    assert said == (
-        f"wing.op4 holds {' and '.join(names)}, which {verb} ignored; [damping] is not given: the "
-        "modes are undamped."
-    )
+    for words in ("wing.op4", " and ".join(names), f"{verb} ignored", "[damping]", "undamped"):
+        assert words in said
     stated = shipped(tmp_path, others=others, damping={"ratio": 0.01})
     assert "ignored-damping" not in codes_of(stated)
 
 
 def test_one_unit_alone_is_asked_about(tmp_path):
     said = codes_of(shipped(tmp_path, units={"length": 1e-3}))["half-units"]
-    assert said.startswith("imported.units gives length = 0.001 alone, so that mass is taken in kg")
+    assert "length = 0.001 alone" in said
+    assert "kg" in said
     for units in ({"length": 1e-3, "mass": 1.0}, UNITS, {}):
         assert "half-units" not in codes_of(shipped(tmp_path, units=units))

@@ -135,23 +135,6 @@ def test_profile_keeps_its_impulse_whatever_the_step():
         )
 
 
-@pytest.mark.parametrize(
-    ("text", "match"),
-    [
-        ("", "give a column time"),
-        ("time,mq\n0,1\n1,0\n", "mq"),
-        ("time,mz\n0,1\n", "at least two rows"),
-        ("time,mz\n1,1\n2,0\n", "start at 0"),
-        ("time,mz\n0,1\n0,0\n", "ascend"),
-        ("time,mz\n0,one\n1,0\n", "one number per column"),
-        ("time,mz\n0,nan\n1,0\n", "finite"),
-    ],
-)
-def test_bad_profiles(text, match):
-    with pytest.raises(bc.BeamchainError, match=match):
-        parse_profile(text, "p")
-
-
 # -- simulation ------------------------------------------------------------------------------------
 @pytest.mark.parametrize("integrator", ["RK4", "Euler", "implicitfast", "discrete"])
 def test_rigid_hub_turns_as_the_integrator_must(prepared, integrator):
@@ -426,11 +409,6 @@ def test_command(tmp_path):
     assert spec.kept == {"xy": best["n"]}
     # `ok` depends on the step, and so on the machine: up to its last mode it may be off by 10 %
     assert bc.fit(spec).achieved["xy"].modes == best["n"]
-
-
-def test_unknown_model_is_refused():
-    with pytest.raises(bc.BeamchainError, match="choose from"):
-        bc.study(SEED, models=("spaghetti",))
 
 
 @pytest.mark.slow
