@@ -13,7 +13,7 @@ from beamchain.craft.coupled_modes import _phase as phase_of_two
 from beamchain.craft.coupled_modes import _port as port_of_mode
 from beamchain.craft.coupled_modes import _shares as shares_of_energy
 from beamchain.craft.coupled_modes import slow_modes
-from beamchain.craft.modal_form import ModalForm
+from beamchain.craft.modal_form import ModalForm, column_range, modal_form
 from beamchain.craft.quantities import _check_inertia as check_inertia
 from beamchain.craft.recovery import _left_out as load_of_modes_left_out
 from beamchain.craft.slews import SlewBody
@@ -28,6 +28,7 @@ from beamchain.engine.driven_hinge import run as run_of_drive
 from beamchain.engine.linear import Carrying, linear_at, rigid_body
 from beamchain.engine.loaded import offset_cautions
 from beamchain.engine.mount import mount
+from beamchain.engine.normal_modes import normal_modes
 from beamchain.engine.operating_point import rest_point
 from beamchain.engine.partial_fractions import _accelerance as sum_of_poles
 from beamchain.engine.reach import reach, turn
@@ -149,6 +150,7 @@ __all__ = [
     "check_inertia",
     "closed_in",
     "clusters",
+    "column_range",
     "condensed_mass",
     "continuous_poles",
     "culprit",
@@ -174,6 +176,7 @@ __all__ = [
     "load_of_modes_left_out",
     "map_by_differences",
     "maximum_of",
+    "modal_form",
     "mode_to_ring",
     "modes_finely_divided",
     "momentum_of_mode",
@@ -184,6 +187,7 @@ __all__ = [
     "nearest_body",
     "newton_step",
     "nodes_of_density",
+    "normal_modes",
     "offset_cautions",
     "pairs_of_modes",
     "peak_clusters",
