@@ -107,6 +107,8 @@ def test_what_a_state_adds_to_the_outputs():
     plant.d = np.zeros((4, 2))
     form = plant.form()
     check(form, plant)
+    assert form.rigid == (2, 0)
+    assert np.all(form.a[:2] == 0.0)  # what moves is taken off rigid positions
     poles = np.linalg.eigvals(plant.a)
     for k in range(2):
         w = plant.modes.frequency[k]
@@ -316,19 +318,20 @@ def test_rigid_motion_that_something_resists_is_not_spanned():
     form = double_integrators(np.ones((7, 1)), np.ones((1, 7)), np.ones(7))
     form.a[3, 3] = -0.1
     assert form.spanned() is form
-    form = form.picked([0, 1, 2, 3, 4, 6], (3, 2))
+    form = double_integrators(np.ones((7, 1)), np.ones((1, 7)), np.ones(7))
+    form = form.picked([*range(7)], (3, 2))
     assert form.spanned() is form
 
 
 def test_range_of_columns_is_the_identity_in_some_rows():
     matrix = RNG.standard_normal((6, 2)) @ RNG.standard_normal((2, 4))
-    matrix += 1e-7 * RNG.standard_normal((6, 4))
+    matrix = 1e4 * (matrix + 1e-6 * RNG.standard_normal((6, 4)))
     basis, rows = column_range(matrix, 1e-3)
     assert basis.shape == (6, 2)
     assert rows == sorted(rows)
     np.testing.assert_allclose(basis[rows], np.eye(2), atol=1e-12)
-    np.testing.assert_allclose(basis @ matrix[rows], matrix, atol=1e-5)
-    assert column_range(matrix, 1e-9)[0].shape == (6, 4)
+    np.testing.assert_allclose(basis @ matrix[rows], matrix, atol=1.0)
+    assert column_range(matrix, 1e-8)[0].shape == (6, 4)
 
 
 def test_one_state_more_of_a_name_has_its_number():

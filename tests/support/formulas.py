@@ -13,6 +13,8 @@ from beamchain.craft.coupled_modes import _phase as phase_of_two
 from beamchain.craft.coupled_modes import _port as port_of_mode
 from beamchain.craft.coupled_modes import _shares as shares_of_energy
 from beamchain.craft.coupled_modes import slow_modes
+from beamchain.craft.loads import Load as LoadOfPort
+from beamchain.craft.loads import Root, carrying_of
 from beamchain.craft.modal_form import ModalForm, column_range, modal_form
 from beamchain.craft.quantities import _check_inertia as check_inertia
 from beamchain.craft.recovery import _left_out as load_of_modes_left_out
@@ -22,6 +24,7 @@ from beamchain.craft.slews import _more as modes_finely_divided
 from beamchain.craft.slews import _parts as equal_parts
 from beamchain.craft.slews import _Reference as Reference
 from beamchain.craft.slews import _turns as turns_of_hinge
+from beamchain.craft.under_load import LoadedTree
 from beamchain.engine.drawn import skin_vertices
 from beamchain.engine.driven_hinge import Seen, Turn, drive_of, seen
 from beamchain.engine.driven_hinge import run as run_of_drive
@@ -117,6 +120,8 @@ __all__ = [
     "Hinge",
     "LinearModel",
     "Link",
+    "LoadOfPort",
+    "LoadedTree",
     "LoopsOfSamples",
     "ModalForm",
     "ModalResponse",
@@ -127,6 +132,7 @@ __all__ = [
     "Promise",
     "Reference",
     "Room",
+    "Root",
     "SampleLoops",
     "Sections",
     "Seen",
@@ -146,6 +152,7 @@ __all__ = [
     "bent_line",
     "bodies",
     "body_mass_matrix",
+    "carrying_of",
     "change_of_frequencies",
     "check_inertia",
     "closed_in",
