@@ -147,9 +147,10 @@ def test_all_in_one_block_has_the_normal_coordinates():
     assert form.weight[5:] == pytest.approx([1.0 / w[0], 1.0, 1.0 / w[1], 1.0])
 
 
-def test_gyroscopic_moments_make_nutation():
+@pytest.mark.parametrize("h", [5.0, 0.05])
+def test_gyroscopic_moments_make_nutation(h):
     """Momentum h about z: both rates turn at h / sqrt(Ix Iy)."""
-    h, ix, iy = 5.0, 2.0, 4.5
+    ix, iy = 2.0, 4.5
     plant = Plant(np.diag([ix, iy]), np.array([[0.0, h], [-h, 0.0]]), np.zeros((2, 2)))
     plant.c[0] = [0.0, 0.0, 1.0, 0.0]
     form = plant.form()
@@ -190,6 +191,7 @@ def test_an_overdamped_mode_decays_twice():
     """Poles of s^2 + 2 z w s + w^2 with z = 1.25: -w/2 and -2 w."""
     w = 3.0
     plant = Plant(np.diag([1.0, 2.0]), np.diag([2.5 * w, 0.0]), np.diag([w**2, 0.0]))
+    plant.c[:2] = [[w, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]  # w eta and eta'
     form = plant.form()
     check(form, plant)
     assert form.rigid == (1, 1)
@@ -200,6 +202,8 @@ def test_an_overdamped_mode_decays_twice():
     assert decays == pytest.approx([-w / 2.0, -2.0 * w])
     np.testing.assert_allclose(form.a[2:, 2:], np.diag(decays), atol=1e-12)
     assert form.weight[2:] == pytest.approx([1.0, 1.0])
+    # each is 1 in the coordinate that it is named after
+    assert np.diag(np.abs(form.c[:2, 2:])) == pytest.approx([1.0, 1.0])
 
 
 def test_a_critically_damped_mode_stays_together():
@@ -218,6 +222,7 @@ def test_a_damper_between_free_masses_leaves_one_motion():
     d = 1.5
     damping = d * np.array([[1.0, -1.0], [-1.0, 1.0]])
     plant = Plant(np.diag([2.0, 3.0]), damping, np.zeros((2, 2)))
+    plant.c[:2] = np.eye(2, 4, 2)
     form = plant.form()
     check(form, plant)
     assert form.rigid == (2, 1)
@@ -226,6 +231,7 @@ def test_a_damper_between_free_masses_leaves_one_motion():
     assert form.a[3, 3] == pytest.approx(-d * (1 / 2.0 + 1 / 3.0))
     at = ("rigid_x_rate", "rigid_y_rate").index(form.names[2])
     other = ("rigid_x_rate", "rigid_y_rate").index(form.names[3].removesuffix("_2"))
+    assert form.c[[at, other], [2, 3]] == pytest.approx([1.0, 1.0])
     sizes = np.sqrt([2.0, 3.0])
     assert form.weight == pytest.approx(1.0 / np.array([*sizes, sizes[at], sizes[other]]))
 

@@ -16,6 +16,8 @@ from beamchain.craft.coupled_modes import slow_modes
 from beamchain.craft.loads import Load as LoadOfPort
 from beamchain.craft.loads import Root, carrying_of
 from beamchain.craft.modal_form import ModalForm, column_range, modal_form
+from beamchain.craft.model_fields import apply as apply_draw
+from beamchain.craft.quantities import Quantity, draws, inertia_matrix, quantities
 from beamchain.craft.quantities import _check_inertia as check_inertia
 from beamchain.craft.recovery import _left_out as load_of_modes_left_out
 from beamchain.craft.slews import SlewBody
@@ -43,6 +45,7 @@ from beamchain.engine.slew import _in_hinge as drive_in_hinge
 from beamchain.engine.slew import _mode_to_ring as mode_to_ring
 from beamchain.fitting.fewest import weights as weights_of_modes
 from beamchain.fitting.needs import Promise
+from beamchain.fitting.uncertain import score
 from beamchain.fitting.warnings import doubtful, imported_warnings, step_warnings
 from beamchain.identification.resolution import resolution
 from beamchain.plants.error_indices import deviation_share, largest_deviation, windowed_variance
@@ -130,6 +133,7 @@ __all__ = [
     "PlanarChain",
     "PoleRow",
     "Promise",
+    "Quantity",
     "Reference",
     "Room",
     "Root",
@@ -147,6 +151,7 @@ __all__ = [
     "WheelSweep",
     "apart",
     "apparent_pole",
+    "apply_draw",
     "as_compared",
     "balanced_bounds",
     "bent_line",
@@ -164,6 +169,7 @@ __all__ = [
     "delay_near",
     "deviation_share",
     "doubtful",
+    "draws",
     "drive_in_hinge",
     "drive_of",
     "driven",
@@ -175,6 +181,7 @@ __all__ = [
     "hinge_armature",
     "imported_warnings",
     "independent_parts",
+    "inertia_matrix",
     "joined",
     "largest_angle",
     "largest_deviation",
@@ -202,6 +209,7 @@ __all__ = [
     "plane_of_chain",
     "polynomial",
     "port_of_mode",
+    "quantities",
     "raise_polar_inertia",
     "reach",
     "realisable_body",
@@ -215,6 +223,7 @@ __all__ = [
     "run_of_turn",
     "runge_kutta_limit",
     "running_mean",
+    "score",
     "sections_at",
     "seen",
     "servos_that_chatter",
