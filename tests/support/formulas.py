@@ -20,12 +20,20 @@ from beamchain.craft.model_fields import apply as apply_draw
 from beamchain.craft.quantities import Quantity, draws, inertia_matrix, quantities
 from beamchain.craft.quantities import _check_inertia as check_inertia
 from beamchain.craft.recovery import _left_out as load_of_modes_left_out
-from beamchain.craft.slews import SlewBody
+from beamchain.craft.slews import SlewBody, SlewRow
 from beamchain.craft.slews import _apart as apart
+from beamchain.craft.slews import _drift as drift_of_momentum
+from beamchain.craft.slews import _drives as drives_of_craft
+from beamchain.craft.slews import _Model as ModelOfSlew
 from beamchain.craft.slews import _more as modes_finely_divided
 from beamchain.craft.slews import _parts as equal_parts
 from beamchain.craft.slews import _Reference as Reference
+from beamchain.craft.slews import _rk4_words as rk4_words
+from beamchain.craft.slews import _Scene as SceneOfSlews
+from beamchain.craft.slews import _Trial as Trial
 from beamchain.craft.slews import _turns as turns_of_hinge
+from beamchain.craft.slews import _warnings as slew_warnings
+from beamchain.craft.slews import _wished as wished_hinges
 from beamchain.craft.under_load import LoadedTree
 from beamchain.engine.drawn import skin_vertices
 from beamchain.engine.driven_hinge import Seen, Turn, drive_of, seen
@@ -128,6 +136,7 @@ __all__ = [
     "LoopsOfSamples",
     "ModalForm",
     "ModalResponse",
+    "ModelOfSlew",
     "ModesOfCraft",
     "Nodes",
     "PlanarChain",
@@ -138,15 +147,18 @@ __all__ = [
     "Room",
     "Root",
     "SampleLoops",
+    "SceneOfSlews",
     "Sections",
     "Seen",
     "SeenAtPose",
     "Shapes",
     "SlewBody",
+    "SlewRow",
     "Slosh",
     "StepOfCraft",
     "System",
     "Tendons",
+    "Trial",
     "Turn",
     "WheelSweep",
     "apart",
@@ -170,9 +182,11 @@ __all__ = [
     "deviation_share",
     "doubtful",
     "draws",
+    "drift_of_momentum",
     "drive_in_hinge",
     "drive_of",
     "driven",
+    "drives_of_craft",
     "equal_parts",
     "figure_of_sample",
     "first_moment",
@@ -217,6 +231,7 @@ __all__ = [
     "resolution",
     "rest_point",
     "rigid_body",
+    "rk4_words",
     "round_down",
     "rounding_of_residual",
     "run_of_drive",
@@ -232,6 +247,7 @@ __all__ = [
     "shares_of_energy",
     "simulate_hub",
     "skin_vertices",
+    "slew_warnings",
     "slow_modes",
     "small_turn",
     "smallness",
@@ -256,5 +272,6 @@ __all__ = [
     "unit_of_control",
     "weights_of_modes",
     "windowed_variance",
+    "wished_hinges",
     "worst_sample",
 ]
