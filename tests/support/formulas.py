@@ -12,7 +12,17 @@ from beamchain.craft.coupled_modes import _pairs as pairs_of_modes
 from beamchain.craft.coupled_modes import _phase as phase_of_two
 from beamchain.craft.coupled_modes import _port as port_of_mode
 from beamchain.craft.coupled_modes import _shares as shares_of_energy
-from beamchain.craft.coupled_modes import slow_modes
+from beamchain.craft.coupled_modes import coupled_modes, mode_words, slow_modes
+from beamchain.craft.error import (
+    Carried,
+    Pose,
+    counterpart,
+    extra_damping,
+    growth,
+    lacking_damping,
+    peaks_of_craft,
+)
+from beamchain.craft.error import by_base as mounts_by_base
 from beamchain.craft.loads import Load as LoadOfPort
 from beamchain.craft.loads import Root, carrying_of
 from beamchain.craft.modal_form import ModalForm, column_range, modal_form
@@ -122,6 +132,7 @@ from beamchain.structure.slosh import Slosh
 __all__ = [
     "Alone",
     "BentLine",
+    "Carried",
     "Carrying",
     "Chain",
     "Compared",
@@ -141,6 +152,7 @@ __all__ = [
     "Nodes",
     "PlanarChain",
     "PoleRow",
+    "Pose",
     "Promise",
     "Quantity",
     "Reference",
@@ -177,6 +189,8 @@ __all__ = [
     "column_range",
     "condensed_mass",
     "continuous_poles",
+    "counterpart",
+    "coupled_modes",
     "culprit",
     "delay_near",
     "deviation_share",
@@ -188,15 +202,18 @@ __all__ = [
     "driven",
     "drives_of_craft",
     "equal_parts",
+    "extra_damping",
     "figure_of_sample",
     "first_moment",
     "form2_many",
     "free_peaks",
+    "growth",
     "hinge_armature",
     "imported_warnings",
     "independent_parts",
     "inertia_matrix",
     "joined",
+    "lacking_damping",
     "largest_angle",
     "largest_deviation",
     "limiting_modes",
@@ -206,11 +223,13 @@ __all__ = [
     "maximum_of",
     "modal_form",
     "mode_to_ring",
+    "mode_words",
     "modes_finely_divided",
     "momentum_of_mode",
     "motion_at",
     "motion_of_modes",
     "mount",
+    "mounts_by_base",
     "named_output",
     "nearest_body",
     "newton_step",
@@ -219,6 +238,7 @@ __all__ = [
     "offset_cautions",
     "pairs_of_modes",
     "peak_clusters",
+    "peaks_of_craft",
     "phase_of_two",
     "plane_of_chain",
     "polynomial",
