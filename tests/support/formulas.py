@@ -4,7 +4,9 @@ from beamchain.chain.chain import Chain, Hinge, Link
 from beamchain.chain.links import bodies, raise_polar_inertia, settle_links, share
 from beamchain.chain.recursion import Nodes, realise, split
 from beamchain.craft.bent_line import BentLine, bent_line, turned_by
+from beamchain.craft.bent_line import _lowest as lowest_modes
 from beamchain.craft.bent_line import _motion as motion_of_modes
+from beamchain.craft.bent_line import _numbers as ranks_of_modes
 from beamchain.craft.coupled_modes import _clusters as clusters
 from beamchain.craft.coupled_modes import _Modes as ModesOfCraft
 from beamchain.craft.coupled_modes import _momentum as momentum_of_mode
@@ -23,6 +25,7 @@ from beamchain.craft.error import (
     peaks_of_craft,
 )
 from beamchain.craft.error import by_base as mounts_by_base
+from beamchain.craft.hanging_liquid import hanging_liquid, springs_at_stated
 from beamchain.craft.loads import Load as LoadOfPort
 from beamchain.craft.loads import Root, carrying_of
 from beamchain.craft.modal_form import ModalForm, column_range, modal_form
@@ -208,6 +211,7 @@ __all__ = [
     "form2_many",
     "free_peaks",
     "growth",
+    "hanging_liquid",
     "hinge_armature",
     "imported_warnings",
     "independent_parts",
@@ -219,6 +223,7 @@ __all__ = [
     "limiting_modes",
     "linear_at",
     "load_of_modes_left_out",
+    "lowest_modes",
     "map_by_differences",
     "maximum_of",
     "modal_form",
@@ -245,6 +250,7 @@ __all__ = [
     "port_of_mode",
     "quantities",
     "raise_polar_inertia",
+    "ranks_of_modes",
     "reach",
     "realisable_body",
     "realise",
@@ -272,6 +278,7 @@ __all__ = [
     "small_turn",
     "smallness",
     "split",
+    "springs_at_stated",
     "squared_phase",
     "stable_armature",
     "start_rate",
