@@ -23,6 +23,7 @@ from formulas import (
     drives_of_craft,
     rk4_words,
     slew_warnings,
+    turns_of_hinge,
     wished_hinges,
 )
 
@@ -49,6 +50,17 @@ def test_hinges_are_wished_by_name():
         wished_hinges(model, drives, ["slides"])
     with pytest.raises(bc.InputError, match="the file has none"):
         wished_hinges(model, [], ["slides"])
+
+
+def test_a_hinge_is_turned_as_little_as_its_range_lets_it():
+    text = JOINTS.replace('name="turns"', 'name="turns" range="-4 5"')
+    model = mujoco.MjModel.from_xml_string(text)
+    found = turns_of_hinge(model, model.joint("turns").id, 3.0)
+    assert np.degrees([turn.angle for turn in found]) == pytest.approx([5.0, 5.0])
+    assert [turn.duration for turn in found] == [15.0, 30.0]
+    held = mujoco.MjModel.from_xml_string(text.replace("-4 5", "0 1e-14"))
+    held.jnt_range[held.joint("turns").id] = 0.0
+    assert turns_of_hinge(held, held.joint("turns").id, 3.0) == []
 
 
 # -- steps -----------------------------------------------------------------------------------------

@@ -15,6 +15,7 @@ from beamchain.craft.coupled_modes import _phase as phase_of_two
 from beamchain.craft.coupled_modes import _port as port_of_mode
 from beamchain.craft.coupled_modes import _shares as shares_of_energy
 from beamchain.craft.coupled_modes import coupled_modes, mode_words, slow_modes
+from beamchain.craft.disturbances import disturbances
 from beamchain.craft.error import (
     Carried,
     Pose,
@@ -26,10 +27,14 @@ from beamchain.craft.error import (
 )
 from beamchain.craft.error import by_base as mounts_by_base
 from beamchain.craft.hanging_liquid import hanging_liquid, springs_at_stated
+from beamchain.craft.linear_craft import linear_craft
+from beamchain.craft.loads import Item as AppendageOnLoad
 from beamchain.craft.loads import Load as LoadOfPort
-from beamchain.craft.loads import Root, carrying_of
+from beamchain.craft.loads import Root, carrying_of, hanging_notes
 from beamchain.craft.modal_form import ModalForm, column_range, modal_form
+from beamchain.craft.mode_names import cantilever_names, mode_names
 from beamchain.craft.model_fields import apply as apply_draw
+from beamchain.craft.poses import Way, pose_label, poses_of
 from beamchain.craft.quantities import Quantity, draws, inertia_matrix, quantities
 from beamchain.craft.quantities import _check_inertia as check_inertia
 from beamchain.craft.recovery import _left_out as load_of_modes_left_out
@@ -47,6 +52,8 @@ from beamchain.craft.slews import _Trial as Trial
 from beamchain.craft.slews import _turns as turns_of_hinge
 from beamchain.craft.slews import _warnings as slew_warnings
 from beamchain.craft.slews import _wished as wished_hinges
+from beamchain.craft.step_slopes import step_slopes
+from beamchain.craft.timing import is_worth_timing, response_change
 from beamchain.craft.under_load import LoadedTree
 from beamchain.engine.drawn import skin_vertices
 from beamchain.engine.driven_hinge import Seen, Turn, drive_of, seen
@@ -134,6 +141,7 @@ from beamchain.structure.slosh import Slosh
 
 __all__ = [
     "Alone",
+    "AppendageOnLoad",
     "BentLine",
     "Carried",
     "Carrying",
@@ -175,6 +183,7 @@ __all__ = [
     "Tendons",
     "Trial",
     "Turn",
+    "Way",
     "WheelSweep",
     "apart",
     "apparent_pole",
@@ -184,6 +193,7 @@ __all__ = [
     "bent_line",
     "bodies",
     "body_mass_matrix",
+    "cantilever_names",
     "carrying_of",
     "change_of_frequencies",
     "check_inertia",
@@ -197,6 +207,7 @@ __all__ = [
     "culprit",
     "delay_near",
     "deviation_share",
+    "disturbances",
     "doubtful",
     "draws",
     "drift_of_momentum",
@@ -212,21 +223,25 @@ __all__ = [
     "free_peaks",
     "growth",
     "hanging_liquid",
+    "hanging_notes",
     "hinge_armature",
     "imported_warnings",
     "independent_parts",
     "inertia_matrix",
+    "is_worth_timing",
     "joined",
     "lacking_damping",
     "largest_angle",
     "largest_deviation",
     "limiting_modes",
     "linear_at",
+    "linear_craft",
     "load_of_modes_left_out",
     "lowest_modes",
     "map_by_differences",
     "maximum_of",
     "modal_form",
+    "mode_names",
     "mode_to_ring",
     "mode_words",
     "modes_finely_divided",
@@ -248,6 +263,8 @@ __all__ = [
     "plane_of_chain",
     "polynomial",
     "port_of_mode",
+    "pose_label",
+    "poses_of",
     "quantities",
     "raise_polar_inertia",
     "ranks_of_modes",
@@ -255,6 +272,7 @@ __all__ = [
     "realisable_body",
     "realise",
     "resolution",
+    "response_change",
     "rest_point",
     "rigid_body",
     "rk4_words",
@@ -286,6 +304,7 @@ __all__ = [
     "steepest",
     "step_length",
     "step_pole",
+    "step_slopes",
     "step_warnings",
     "structured_bound",
     "sum_of_poles",
