@@ -139,6 +139,57 @@ def test_a_slew_of_too_many_steps_is_refused(step):
             SceneOfSlews._check_length(scene, Turn(1.0, 37.0))
 
 
+@pytest.mark.parametrize(
+    ("timestep", "period", "spacing", "samples"),
+    [(0.01, 3.0, 0.1, 401), (0.013, 3.0, 0.104, 386), (0.5, 3.0, 0.5, 81), (0.01, 3.1, 0.1, 402)],
+)
+def test_a_slew_has_400_samples_on_its_own_steps(monkeypatch, timestep, period, spacing, samples):
+    """Of 37 s and one period more; the hinge is turned on the rigid twin, the others held."""
+    given = {}
+
+    def drive(model, joint, held, turn, **more):
+        given.update(more, model=model, joint=joint, held=held, turn=turn)
+        return SimpleNamespace(qpos="qpos", qvel="qvel")
+
+    monkeypatch.setattr("beamchain.craft.slews.drive_of", drive)
+    twin, file = ModelOfSlew("twin", [7, 5, 6], [1]), ModelOfSlew("file", [0, 1, 2], [1])
+    scene = SimpleNamespace(
+        period=period, timestep=timestep, integrator="Euler", twin=twin, file=file, held=[0, 2],
+        own="own", reference="reference",
+        _look=lambda *what: what,
+        _run_rk4=lambda *what: what,
+        _run=lambda *what: what,
+    )  # fmt: skip
+    found = SceneOfSlews._trial(scene, 2, Turn(1.0, 37.0))
+    assert given["spacing"] == pytest.approx(spacing)
+    assert given["samples"] == samples
+    assert (given["model"], given["joint"], given["held"]) == ("twin", 6, [7, 6])
+    assert found.twin == (twin, 2, ("qpos", "qvel"))
+    assert found.file == (file, 2, found.drive, "reference")
+    assert found.own == (file._replace(model="own"), 2, found.drive, timestep, "Euler")
+
+
+@pytest.mark.parametrize(
+    ("is_own", "by", "mean"),
+    [(True, "Euler", True), (True, "RK4", False), (False, "Euler", False), (False, "RK4", False)],
+)
+def test_means_of_inputs_are_for_the_file_at_its_own_step(monkeypatch, is_own, by, mean):
+    given = {}
+
+    def run(model, held, drive, integrator, per_sample, *, mean_input):
+        given.update(held=held, by=integrator, count=per_sample, mean=mean_input)
+        return "states"
+
+    monkeypatch.setattr("beamchain.craft.slews.run", run)
+    model = SimpleNamespace()
+    scene = SimpleNamespace(own=model if is_own else None, held=[0, 2], _look=lambda *what: what)
+    placed = ModelOfSlew(model, [7, 5, 6], [1])
+    drive = SimpleNamespace(spacing=0.1)
+    found = SceneOfSlews._run(scene, placed, 2, drive, 0.03, by)
+    assert found == (placed, 2, "states")
+    assert given == {"held": [7, 6], "by": by, "count": 4, "mean": mean}
+
+
 # -- what is stated --------------------------------------------------------------------------------
 AXIS = np.array([2.0, -1.0, 2.0]) / 3.0
 OUT = np.array([2.0, 3.0, -6.0]) / 7.0

@@ -37,7 +37,15 @@ from beamchain.craft.model_fields import apply as apply_draw
 from beamchain.craft.poses import Way, pose_label, poses_of
 from beamchain.craft.quantities import Quantity, draws, inertia_matrix, quantities
 from beamchain.craft.quantities import _check_inertia as check_inertia
+from beamchain.craft.recovered_body import Coordinates
+from beamchain.craft.recovery import History, Recovery, appendage_at
+from beamchain.craft.recovery import _acceleration as acceleration_of_sections
+from beamchain.craft.recovery import _carried_load as carried_load
 from beamchain.craft.recovery import _left_out as load_of_modes_left_out
+from beamchain.craft.recovery import _on_ports as wrench_on_ports
+from beamchain.craft.recovery import _rigid_load as rigid_load
+from beamchain.craft.recovery import _stations as stations_of
+from beamchain.craft.recovery import run_of as run_of_data
 from beamchain.craft.slews import SlewBody, SlewRow
 from beamchain.craft.slews import _apart as apart
 from beamchain.craft.slews import _drift as drift_of_momentum
@@ -66,6 +74,7 @@ from beamchain.engine.operating_point import rest_point
 from beamchain.engine.partial_fractions import _accelerance as sum_of_poles
 from beamchain.engine.reach import reach, turn
 from beamchain.engine.rollout import simulate as simulate_hub
+from beamchain.engine.root_motion import RootMotion
 from beamchain.engine.signals import _small_turn as small_turn
 from beamchain.engine.signals import _unit as unit_of_control
 from beamchain.engine.signals import named_output
@@ -147,10 +156,12 @@ __all__ = [
     "Carrying",
     "Chain",
     "Compared",
+    "Coordinates",
     "CoupledPort",
     "Craft",
     "Drawn",
     "Hinge",
+    "History",
     "LinearModel",
     "Link",
     "LoadOfPort",
@@ -166,9 +177,11 @@ __all__ = [
     "Pose",
     "Promise",
     "Quantity",
+    "Recovery",
     "Reference",
     "Room",
     "Root",
+    "RootMotion",
     "SampleLoops",
     "SceneOfSlews",
     "Sections",
@@ -185,8 +198,10 @@ __all__ = [
     "Turn",
     "Way",
     "WheelSweep",
+    "acceleration_of_sections",
     "apart",
     "apparent_pole",
+    "appendage_at",
     "apply_draw",
     "as_compared",
     "balanced_bounds",
@@ -194,6 +209,7 @@ __all__ = [
     "bodies",
     "body_mass_matrix",
     "cantilever_names",
+    "carried_load",
     "carrying_of",
     "change_of_frequencies",
     "check_inertia",
@@ -275,9 +291,11 @@ __all__ = [
     "response_change",
     "rest_point",
     "rigid_body",
+    "rigid_load",
     "rk4_words",
     "round_down",
     "rounding_of_residual",
+    "run_of_data",
     "run_of_drive",
     "run_of_turn",
     "runge_kutta_limit",
@@ -301,6 +319,7 @@ __all__ = [
     "stable_armature",
     "start_rate",
     "states_of_a_rising_load",
+    "stations_of",
     "steepest",
     "step_length",
     "step_pole",
@@ -320,4 +339,5 @@ __all__ = [
     "windowed_variance",
     "wished_hinges",
     "worst_sample",
+    "wrench_on_ports",
 ]
