@@ -168,23 +168,40 @@ def test_what_stays_above_zero_may_vary(given):
     assert len(found(UncertainCraft(**given))) == 1
 
 
-@pytest.mark.parametrize("reach", [0.28, 0.32])
-def test_principal_moments_at_the_corners_of_two_ranges(reach):
-    """Moments 3, 4 and 6.6: the largest grows by 0.1, and must stay below the sum of the others,
-    7 less the reach of xx; xy turns their axes."""
-    text = MODEL.replace('quat="0.9 0.2 -0.3 0.1" mass="70" diaginertia="9 7 5"',
-                         'mass="70" diaginertia="3 4 6.6"')  # fmt: skip
+@pytest.mark.parametrize(
+    ("xx", "zz", "kept"),
+    [(0.28, 0.1, True), (0.32, 0.1, False), (0.1, 0.28, True), (0.1, 0.32, False)],
+)
+def test_principal_moments_at_the_corners_of_two_ranges(xx, zz, kept):
+    """Moments 3, 4 and 6.6, in hundredths: the largest and what it grows by stay below the sum of
+    the others, 7 less the reach of xx; xy turns their axes."""
+    text = MODEL.replace(
+        'quat="0.9 0.2 -0.3 0.1" mass="70" diaginertia="9 7 5"',
+        'mass="70" diaginertia=".03 .04 .066"',
+    )
     given = UncertainBody(
-        inertia_xx=about(reach, distribution="uniform"),
-        inertia_xy=about(0.5, distribution="uniform"),
-        inertia_zz=about(0.1, distribution="uniform"),
+        inertia_xx=about(0.01 * xx, distribution="uniform"),
+        inertia_xy=about(0.001, distribution="uniform"),
+        inertia_zz=about(0.01 * zz, distribution="uniform"),
     )
     craft, uncertain = mujoco.MjModel.from_xml_string(text), UncertainCraft(body={"bus": given})
-    if reach < 0.3:  # 6.7 <= 7 - reach
+    if kept:
         assert len(quantities(craft, uncertain, {}, ())) == 3
     else:
         with pytest.raises(bc.InputError, match="inertia of body 'bus'"):
             quantities(craft, uncertain, {}, ())
+
+
+def test_a_body_that_floats_alone_varies_in_mass_alone():
+    alone = mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><body name="bus"><freejoint/><inertial pos="0 0 0" mass="7" '
+        'diaginertia="1 1 1"/></body></worldbody></mujoco>'
+    )
+    mass = UncertainCraft(body={"bus": UncertainBody(mass=some())})
+    assert quantities(alone, mass, {}, ())[0].nominal == 7.0
+    inertia = UncertainCraft(body={"bus": UncertainBody(inertia_xx=some(0.01))})
+    with pytest.raises(bc.InputError, match="inertia_xx of body 'bus' cannot vary"):
+        quantities(alone, inertia, {}, ())
 
 
 # -- draws -----------------------------------------------------------------------------------------

@@ -33,6 +33,7 @@ from beamchain.craft.loads import Load as LoadOfPort
 from beamchain.craft.loads import Root, carrying_of, hanging_notes
 from beamchain.craft.modal_form import ModalForm, column_range, modal_form
 from beamchain.craft.mode_names import cantilever_names, mode_names
+from beamchain.craft.model_fields import Maker as VariantMaker
 from beamchain.craft.model_fields import apply as apply_draw
 from beamchain.craft.poses import Way, pose_label, poses_of
 from beamchain.craft.quantities import Quantity, draws, inertia_matrix, quantities
@@ -196,6 +197,7 @@ __all__ = [
     "Tendons",
     "Trial",
     "Turn",
+    "VariantMaker",
     "Way",
     "WheelSweep",
     "acceleration_of_sections",
