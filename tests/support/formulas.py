@@ -26,8 +26,12 @@ from beamchain.craft.error import (
     peaks_of_craft,
 )
 from beamchain.craft.error import by_base as mounts_by_base
+from beamchain.craft.fits import _far as far_mount
+from beamchain.craft.fits import _points_inward as points_inward
 from beamchain.craft.hanging_liquid import hanging_liquid, springs_at_stated
-from beamchain.craft.linear_craft import linear_craft
+from beamchain.craft.inspect import energy_words, inspect_model
+from beamchain.craft.linear_craft import _names as names_of_models
+from beamchain.craft.linear_craft import internal_stiffness, linear_craft
 from beamchain.craft.loads import Item as AppendageOnLoad
 from beamchain.craft.loads import Load as LoadOfPort
 from beamchain.craft.loads import Root, carrying_of, hanging_notes
@@ -35,6 +39,7 @@ from beamchain.craft.modal_form import ModalForm, column_range, modal_form
 from beamchain.craft.mode_names import cantilever_names, mode_names
 from beamchain.craft.model_fields import Maker as VariantMaker
 from beamchain.craft.model_fields import apply as apply_draw
+from beamchain.craft.moving_modes import moving_modes
 from beamchain.craft.poses import Way, pose_label, poses_of
 from beamchain.craft.quantities import Quantity, draws, inertia_matrix, quantities
 from beamchain.craft.quantities import _check_inertia as check_inertia
@@ -233,8 +238,10 @@ __all__ = [
     "drive_of",
     "driven",
     "drives_of_craft",
+    "energy_words",
     "equal_parts",
     "extra_damping",
+    "far_mount",
     "figure_of_sample",
     "first_moment",
     "form2_many",
@@ -246,6 +253,8 @@ __all__ = [
     "imported_warnings",
     "independent_parts",
     "inertia_matrix",
+    "inspect_model",
+    "internal_stiffness",
     "is_worth_timing",
     "joined",
     "lacking_damping",
@@ -268,7 +277,9 @@ __all__ = [
     "motion_of_modes",
     "mount",
     "mounts_by_base",
+    "moving_modes",
     "named_output",
+    "names_of_models",
     "nearest_body",
     "newton_step",
     "nodes_of_density",
@@ -279,6 +290,7 @@ __all__ = [
     "peaks_of_craft",
     "phase_of_two",
     "plane_of_chain",
+    "points_inward",
     "polynomial",
     "port_of_mode",
     "pose_label",
