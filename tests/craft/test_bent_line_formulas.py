@@ -16,6 +16,7 @@ from formulas import (
     lowest_modes,
     ranks_of_modes,
     springs_at_stated,
+    turned_by,
 )
 
 RNG = np.random.default_rng(5)
@@ -52,6 +53,18 @@ def test_cells_stand_one_behind_the_other():
                 at, tilted = line.port(1, axes, ends, eta)
                 np.testing.assert_allclose(at[b], place, atol=1e-12)
                 np.testing.assert_allclose(tilted[b], wanted.as_matrix(), atol=1e-12)
+
+
+@pytest.mark.parametrize("size", [5e-5, 0.99e-4, 1.01e-4, 5e-4])
+def test_small_rotations_to_every_digit(size):
+    """Half of R - R^T is sin(a), and the trace 1 + 2 cos(a)."""
+    axis = np.array([2.0, -1.0, 2.0]) / 3.0
+    found = turned_by(size * axis)
+    skew = (found - found.T) / 2.0
+    wanted = np.sin(size) * axis
+    np.testing.assert_allclose([skew[2, 1], skew[0, 2], skew[1, 0]], wanted, rtol=2e-11)
+    grown = 3.0 - np.trace(found)
+    assert grown == pytest.approx(4.0 * np.sin(size / 2.0) ** 2, rel=1e-6)
 
 
 MATERIAL = bc.Material(youngs_modulus=7e10, density=2700.0)

@@ -90,20 +90,20 @@ ORDER = ["stand", "wrist", "slide", "a0", "a1", "b0"]
 DOFS = [TRUTH.joint(name).dofadr[0] for name in ORDER]
 
 
+DATA = mujoco.MjData(TRUTH)
+
+
 def true_slope(at):
     """dV/dz, at coordinates about the pose."""
-    data = mujoco.MjData(TRUTH)
-    data.qpos[DOFS] = at + np.append(QPOS, np.zeros(3))
-    mujoco.mj_forward(TRUTH, data)
-    return data.qfrc_bias[DOFS]
+    DATA.qpos[DOFS] = at + np.append(QPOS, np.zeros(3))
+    mujoco.mj_forward(TRUTH, DATA)
+    return DATA.qfrc_bias[DOFS].copy()
 
 
 def true_mass(at):
-    data = mujoco.MjData(TRUTH)
-    data.qpos[DOFS] = at + np.append(QPOS, np.zeros(3))
-    mujoco.mj_forward(TRUTH, data)
+    true_slope(at)
     mass = np.zeros((TRUTH.nv, TRUTH.nv))
-    mujoco.mj_fullM(TRUTH, data, mass)
+    mujoco.mj_fullM(TRUTH, DATA, mass)
     return mass[np.ix_(DOFS, DOFS)]
 
 

@@ -108,6 +108,15 @@ def test_an_overdamped_motion_peaks_where_its_mode_is_as_well(lean):
         assert np.min(np.abs(found[:, 0] / abs(pole) - 1.0)) < 1e-9
 
 
+def test_modes_that_dampers_couple_peak_where_they_are_without_them_as_well():
+    """m = 2, k = 18 and 50, d = 6 and 9: 3 and 5 rad/s, of d / 2 m w = 0.5 and 0.45."""
+    mass, stiffness = 2.0 * np.eye(2), np.diag([18.0, 50.0])
+    damping = np.array([[6.0, 5.0], [5.0, 9.0]])
+    found = peaks_of_craft(craft_of(mass, damping, stiffness, [0, 1]))
+    for wanted in ([3.0, 0.5], [5.0, 0.45]):
+        assert np.min(np.abs(found - wanted).max(axis=1)) < 1e-9
+
+
 @pytest.mark.parametrize(
     ("stiffness", "damping", "reach"),
     [
