@@ -19,10 +19,13 @@ from beamchain.craft.disturbances import disturbances
 from beamchain.craft.error import (
     Carried,
     Pose,
+    acting,
     counterpart,
+    craft_error,
     extra_damping,
     growth,
     lacking_damping,
+    loadings_of,
     peaks_of_craft,
 )
 from beamchain.craft.error import by_base as mounts_by_base
@@ -73,7 +76,7 @@ from beamchain.engine.drawn import skin_vertices
 from beamchain.engine.driven_hinge import Seen, Turn, drive_of, seen
 from beamchain.engine.driven_hinge import run as run_of_drive
 from beamchain.engine.linear import Carrying, linear_at, rigid_body
-from beamchain.engine.loaded import offset_cautions
+from beamchain.engine.loaded import Loading, offset_cautions
 from beamchain.engine.mount import mount
 from beamchain.engine.normal_modes import normal_modes
 from beamchain.engine.operating_point import rest_point
@@ -172,6 +175,7 @@ __all__ = [
     "Link",
     "LoadOfPort",
     "LoadedTree",
+    "Loading",
     "LoopsOfSamples",
     "ModalForm",
     "ModalResponse",
@@ -206,6 +210,7 @@ __all__ = [
     "Way",
     "WheelSweep",
     "acceleration_of_sections",
+    "acting",
     "apart",
     "apparent_pole",
     "appendage_at",
@@ -227,6 +232,7 @@ __all__ = [
     "continuous_poles",
     "counterpart",
     "coupled_modes",
+    "craft_error",
     "culprit",
     "delay_near",
     "deviation_share",
@@ -264,6 +270,7 @@ __all__ = [
     "linear_at",
     "linear_craft",
     "load_of_modes_left_out",
+    "loadings_of",
     "lowest_modes",
     "map_by_differences",
     "maximum_of",
