@@ -11,12 +11,14 @@ import beamchain as bc
 from formulas import (
     energy_words,
     far_mount,
+    holders_of_shape,
     inspect_model,
     internal_stiffness,
     moving_modes,
     names_of_models,
     points_inward,
     reach,
+    spans_of_motion,
     turn,
 )
 
@@ -86,6 +88,35 @@ def test_whether_a_file_is_stable_at_its_own_step(tmp_path, step, stable):
         assert found.own_step == f"rod: unstable as it is, {words}; take a step below 1 s."
         assert [each.code for each in found.warnings] == ["unstable-step"]
         assert f"{step:g} s, is beyond Euler's limit of 1 s" in str(found.warnings[0])
+
+
+# -- what holds a mode -----------------------------------------------------------------------------
+HELD = """<mujoco><worldbody><body><joint name="a" stiffness="5"/><geom size="1"/>
+<body><joint name="b"/><geom size="1"/></body></body></worldbody>
+<tendon><fixed stiffness="12"><joint joint="b" coef="2"/></fixed></tendon></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("servo", "words"),
+    [(0.0, "springs"), (1.4, "springs"), (1.6, "springs and servos"), (900.0, "servos")],
+)
+def test_springs_of_joints_and_tendons_or_servos_hold_a_shape(servo, words):
+    """5 x 2^2 + 12 x (2 x 0.9)^2 = 58.88 in springs; a tenth of the larger is named."""
+    pose = SimpleNamespace(
+        bare_model=mujoco.MjModel.from_xml_string(HELD),
+        bare=SimpleNamespace(stiffness=np.diag([5.0 + servo, 48.0])),
+    )
+    assert holders_of_shape(pose, np.array([2.0, 0.9])) == words
+
+
+def test_motions_of_little_energy_are_still():
+    """Two modes of one cluster span what is above a ten-thousandth of their kinetic energy."""
+    motion = np.zeros((4, 3))
+    motion[0, 0], motion[1, 1], motion[2, 2] = 0.0101, 0.0099, 0.5
+    found = spans_of_motion(motion, np.array([0, 0, 1]))
+    assert [span.shape for span in found] == [(4, 1), (4, 1)]
+    assert np.abs(found[0][:, 0]) == pytest.approx([1.0, 0.0, 0.0, 0.0])
+    assert np.abs(found[1][:, 0]) == pytest.approx([0.0, 0.0, 1.0, 0.0])
 
 
 # -- films -----------------------------------------------------------------------------------------

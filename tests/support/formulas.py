@@ -8,12 +8,14 @@ from beamchain.craft.bent_line import _lowest as lowest_modes
 from beamchain.craft.bent_line import _motion as motion_of_modes
 from beamchain.craft.bent_line import _numbers as ranks_of_modes
 from beamchain.craft.coupled_modes import _clusters as clusters
+from beamchain.craft.coupled_modes import _holders as holders_of_shape
 from beamchain.craft.coupled_modes import _Modes as ModesOfCraft
 from beamchain.craft.coupled_modes import _momentum as momentum_of_mode
 from beamchain.craft.coupled_modes import _pairs as pairs_of_modes
 from beamchain.craft.coupled_modes import _phase as phase_of_two
 from beamchain.craft.coupled_modes import _port as port_of_mode
 from beamchain.craft.coupled_modes import _shares as shares_of_energy
+from beamchain.craft.coupled_modes import _spans as spans_of_motion
 from beamchain.craft.coupled_modes import coupled_modes, mode_words, slow_modes
 from beamchain.craft.disturbances import disturbances
 from beamchain.craft.error import (
@@ -38,6 +40,7 @@ from beamchain.craft.linear_craft import internal_stiffness, linear_craft
 from beamchain.craft.loads import Item as AppendageOnLoad
 from beamchain.craft.loads import Load as LoadOfPort
 from beamchain.craft.loads import Root, carrying_of, hanging_notes
+from beamchain.craft.loose_ports import loose_craft
 from beamchain.craft.modal_form import ModalForm, column_range, modal_form
 from beamchain.craft.mode_names import cantilever_names, mode_names
 from beamchain.craft.model_fields import Maker as VariantMaker
@@ -77,9 +80,9 @@ from beamchain.engine.driven_hinge import Seen, Turn, drive_of, seen
 from beamchain.engine.driven_hinge import run as run_of_drive
 from beamchain.engine.linear import Carrying, linear_at, rigid_body
 from beamchain.engine.loaded import Loading, offset_cautions
-from beamchain.engine.mount import mount
+from beamchain.engine.mount import mount, root_frame
 from beamchain.engine.normal_modes import normal_modes
-from beamchain.engine.operating_point import rest_point
+from beamchain.engine.operating_point import OperatingPoint, rest_point
 from beamchain.engine.partial_fractions import _accelerance as sum_of_poles
 from beamchain.engine.reach import reach, turn
 from beamchain.engine.rollout import simulate as simulate_hub
@@ -94,6 +97,7 @@ from beamchain.fitting.needs import Promise
 from beamchain.fitting.uncertain import score
 from beamchain.fitting.warnings import doubtful, imported_warnings, step_warnings
 from beamchain.identification.resolution import resolution
+from beamchain.mjcf.craft import craft_from_text
 from beamchain.plants.error_indices import deviation_share, largest_deviation, windowed_variance
 from beamchain.plants.local_loop import delay_near
 from beamchain.plants.modal_response import ModalResponse
@@ -182,6 +186,7 @@ __all__ = [
     "ModelOfSlew",
     "ModesOfCraft",
     "Nodes",
+    "OperatingPoint",
     "PlanarChain",
     "PoleRow",
     "Pose",
@@ -233,6 +238,7 @@ __all__ = [
     "counterpart",
     "coupled_modes",
     "craft_error",
+    "craft_from_text",
     "culprit",
     "delay_near",
     "deviation_share",
@@ -256,6 +262,7 @@ __all__ = [
     "hanging_liquid",
     "hanging_notes",
     "hinge_armature",
+    "holders_of_shape",
     "imported_warnings",
     "independent_parts",
     "inertia_matrix",
@@ -271,6 +278,7 @@ __all__ = [
     "linear_craft",
     "load_of_modes_left_out",
     "loadings_of",
+    "loose_craft",
     "lowest_modes",
     "map_by_differences",
     "maximum_of",
@@ -314,6 +322,7 @@ __all__ = [
     "rigid_body",
     "rigid_load",
     "rk4_words",
+    "root_frame",
     "round_down",
     "rounding_of_residual",
     "run_of_data",
@@ -334,6 +343,7 @@ __all__ = [
     "slow_modes",
     "small_turn",
     "smallness",
+    "spans_of_motion",
     "split",
     "springs_at_stated",
     "squared_phase",
