@@ -4,34 +4,89 @@ from beamchain.chain.chain import Chain, Hinge, Link
 from beamchain.chain.links import bodies, raise_polar_inertia, settle_links, share
 from beamchain.chain.recursion import Nodes, realise, split
 from beamchain.craft.bent_line import BentLine, bent_line, turned_by
+from beamchain.craft.bent_line import _lowest as lowest_modes
 from beamchain.craft.bent_line import _motion as motion_of_modes
+from beamchain.craft.bent_line import _numbers as ranks_of_modes
 from beamchain.craft.coupled_modes import _clusters as clusters
+from beamchain.craft.coupled_modes import _holders as holders_of_shape
 from beamchain.craft.coupled_modes import _Modes as ModesOfCraft
 from beamchain.craft.coupled_modes import _momentum as momentum_of_mode
 from beamchain.craft.coupled_modes import _pairs as pairs_of_modes
 from beamchain.craft.coupled_modes import _phase as phase_of_two
 from beamchain.craft.coupled_modes import _port as port_of_mode
 from beamchain.craft.coupled_modes import _shares as shares_of_energy
-from beamchain.craft.coupled_modes import slow_modes
-from beamchain.craft.modal_form import ModalForm
+from beamchain.craft.coupled_modes import _spans as spans_of_motion
+from beamchain.craft.coupled_modes import coupled_modes, mode_words, slow_modes
+from beamchain.craft.disturbances import disturbances
+from beamchain.craft.error import (
+    Carried,
+    Pose,
+    acting,
+    counterpart,
+    craft_error,
+    extra_damping,
+    growth,
+    lacking_damping,
+    loadings_of,
+    peaks_of_craft,
+)
+from beamchain.craft.error import by_base as mounts_by_base
+from beamchain.craft.fits import _far as far_mount
+from beamchain.craft.fits import _points_inward as points_inward
+from beamchain.craft.hanging_liquid import hanging_liquid, springs_at_stated
+from beamchain.craft.inspect import energy_words, inspect_model
+from beamchain.craft.linear_craft import _names as names_of_models
+from beamchain.craft.linear_craft import internal_stiffness, linear_craft
+from beamchain.craft.loads import Item as AppendageOnLoad
+from beamchain.craft.loads import Load as LoadOfPort
+from beamchain.craft.loads import Root, carrying_of, hanging_notes
+from beamchain.craft.loose_ports import loose_craft
+from beamchain.craft.modal_form import ModalForm, column_range, modal_form
+from beamchain.craft.mode_names import cantilever_names, mode_names
+from beamchain.craft.model_fields import Maker as VariantMaker
+from beamchain.craft.model_fields import apply as apply_draw
+from beamchain.craft.moving_modes import moving_modes
+from beamchain.craft.poses import Way, pose_label, poses_of
+from beamchain.craft.quantities import Quantity, draws, inertia_matrix, quantities
 from beamchain.craft.quantities import _check_inertia as check_inertia
+from beamchain.craft.recovered_body import Coordinates
+from beamchain.craft.recovery import History, Recovery, appendage_at
+from beamchain.craft.recovery import _acceleration as acceleration_of_sections
+from beamchain.craft.recovery import _carried_load as carried_load
 from beamchain.craft.recovery import _left_out as load_of_modes_left_out
-from beamchain.craft.slews import SlewBody
+from beamchain.craft.recovery import _on_ports as wrench_on_ports
+from beamchain.craft.recovery import _rigid_load as rigid_load
+from beamchain.craft.recovery import _stations as stations_of
+from beamchain.craft.recovery import run_of as run_of_data
+from beamchain.craft.slews import SlewBody, SlewRow
 from beamchain.craft.slews import _apart as apart
+from beamchain.craft.slews import _drift as drift_of_momentum
+from beamchain.craft.slews import _drives as drives_of_craft
+from beamchain.craft.slews import _Model as ModelOfSlew
 from beamchain.craft.slews import _more as modes_finely_divided
 from beamchain.craft.slews import _parts as equal_parts
 from beamchain.craft.slews import _Reference as Reference
+from beamchain.craft.slews import _rk4_words as rk4_words
+from beamchain.craft.slews import _Scene as SceneOfSlews
+from beamchain.craft.slews import _Trial as Trial
 from beamchain.craft.slews import _turns as turns_of_hinge
+from beamchain.craft.slews import _warnings as slew_warnings
+from beamchain.craft.slews import _wished as wished_hinges
+from beamchain.craft.step_slopes import step_slopes
+from beamchain.craft.timing import is_worth_timing, response_change
+from beamchain.craft.under_load import LoadedTree
 from beamchain.engine.drawn import skin_vertices
 from beamchain.engine.driven_hinge import Seen, Turn, drive_of, seen
 from beamchain.engine.driven_hinge import run as run_of_drive
 from beamchain.engine.linear import Carrying, linear_at, rigid_body
-from beamchain.engine.loaded import offset_cautions
-from beamchain.engine.mount import mount
-from beamchain.engine.operating_point import rest_point
+from beamchain.engine.loaded import Loading, offset_cautions
+from beamchain.engine.mount import mount, root_frame
+from beamchain.engine.normal_modes import normal_modes
+from beamchain.engine.operating_point import OperatingPoint, rest_point
 from beamchain.engine.partial_fractions import _accelerance as sum_of_poles
 from beamchain.engine.reach import reach, turn
 from beamchain.engine.rollout import simulate as simulate_hub
+from beamchain.engine.root_motion import RootMotion
 from beamchain.engine.signals import _small_turn as small_turn
 from beamchain.engine.signals import _unit as unit_of_control
 from beamchain.engine.signals import named_output
@@ -39,8 +94,10 @@ from beamchain.engine.slew import _in_hinge as drive_in_hinge
 from beamchain.engine.slew import _mode_to_ring as mode_to_ring
 from beamchain.fitting.fewest import weights as weights_of_modes
 from beamchain.fitting.needs import Promise
+from beamchain.fitting.uncertain import score
 from beamchain.fitting.warnings import doubtful, imported_warnings, step_warnings
 from beamchain.identification.resolution import resolution
+from beamchain.mjcf.craft import craft_from_text
 from beamchain.plants.error_indices import deviation_share, largest_deviation, windowed_variance
 from beamchain.plants.local_loop import delay_near
 from beamchain.plants.modal_response import ModalResponse
@@ -106,104 +163,174 @@ from beamchain.structure.slosh import Slosh
 
 __all__ = [
     "Alone",
+    "AppendageOnLoad",
     "BentLine",
+    "Carried",
     "Carrying",
     "Chain",
     "Compared",
+    "Coordinates",
     "CoupledPort",
     "Craft",
     "Drawn",
     "Hinge",
+    "History",
     "LinearModel",
     "Link",
+    "LoadOfPort",
+    "LoadedTree",
+    "Loading",
     "LoopsOfSamples",
     "ModalForm",
     "ModalResponse",
+    "ModelOfSlew",
     "ModesOfCraft",
     "Nodes",
+    "OperatingPoint",
     "PlanarChain",
     "PoleRow",
+    "Pose",
     "Promise",
+    "Quantity",
+    "Recovery",
     "Reference",
     "Room",
+    "Root",
+    "RootMotion",
     "SampleLoops",
+    "SceneOfSlews",
     "Sections",
     "Seen",
     "SeenAtPose",
     "Shapes",
     "SlewBody",
+    "SlewRow",
     "Slosh",
     "StepOfCraft",
     "System",
     "Tendons",
+    "Trial",
     "Turn",
+    "VariantMaker",
+    "Way",
     "WheelSweep",
+    "acceleration_of_sections",
+    "acting",
     "apart",
     "apparent_pole",
+    "appendage_at",
+    "apply_draw",
     "as_compared",
     "balanced_bounds",
     "bent_line",
     "bodies",
     "body_mass_matrix",
+    "cantilever_names",
+    "carried_load",
+    "carrying_of",
     "change_of_frequencies",
     "check_inertia",
     "closed_in",
     "clusters",
+    "column_range",
     "condensed_mass",
     "continuous_poles",
+    "counterpart",
+    "coupled_modes",
+    "craft_error",
+    "craft_from_text",
     "culprit",
     "delay_near",
     "deviation_share",
+    "disturbances",
     "doubtful",
+    "draws",
+    "drift_of_momentum",
     "drive_in_hinge",
     "drive_of",
     "driven",
+    "drives_of_craft",
+    "energy_words",
     "equal_parts",
+    "extra_damping",
+    "far_mount",
     "figure_of_sample",
     "first_moment",
     "form2_many",
     "free_peaks",
+    "growth",
+    "hanging_liquid",
+    "hanging_notes",
     "hinge_armature",
+    "holders_of_shape",
     "imported_warnings",
     "independent_parts",
+    "inertia_matrix",
+    "inspect_model",
+    "internal_stiffness",
+    "is_worth_timing",
     "joined",
+    "lacking_damping",
     "largest_angle",
     "largest_deviation",
     "limiting_modes",
     "linear_at",
+    "linear_craft",
     "load_of_modes_left_out",
+    "loadings_of",
+    "loose_craft",
+    "lowest_modes",
     "map_by_differences",
     "maximum_of",
+    "modal_form",
+    "mode_names",
     "mode_to_ring",
+    "mode_words",
     "modes_finely_divided",
     "momentum_of_mode",
     "motion_at",
     "motion_of_modes",
     "mount",
+    "mounts_by_base",
+    "moving_modes",
     "named_output",
+    "names_of_models",
     "nearest_body",
     "newton_step",
     "nodes_of_density",
+    "normal_modes",
     "offset_cautions",
     "pairs_of_modes",
     "peak_clusters",
+    "peaks_of_craft",
     "phase_of_two",
     "plane_of_chain",
+    "points_inward",
     "polynomial",
     "port_of_mode",
+    "pose_label",
+    "poses_of",
+    "quantities",
     "raise_polar_inertia",
+    "ranks_of_modes",
     "reach",
     "realisable_body",
     "realise",
     "resolution",
+    "response_change",
     "rest_point",
     "rigid_body",
+    "rigid_load",
+    "rk4_words",
+    "root_frame",
     "round_down",
     "rounding_of_residual",
+    "run_of_data",
     "run_of_drive",
     "run_of_turn",
     "runge_kutta_limit",
     "running_mean",
+    "score",
     "sections_at",
     "seen",
     "servos_that_chatter",
@@ -212,17 +339,22 @@ __all__ = [
     "shares_of_energy",
     "simulate_hub",
     "skin_vertices",
+    "slew_warnings",
     "slow_modes",
     "small_turn",
     "smallness",
+    "spans_of_motion",
     "split",
+    "springs_at_stated",
     "squared_phase",
     "stable_armature",
     "start_rate",
     "states_of_a_rising_load",
+    "stations_of",
     "steepest",
     "step_length",
     "step_pole",
+    "step_slopes",
     "step_warnings",
     "structured_bound",
     "sum_of_poles",
@@ -236,5 +368,7 @@ __all__ = [
     "unit_of_control",
     "weights_of_modes",
     "windowed_variance",
+    "wished_hinges",
     "worst_sample",
+    "wrench_on_ports",
 ]

@@ -277,7 +277,7 @@ class LoadedTree:
         squares, modes = eigh(craft.stiffness, craft.mass)
         tops = [modes[:, squares < (share * band) ** 2] for share in FEEL]
         changes = [slow[to].T @ heavier @ slow[to] for slow in tops]
-        fine = [bool(np.linalg.eigvalsh(changed)[0] > -MOST) for changed in changes]
+        fine = [bool(np.all(np.linalg.eigvalsh(changed) > -MOST)) for changed in changes]
         chosen = fine.index(True) if any(fine) else -1
         slow = tops[chosen]
         changed = changes[chosen]

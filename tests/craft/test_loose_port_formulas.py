@@ -1,0 +1,94 @@
+"""A spacecraft whose ports are loose: its matrices over its own motion and that of the ports
+against energies of bodies and springs, written out."""
+
+from types import SimpleNamespace
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from formulas import (
+    LoadOfPort,
+    OperatingPoint,
+    Root,
+    carrying_of,
+    craft_from_text,
+    loose_craft,
+    mount,
+    root_frame,
+)
+
+TEXT = """<mujoco><option gravity="0 0 0"/><worldbody><body name="bus" pos="0.1 0.2 0.3"
+euler="10 -30 20"><freejoint/><inertial pos="0.1 0 0" mass="30" diaginertia="9 8 7"/>
+<site name="left" pos="0.5 0.3 0" euler="20 0 60"/>
+<site name="right" pos="0 -0.6 0.1" euler="0 40 -90"/>
+<body name="elbow" pos="1 1.2 0.1" euler="5 6 7"><joint name="elbow" axis="0 1 0.3" stiffness="40"
+damping="0.7"/><inertial pos="0.2 0.1 0" mass="4" diaginertia="0.3 0.2 0.4"/>
+<body name="hand" pos="0.5 0 0.2"><joint name="hand" type="slide" axis="1 0.2 0" stiffness="9"/>
+<inertial pos="0 0 0.1" mass="2" diaginertia="0.1 0.2 0.2"/></body></body>
+<body name="pod" pos="0.3 -1.5 0"><inertial pos="0 0.1 0" mass="3" diaginertia=".4 .5 .6"/></body>
+</body></worldbody><keyframe><key name="k" qpos="0 0 0 1 0 0 0 0 0"/></keyframe></mujoco>"""
+ON = {"left": ("end", 1.2, "elbow"), "right": ("tip", 0.9, "pod")}
+
+
+@pytest.fixture(scope="module")
+def loose():
+    """The bare craft, its pose, the roots of two appendages and what carries them loosely."""
+    model = mujoco.MjModel.from_xml_string(TEXT)
+    qpos = np.array(model.qpos0)
+    qpos[:3], qpos[7:] = [0.3, -0.1, 0.2], [0.4, -0.15]
+    qpos[3:7] = Rotation.from_rotvec([0.3, 0.2, -0.5]).as_quat(scalar_first=True)
+    data = mujoco.MjData(model)
+    data.qpos[:] = qpos
+    mujoco.mj_forward(model, data)
+    roots, appendages = [], []
+    for at, (port, x, body) in ON.items():
+        place = mount(model, at, "site", at)
+        origin, axes = root_frame(place, data)
+        both = np.zeros((2, 3, model.nv))
+        mujoco.mj_jac(model, data, both[0], both[1], origin, 1)
+        motion = np.vstack([axes.T @ both[0], axes.T @ both[1]])
+        bodies = (2, 3) if body == "elbow" else (4,)
+        roots.append(Root(at, origin, axes, motion, (LoadOfPort(x, 0, bodies, ()),)))
+        spec = SimpleNamespace(further={port: x})
+        appendages.append(SimpleNamespace(at=at, carries={port: (body,)}, spec=spec, mount=place))
+    embedded = SimpleNamespace(document=craft_from_text(TEXT), appendages=appendages)
+    return model, data, roots, loose_craft(embedded, roots)
+
+
+def test_its_ports_are_loose_and_the_rest_as_it_was(loose):
+    model, data, _, made = loose
+    assert made.model.nv == model.nv + 12
+    assert len(made.own) == model.nv
+    assert made.ports.shape == (model.nv + 12, 12)
+    assert np.all(made.ports[made.own] == 0.0)
+    assert np.all(made.ports.sum(axis=0) == 1.0)
+    point = made.point(OperatingPoint(model, data.qpos.copy(), np.arange(1.0, 9.0)))
+    there = mujoco.MjData(point.model)
+    there.qpos[:] = point.qpos
+    mujoco.mj_forward(point.model, there)
+    for name in ("bus", "elbow", "hand", "pod"):
+        np.testing.assert_allclose(there.body(name).xipos, data.body(name).xipos, atol=1e-12)
+        np.testing.assert_allclose(there.body(name).ximat, data.body(name).ximat, atol=1e-12)
+    assert point.qvel[made.own].tolist() == list(range(1, 9))
+    assert np.count_nonzero(point.qvel) == 8
+
+
+def test_its_matrices_are_over_its_own_motion_and_that_of_its_ports(loose):
+    """The mass is MuJoCo's and that of what the ports move; springs and dampers are its own."""
+    model, data, roots, made = loose
+    point = made.point(OperatingPoint(model, data.qpos.copy(), np.zeros(model.nv)))
+    linear = made.linear(point, [], [])
+    own = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, own)
+    wanted = carrying_of(model, data, roots).mass.copy()
+    wanted[: model.nv, : model.nv] += own
+    np.testing.assert_allclose(linear.mass, wanted, atol=1e-9)
+    stiffness, damping = np.zeros_like(wanted), np.zeros_like(wanted)
+    stiffness[6, 6], stiffness[7, 7], damping[6, 6] = 40.0, 9.0, 0.7
+    # what a spring holds turns with the port, so that its own motion alone strains it
+    np.testing.assert_allclose(linear.damping, damping, atol=1e-7)
+    np.testing.assert_allclose(linear.stiffness[:, 6:8], stiffness[:, 6:8], atol=1e-6)
+    names = [name for name, _ in linear.coordinates]
+    assert names[8:] == [f"port {k}" for k in range(1, 13)]

@@ -1,0 +1,306 @@
+"""Closed forms beside loads and motions recovered inside an appendage: sums over points of a beam,
+cross products written out, and runs whose extremes are known."""
+
+from types import SimpleNamespace
+
+import mujoco
+import numpy as np
+import pytest
+
+import beamchain as bc
+from formulas import (
+    Coordinates,
+    History,
+    Recovery,
+    RootMotion,
+    acceleration_of_sections,
+    appendage_at,
+    carried_load,
+    load_of_modes_left_out,
+    rigid_load,
+    run_of_data,
+    sections_at,
+    stations_of,
+    wrench_on_ports,
+)
+
+RNG = np.random.default_rng(9)
+
+
+def root(count=2, carried=0):
+    one = RNG.standard_normal((count, 6))
+    return RootMotion(
+        one, *(RNG.standard_normal((count, 3)) for _ in range(2)), np.zeros((count, 6)),
+        RNG.standard_normal((count, carried, 6)),
+    )  # fmt: skip
+
+
+# -- loads -----------------------------------------------------------------------------------------
+LUMPS = ((1.3, 2.0, (0.3, 0.4, 0.5)), (2.5, 3.0, (0.2, 0.6, 0.5)), (4.0, 1.5, (0.1, 0.2, 0.25)))
+
+
+def test_load_of_a_rigid_beam_is_newton_s_and_euler_s():
+    """Of lumps on the axis: -m (a - g) of each, -(J a + w x J w), and their arms; the beam itself
+    is as light as air."""
+    section = bc.Equivalent(bending_stiffness_xy=900.0, linear_mass=1e-12)
+    beam = bc.Beam(
+        segments=[bc.Segment(length=4.0, section=section)],
+        lumps=[bc.Lump(x=x, mass=m, inertia=j) for x, m, j in LUMPS],
+    )
+    moved = root()
+    stations = np.array([0.0, 1.3, 2.0, 3.9])
+    found = rigid_load(beam, moved, stations)
+    for t in range(2):
+        a, turn = moved.acceleration[t, :3] - moved.gravity[t], moved.acceleration[t, 3:]
+        w = moved.spin[t]
+        for s, station in enumerate(stations):
+            wanted = np.zeros(6)
+            for x, mass, inertia in LUMPS:
+                if x <= station:
+                    continue
+                place = np.array([x, 0.0, 0.0])
+                force = -mass * (a + np.cross(turn, place) + np.cross(w, np.cross(w, place)))
+                own = np.diag(inertia)
+                moment = -(own @ turn + np.cross(w, own @ w))
+                arm = np.array([x - station, 0.0, 0.0])
+                wanted += np.append(force, moment + np.cross(arm, force))
+            np.testing.assert_allclose(found[t, s], wanted, rtol=1e-9, atol=1e-9)
+
+
+def test_wrenches_on_points_load_what_lies_before_them():
+    """A point at the station itself is not beyond it."""
+    carried, places = RNG.standard_normal((2, 2, 6)), (2.0, 3.5)
+    stations = np.array([0.0, 1.9, 2.0, 3.0, 3.5, 3.6])
+    found = carried_load(stations, places, carried)
+    for t in range(2):
+        for s, station in enumerate(stations):
+            wanted = np.zeros(6)
+            for c, x in enumerate(places):
+                if station < x:
+                    force, moment = carried[t, c, :3], carried[t, c, 3:]
+                    arm = np.array([x - station, 0.0, 0.0])
+                    wanted += np.append(force, moment + np.cross(arm, force))
+            np.testing.assert_allclose(found[t, s], wanted, atol=1e-14)
+
+
+def test_several_bodies_may_stand_on_a_port():
+    moved = root(carried=3)
+    found = wrench_on_ports(moved, SimpleNamespace(ports=(1, 0, 1)), 3)
+    np.testing.assert_allclose(found[:, 0], moved.carried[:, 1])
+    np.testing.assert_allclose(found[:, 1], moved.carried[:, 0] + moved.carried[:, 2])
+    assert np.all(found[:, 2] == 0.0)
+
+
+COLUMNS = {"xy": [1, 5], "xz": [2, 4], "torsion": [3], "axial": [0]}
+
+
+@pytest.mark.parametrize("port", ["xy", "xz", "torsion", "axial"])
+def test_load_of_modes_left_out_is_that_of_all_less_the_kept(port):
+    """Each kept mode's part, tau f - L a, is taken off; the motions are those of static shapes."""
+    columns = COLUMNS[port]
+    m, driven = len(columns), len(columns) + (port == "axial")
+    inside = SimpleNamespace(
+        drive=RNG.standard_normal((2, driven)),
+        drive_carried=RNG.standard_normal((2, 2 * m)),
+        momentum=RNG.standard_normal((2, 3, m)),
+        left_out=RNG.standard_normal((3, m, driven)),
+        left_out_carried=RNG.standard_normal((3, m, 2 * m)),
+    )
+    felt, spin = RNG.standard_normal((4, 6)), RNG.standard_normal((4, 3))
+    carried = RNG.standard_normal((4, 2, 6))
+    load, shift = load_of_modes_left_out(port, inside, felt, spin, carried)
+    # along or about the motion of a port, xz turns about -y
+    sign = np.array([1.0, -1.0]) if port == "xz" else np.ones(m)
+    for t in range(4):
+        a = felt[t, columns] * sign
+        if port == "axial":
+            a = np.append(a, -(spin[t, 1] ** 2) - spin[t, 2] ** 2)
+        f = (carried[t][:, columns] * sign).ravel()
+        for s in range(3):
+            taken = sum(
+                (inside.drive_carried[k] @ f - inside.drive[k] @ a) * inside.momentum[k, s]
+                for k in range(2)
+            )
+            np.testing.assert_allclose(load[t, s], -taken, atol=1e-12)
+            moved = inside.left_out[s] @ a + inside.left_out_carried[s] @ f
+            np.testing.assert_allclose(shift[t, s], moved, atol=1e-12)
+
+
+def test_sections_accelerate_as_points_of_a_turning_frame():
+    moved, stations = root(), np.array([0.5, 2.0])
+    factors = RNG.standard_normal((2, 6, 3))
+    modes = SimpleNamespace(
+        rates=RNG.standard_normal((2, 3)), accelerations=RNG.standard_normal((2, 3))
+    )
+    found = acceleration_of_sections(moved, stations, factors, modes)
+    for t in range(2):
+        w, turn = moved.spin[t], moved.acceleration[t, 3:]
+        for s, x in enumerate(stations):
+            place = np.array([x, 0.0, 0.0])
+            speed, bend = np.split(factors[s] @ modes.rates[t], 2)
+            along, about = np.split(factors[s] @ modes.accelerations[t], 2)
+            linear = moved.acceleration[t, :3] + np.cross(turn, place)
+            linear += np.cross(w, np.cross(w, place)) + 2.0 * np.cross(w, speed) + along
+            np.testing.assert_allclose(found[t, s, :3], linear, atol=1e-12)
+            np.testing.assert_allclose(
+                found[t, s, 3:], turn + np.cross(w, bend) + about, atol=1e-12
+            )
+
+
+# -- modal coordinates -----------------------------------------------------------------------------
+def test_amplitudes_follow_from_the_force_of_the_tendons():
+    """W^2 eta = T K b q, with the stiffness that the model has for those of its tendons."""
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><worldbody><body><joint name="a"/><geom size="1"/><body><joint name="b"/>
+        <geom size="1"/></body></body></worldbody><tendon><fixed name="arm_mode2" stiffness="35">
+        <joint joint="a" coef="1"/></fixed></tendon></mujoco>"""
+    )
+    rows, turn = RNG.standard_normal((2, 2)), RNG.standard_normal((2, 2))
+    w = np.array([3.0, 5.5])
+    at, dofs = np.array([4, 1]), np.array([2, 0])
+    made = Coordinates(
+        ("one", "two"), rows, np.array([9.5, 31.0]), ("arm_mode1", "arm_mode2"), at, dofs, turn, w
+    )
+    qpos, rates = RNG.standard_normal((3, 5)), RNG.standard_normal((3, 4))
+    for t in range(3):
+        force = np.array([9.5, 35.0]) * (rows @ qpos[t, at])
+        assert made.amplitudes(model, qpos)[t] == pytest.approx(turn @ force / w**2)
+        assert made.rates(rates)[t] == pytest.approx(turn @ rows @ rates[t, dofs])
+
+
+# -- what is given ---------------------------------------------------------------------------------
+MODEL = mujoco.MjModel.from_xml_string(
+    """<mujoco><option timestep="0.25"/><worldbody><body><joint/><joint/><geom size="1"/></body>
+    <body mocap="true"><geom size="1"/></body></worldbody>
+    <actuator><general joint="" dyntype="filter"/></actuator></mujoco>""".replace(
+        "<joint/><joint/>", '<joint name="j"/><joint axis="1 0 0"/>'
+    ).replace('joint=""', 'joint="j"')
+)
+SHAPES = {
+    "qpos": (2,), "qvel": (2,), "qacc": (2,), "ctrl": (1,), "act": (1,), "qfrc_applied": (2,),
+    "xfrc_applied": (3, 6), "mocap_pos": (1, 3), "mocap_quat": (1, 4),
+}  # fmt: skip
+
+
+def test_arrays_of_data_have_the_shapes_of_the_model():
+    """Without times they are a step apart."""
+    arrays = {name: RNG.standard_normal((3, *shape)) for name, shape in SHAPES.items()}
+    run = run_of_data(MODEL, arrays)
+    assert run.time == pytest.approx([0.0, 0.25, 0.5])
+    for name, values in arrays.items():
+        np.testing.assert_array_equal(run.arrays[name], values)
+    assert run_of_data(MODEL, {**arrays, "time": [1.0, 2.0, 4.0]}).time.tolist() == [1.0, 2.0, 4.0]
+    for name, shape in SHAPES.items():
+        for wrong in ((3, *shape[:-1], shape[-1] + 1), (4, *shape)):
+            if name == "qpos" and wrong[0] == 4:
+                continue
+            with pytest.raises(bc.InputError, match=name):
+                run_of_data(MODEL, {**arrays, name: np.zeros(wrong)})
+    assert len(run_of_data(MODEL, {"qpos": np.zeros((1, 2))}).time) == 1
+    with pytest.raises(bc.InputError, match="no instant"):
+        run_of_data(MODEL, {"qpos": np.zeros((0, 2))})
+
+
+def beam_of(length, **more):
+    beam = bc.Beam(
+        segments=[
+            bc.Segment(
+                length=length,
+                section=bc.Rectangle(width_y=0.04, width_z=0.02),
+                material=bc.Material(youngs_modulus=7e10, density=2700.0),
+            )
+        ]
+    )
+    spec = SimpleNamespace(beam=beam)
+    return SimpleNamespace(at="mount", fit=SimpleNamespace(space=None, spec=spec), **more)
+
+
+def test_stations_lie_on_the_beam():
+    held = beam_of(4.0)
+    assert stations_of(held, None) == pytest.approx([0.0, 1.0, 2.0, 3.0, 4.0])
+    assert stations_of(held, 1.5) == pytest.approx([1.5])
+    assert stations_of(held, [0.0, 4.0]) == pytest.approx([0.0, 4.0])
+    assert stations_of(held, [4.0 * (1.0 + 1e-13)]) == [4.0]
+    assert stations_of(held, np.linspace(0.0, 4.0, 1000)).size == 1000
+    for wrong in ([-1e-3], [4.001], [], np.linspace(0.0, 4.0, 1001)):
+        with pytest.raises(bc.InputError):
+            stations_of(held, wrong)
+
+
+def test_the_only_appendage_needs_no_name():
+    one, other = SimpleNamespace(at="left"), SimpleNamespace(at="right")
+    assert appendage_at([one], None) is one
+    assert appendage_at([one, other], "right") is other
+    for place in (None, "up"):
+        with pytest.raises(bc.InputError, match="choose from left, right|left"):
+            appendage_at([one, other], place)
+
+
+# -- extremes --------------------------------------------------------------------------------------
+def recovered():
+    """Loads of two modes at two stations: bending about z by the first, about y by the second, and
+    a pull that neither makes."""
+    time = np.array([0.0, 1.0, 2.0])
+    amplitudes = np.array([[1.0, 0.5], [-2.0, 1.5], [0.1, 0.2]])
+    accelerations = -amplitudes[::-1]
+    x = np.array([0.0, 1.0])
+    factors = np.zeros((2, 6, 2))
+    factors[:, 5, 0], factors[:, 4, 1] = (30.0, 20.0), (14.0, 7.0)
+    load = np.einsum("sin,tn->tsi", factors, amplitudes)
+    load[2, :, 0] = 9e4
+    beam = beam_of(4.0).fit.spec.beam
+    axes = ("x", "y", "z")
+    histories = {
+        "force": History(
+            "force", axes, ("N",) * 3, load[..., :3], factors[:, :3], "amplitudes", "rest", x
+        ),
+        "moment": History(
+            "moment", axes, ("N m",) * 3, load[..., 3:], factors[:, 3:], "amplitudes", "rest", x
+        ),
+        "felt": History(
+            "felt", ("",), ("m/s^2",), accelerations[:, None, :1] * 3.0 + 1.0,
+            np.array([[[3.0, 0.0]]]), "accelerations", "root", np.zeros(0),
+        ),
+    }  # fmt: skip
+    return Recovery(
+        "mount", time, x, ("one", "two"), amplitudes, accelerations, histories, True,
+        sections_at(beam, x),
+    )  # fmt: skip
+
+
+def test_extremes_say_when_and_which_mode():
+    found = {(row.quantity, row.x): row for row in recovered().extremes}
+    row = found["moment z", 1.0]
+    assert tuple(row[3:]) == (-40.0, 1.0, "one", 20.0, 0.0, "one")
+    row = found["moment y", 0.0]
+    assert tuple(row[3:]) == (pytest.approx(2.8), 2.0, "two", pytest.approx(21.0), 1.0, "two")
+    row = found["force x", 0.0]
+    assert tuple(row[3:]) == (0.0, 0.0, "nothing", 9e4, 2.0, "rest")
+    # 3 a + 1 of a = -0.1, 2, -1: the mode has -3 of -2, 6 of 7
+    row = found["felt", None]
+    assert tuple(row[1:]) == ("m/s^2", None, -2.0, 2.0, "one", 7.0, 1.0, "one")
+
+
+def test_stress_is_largest_in_the_corner_that_both_moments_pull():
+    """N / A + |M_z| y / I_z + |M_y| z / I_y; of what the largest comes from."""
+    made = recovered()
+    area, second_z, second_y = 8e-4, 0.02 * 0.04**3 / 12.0, 0.04 * 0.02**3 / 12.0
+    bends = [
+        [(mz * 0.02 / second_z, my * 0.01 / second_y) for mz, my in ((30.0 * a, 14.0 * b),
+         (20.0 * a, 7.0 * b))]
+        for a, b in ((1.0, 0.5), (2.0, 1.5), (0.1, 0.2))
+    ]  # fmt: skip
+    pull = np.array([0.0, 0.0, 9e4 / area])
+    both = np.sum(bends, axis=2)
+    np.testing.assert_allclose(made.stress[..., 0], pull[:, None] + both)
+    np.testing.assert_allclose(made.stress[..., 1], pull[:, None] - both)
+    rows = [row for row in made.extremes if row.quantity == "stress"]
+    assert [row.x for row in rows] == [0.0, 1.0]
+    for s, row in enumerate(rows):
+        assert row.unit == "N/m^2"
+        assert row.smallest == pytest.approx(-both[1, s])
+        assert row.largest == pytest.approx(pull[2] + both[2, s])
+        assert (row.smallest_at, row.largest_at) == (1.0, 2.0)
+        first, second = bends[1][s]
+        assert row.smallest_from == ("one" if first > second else "two")
+        assert row.largest_from == "modes left out"

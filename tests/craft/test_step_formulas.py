@@ -1,0 +1,290 @@
+"""Closed forms beside what one step of MuJoCo makes of a craft, when timing is worth it, how modes
+and poses are named, and what disturbs an appendage."""
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+
+import beamchain as bc
+from formulas import (
+    AppendageOnLoad,
+    Way,
+    cantilever_names,
+    disturbances,
+    hanging_notes,
+    is_worth_timing,
+    linear_craft,
+    mode_names,
+    mount,
+    pose_label,
+    poses_of,
+    response_change,
+    step_slopes,
+)
+from specs import spec_of
+
+# -- one step --------------------------------------------------------------------------------------
+H, OUTER, INNER = 0.02, 3.0, 2.0
+SLIDES = f"""<mujoco><option timestep="{H}" integrator="Euler" gravity="0 0 0"/><worldbody>
+<body><joint name="a" type="slide" stiffness="50" damping="1.5"/>
+<inertial pos="0 0 0" mass="{OUTER}" diaginertia="1 1 1"/>
+<body><joint name="b" type="slide" stiffness="80" damping="0.7" armature="0.4"/>
+<inertial pos="0 0 0" mass="{INNER}" diaginertia="1 1 1"/></body></body></worldbody>
+<actuator><motor name="push" joint="a" gear="3"/>
+<general name="slow" joint="b" dyntype="filter" dynprm="0.2" gainprm="5"/></actuator></mujoco>"""
+
+
+@pytest.mark.parametrize(("step", "rates"), [(H, 50.0), (1e-6, 5000.0), (4.0, 1.0)])
+def test_one_step_of_euler(step, rates):
+    """(M + h D) a = -K q - D v + F a; then v + h a, q + h v; the filter by its own rate."""
+    text = SLIDES.replace(f'timestep="{H}"', f'timestep="{step}"')
+    craft = linear_craft(mujoco.MjModel.from_xml_string(text), None, None, None, None)
+    mass = np.array([[OUTER + INNER, INNER], [INNER, INNER + 0.4]])
+    damping, stiffness = np.diag([1.5, 0.7]), np.diag([50.0, 80.0])
+    inverse = np.linalg.inv(mass + step * damping)
+    pushed = np.array([[3.0, 0.0], [0.0, 5.0]])  # by ctrl of the one, by the state of the other
+    rate = step * inverse @ np.hstack([-stiffness, -damping, pushed[:, 1:]])
+    rate[:, 2:4] += np.eye(2)
+    place = step * rate
+    place[:, :2] += np.eye(2)
+    filtered = np.array([[0.0, 0.0, 0.0, 0.0, 1.0 - step / 0.2]])
+    found, driven = step_slopes(craft.point, craft.linear, craft.inputs)
+    np.testing.assert_allclose(found, np.vstack([place, rate, filtered]), rtol=1e-6, atol=1e-7)
+    rate = step * inverse @ pushed[:, :1]
+    wanted = np.zeros((5, 2))
+    wanted[:, 0] = np.concatenate([step * rate[:, 0], rate[:, 0], [0.0]])
+    wanted[4, 1] = step / 0.2
+    np.testing.assert_allclose(driven, wanted, rtol=1e-6, atol=1e-9)
+
+
+# -- timing ----------------------------------------------------------------------------------------
+def test_a_response_changes_with_a_pole():
+    """At a peak in the band by 1 / ratio; below one beyond, 2 s / (1 - s), s = (w / p)^2, as far
+    as its width goes."""
+    assert response_change(3.0, 0.02, 3.0) == pytest.approx(50.0)
+    assert response_change(6.0, 0.02, 3.0) == pytest.approx(2.0 * 0.25 / 0.75)
+    share = (3.0 / 3.01) ** 2
+    assert response_change(3.01, 0.02, 3.0) == pytest.approx(2.0 * share / 0.04)
+    assert response_change(3.01, 1e-3, 3.0) == pytest.approx(2.0 * share / (1.0 - share))
+
+
+@pytest.mark.parametrize(
+    ("plain", "timed", "tolerance", "worth"),
+    [
+        (0.3, 0.199, None, True),  # a third less
+        (0.3, 0.201, None, False),
+        (0.3, 0.201, 0.25, True),  # within the tolerance
+        (0.2, 0.19, 0.25, False),  # as it was before
+        (0.3, 0.27, 0.25, False),
+        (np.inf, np.inf, None, False),
+        (np.inf, 0.5, None, True),
+    ],
+)
+def test_timing_is_worth_a_third_of_the_error_or_the_tolerance(plain, timed, tolerance, worth):
+    assert is_worth_timing(plain, timed, tolerance) is worth
+
+
+# -- names -----------------------------------------------------------------------------------------
+CHAIN = """<mujoco><worldbody><body><joint name="drive" type="slide" stiffness="90"/>
+<joint name="free" type="slide" axis="1 0 0"/>
+<inertial pos="0 0 0" mass="5" diaginertia="1 1 1"/>
+<body><joint name="arm_hinge1_xy" stiffness="1"/><inertial pos="0 0 0" mass="1"
+diaginertia="1 1 1"/>
+<body><joint name="arm_hinge1_xz" stiffness="1"/><inertial pos="0 0 0" mass="1"
+diaginertia="1 1 1"/>
+<body><joint name="arm_hinge2_xy" stiffness="1"/><inertial pos="0 0 0" mass="1"
+diaginertia="1 1 1"/></body></body></body></body></worldbody>
+<tendon><fixed name="arm_filler1_xy" stiffness="400"><joint joint="arm_hinge2_xy" coef="1.5"/>
+</fixed></tendon></mujoco>"""
+
+
+@pytest.mark.parametrize(("held", "kind"), [(1801.0, "mode2"), (1799.0, "filler1")])
+def test_modes_of_an_arm_with_its_root_held(held, kind):
+    """Three hinges that nothing couples; the last has most of its energy in a filler of 900 where
+    less than 1800 hold it."""
+    model = mujoco.MjModel.from_xml_string(CHAIN)
+    mass = np.diag([5.0, 5.0, 2.0, 1.0, 4.0])
+    stiffness = np.diag([90.0, 0.0, 8.0, 9.0, held])
+    names, rows = cantilever_names(model, mass, stiffness)
+    assert names == ["arm_mode1_xy", "arm_mode1_xz", f"arm_{kind}_xy", "drive"]
+    wanted = np.zeros((4, 5))
+    wanted[[0, 1, 2, 3], [2, 3, 4, 0]] = np.sqrt([8.0, 9.0, held, 90.0])
+    np.testing.assert_allclose(np.abs(rows), wanted, atol=1e-9)
+
+
+def test_rows_of_coupled_hinges_take_the_strain_energy():
+    model = mujoco.MjModel.from_xml_string(CHAIN)
+    half = np.random.default_rng(3).standard_normal((3, 3))
+    mass, stiffness = 5.0 * np.eye(5), np.zeros((5, 5))
+    mass[2:, 2:] += half @ half.T
+    stiffness[2:, 2:] = np.diag([7.0, 30.0, 90.0]) + half.T @ half
+    names, rows = cantilever_names(model, mass, stiffness)
+    assert len(names) == 3
+    squares, shapes = eigh(stiffness[2:, 2:], mass[2:, 2:])
+    # a mode of unit mass has the energy w^2, all of it its own
+    taken = (rows[:, 2:] @ shapes) ** 2
+    np.testing.assert_allclose(taken, np.diag(squares), atol=1e-9)
+    moved = np.random.default_rng(4).standard_normal(3)
+    assert np.sum((rows[:, 2:] @ moved) ** 2) == pytest.approx(moved @ stiffness[2:, 2:] @ moved)
+
+
+def test_a_mode_has_the_name_of_what_holds_most_of_its_energy():
+    """Each name once: the assignment that takes most; a third mode is a number."""
+    shapes = np.array([[3.0, 5.0, 0.1], [1.0, 4.0, 0.05]])
+    # energies 9:1, 25:16 and 4:1
+    assert mode_names(shapes, ["a", "b"], np.eye(2)) == ["a", "b", "mode3"]
+    shapes[:, 0] = [1.0, 1.0]
+    assert mode_names(shapes[:, :2], ["a", "b"], np.eye(2)) == ["b", "a"]
+
+
+# -- poses -----------------------------------------------------------------------------------------
+POSES = """<mujoco><worldbody><body name="bus"><freejoint/><inertial pos="0 0 0" mass="9"
+diaginertia="1 1 1"/><body><joint name="drive" axis="0 0 1"/><inertial pos="1 0 0" mass="2"
+diaginertia="1 1 1"/><body><joint name="rail" type="slide"/><inertial pos="0 0 0" mass="1"
+diaginertia="1 1 1"/></body></body>
+<body><joint name="wheel" axis="0 0 1"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 2"/></body>
+</body></worldbody><keyframe><key name="bent" qpos="0 0 0 1 0 0 0 0.5 0 3"/>
+<key qpos="0 0 0 1 0 0 0 0 0.2 0"/></keyframe></mujoco>"""
+
+
+def test_a_way_is_as_long_as_its_largest_motion():
+    """Wheels do not count, on whose angle nothing depends; all move together."""
+    model = mujoco.MjModel.from_xml_string(POSES)
+    start, end = np.array(model.qpos0), np.array(model.qpos0)
+    start[7], end[[7, 8, 9]] = 0.1, [0.6, -0.7, 2.0]
+    end[3:7] = [np.cos(0.2), 0.0, np.sin(0.2), 0.0]
+    way = Way.between(model, start, end)
+    assert way.length == pytest.approx(0.7)
+    assert way.motion == pytest.approx([0.0, 0.0, 0.0, 0.0, 0.4, 0.0, 0.5, -0.7, 2.0])
+    half = way.at(0.25)
+    assert half[3:7] == pytest.approx([np.cos(0.05), 0.0, np.sin(0.05), 0.0])
+    assert half[7:] == pytest.approx([0.225, -0.175, 0.5])
+    end[:] = start
+    assert Way.between(model, start, end).length == 0.0
+
+
+def test_poses_have_the_joints_that_they_name_or_that_move():
+    model = mujoco.MjModel.from_xml_string(POSES)
+    found = poses_of(model, [{"drive": 0.25}, "bent", 1, None])
+    assert found.joints == ("drive", "rail")
+    assert found.units == ("rad", "m")
+    np.testing.assert_allclose(found.values, [[0.25, 0.0], [0.5, 0.0], [0.0, 0.2], [0.0, 0.0]])
+    assert found.labels[1:] == ("bent", "keyframe 1", "rest")
+    assert found.labels[0].startswith("drive ")
+    assert found.angles is None
+    grid = poses_of(model, {"drive": [0.0, 0.5, 1.0], "rail": 0.1})
+    assert grid.joint == "drive"
+    assert grid.angles == pytest.approx([0.0, 0.5, 1.0])
+    assert grid.values[:, 1] == pytest.approx([0.1] * 3)
+    assert poses_of(model, {"drive": 0.5}) is None
+    assert poses_of(model, list(map(float, model.qpos0))) is None
+    qpos = np.array(model.qpos0)
+    qpos[7] = 0.5
+    assert pose_label(model, qpos) == pose_label(model, {"drive": 0.5})
+    assert pose_label(model, None) == ""
+    for wrong in ([], {"drive": [0.0], "rail": [0.1]}, {"drive": [[0.0]]}, {"drive": []}):
+        with pytest.raises(bc.InputError, match="at "):
+            poses_of(model, wrong)
+
+
+# -- what disturbs ---------------------------------------------------------------------------------
+STILL = """<mujoco><option timestep="{step}" integrator="{by}" gravity="{g}" density="{rho}"
+viscosity="{mu}"/><worldbody><body><joint name="x" type="slide" stiffness="4"/>
+<geom size="1" contype="{con}" conaffinity="{aff}" mass="1"/></body></worldbody>
+<tendon><fixed name="t" damping="{damper}"><joint joint="x" coef="1"/></fixed></tendon></mujoco>"""
+
+
+def codes_of(step=0.01, by="RK4", g="0 0 0", rho=0, mu=0, con=0, aff=0, damper=0, **more):
+    text = STILL.format(step=step, by=by, g=g, rho=rho, mu=mu, con=con, aff=aff, damper=damper)
+    given = {"fastest": 2.0, "zeta": 0.01, "geoms": [0], "bodies": [1], **more}
+    found = disturbances(mujoco.MjModel.from_xml_string(text), **given)
+    return [each.code for each in found]
+
+
+@pytest.mark.parametrize(
+    ("given", "codes"),
+    [
+        ({}, []),
+        ({"g": "0 0.01 0"}, ["gravity"]),
+        ({"rho": 0.1}, ["medium"]),
+        ({"mu": 0.1}, ["medium"]),
+        ({"con": 1}, ["collisions"]),
+        ({"aff": 1}, ["collisions"]),
+        ({"con": 1, "geoms": []}, []),
+        ({"by": "Euler", "damper": 0.1}, ["tendon-damping"]),
+        ({"by": "Euler", "damper": 0.1, "zeta": 0.0}, []),
+        ({"by": "implicit", "damper": 0.1}, []),
+        # RK4 is stable up to sqrt(8) / 2 s here, Euler without damping up to 2 / 2 s
+        ({"step": 1.40}, []),
+        ({"step": 1.43}, ["unstable-step"]),
+        ({"step": 0.99, "by": "Euler"}, []),
+        ({"step": 1.01, "by": "Euler"}, ["unstable-step"]),
+        # the integrator discrete adds h w / 2 to a ratio, worth a word from half of it
+        ({"by": "discrete", "step": 0.0049}, []),
+        ({"by": "discrete", "step": 0.0051}, ["discrete-damping"]),
+        ({"by": "discrete", "step": 0.00049, "zeta": 1e-4}, []),
+        ({"by": "discrete", "step": 0.00051, "zeta": 1e-4}, ["discrete-damping"]),
+        ({"by": "discrete", "step": 1.0, "fastest": 0.0}, []),
+    ],
+)
+def test_what_disturbs_an_appendage_is_said(given, codes):
+    if given.get("by") == "discrete" and not hasattr(mujoco.mjtIntegrator, "mjINT_DISCRETE"):
+        pytest.skip("this MuJoCo has no integrator of that name")
+    assert codes_of(**given) == codes
+
+
+HOLDER = """<mujoco><worldbody><body name="bus"><freejoint/><geom size="1"/>
+<body name="drive" pos="0 0.2 0"><joint axis="0 0 1"/>
+<inertial pos="{mass_at}" mass="2" diaginertia="1 1 1"/><site name="root" pos="0.1 0 0"/>
+<body name="hand" pos="{hand}"><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body>
+</body></body></worldbody></mujoco>"""
+
+
+def notes(hand="10.1 0 0", mass_at="0 0 0", carries=(), ports=True):
+    """What is said of a boom of 10 m with a port at its end, `hand` in the axes of the drive."""
+    model = mujoco.MjModel.from_xml_string(HOLDER.format(hand=hand, mass_at=mass_at))
+    section = {"shape": "equivalent", "bending_stiffness_xy": 900.0, "linear_mass": 1.0}
+    table = {"name": "boom", "segment": [{"length": 10.0, "section": section}]}
+    spec = spec_of({**table, "port": [{"name": "end", "x": 10.0}]} if ports else table)
+    item = AppendageOnLoad(2, spec, {"end": tuple(carries)})
+    return list(hanging_notes(model, mount(model, "root", "site", "root"), item))
+
+
+@pytest.mark.parametrize(
+    ("given", "codes"),
+    [
+        ({}, ["not-carried"]),
+        ({"ports": False}, ["not-carried"]),
+        ({"hand": "10.109 0 0"}, ["not-carried"]),  # within a thousandth of 10 m
+        ({"hand": "10.1 0.009 0"}, ["not-carried"]),
+        ({"hand": "10.111 0 0"}, []),
+        ({"carries": ["hand"]}, []),
+        ({"carries": ["hand"], "hand": "10.1 0 0.19"}, []),  # a bracket of a fiftieth
+        ({"carries": ["hand"], "hand": "10.1 0 0.21"}, ["carried-apart"]),
+        ({"carries": ["hand"], "hand": "-0.1 0 0"}, ["points-inward"]),
+        ({"carries": ["hand"], "hand": "3.1 2 2.2"}, ["carried-apart"]),
+        ({"carries": ["hand"], "hand": "3.1 2 2.3"}, ["points-inward"]),
+        # a mass well out along the appendage, a quarter of its length and as far aside
+        ({"hand": "5 5 5", "mass_at": "2.59 0 0"}, []),
+        ({"hand": "5 5 5", "mass_at": "2.61 0 0"}, ["counted-twice"]),
+        ({"hand": "5 5 5", "mass_at": "10.09 0 0"}, ["counted-twice"]),
+        ({"hand": "5 5 5", "mass_at": "10.11 0 0"}, []),
+        ({"hand": "5 5 5", "mass_at": "5 1.5 1.99"}, ["counted-twice"]),
+        ({"hand": "5 5 5", "mass_at": "5 1.5 2.01"}, []),
+    ],
+)
+def test_bodies_where_an_appendage_ends(given, codes):
+    assert [each.code for each in notes(**given)] == codes
+
+
+def test_where_a_body_apart_from_its_port_stands():
+    (said,) = map(str, notes(hand="9.6 0.3 0", carries=["hand"]))
+    assert "stands 0.583 m from port 'end'" in said
+    assert "x of the body (9.5 m)" in said
+    (said,) = map(str, notes(hand="10.1 0.3 0", carries=["hand"]))
+    assert "x of the body" not in said
+    (said,) = map(str, notes(hand="-1.9 0.3 0.4", carries=["hand"]))
+    assert "stands behind it, at (-2, 0.3, 0.4) m in its axes" in said
+    (said,) = map(str, notes(hand="1.1 3 4", carries=["hand"]))
+    assert "stands beside it, at (1, 3, 4) m in its axes" in said
