@@ -46,13 +46,28 @@ from beamchain.plants.local_loop import delay_near
 from beamchain.plants.modal_response import ModalResponse
 from beamchain.plants.modal_response import _exponential_states as states_of_a_rising_load
 from beamchain.plants.pointing import _total as total_index
+from beamchain.plants.source_errors import _along as contributions_along_their_sum
 from beamchain.plants.source_errors import _closed_in as closed_in
 from beamchain.plants.source_errors import _integral as nodes_of_density
+from beamchain.plants.source_errors import _mode_at as oscillator_nearest
+from beamchain.plants.source_errors import _named_shares as named_shares
+from beamchain.plants.source_errors import _periodic as periodic_of_harmonics
 from beamchain.plants.source_errors import _running_mean as running_mean
+from beamchain.plants.source_errors import _snap_times as snap_times
+from beamchain.plants.source_errors import (
+    branches,
+    noise_error,
+    snap_error,
+    stepper_error,
+    stepper_harmonics,
+    wheel_error,
+    wheel_orders,
+)
 from beamchain.plants.structured import balanced_bounds
 from beamchain.plants.structured import bound as structured_bound
 from beamchain.plants.verdicts import _limiting as limiting_modes
 from beamchain.plants.wheel_sweep import WheelSweep
+from beamchain.plants.wheel_sweep import _high_places as high_places
 from beamchain.plants.worst_case import Loops as LoopsOfSamples
 from beamchain.plants.worst_case import search as worst_sample
 from beamchain.plants.worst_margins import SampleLoops, smallness
@@ -145,12 +160,14 @@ __all__ = [
     "bent_line",
     "bodies",
     "body_mass_matrix",
+    "branches",
     "change_of_frequencies",
     "check_inertia",
     "closed_in",
     "clusters",
     "condensed_mass",
     "continuous_poles",
+    "contributions_along_their_sum",
     "culprit",
     "delay_near",
     "deviation_share",
@@ -163,6 +180,7 @@ __all__ = [
     "first_moment",
     "form2_many",
     "free_peaks",
+    "high_places",
     "hinge_armature",
     "imported_warnings",
     "independent_parts",
@@ -181,12 +199,16 @@ __all__ = [
     "motion_of_modes",
     "mount",
     "named_output",
+    "named_shares",
     "nearest_body",
     "newton_step",
     "nodes_of_density",
+    "noise_error",
     "offset_cautions",
+    "oscillator_nearest",
     "pairs_of_modes",
     "peak_clusters",
+    "periodic_of_harmonics",
     "phase_of_two",
     "plane_of_chain",
     "polynomial",
@@ -215,6 +237,8 @@ __all__ = [
     "slow_modes",
     "small_turn",
     "smallness",
+    "snap_error",
+    "snap_times",
     "split",
     "squared_phase",
     "stable_armature",
@@ -224,6 +248,8 @@ __all__ = [
     "step_length",
     "step_pole",
     "step_warnings",
+    "stepper_error",
+    "stepper_harmonics",
     "structured_bound",
     "sum_of_poles",
     "time_modes",
@@ -235,6 +261,8 @@ __all__ = [
     "unit_mass_of_port",
     "unit_of_control",
     "weights_of_modes",
+    "wheel_error",
+    "wheel_orders",
     "windowed_variance",
     "worst_sample",
 ]
