@@ -41,8 +41,25 @@ from beamchain.fitting.fewest import weights as weights_of_modes
 from beamchain.fitting.needs import Promise
 from beamchain.fitting.warnings import doubtful, imported_warnings, step_warnings
 from beamchain.identification.resolution import resolution
+from beamchain.plants.closed_loop import _check_algebraic as check_algebraic_loop
+from beamchain.plants.closed_loop import _plant_step as step_of_plant
+from beamchain.plants.closed_loop import _turn as turn_along
+from beamchain.plants.closed_loop import unstable_count
+from beamchain.plants.delay_margin import _between as crossings_between
+from beamchain.plants.delay_margin import _by_state as loop_by_state
+from beamchain.plants.delay_margin import _Crossings as SizeOneCrossings
+from beamchain.plants.delay_margin import _crossings as crossings_of_size_one
+from beamchain.plants.delay_margin import _driven as states_driven_for
+from beamchain.plants.delay_margin import _polished as polished_delay
+from beamchain.plants.delay_margin import sampled_delay_margin
 from beamchain.plants.error_indices import deviation_share, largest_deviation, windowed_variance
 from beamchain.plants.local_loop import delay_near
+from beamchain.plants.margins import LoopMargins as LoopOfMargins
+from beamchain.plants.margins import _figures as margin_figures
+from beamchain.plants.margins import _long_delays as long_delays
+from beamchain.plants.margins import _of_all as margins_of_all
+from beamchain.plants.margins import _peak as peak_of_grid
+from beamchain.plants.margins import _refined as refined_bounds
 from beamchain.plants.modal_response import ModalResponse
 from beamchain.plants.modal_response import _exponential_states as states_of_a_rising_load
 from beamchain.plants.pointing import _total as total_index
@@ -131,6 +148,7 @@ __all__ = [
     "Hinge",
     "LinearModel",
     "Link",
+    "LoopOfMargins",
     "LoopsOfSamples",
     "ModalForm",
     "ModalResponse",
@@ -146,6 +164,7 @@ __all__ = [
     "Seen",
     "SeenAtPose",
     "Shapes",
+    "SizeOneCrossings",
     "SlewBody",
     "Slosh",
     "StepOfCraft",
@@ -162,12 +181,15 @@ __all__ = [
     "body_mass_matrix",
     "branches",
     "change_of_frequencies",
+    "check_algebraic_loop",
     "check_inertia",
     "closed_in",
     "clusters",
     "condensed_mass",
     "continuous_poles",
     "contributions_along_their_sum",
+    "crossings_between",
+    "crossings_of_size_one",
     "culprit",
     "delay_near",
     "deviation_share",
@@ -190,7 +212,11 @@ __all__ = [
     "limiting_modes",
     "linear_at",
     "load_of_modes_left_out",
+    "long_delays",
+    "loop_by_state",
     "map_by_differences",
+    "margin_figures",
+    "margins_of_all",
     "maximum_of",
     "mode_to_ring",
     "modes_finely_divided",
@@ -208,15 +234,18 @@ __all__ = [
     "oscillator_nearest",
     "pairs_of_modes",
     "peak_clusters",
+    "peak_of_grid",
     "periodic_of_harmonics",
     "phase_of_two",
     "plane_of_chain",
+    "polished_delay",
     "polynomial",
     "port_of_mode",
     "raise_polar_inertia",
     "reach",
     "realisable_body",
     "realise",
+    "refined_bounds",
     "resolution",
     "rest_point",
     "rigid_body",
@@ -226,6 +255,7 @@ __all__ = [
     "run_of_turn",
     "runge_kutta_limit",
     "running_mean",
+    "sampled_delay_margin",
     "sections_at",
     "seen",
     "servos_that_chatter",
@@ -243,9 +273,11 @@ __all__ = [
     "squared_phase",
     "stable_armature",
     "start_rate",
+    "states_driven_for",
     "states_of_a_rising_load",
     "steepest",
     "step_length",
+    "step_of_plant",
     "step_pole",
     "step_warnings",
     "stepper_error",
@@ -256,10 +288,12 @@ __all__ = [
     "total_index",
     "tune",
     "turn",
+    "turn_along",
     "turned_by",
     "turns_of_hinge",
     "unit_mass_of_port",
     "unit_of_control",
+    "unstable_count",
     "weights_of_modes",
     "wheel_error",
     "wheel_orders",

@@ -1,0 +1,340 @@
+"""Closed forms beside closed loops and dead times: poles, grids, counts, delays between samples."""
+
+from types import SimpleNamespace
+
+import control
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+
+import beamchain as bc
+from beamchain.plants.closed_loop import ClosedLoop
+from beamchain.plants.feedback import Feedback
+from formulas import (
+    SizeOneCrossings,
+    check_algebraic_loop,
+    crossings_between,
+    crossings_of_size_one,
+    loop_by_state,
+    polished_delay,
+    sampled_delay_margin,
+    states_driven_for,
+    step_of_plant,
+    turn_along,
+    unstable_count,
+)
+
+RANDOM = np.random.default_rng(11)
+
+
+def system(states, outputs, inputs, random=RANDOM):
+    a = random.normal(size=(states, states)) - 1.5 * np.eye(states)
+    parts = random.normal(size=(states, inputs)), random.normal(size=(outputs, states))
+    return a, *parts, 0.3 * random.normal(size=(outputs, inputs))
+
+
+PLANT, LAW = system(3, 2, 2), system(2, 2, 2)
+
+
+def value(of, s):
+    a, b, c, d = of
+    s = np.atleast_1d(s)[:, None, None]
+    return c @ np.linalg.solve(s * np.eye(len(a)) - a, np.broadcast_to(b, (len(s), *b.shape))) + d
+
+
+def closed_loop(plant=PLANT, law=LAW, delay=0.0, **given):
+    fed = Feedback(
+        rows=[0, 1],
+        columns=[0, 1],
+        realise=lambda order: law if not delay or not order else delayed(law, delay, order),
+        response=lambda s: value(law, s) * np.exp(-delay * s)[:, None, None],
+        step=given.get("step", 0.0),
+        delays=(delay,) * len(law[3]),
+    )
+    names = tuple("abcdef"[: len(plant[0])])
+    inputs = ("u", "v")[: plant[3].shape[1]]
+    return ClosedLoop(plant, law, fed, inputs, ((),), names, (), **{"step": 0.0, **given})
+
+
+def delayed(law, delay, order):
+    """One loop in front of a Pade approximation."""
+    pade = control.ss(control.tf(*control.pade(delay, order)))
+    whole = control.series(control.ss(*law), pade)
+    return tuple(np.asarray(part) for part in (whole.A, whole.B, whole.C, whole.D))
+
+
+def test_poles_of_a_closed_loop_are_where_one_plus_the_loop_is_singular():
+    loops, gain = np.array([0.7, 1.6]), 1.9
+    closed = closed_loop()
+    poles = np.linalg.eigvals(closed.closed(gain, loops))
+    assert poles.size == 5
+    for s in poles:
+        loop = gain * loops[:, None] * value(LAW, s)[0] @ value(PLANT, s)[0]
+        assert abs(np.linalg.det(np.eye(2) + loop)) < 1e-9
+    np.testing.assert_allclose(
+        np.linalg.eigvals(closed.closed(1.0, np.ones(2))), closed.eigenvalues
+    )
+    opened = np.sort_complex(np.linalg.eigvals(closed.closed(0.0, np.ones(2))))
+    apart = np.concatenate([np.linalg.eigvals(PLANT[0]), np.linalg.eigvals(LAW[0])])
+    np.testing.assert_allclose(opened, np.sort_complex(apart))
+    np.testing.assert_allclose(np.sort_complex(closed.open_poles), np.sort_complex(apart))
+    w = np.array([0.3, 2.0])
+    np.testing.assert_allclose(closed.open_loop(w), value(LAW, 1j * w) @ value(PLANT, 1j * w))
+    np.testing.assert_allclose(closed.limit, LAW[3] @ PLANT[3])
+    assert closed.top == pytest.approx(np.abs(closed.eigenvalues).max())
+
+
+def test_a_sampled_loop_has_its_poles_in_the_logarithm():
+    closed = closed_loop(step=0.4)
+    poles = np.array([-0.3 + 0.8j, -2.0 - 3.0j, -1.0])
+    np.testing.assert_allclose(closed.to_s(np.exp(0.4 * poles)), poles)
+    np.testing.assert_allclose(closed.to_point(np.array([0.7])), np.exp(0.28j))
+    assert closed.top == pytest.approx(np.pi / 0.4)
+    assert closed.limit is None
+    assert closed.to_s(np.zeros(1))[0].real < -1e3
+    assert closed_loop().to_s(poles) is poles
+    assert closed_loop().to_point(np.array([0.7])) == 0.7j
+
+
+def test_loops_without_direct_parts_and_late_ones_have_no_limit():
+    strictly = (*LAW[:3], 0.0 * LAW[3])
+    assert closed_loop(law=strictly).limit is None
+    assert closed_loop(delay=0.1).limit is None
+
+
+@pytest.mark.parametrize(
+    ("real", "growing"), [(0.1, 1), (-0.1, 0), (2.1e-9, 1), (0.9e-9, 0), (-1e-9, 0)]
+)
+def test_what_grows_beside_rounding_is_unstable(real, growing):
+    """A damping ratio of 1e-9 and 1e-12 of the fastest are rounding."""
+    a = np.diag([-1.0, -1.0, 0.0])
+    a[:2, :2] = [[real, 1.0], [-1.0, real]]
+    a[2, 2] = -1.0
+    plant = (a, np.ones((3, 1)), np.zeros((1, 3)), np.zeros((1, 1)))
+    law = (np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.ones((1, 1)))
+    closed = closed_loop(plant, law)
+    assert closed.growing.size == 2 * growing
+    assert closed.stable == (not growing)
+    assert closed_loop(plant, law, count=0).stable
+    assert not closed_loop(plant, law, count=2).stable
+
+
+@pytest.mark.parametrize(
+    ("pole", "omega", "found"),
+    [
+        (4j, 4.0, True),
+        (4j, 4.0 * (1.0 + 2e-8), False),
+        (4j, 4.0 * (1.0 + 0.9e-8), True),
+        (-5e-8 + 4j, 4.0, False),
+        (-3e-8 + 4j, 4.0, True),
+    ],
+)
+def test_an_undamped_pole_at_a_frequency(pole, omega, found):
+    closed = SimpleNamespace(open_poles=np.array([-1.0, pole, pole.conjugate()]))
+    assert ClosedLoop.undamped(closed, omega) == found
+
+
+@pytest.mark.parametrize("step", [0.0, 0.05])
+def test_a_grid_spans_the_poles_and_resolves_them(step):
+    """From a hundredth of the slowest to ten times the fastest, or pi / T."""
+    near = np.array([-3.0, 0.0, 2.0])
+    slow, mode, fast = -0.5, -0.04 + 4.0j, -20.0 + 8.0j
+    closed = SimpleNamespace(
+        eigenvalues=np.array([slow, mode, mode.conjugate()]),
+        open_poles=np.array([fast, fast.conjugate(), 1e-9]),
+        to_s=lambda poles: poles,
+        step=step,
+        rest=1e-3,
+        top=abs(fast),
+    )
+    found = ClosedLoop.frequencies(closed, 7, near)
+    high = np.pi / step if step else 10.0 * abs(fast)
+    low = 0.005
+    wide = np.geomspace(low, high, int(7 * np.log10(high / low)) + 2)
+    fine = []
+    for pole, ratio in ((slow, 0.02), (mode, 0.04 / abs(mode)), (fast, 0.02)):
+        fine.append(abs(pole) * (1.0 + ratio * near))
+    wanted = np.unique(np.concatenate([wide, *fine]))
+    np.testing.assert_allclose(found, wanted[(wanted >= low) & (wanted <= high * (1 + 1e-9))])
+    assert found[-1] == high
+    closed.eigenvalues, closed.open_poles = np.zeros(0), np.zeros(1)
+    alone = ClosedLoop.frequencies(closed, 7, near)
+    assert (alone[0], alone[-1]) == pytest.approx((0.01, min(10.0, high)))
+
+
+@pytest.mark.parametrize(("dt", "step"), [(0.25, 0.25), (0.0, 0.0), (None, 0.0)])
+def test_steps_of_plants(dt, step):
+    assert step_of_plant(SimpleNamespace(dt=dt)) == step
+    with pytest.raises(bc.InputError, match="dt = True"):
+        step_of_plant(SimpleNamespace(dt=True))
+
+
+@pytest.mark.parametrize(("k", "refused"), [(-0.5, True), (-0.5 + 1e-6, False), (0.5, False)])
+def test_algebraic_loops_without_a_solution_are_refused(k, refused):
+    """1 + K G at infinity, for G = [[2, 3], [0, 0]]."""
+    plant = (None, None, None, np.array([[2.0, 3.0], [0.0, 0.0]]))
+    law = (None, None, None, np.array([[k, 0.0], [0.0, 1.0]]))
+    if refused:
+        with pytest.raises(bc.InputError, match="algebraic loop"):
+            check_algebraic_loop(plant, law)
+    else:
+        check_algebraic_loop(plant, law)
+
+
+@pytest.mark.parametrize(("delay", "count"), [(1.5, 0), (1.7, 2), (7.8, 2), (8.0, 4), (14.2, 6)])
+def test_growing_poles_of_an_integrator_with_a_dead_time(delay, count):
+    """exp(-s T) / s: a pair more from T = pi/2 + 2 pi n on."""
+    plant = (np.zeros((1, 1)), np.ones((1, 1)), np.ones((1, 1)), np.zeros((1, 1)))
+    law = (np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.ones((1, 1)))
+    closed = closed_loop(plant, law, delay)
+    closed.__dict__["omega"] = np.geomspace(1e-3, 50.0, 500)
+    assert unstable_count(closed) == count
+
+
+@pytest.mark.parametrize("size", [0.9, 0.1])
+def test_a_loop_that_does_not_end_has_no_count(size):
+    """A dead time with a direct part: at infinite frequency it turns for ever."""
+    plant = (-np.eye(1), 0.0 * np.ones((1, 1)), np.ones((1, 1)), size * np.ones((1, 1)))
+    law = (np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.ones((1, 1)))
+    closed = closed_loop(plant, law, 0.3)
+    closed.__dict__["omega"] = np.geomspace(1e-2, 10.0, 100)
+    assert unstable_count(closed) == (None if size > 0.2 else 0)
+
+
+@pytest.mark.parametrize(("power", "radius"), [(3, 2.0), (3, 0.5), (-2, 2.0)])
+def test_the_turn_of_a_function_counts_what_is_inside(power, radius):
+    around = radius * np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 5))
+    found = turn_along(lambda s: (s - 0.3) ** power / (s + 1.0), around.astype(complex))
+    inside = power - (1 if radius > 1.0 else 0)
+    assert found == pytest.approx(2.0 * np.pi * inside)
+
+
+# -- dead times between samples --------------------------------------------------------------------
+STEP = 0.5
+HELD = (
+    np.array([[0.0, 1.0, 0.0], [-9.0, -0.4, 0.3], [0.2, 0.0, -0.8]]),
+    np.array([[0.0, 0.2], [2.0, 0.5], [0.4, 1.0]]),
+    np.array([[1.0, 0.1, 0.0], [0.0, 0.2, 1.0]]),
+    np.array([[0.02, 0.0], [0.1, 0.05]]),
+)
+GAINS = np.array([[0.9, -0.2], [0.3, 0.6]])
+STATIC = (np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((2, 0)), GAINS)
+
+
+def held(time):
+    a, b, _, _ = HELD
+    whole = expm(np.block([[a, b], [np.zeros((2, 5))]]) * time)
+    return whole[:3, :3], whole[:3, 3:]
+
+
+def at_samples():
+    return (*held(STEP), HELD[2], HELD[3])
+
+
+@pytest.mark.parametrize("times", [np.array([0.2, 0.9]), np.linspace(0.0, 0.9, 4)])
+def test_states_after_an_input_was_one(times):
+    a, b = HELD[0], HELD[1][:, 1]
+    for time, found in zip(times, states_driven_for(HELD, 1, times), strict=True):
+        wanted = solve_ivp(lambda _, x: a @ x + b, (0.0, time), np.zeros(3), rtol=1e-11, atol=1e-13)
+        np.testing.assert_allclose(found, wanted.y[:, -1], atol=1e-9)
+
+
+@pytest.mark.parametrize("i", [0, 1])
+def test_the_loop_by_the_states_that_an_input_drives(i):
+    """Without a dead time it is L_i = 1 / S_ii - 1."""
+    closed = closed_loop(at_samples(), STATIC, step=STEP)
+    omega = np.array([0.4, 2.0, 5.5])
+    left, direct, z = loop_by_state(closed, i, omega)
+    np.testing.assert_allclose(z, np.exp(1j * omega * STEP))
+    loop = GAINS @ value(at_samples(), z)
+    wanted = 1.0 / np.linalg.inv(np.eye(2) + loop)[:, i, i] - 1.0
+    np.testing.assert_allclose(left @ held(STEP)[1][:, i] + direct, wanted)
+
+
+def spectral_radius(i, delay):
+    """Of the samples of plant, gains and the late inputs that are still on their way."""
+    whole = int(delay // STEP)
+    rest = delay - whole * STEP
+    a, both = held(STEP)
+    now = held(STEP - rest)[1]
+    _, _, c, d = HELD
+    late = whole + 1  # inputs before, the youngest first
+    n = 3 + late
+    # u = -K y is solved for both inputs; the late one acts by what was before
+    arrives = np.zeros(n)
+    arrives[3 + whole] = 1.0  # in y through d, a sample later than `whole` if there is a rest
+    other = 1 - i
+    e = np.eye(2)
+    # y = C x + d_i q + d_o u_o, u = -K y
+    seen = np.zeros((2, n))
+    seen[:, :3] = c
+    seen += np.outer(d[:, i], arrives)
+    k = np.linalg.inv(e + GAINS @ np.outer(d[:, other], e[other])) @ GAINS
+    u = -k @ seen
+    out = np.zeros((n, n))
+    out[:3, :3] = a
+    older = np.zeros(n)
+    older[3 + whole] = 1.0
+    newer = u[i] if whole == 0 else np.eye(n)[3 + whole - 1]
+    out[:3] += np.outer(now[:, i], newer) + np.outer(both[:, i] - now[:, i], older)
+    out[:3] += np.outer(both[:, other], u[other])
+    out[3] = u[i]
+    out[4:, 3:-1] = np.eye(late - 1)
+    return np.abs(np.linalg.eigvals(out)).max()
+
+
+@pytest.mark.parametrize(("i", "size"), [(0, 1.0), (1, 1.0), (1, 2.2)])
+def test_the_shortest_dead_time_that_a_sampled_loop_does_not_bear(i, size, monkeypatch):
+    """The late input delayed by whole samples and a rest of one, its samples' eigenvalues."""
+    monkeypatch.setitem(globals(), "GAINS", size * GAINS)
+    law = (*STATIC[:3], size * STATIC[3])
+    closed = closed_loop(at_samples(), law, step=STEP)
+    closed.__dict__["omega"] = np.linspace(0.05, np.pi / STEP, 600)
+    found = sampled_delay_margin(closed, HELD, i)
+    steps = np.arange(0.01, 6.0, 0.02)
+    beyond = [delay for delay in steps if spectral_radius(i, delay) > 1.0 + 1e-9]
+    assert found == pytest.approx(beyond[0] if beyond else np.inf, abs=0.02)
+    if beyond:
+        assert spectral_radius(i, found) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_crossings_of_size_one_between_points_of_a_grid():
+    """By the logarithm of the size: 4 and 1/2 cross a third before the end."""
+    omega = np.array([1.0, 2.0, 5.0, 6.0, 7.0])
+    loop = np.array([4.0, -4.0j, -0.5j, 0.1, 10.0])
+    found = crossings_of_size_one(omega, loop)
+    assert found.omega == pytest.approx([4.0, 6.5])
+    assert found.rises.tolist() == [False, True]
+    assert found.lacks == pytest.approx([np.pi / 2.0, np.pi])
+
+
+def test_a_dead_time_turns_a_crossing_to_minus_one():
+    """Frequencies 2 and 3 that lack 0.3 and 0.5 before, and 0.5 and 0.3 after half a sample."""
+    rises = np.array([True, False])
+    before = SizeOneCrossings(np.array([2.0, 3.0]), np.array([6.2, 1.5]), rises)
+    after = SizeOneCrossings(np.array([3.2, 2.2]), np.array([1.7, 0.1]), rises[::-1])
+    found = crossings_between(before, after, np.array([0.2, 0.3]), 0.5)
+    # whole samples d turn by w d T, and lacks + 2 pi n = w d T for one n: the first whole d
+    wanted = []
+    for w, v, lacks, later in ((2.0, 2.2, 6.2, 2.0 * np.pi + 0.1), (3.0, 3.2, 1.5, 1.7)):
+        for n in range(-1, 50):
+            ends = (lacks + 2.0 * np.pi * n) / (w * 0.5), (later + 2.0 * np.pi * n) / (v * 0.5)
+            whole = np.ceil(min(ends))
+            if 0.0 <= whole <= max(ends):
+                share = (whole - ends[0]) / (ends[1] - ends[0])
+                wanted.append((whole * 0.5 + 0.2 + share * 0.1, w + share * (v - w)))
+                break
+    assert len(wanted) == 2
+    np.testing.assert_allclose(sorted(found), sorted(wanted))
+
+
+@pytest.mark.parametrize(
+    ("near", "kept"), [(0.93, False), (1.18, False), (0.96, True), (1.04, True)]
+)
+def test_a_dead_time_is_polished_where_a_zero_is_near(near, kept):
+    """1 + L = (w - 3) + j (d - 1): within a tenth of a sample of 0.5."""
+    found = polished_delay(lambda w, d: complex(w - 3.0, d - 1.0), near, 2.9, 0.5)
+    assert found == pytest.approx(1.0 if kept else near, abs=1e-9)
+    lost = polished_delay(lambda w, d: complex(w**2 + 1.0, d - 1.0), 0.98, 2.9, 0.5)
+    assert lost == 0.98
