@@ -41,6 +41,12 @@ from beamchain.fitting.fewest import weights as weights_of_modes
 from beamchain.fitting.needs import Promise
 from beamchain.fitting.warnings import doubtful, imported_warnings, step_warnings
 from beamchain.identification.resolution import resolution
+from beamchain.plants.bounds import _extended as extended_multipliers
+from beamchain.plants.bounds import _halves as halves_of_box
+from beamchain.plants.bounds import _middle as middle_of
+from beamchain.plants.bounds import _narrow as is_narrow
+from beamchain.plants.bounds import _without_unknown as unknown_behind
+from beamchain.plants.bounds import frequencies as looked_at
 from beamchain.plants.closed_loop import _check_algebraic as check_algebraic_loop
 from beamchain.plants.closed_loop import _plant_step as step_of_plant
 from beamchain.plants.closed_loop import _turn as turn_along
@@ -53,7 +59,7 @@ from beamchain.plants.delay_margin import _driven as states_driven_for
 from beamchain.plants.delay_margin import _polished as polished_delay
 from beamchain.plants.delay_margin import sampled_delay_margin
 from beamchain.plants.error_indices import deviation_share, largest_deviation, windowed_variance
-from beamchain.plants.local_loop import delay_near
+from beamchain.plants.local_loop import LocalLoop, delay_near, in_box, local_loop
 from beamchain.plants.margins import LoopMargins as LoopOfMargins
 from beamchain.plants.margins import _figures as margin_figures
 from beamchain.plants.margins import _long_delays as long_delays
@@ -62,6 +68,15 @@ from beamchain.plants.margins import _peak as peak_of_grid
 from beamchain.plants.margins import _refined as refined_bounds
 from beamchain.plants.modal_response import ModalResponse
 from beamchain.plants.modal_response import _exponential_states as states_of_a_rising_load
+from beamchain.plants.multipliers import _between as between_ends
+from beamchain.plants.multipliers import _blocks as blocks_of_deltas
+from beamchain.plants.multipliers import _complex as from_real_symmetric
+from beamchain.plants.multipliers import _hermitian as basis_of_hermitian
+from beamchain.plants.multipliers import _moments as moments_of_delta
+from beamchain.plants.multipliers import _real as real_symmetric
+from beamchain.plants.multipliers import balanced as balanced_channels
+from beamchain.plants.multipliers import prove as proof_over
+from beamchain.plants.multipliers import solve_program, zero_crossings
 from beamchain.plants.pointing import _total as total_index
 from beamchain.plants.source_errors import _along as contributions_along_their_sum
 from beamchain.plants.source_errors import _closed_in as closed_in
@@ -148,6 +163,7 @@ __all__ = [
     "Hinge",
     "LinearModel",
     "Link",
+    "LocalLoop",
     "LoopOfMargins",
     "LoopsOfSamples",
     "ModalForm",
@@ -176,7 +192,11 @@ __all__ = [
     "apparent_pole",
     "as_compared",
     "balanced_bounds",
+    "balanced_channels",
+    "basis_of_hermitian",
     "bent_line",
+    "between_ends",
+    "blocks_of_deltas",
     "bodies",
     "body_mass_matrix",
     "branches",
@@ -198,28 +218,37 @@ __all__ = [
     "drive_of",
     "driven",
     "equal_parts",
+    "extended_multipliers",
     "figure_of_sample",
     "first_moment",
     "form2_many",
     "free_peaks",
+    "from_real_symmetric",
+    "halves_of_box",
     "high_places",
     "hinge_armature",
     "imported_warnings",
+    "in_box",
     "independent_parts",
+    "is_narrow",
     "joined",
     "largest_angle",
     "largest_deviation",
     "limiting_modes",
     "linear_at",
     "load_of_modes_left_out",
+    "local_loop",
     "long_delays",
+    "looked_at",
     "loop_by_state",
     "map_by_differences",
     "margin_figures",
     "margins_of_all",
     "maximum_of",
+    "middle_of",
     "mode_to_ring",
     "modes_finely_divided",
+    "moments_of_delta",
     "momentum_of_mode",
     "motion_at",
     "motion_of_modes",
@@ -241,8 +270,10 @@ __all__ = [
     "polished_delay",
     "polynomial",
     "port_of_mode",
+    "proof_over",
     "raise_polar_inertia",
     "reach",
+    "real_symmetric",
     "realisable_body",
     "realise",
     "refined_bounds",
@@ -269,6 +300,7 @@ __all__ = [
     "smallness",
     "snap_error",
     "snap_times",
+    "solve_program",
     "split",
     "squared_phase",
     "stable_armature",
@@ -293,10 +325,12 @@ __all__ = [
     "turns_of_hinge",
     "unit_mass_of_port",
     "unit_of_control",
+    "unknown_behind",
     "unstable_count",
     "weights_of_modes",
     "wheel_error",
     "wheel_orders",
     "windowed_variance",
     "worst_sample",
+    "zero_crossings",
 ]
