@@ -142,6 +142,15 @@ def test_integrals_end_where_a_density_does(low, high):
     )
 
 
+def test_integrals_resolve_the_lobes_of_a_long_window():
+    """Far apart from any resonance: sin^2(15 x)/(15 x)^2 turns 15 times."""
+    noise = SimpleNamespace(frequency=(1.0 / (2.0 * np.pi), 9.0 / (2.0 * np.pi)))
+    omega, weights = nodes_of_density(np.zeros(0, dtype=complex), noise, 30.0)
+    x = np.linspace(1.0, 9.0, 40_001)
+    wanted = np.trapezoid(np.cos(30.0 * x) / x**2, x)
+    assert weights @ (np.cos(30.0 * omega) / omega**2) == pytest.approx(wanted, rel=1e-4)
+
+
 # -- drives ----------------------------------------------------------------------------------------
 STAIRCASE = bc.StepperDisturbance(joint="drive", step=0.3, rate=1.7)
 PULSES = bc.StepperDisturbance(joint="drive", torque=0.6, rate=1.7, width=0.11)

@@ -41,6 +41,10 @@ from beamchain.fitting.fewest import weights as weights_of_modes
 from beamchain.fitting.needs import Promise
 from beamchain.fitting.warnings import doubtful, imported_warnings, step_warnings
 from beamchain.identification.resolution import resolution
+from beamchain.plants.blame import _own_direction as own_direction
+from beamchain.plants.blame import _Start as StartOfPoles
+from beamchain.plants.blame import _start as start_of_poles
+from beamchain.plants.blame import instabilities
 from beamchain.plants.bounds import _extended as extended_multipliers
 from beamchain.plants.bounds import _halves as halves_of_box
 from beamchain.plants.bounds import _middle as middle_of
@@ -78,6 +82,11 @@ from beamchain.plants.multipliers import balanced as balanced_channels
 from beamchain.plants.multipliers import prove as proof_over
 from beamchain.plants.multipliers import solve_program, zero_crossings
 from beamchain.plants.pointing import _total as total_index
+from beamchain.plants.pole_paths import _assigned as assigned_poles
+from beamchain.plants.pole_paths import _moved as pole_moved
+from beamchain.plants.pole_paths import _number as number_of_pole
+from beamchain.plants.pole_paths import _settled as pole_settled
+from beamchain.plants.pole_paths import _shift as shift_of_pole
 from beamchain.plants.source_errors import _along as contributions_along_their_sum
 from beamchain.plants.source_errors import _closed_in as closed_in
 from beamchain.plants.source_errors import _integral as nodes_of_density
@@ -183,6 +192,7 @@ __all__ = [
     "SizeOneCrossings",
     "SlewBody",
     "Slosh",
+    "StartOfPoles",
     "StepOfCraft",
     "System",
     "Tendons",
@@ -191,6 +201,7 @@ __all__ = [
     "apart",
     "apparent_pole",
     "as_compared",
+    "assigned_poles",
     "balanced_bounds",
     "balanced_channels",
     "basis_of_hermitian",
@@ -230,6 +241,7 @@ __all__ = [
     "imported_warnings",
     "in_box",
     "independent_parts",
+    "instabilities",
     "is_narrow",
     "joined",
     "largest_angle",
@@ -259,14 +271,18 @@ __all__ = [
     "newton_step",
     "nodes_of_density",
     "noise_error",
+    "number_of_pole",
     "offset_cautions",
     "oscillator_nearest",
+    "own_direction",
     "pairs_of_modes",
     "peak_clusters",
     "peak_of_grid",
     "periodic_of_harmonics",
     "phase_of_two",
     "plane_of_chain",
+    "pole_moved",
+    "pole_settled",
     "polished_delay",
     "polynomial",
     "port_of_mode",
@@ -293,6 +309,7 @@ __all__ = [
     "settle_links",
     "share",
     "shares_of_energy",
+    "shift_of_pole",
     "simulate_hub",
     "skin_vertices",
     "slow_modes",
@@ -304,6 +321,7 @@ __all__ = [
     "split",
     "squared_phase",
     "stable_armature",
+    "start_of_poles",
     "start_rate",
     "states_driven_for",
     "states_of_a_rising_load",
