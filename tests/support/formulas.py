@@ -87,6 +87,9 @@ from beamchain.plants.pole_paths import _moved as pole_moved
 from beamchain.plants.pole_paths import _number as number_of_pole
 from beamchain.plants.pole_paths import _settled as pole_settled
 from beamchain.plants.pole_paths import _shift as shift_of_pole
+from beamchain.plants.simulated_gain import SteppedController, simulated_gain
+from beamchain.plants.simulated_gain import _plan as plan_of_run
+from beamchain.plants.simulated_gain import _whole as whole_count
 from beamchain.plants.source_errors import _along as contributions_along_their_sum
 from beamchain.plants.source_errors import _closed_in as closed_in
 from beamchain.plants.source_errors import _integral as nodes_of_density
@@ -110,6 +113,9 @@ from beamchain.plants.verdicts import _limiting as limiting_modes
 from beamchain.plants.wheel_sweep import WheelSweep
 from beamchain.plants.wheel_sweep import _high_places as high_places
 from beamchain.plants.worst_case import Loops as LoopsOfSamples
+from beamchain.plants.worst_case import _reaches as reaches_output
+from beamchain.plants.worst_case import _stability_limit as stability_limit
+from beamchain.plants.worst_case import ascent
 from beamchain.plants.worst_case import search as worst_sample
 from beamchain.plants.worst_margins import SampleLoops, smallness
 from beamchain.plants.worst_margins import figure as figure_of_sample
@@ -194,6 +200,7 @@ __all__ = [
     "Slosh",
     "StartOfPoles",
     "StepOfCraft",
+    "SteppedController",
     "System",
     "Tendons",
     "Turn",
@@ -201,6 +208,7 @@ __all__ = [
     "apart",
     "apparent_pole",
     "as_compared",
+    "ascent",
     "assigned_poles",
     "balanced_bounds",
     "balanced_channels",
@@ -280,6 +288,7 @@ __all__ = [
     "peak_of_grid",
     "periodic_of_harmonics",
     "phase_of_two",
+    "plan_of_run",
     "plane_of_chain",
     "pole_moved",
     "pole_settled",
@@ -289,6 +298,7 @@ __all__ = [
     "proof_over",
     "raise_polar_inertia",
     "reach",
+    "reaches_output",
     "real_symmetric",
     "realisable_body",
     "realise",
@@ -311,6 +321,7 @@ __all__ = [
     "shares_of_energy",
     "shift_of_pole",
     "simulate_hub",
+    "simulated_gain",
     "skin_vertices",
     "slow_modes",
     "small_turn",
@@ -320,6 +331,7 @@ __all__ = [
     "solve_program",
     "split",
     "squared_phase",
+    "stability_limit",
     "stable_armature",
     "start_of_poles",
     "start_rate",
@@ -348,6 +360,7 @@ __all__ = [
     "weights_of_modes",
     "wheel_error",
     "wheel_orders",
+    "whole_count",
     "windowed_variance",
     "worst_sample",
     "zero_crossings",
