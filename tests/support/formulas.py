@@ -55,6 +55,10 @@ from beamchain.plants.closed_loop import _check_algebraic as check_algebraic_loo
 from beamchain.plants.closed_loop import _plant_step as step_of_plant
 from beamchain.plants.closed_loop import _turn as turn_along
 from beamchain.plants.closed_loop import unstable_count
+from beamchain.plants.controllers import realise as realise_controller
+from beamchain.plants.controllers import realise_fraction
+from beamchain.plants.controllers import response as response_of_loop
+from beamchain.plants.crossings import crossing as crossing_of_zero
 from beamchain.plants.delay_margin import _between as crossings_between
 from beamchain.plants.delay_margin import _by_state as loop_by_state
 from beamchain.plants.delay_margin import _Crossings as SizeOneCrossings
@@ -87,6 +91,8 @@ from beamchain.plants.pole_paths import _moved as pole_moved
 from beamchain.plants.pole_paths import _number as number_of_pole
 from beamchain.plants.pole_paths import _settled as pole_settled
 from beamchain.plants.pole_paths import _shift as shift_of_pole
+from beamchain.plants.realisation import _zero_pole_product as zero_pole_product
+from beamchain.plants.sampling import sampled as sampled_system
 from beamchain.plants.simulated_gain import SteppedController, simulated_gain
 from beamchain.plants.simulated_gain import _plan as plan_of_run
 from beamchain.plants.simulated_gain import _whole as whole_count
@@ -109,6 +115,8 @@ from beamchain.plants.source_errors import (
 )
 from beamchain.plants.structured import balanced_bounds
 from beamchain.plants.structured import bound as structured_bound
+from beamchain.plants.systems import growth as growth_of_poles
+from beamchain.plants.verdicts import _beyond as limited_by_modes_above
 from beamchain.plants.verdicts import _limiting as limiting_modes
 from beamchain.plants.wheel_sweep import WheelSweep
 from beamchain.plants.wheel_sweep import _high_places as high_places
@@ -227,6 +235,7 @@ __all__ = [
     "condensed_mass",
     "continuous_poles",
     "contributions_along_their_sum",
+    "crossing_of_zero",
     "crossings_between",
     "crossings_of_size_one",
     "culprit",
@@ -243,6 +252,7 @@ __all__ = [
     "form2_many",
     "free_peaks",
     "from_real_symmetric",
+    "growth_of_poles",
     "halves_of_box",
     "high_places",
     "hinge_armature",
@@ -254,6 +264,7 @@ __all__ = [
     "joined",
     "largest_angle",
     "largest_deviation",
+    "limited_by_modes_above",
     "limiting_modes",
     "linear_at",
     "load_of_modes_left_out",
@@ -302,8 +313,11 @@ __all__ = [
     "real_symmetric",
     "realisable_body",
     "realise",
+    "realise_controller",
+    "realise_fraction",
     "refined_bounds",
     "resolution",
+    "response_of_loop",
     "rest_point",
     "rigid_body",
     "round_down",
@@ -313,6 +327,7 @@ __all__ = [
     "runge_kutta_limit",
     "running_mean",
     "sampled_delay_margin",
+    "sampled_system",
     "sections_at",
     "seen",
     "servos_that_chatter",
@@ -364,4 +379,5 @@ __all__ = [
     "windowed_variance",
     "worst_sample",
     "zero_crossings",
+    "zero_pole_product",
 ]
