@@ -66,6 +66,9 @@ from beamchain.plants.delay_margin import _crossings as crossings_of_size_one
 from beamchain.plants.delay_margin import _driven as states_driven_for
 from beamchain.plants.delay_margin import _polished as polished_delay
 from beamchain.plants.delay_margin import sampled_delay_margin
+from beamchain.plants.disturbed_craft import _check_linear as check_linear_in_speed
+from beamchain.plants.disturbed_craft import _joint_force as torque_of_drive
+from beamchain.plants.disturbed_craft import disturbed_craft, wheel_inputs
 from beamchain.plants.error_indices import deviation_share, largest_deviation, windowed_variance
 from beamchain.plants.local_loop import LocalLoop, delay_near, in_box, local_loop
 from beamchain.plants.margins import LoopMargins as LoopOfMargins
@@ -85,6 +88,10 @@ from beamchain.plants.multipliers import _real as real_symmetric
 from beamchain.plants.multipliers import balanced as balanced_channels
 from beamchain.plants.multipliers import prove as proof_over
 from beamchain.plants.multipliers import solve_program, zero_crossings
+from beamchain.plants.pointing import _beyond as beyond_modes_kept
+from beamchain.plants.pointing import _check_stable as check_stable_craft
+from beamchain.plants.pointing import _imbalances as imbalances_of_wheels
+from beamchain.plants.pointing import _settling as settling_of_modes
 from beamchain.plants.pointing import _total as total_index
 from beamchain.plants.pole_paths import _assigned as assigned_poles
 from beamchain.plants.pole_paths import _moved as pole_moved
@@ -118,6 +125,10 @@ from beamchain.plants.structured import bound as structured_bound
 from beamchain.plants.systems import growth as growth_of_poles
 from beamchain.plants.verdicts import _beyond as limited_by_modes_above
 from beamchain.plants.verdicts import _limiting as limiting_modes
+from beamchain.plants.wheel_run import _amplitudes as amplitudes_in_record
+from beamchain.plants.wheel_run import _nutation as nutation_of_craft
+from beamchain.plants.wheel_run import _place as place_of_output
+from beamchain.plants.wheel_run import run_wheel
 from beamchain.plants.wheel_sweep import WheelSweep
 from beamchain.plants.wheel_sweep import _high_places as high_places
 from beamchain.plants.worst_case import Loops as LoopsOfSamples
@@ -213,6 +224,7 @@ __all__ = [
     "Tendons",
     "Turn",
     "WheelSweep",
+    "amplitudes_in_record",
     "apart",
     "apparent_pole",
     "as_compared",
@@ -223,6 +235,7 @@ __all__ = [
     "basis_of_hermitian",
     "bent_line",
     "between_ends",
+    "beyond_modes_kept",
     "blocks_of_deltas",
     "bodies",
     "body_mass_matrix",
@@ -230,6 +243,8 @@ __all__ = [
     "change_of_frequencies",
     "check_algebraic_loop",
     "check_inertia",
+    "check_linear_in_speed",
+    "check_stable_craft",
     "closed_in",
     "clusters",
     "condensed_mass",
@@ -241,6 +256,7 @@ __all__ = [
     "culprit",
     "delay_near",
     "deviation_share",
+    "disturbed_craft",
     "doubtful",
     "drive_in_hinge",
     "drive_of",
@@ -256,6 +272,7 @@ __all__ = [
     "halves_of_box",
     "high_places",
     "hinge_armature",
+    "imbalances_of_wheels",
     "imported_warnings",
     "in_box",
     "independent_parts",
@@ -291,6 +308,7 @@ __all__ = [
     "nodes_of_density",
     "noise_error",
     "number_of_pole",
+    "nutation_of_craft",
     "offset_cautions",
     "oscillator_nearest",
     "own_direction",
@@ -299,6 +317,7 @@ __all__ = [
     "peak_of_grid",
     "periodic_of_harmonics",
     "phase_of_two",
+    "place_of_output",
     "plan_of_run",
     "plane_of_chain",
     "pole_moved",
@@ -324,6 +343,7 @@ __all__ = [
     "rounding_of_residual",
     "run_of_drive",
     "run_of_turn",
+    "run_wheel",
     "runge_kutta_limit",
     "running_mean",
     "sampled_delay_margin",
@@ -332,6 +352,7 @@ __all__ = [
     "seen",
     "servos_that_chatter",
     "settle_links",
+    "settling_of_modes",
     "share",
     "shares_of_energy",
     "shift_of_pole",
@@ -362,6 +383,7 @@ __all__ = [
     "structured_bound",
     "sum_of_poles",
     "time_modes",
+    "torque_of_drive",
     "total_index",
     "tune",
     "turn",
@@ -374,6 +396,7 @@ __all__ = [
     "unstable_count",
     "weights_of_modes",
     "wheel_error",
+    "wheel_inputs",
     "wheel_orders",
     "whole_count",
     "windowed_variance",
