@@ -100,6 +100,7 @@ from beamchain.plants.pole_paths import _settled as pole_settled
 from beamchain.plants.pole_paths import _shift as shift_of_pole
 from beamchain.plants.realisation import _zero_pole_product as zero_pole_product
 from beamchain.plants.sampling import sampled as sampled_system
+from beamchain.plants.scheduled import _follow as follow_modes
 from beamchain.plants.simulated_gain import SteppedController, simulated_gain
 from beamchain.plants.simulated_gain import _plan as plan_of_run
 from beamchain.plants.simulated_gain import _whole as whole_count
@@ -120,9 +121,12 @@ from beamchain.plants.source_errors import (
     wheel_error,
     wheel_orders,
 )
+from beamchain.plants.structured import _power_sum as power_sum
 from beamchain.plants.structured import balanced_bounds
 from beamchain.plants.structured import bound as structured_bound
 from beamchain.plants.systems import growth as growth_of_poles
+from beamchain.plants.uncertain_plant import _grid as frequencies_of_curves
+from beamchain.plants.uncertain_plant import _with_peak as with_frequency_of_peak
 from beamchain.plants.verdicts import _beyond as limited_by_modes_above
 from beamchain.plants.verdicts import _limiting as limiting_modes
 from beamchain.plants.wheel_run import _amplitudes as amplitudes_in_record
@@ -265,8 +269,10 @@ __all__ = [
     "extended_multipliers",
     "figure_of_sample",
     "first_moment",
+    "follow_modes",
     "form2_many",
     "free_peaks",
+    "frequencies_of_curves",
     "from_real_symmetric",
     "growth_of_poles",
     "halves_of_box",
@@ -325,6 +331,7 @@ __all__ = [
     "polished_delay",
     "polynomial",
     "port_of_mode",
+    "power_sum",
     "proof_over",
     "raise_polar_inertia",
     "reach",
@@ -400,6 +407,7 @@ __all__ = [
     "wheel_orders",
     "whole_count",
     "windowed_variance",
+    "with_frequency_of_peak",
     "worst_sample",
     "zero_crossings",
     "zero_pole_product",
