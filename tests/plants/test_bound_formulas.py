@@ -181,6 +181,23 @@ def bounder(omega, sampled, best=1.0, late=False, repetitions=(1, 1)):
     return made
 
 
+def test_the_best_sample_and_the_most_that_samples_reach():
+    pytest.importorskip("cvxpy")
+    gains = {1.0: [0.3, 0.9, 0.2], -1.0: [0.8, 0.1, 0.4], 0.5: [0.1, 0.2, 0.6]}
+    loops = SimpleNamespace(
+        exact=lambda omega: np.arange(omega.size),
+        size=lambda at, deltas: np.array(gains[deltas[0]])[at],
+    )
+    blocks = [SimpleNamespace(name="a", repetitions=3)]
+    samples = np.array([[0.5], [-1.0], [1.0]])
+    made = Bounder(loops, blocks, samples, np.array([1.0, 2.0, 3.0]), 60.0)
+    assert made._sampled.tolist() == [0.8, 0.9, 0.6]
+    assert (made.best[0].tolist(), made.best[1]) == ([1.0], 0.9)
+    assert not made._late
+    assert made.programs == 0
+    assert Bounder(loops, blocks, samples, np.array([1.0, 2.0, 3.0]), 0.0)._late
+
+
 def test_samples_inside_an_interval_or_beside_it():
     made = bounder([1.0, 2.0, 3.0, 4.0], [5.0, 7.0, 6.0, 1.0])
     assert made._peak(1.0, 3.0) == (2.0, 7.0)

@@ -9,8 +9,8 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 import beamchain as bc
-from beamchain.plants.closed_loop import ClosedLoop
-from beamchain.plants.feedback import Feedback
+from beamchain.plants.closed_loop import ClosedLoop, Names, closed_around, counted
+from beamchain.plants.feedback import Feedback, Signals, feedback
 from formulas import (
     SizeOneCrossings,
     check_algebraic_loop,
@@ -208,6 +208,41 @@ def test_the_turn_of_a_function_counts_what_is_inside(power, radius):
     found = turn_along(lambda s: (s - 0.3) ** power / (s + 1.0), around.astype(complex))
     inside = power - (1 if radius > 1.0 else 0)
     assert found == pytest.approx(2.0 * np.pi * inside)
+
+
+@pytest.mark.parametrize(("delay", "growing"), [(1.5, 0), (8.0, 4)])
+def test_pade_approximations_have_as_many_growing_poles_as_the_dead_time(delay, growing):
+    integrator = (np.zeros((1, 1)), np.ones((1, 1)), np.ones((1, 1)), np.zeros((1, 1)))
+    law = (np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.ones((1, 1)))
+    closed = closed_loop(integrator, law, delay)
+    closed.__dict__["omega"] = np.geomspace(1e-3, 50.0, 500)
+    found = counted(closed)
+    assert found.count == found.growing.size == growing
+    assert counted(closed_loop()).count is None
+
+
+def test_a_loop_around_a_plant_has_the_states_that_link_what_it_reads_and_drives():
+    """Four states of which the third is not driven, and a rigid motion that is not seen."""
+    a = np.diag([-1.0, -2.0, -3.0, 0.0])
+    b = np.array([[1.0, 0, 2.0], [0.5, 0, 0], [0, 7.0, 0], [0, 0, 1.0]])
+    c = np.array([[0, 0, 1.0, 0], [1.0, 2.0, 3.0, 0]])
+    d = np.array([[0.1, 0, 0], [0.2, 0, 0.3]])
+    signals = Signals(["u", "v", "w"], ["x", "y"], ["u", "v", "w"], ["x", "y"])
+    names = Names(signals, ("a", "b", "c", "d"), ("a",))
+    laws = {("w", "y"): control.tf([2.0], [1.0, 4.0]), ("u", "y"): 0.5}
+    found = closed_around((a, b, c, d), feedback(laws, signals), names)
+    assert (found.inputs, found.measured) == (("w", "u"), (("y",), ("y",)))
+    assert (found.states, found.modes, found.step, found.held) == (("a", "b"), ("a",), 0.0, None)
+    for s in (0.3 + 1.0j, 2.0j):
+        plant = value((a, b, c, d), s)[0]
+        np.testing.assert_allclose(value(found.plant, s)[0], plant[[1]][:, [2, 0]])
+        np.testing.assert_allclose(value(found.controller, s)[0], [[2.0 / (s + 4.0)], [0.5]])
+    sampled = {("w", "y"): control.tf([2.0], [1.0, -0.4], 0.3)}
+    late = closed_around((a, b, c, d), feedback(sampled, signals), names)
+    assert (late.step, late.inputs) == (0.3, ("w",))
+    np.testing.assert_allclose(late.held[0], [[-1.0]])
+    np.testing.assert_allclose(late.plant[0], [[np.exp(-0.3)]])
+    np.testing.assert_allclose(late.plant[1], [[2.0 * (1.0 - np.exp(-0.3))]])
 
 
 # -- dead times between samples --------------------------------------------------------------------

@@ -97,7 +97,13 @@ def test_figures_of_a_loop_that_another_couples_to(i):
 
 @pytest.mark.parametrize(
     ("falling", "value", "gain"),
-    [(-0.3, 0.8, np.inf), (0.3, 0.4, np.inf), (0.3, -0.4, 2.5), (-0.3, -0.4, 1.0 / 0.7)],
+    [
+        (-0.3, 0.8, np.inf),
+        (0.3, 0.4, np.inf),
+        (0.3, 0.05, np.inf),
+        (0.3, -0.4, 2.5),
+        (-0.3, -0.4, 1.0 / 0.7),
+    ],
 )
 def test_limits_at_infinite_frequency(falling, value, gain):
     """L = falling / (s + 1) + value: at infinity it is the value."""
