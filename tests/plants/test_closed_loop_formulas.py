@@ -245,6 +245,20 @@ def test_a_loop_around_a_plant_has_the_states_that_link_what_it_reads_and_drives
     np.testing.assert_allclose(late.plant[1], [[2.0 * (1.0 - np.exp(-0.3))]])
 
 
+@pytest.mark.parametrize("step", [0.0, 0.1])
+def test_motion_at_rest_that_a_loop_does_not_touch_is_no_part_of_it(step):
+    """Two that the input drives together and the output sees together: one moves."""
+    a = np.eye(2) if step else np.zeros((2, 2))
+    plant = (a, np.array([[1.0], [2.0]]), np.array([[1.0, 0.5]]), np.zeros((1, 1)))
+    signals = Signals(["u"], ["y"], ["u"], ["y"])
+    fed = feedback({("u", "y"): control.tf([1.0], [1.0, 0.5], step)}, signals)
+    found = closed_around(plant, fed, Names(signals, ("a", "b"), ()), step)
+    assert len(found.states) == 1
+    z = 0.4 + 0.3j
+    np.testing.assert_allclose(value(found.plant, z), value(plant, z))
+    assert (found.step, found.held) == (step, None)
+
+
 # -- dead times between samples --------------------------------------------------------------------
 STEP = 0.5
 HELD = (
