@@ -258,6 +258,35 @@ def test_an_interval_is_halved_in_frequency_or_in_a_range(floor, high, may_halve
         assert len(found) == 2
 
 
+@pytest.mark.parametrize(
+    ("low", "high", "centre", "half"), [(0.5, 1.5, 0.0, 1.0), (1.2, np.inf, 0.4, 0.3)]
+)
+def test_a_program_and_its_proof_bound_the_gain_in_a_part_of_the_range(low, high, centre, half):
+    """x'' + 0.4 x' + (2 + 0.8 delta) x = d."""
+    pytest.importorskip("cvxpy")
+    b, c = np.array([[0, 0], [-1.0, 1.0]]), np.array([[0.8, 0], [1.0, 0]])
+    system = ComplexSystem(
+        np.array([[0, 1.0], [-2.0, -0.4]]) + 0j, b + 0j, c + 0j, np.zeros((2, 2), complex)
+    )
+    loop = LocalLoop(system, [0], np.zeros(0))
+    omega = np.linspace(low, high if np.isfinite(high) else 12.0, 200)
+    stiffness = 2.0 + 0.8 * (centre + half * np.linspace(-1.0, 1.0, 101))
+    gains = 1.0 / np.abs(stiffness[:, None] - omega**2 + 0.4j * omega)
+    nominal = 1.0 / np.abs(2.0 - omega**2 + 0.4j * omega)
+    made = bounder(omega, nominal, repetitions=(1,))
+    made.programs = 0
+    found = made._box(loop, low, high, np.array([centre]), np.array([half]))
+    assert gains.max() * (1.0 - 1e-6) <= found.gain <= 1.03 * gains.max()
+    assert found.floor == pytest.approx(found.gain, rel=0.03)
+    worst = centre + half * np.linspace(-1.0, 1.0, 101)[gains.max(axis=1).argmax()]
+    assert found.likely[0] == pytest.approx(worst, abs=0.15)
+    assert found.split == 0
+    assert 1 <= made.programs <= 3
+    made._end = -np.inf
+    late = made._box(loop, low, high, np.array([centre]), np.array([half]))
+    assert (late.gain, late.floor, late.likely.tolist()) == (np.inf, np.inf, [centre])
+
+
 def test_what_is_doubtful_where_there_is_no_bound():
     made = bounder([1.0], [1.0], repetitions=(2, 1))
     boxes = [box(np.inf, split=1), box(1.0, split=0), box(np.inf, split=1), box(np.inf, split=0)]
