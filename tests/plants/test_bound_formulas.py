@@ -205,6 +205,7 @@ def test_samples_inside_an_interval_or_beside_it():
     assert made._peak(2.6, 2.9) == (3.0, 6.0)
     assert made._peak(0.0, 0.5) == (1.0, 5.0)
     assert made._peak(3.6, np.inf) == (4.0, 1.0)
+    assert bounder([0.01, 2.0], [5.0, 7.0])._peak(0.05, 1.9) == (0.01, 5.0)
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from beamchain.plants.pole_paths import Pole, crossing, follow, open_pole, pole_
 from formulas import (
     StartOfPoles,
     assigned_poles,
+    continued_poles,
     instabilities,
     number_of_pole,
     own_direction,
@@ -122,6 +123,28 @@ def test_the_open_pole_from_which_one_comes():
     for pole in poles_at(between, 2.0**-20):
         number = open_pole(between, pole, start)
         assert start[0][number] == pytest.approx(pole.value, rel=1e-4)
+
+
+@pytest.mark.parametrize(("angle", "order"), [(48.0, [0, 1]), (51.0, [1, 0])])
+def test_poles_are_continued_by_distance_and_direction(angle, order):
+    """10 and 12 become 10 and 11, each 1 from the other: d / (d + 1) costs 1/2 straight and 2/3 +
+    1/2 crossed, 3 (1 - overlap) of each: even where sin - cos = 1/9, at 49.5 degrees."""
+    turn = np.radians(angle)
+    directions = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]) + 0j
+    poles, new = np.array([10.0, 12.0]) + 0j, np.array([10.0, 11.0]) + 0j
+    assert continued_poles(poles, np.eye(2) + 0j, new, directions).tolist() == order
+
+
+def test_poles_that_are_one_share_a_plane():
+    """By any directions in it: the third is told by its own."""
+    turned = np.linalg.qr(RANDOM.normal(size=(2, 2)))[0]
+    directions = np.eye(3) + 0j
+    directions[1:, 1:] = turned
+    poles, new = np.array([5.0, 7.0, 7.0]) + 0j, np.array([7.0, 5.0, 5.0 * (1.0 + 1e-7)]) + 0j
+    found = continued_poles(poles, np.eye(3) + 0j, new, directions)
+    assert found[0] == 0
+    apart = continued_poles(poles, np.eye(3) + 0j, np.array([5.001, 7.0, 7.0]) + 0j, directions)
+    assert apart[0] == 0
 
 
 def test_poles_that_pass_each_other_keep_their_directions():

@@ -83,6 +83,33 @@ def test_gain_of_a_sample_of_deltas_that_repeat():
     assert np.isclose(grid, 2.0 * sizes.max(), rtol=1e-9).any()
 
 
+def test_an_input_that_moves_nothing_has_no_worst_gain():
+    still = PLANT[0], PLANT[1].copy(), PLANT[2], PLANT[3].copy()
+    still[1][:, 5] = still[3][:, 5] = 0.0
+    LoopsOfSamples(still, BLOCKS, ["u", "v"], ["x", "y"], LAW, ("u", "x"))
+    with pytest.raises(bc.InputError, match="'v' does not move output 'x'"):
+        LoopsOfSamples(still, BLOCKS, ["u", "v"], ["x", "y"], LAW, ("v", "x"))
+
+
+@pytest.mark.parametrize(("size", "kept"), [(1e-7, True), (1e-3, False)])
+def test_an_undamped_motion_takes_part_where_it_is_more_than_rounding(size, kept):
+    """Of 1e-14 of the gain, or of 1e-6; 3 rad/s."""
+    a = np.zeros((6, 6))
+    a[:4, :4], a[4:, 4:] = PLANT[0], [[0.0, 3.0], [-3.0, 0.0]]
+    b, c = np.zeros((6, 6)), np.zeros((6, 6))
+    b[:4], c[:, :4] = PLANT[1], PLANT[2]
+    b[5, 5], c[4, 4] = size, size  # from v to x
+    whole = a, b, c, PLANT[3]
+    if kept:
+        loops = LoopsOfSamples(whole, BLOCKS, ["u", "v"], ["x", "y"], LAW, ("v", "x"))
+        assert np.abs(loops.poles - 3j).min() > 0.1
+        other = LoopsOfSamples(PLANT, BLOCKS, ["u", "v"], ["x", "y"], LAW, ("v", "x"))
+        assert loops.peak(DELTAS).gain == pytest.approx(other.peak(DELTAS).gain, rel=1e-6)
+    else:
+        with pytest.raises(bc.InputError, match="not stable"):
+            LoopsOfSamples(whole, BLOCKS, ["u", "v"], ["x", "y"], LAW, ("v", "x"))
+
+
 def test_a_gain_as_partial_fractions():
     made = Resonances(np.array([-1.0 + 2j, -1.0 - 2j]), np.array([0.5j, -0.5j]), 0.3)
     w = np.array([0.7, 3.0])

@@ -94,6 +94,7 @@ from beamchain.plants.pointing import _imbalances as imbalances_of_wheels
 from beamchain.plants.pointing import _settling as settling_of_modes
 from beamchain.plants.pointing import _total as total_index
 from beamchain.plants.pole_paths import _assigned as assigned_poles
+from beamchain.plants.pole_paths import _continued as continued_poles
 from beamchain.plants.pole_paths import _moved as pole_moved
 from beamchain.plants.pole_paths import _number as number_of_pole
 from beamchain.plants.pole_paths import _settled as pole_settled
@@ -252,6 +253,7 @@ __all__ = [
     "closed_in",
     "clusters",
     "condensed_mass",
+    "continued_poles",
     "continuous_poles",
     "contributions_along_their_sum",
     "crossing_of_zero",
