@@ -126,7 +126,7 @@ def test_whether_an_input_reaches_an_output(through, wanted):
         np.array([[0.1, 1.0, through], [0.0, 0.0, 1.0]]),
         np.array([[0.2, 0], [1.0, 0], [0, 1.0]]),
     )
-    whole = (a, b, c, np.zeros((3, 3)))
+    whole = (a, b, 1e3 * c, np.zeros((3, 3)))
     assert reaches_output(whole, np.array([0]), 2, 1) == wanted
 
 
