@@ -1,5 +1,6 @@
 """Closed forms beside searches of worst samples, their slopes, and a controller that is stepped."""
 
+from itertools import product
 from types import SimpleNamespace
 
 import numpy as np
@@ -267,6 +268,39 @@ def test_corners_to_which_slopes_point():
     sides = [-1.0, 1.0]
     for corner in np.array([[a, b, c] for a in sides for b in sides for c in sides]):
         assert np.all(made.reach(corner).sizes <= best * (1.0 + 2e-3))
+
+
+def test_one_turn_of_slopes_goes_to_the_corner_that_reaches_farther(monkeypatch):
+    """By differences, at every frequency and along every ray: tops above 1/2 are tried."""
+    monkeypatch.setattr("beamchain.plants.worst_margins.TURNS", 2)
+    monkeypatch.setattr("beamchain.plants.worst_margins.SPARSE", (5, np.zeros(1)))
+    made = sample_loops()
+    omega = made.closed(np.zeros(3)).frequencies(5, np.zeros(1))
+    middles, steep = [], []
+    for w in omega:
+        middles.append({(0.0, 0.0, 0.0): closed_at(np.zeros(3), w)[0] - np.eye(2) / 2.0})
+        steep.append(slopes(lambda at, w=w: closed_at(at, w)[0], np.zeros(3)))
+        for corner in product((-1.0, 1.0), repeat=3):
+            middles[-1][corner] = closed_at(np.array(corner), w)[0] - np.eye(2) / 2.0
+    wanted = set()
+    for i, ray in product(range(2), (None, 1.0, -1.0, 1j, -1j)):
+        best, farthest = [], []
+        for middle, slope in zip(middles, steep, strict=True):
+            nominal = middle[0.0, 0.0, 0.0][i, i]
+            along = np.conj(nominal / abs(nominal) if ray is None else ray)
+            rising = (slope[:, i, i] * along).real
+            corner = tuple(np.where(rising < 0.0, -1.0, 1.0))
+            there = middle[corner][i, i]
+            reached = abs(there) if ray is None else (there * along).real
+            before = (nominal * along).real
+            best.append(corner if reached > before else (0.0, 0.0, 0.0))
+            farthest.append(max(before, reached))
+        ends = np.concatenate([[-np.inf], farthest, [-np.inf]])
+        for k, far in enumerate(farthest):
+            if far >= ends[k] and far >= ends[k + 2] and far > 0.5:
+                wanted.add(best[k])
+    assert {tuple(corner) for corner in made._corners()} == wanted
+    assert len(wanted) > 1
 
 
 def margin(at, kind, worst):
