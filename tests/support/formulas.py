@@ -98,19 +98,105 @@ from beamchain.fitting.uncertain import score
 from beamchain.fitting.warnings import doubtful, imported_warnings, step_warnings
 from beamchain.identification.resolution import resolution
 from beamchain.mjcf.craft import craft_from_text
+from beamchain.plants.blame import _own_direction as own_direction
+from beamchain.plants.blame import _Start as StartOfPoles
+from beamchain.plants.blame import _start as start_of_poles
+from beamchain.plants.blame import instabilities
+from beamchain.plants.bounds import _extended as extended_multipliers
+from beamchain.plants.bounds import _halves as halves_of_box
+from beamchain.plants.bounds import _middle as middle_of
+from beamchain.plants.bounds import _narrow as is_narrow
+from beamchain.plants.bounds import _without_unknown as unknown_behind
+from beamchain.plants.bounds import frequencies as looked_at
+from beamchain.plants.closed_loop import _check_algebraic as check_algebraic_loop
+from beamchain.plants.closed_loop import _plant_step as step_of_plant
+from beamchain.plants.closed_loop import _turn as turn_along
+from beamchain.plants.closed_loop import unstable_count
+from beamchain.plants.controllers import realise as realise_controller
+from beamchain.plants.controllers import realise_fraction
+from beamchain.plants.controllers import response as response_of_loop
+from beamchain.plants.crossings import crossing as crossing_of_zero
+from beamchain.plants.delay_margin import _between as crossings_between
+from beamchain.plants.delay_margin import _by_state as loop_by_state
+from beamchain.plants.delay_margin import _Crossings as SizeOneCrossings
+from beamchain.plants.delay_margin import _crossings as crossings_of_size_one
+from beamchain.plants.delay_margin import _driven as states_driven_for
+from beamchain.plants.delay_margin import _polished as polished_delay
+from beamchain.plants.delay_margin import sampled_delay_margin
+from beamchain.plants.disturbed_craft import _check_linear as check_linear_in_speed
+from beamchain.plants.disturbed_craft import _joint_force as torque_of_drive
+from beamchain.plants.disturbed_craft import disturbed_craft, wheel_inputs
 from beamchain.plants.error_indices import deviation_share, largest_deviation, windowed_variance
-from beamchain.plants.local_loop import delay_near
+from beamchain.plants.local_loop import LocalLoop, delay_near, in_box, local_loop
+from beamchain.plants.margins import LoopMargins as LoopOfMargins
+from beamchain.plants.margins import _figures as margin_figures
+from beamchain.plants.margins import _long_delays as long_delays
+from beamchain.plants.margins import _of_all as margins_of_all
+from beamchain.plants.margins import _peak as peak_of_grid
+from beamchain.plants.margins import _refined as refined_bounds
 from beamchain.plants.modal_response import ModalResponse
 from beamchain.plants.modal_response import _exponential_states as states_of_a_rising_load
+from beamchain.plants.multipliers import _between as between_ends
+from beamchain.plants.multipliers import _blocks as blocks_of_deltas
+from beamchain.plants.multipliers import _complex as from_real_symmetric
+from beamchain.plants.multipliers import _hermitian as basis_of_hermitian
+from beamchain.plants.multipliers import _moments as moments_of_delta
+from beamchain.plants.multipliers import _real as real_symmetric
+from beamchain.plants.multipliers import balanced as balanced_channels
+from beamchain.plants.multipliers import prove as proof_over
+from beamchain.plants.multipliers import solve_program, zero_crossings
+from beamchain.plants.pointing import _beyond as beyond_modes_kept
+from beamchain.plants.pointing import _check_stable as check_stable_craft
+from beamchain.plants.pointing import _imbalances as imbalances_of_wheels
+from beamchain.plants.pointing import _settling as settling_of_modes
 from beamchain.plants.pointing import _total as total_index
+from beamchain.plants.pole_paths import _assigned as assigned_poles
+from beamchain.plants.pole_paths import _continued as continued_poles
+from beamchain.plants.pole_paths import _moved as pole_moved
+from beamchain.plants.pole_paths import _number as number_of_pole
+from beamchain.plants.pole_paths import _settled as pole_settled
+from beamchain.plants.pole_paths import _shift as shift_of_pole
+from beamchain.plants.realisation import _zero_pole_product as zero_pole_product
+from beamchain.plants.sampling import sampled as sampled_system
+from beamchain.plants.scheduled import _follow as follow_modes
+from beamchain.plants.simulated_gain import SteppedController, simulated_gain
+from beamchain.plants.simulated_gain import _plan as plan_of_run
+from beamchain.plants.simulated_gain import _whole as whole_count
+from beamchain.plants.source_errors import _along as contributions_along_their_sum
 from beamchain.plants.source_errors import _closed_in as closed_in
 from beamchain.plants.source_errors import _integral as nodes_of_density
+from beamchain.plants.source_errors import _mode_at as oscillator_nearest
+from beamchain.plants.source_errors import _named_shares as named_shares
+from beamchain.plants.source_errors import _periodic as periodic_of_harmonics
 from beamchain.plants.source_errors import _running_mean as running_mean
+from beamchain.plants.source_errors import _snap_times as snap_times
+from beamchain.plants.source_errors import (
+    branches,
+    noise_error,
+    snap_error,
+    stepper_error,
+    stepper_harmonics,
+    wheel_error,
+    wheel_orders,
+)
+from beamchain.plants.structured import _power_sum as power_sum
 from beamchain.plants.structured import balanced_bounds
 from beamchain.plants.structured import bound as structured_bound
+from beamchain.plants.systems import growth as growth_of_poles
+from beamchain.plants.uncertain_plant import _grid as frequencies_of_curves
+from beamchain.plants.uncertain_plant import _with_peak as with_frequency_of_peak
+from beamchain.plants.verdicts import _beyond as limited_by_modes_above
 from beamchain.plants.verdicts import _limiting as limiting_modes
+from beamchain.plants.wheel_run import _amplitudes as amplitudes_in_record
+from beamchain.plants.wheel_run import _nutation as nutation_of_craft
+from beamchain.plants.wheel_run import _place as place_of_output
+from beamchain.plants.wheel_run import run_wheel
 from beamchain.plants.wheel_sweep import WheelSweep
+from beamchain.plants.wheel_sweep import _high_places as high_places
 from beamchain.plants.worst_case import Loops as LoopsOfSamples
+from beamchain.plants.worst_case import _reaches as reaches_output
+from beamchain.plants.worst_case import _stability_limit as stability_limit
+from beamchain.plants.worst_case import ascent
 from beamchain.plants.worst_case import search as worst_sample
 from beamchain.plants.worst_margins import SampleLoops, smallness
 from beamchain.plants.worst_margins import figure as figure_of_sample
@@ -180,6 +266,8 @@ __all__ = [
     "LoadOfPort",
     "LoadedTree",
     "Loading",
+    "LocalLoop",
+    "LoopOfMargins",
     "LoopsOfSamples",
     "ModalForm",
     "ModalResponse",
@@ -203,10 +291,13 @@ __all__ = [
     "Seen",
     "SeenAtPose",
     "Shapes",
+    "SizeOneCrossings",
     "SlewBody",
     "SlewRow",
     "Slosh",
+    "StartOfPoles",
     "StepOfCraft",
+    "SteppedController",
     "System",
     "Tendons",
     "Trial",
@@ -216,24 +307,37 @@ __all__ = [
     "WheelSweep",
     "acceleration_of_sections",
     "acting",
+    "amplitudes_in_record",
     "apart",
     "apparent_pole",
     "appendage_at",
     "apply_draw",
     "as_compared",
+    "ascent",
+    "assigned_poles",
     "balanced_bounds",
+    "balanced_channels",
+    "basis_of_hermitian",
     "bent_line",
+    "between_ends",
+    "beyond_modes_kept",
+    "blocks_of_deltas",
     "bodies",
     "body_mass_matrix",
     "cantilever_names",
     "carried_load",
     "carrying_of",
+    "branches",
     "change_of_frequencies",
+    "check_algebraic_loop",
     "check_inertia",
+    "check_linear_in_speed",
+    "check_stable_craft",
     "closed_in",
     "clusters",
     "column_range",
     "condensed_mass",
+    "continued_poles",
     "continuous_poles",
     "counterpart",
     "coupled_modes",
@@ -243,6 +347,14 @@ __all__ = [
     "delay_near",
     "deviation_share",
     "disturbances",
+    "contributions_along_their_sum",
+    "crossing_of_zero",
+    "crossings_between",
+    "crossings_of_size_one",
+    "culprit",
+    "delay_near",
+    "deviation_share",
+    "disturbed_craft",
     "doubtful",
     "draws",
     "drift_of_momentum",
@@ -254,8 +366,10 @@ __all__ = [
     "equal_parts",
     "extra_damping",
     "far_mount",
+    "extended_multipliers",
     "figure_of_sample",
     "first_moment",
+    "follow_modes",
     "form2_many",
     "free_peaks",
     "growth",
@@ -263,16 +377,27 @@ __all__ = [
     "hanging_notes",
     "hinge_armature",
     "holders_of_shape",
+    "frequencies_of_curves",
+    "from_real_symmetric",
+    "growth_of_poles",
+    "halves_of_box",
+    "high_places",
+    "hinge_armature",
+    "imbalances_of_wheels",
     "imported_warnings",
+    "in_box",
     "independent_parts",
     "inertia_matrix",
     "inspect_model",
     "internal_stiffness",
     "is_worth_timing",
+    "instabilities",
+    "is_narrow",
     "joined",
     "lacking_damping",
     "largest_angle",
     "largest_deviation",
+    "limited_by_modes_above",
     "limiting_modes",
     "linear_at",
     "linear_craft",
@@ -280,13 +405,21 @@ __all__ = [
     "loadings_of",
     "loose_craft",
     "lowest_modes",
+    "local_loop",
+    "long_delays",
+    "looked_at",
+    "loop_by_state",
     "map_by_differences",
+    "margin_figures",
+    "margins_of_all",
     "maximum_of",
     "modal_form",
     "mode_names",
+    "middle_of",
     "mode_to_ring",
     "mode_words",
     "modes_finely_divided",
+    "moments_of_delta",
     "momentum_of_mode",
     "motion_at",
     "motion_of_modes",
@@ -299,11 +432,24 @@ __all__ = [
     "newton_step",
     "nodes_of_density",
     "normal_modes",
+    "named_shares",
+    "nearest_body",
+    "newton_step",
+    "nodes_of_density",
+    "noise_error",
+    "number_of_pole",
+    "nutation_of_craft",
     "offset_cautions",
+    "oscillator_nearest",
+    "own_direction",
     "pairs_of_modes",
     "peak_clusters",
     "peaks_of_craft",
+    "peak_of_grid",
+    "periodic_of_harmonics",
     "phase_of_two",
+    "place_of_output",
+    "plan_of_run",
     "plane_of_chain",
     "points_inward",
     "polynomial",
@@ -311,13 +457,26 @@ __all__ = [
     "pose_label",
     "poses_of",
     "quantities",
+    "pole_moved",
+    "pole_settled",
+    "polished_delay",
+    "polynomial",
+    "port_of_mode",
+    "power_sum",
+    "proof_over",
     "raise_polar_inertia",
     "ranks_of_modes",
     "reach",
+    "reaches_output",
+    "real_symmetric",
     "realisable_body",
     "realise",
+    "realise_controller",
+    "realise_fraction",
+    "refined_bounds",
     "resolution",
     "response_change",
+    "response_of_loop",
     "rest_point",
     "rigid_body",
     "rigid_load",
@@ -328,47 +487,74 @@ __all__ = [
     "run_of_data",
     "run_of_drive",
     "run_of_turn",
+    "run_wheel",
     "runge_kutta_limit",
     "running_mean",
     "score",
+    "sampled_delay_margin",
+    "sampled_system",
     "sections_at",
     "seen",
     "servos_that_chatter",
     "settle_links",
+    "settling_of_modes",
     "share",
     "shares_of_energy",
+    "shift_of_pole",
     "simulate_hub",
+    "simulated_gain",
     "skin_vertices",
     "slew_warnings",
     "slow_modes",
     "small_turn",
     "smallness",
     "spans_of_motion",
+    "snap_error",
+    "snap_times",
+    "solve_program",
     "split",
     "springs_at_stated",
     "squared_phase",
+    "stability_limit",
     "stable_armature",
+    "start_of_poles",
     "start_rate",
+    "states_driven_for",
     "states_of_a_rising_load",
     "stations_of",
     "steepest",
     "step_length",
+    "step_of_plant",
     "step_pole",
     "step_slopes",
     "step_warnings",
+    "stepper_error",
+    "stepper_harmonics",
     "structured_bound",
     "sum_of_poles",
     "time_modes",
+    "torque_of_drive",
     "total_index",
     "tune",
     "turn",
+    "turn_along",
     "turned_by",
     "turns_of_hinge",
     "unit_mass_of_port",
     "unit_of_control",
+    "unknown_behind",
+    "unstable_count",
     "weights_of_modes",
+    "wheel_error",
+    "wheel_inputs",
+    "wheel_orders",
+    "whole_count",
     "windowed_variance",
     "wished_hinges",
     "worst_sample",
     "wrench_on_ports",
+    "with_frequency_of_peak",
+    "worst_sample",
+    "zero_crossings",
+    "zero_pole_product",
 ]
