@@ -85,7 +85,14 @@ from beamchain.steps.integrators import (
 )
 from beamchain.steps.large_motion import _Plane as PlanarChain
 from beamchain.steps.large_motion import _plane as plane_of_chain
-from beamchain.steps.limits import LinearModel
+from beamchain.steps.limits import (
+    LinearModel,
+    choose_step,
+    coupled_limits,
+    oscillating,
+    oscillations,
+    step_limits,
+)
 from beamchain.steps.limits import normalise as unit_mass_of_port
 from beamchain.steps.modal import condensed_mass
 from beamchain.steps.poles import PoleRow
@@ -148,10 +155,12 @@ __all__ = [
     "body_mass_matrix",
     "change_of_frequencies",
     "check_inertia",
+    "choose_step",
     "closed_in",
     "clusters",
     "condensed_mass",
     "continuous_poles",
+    "coupled_limits",
     "culprit",
     "delay_near",
     "deviation_share",
@@ -186,6 +195,8 @@ __all__ = [
     "newton_step",
     "nodes_of_density",
     "offset_cautions",
+    "oscillating",
+    "oscillations",
     "pairs_of_modes",
     "peak_clusters",
     "phase_of_two",
@@ -224,6 +235,7 @@ __all__ = [
     "states_of_a_rising_load",
     "steepest",
     "step_length",
+    "step_limits",
     "step_pole",
     "step_warnings",
     "structured_bound",
