@@ -217,9 +217,9 @@ def test_limits_of_a_port_on_a_hub(tendon, sprung):
         assert abs(off) == pytest.approx(1e-2, rel=1e-4)
 
 
-@pytest.mark.parametrize("tendon", [True, False])
-def test_the_chosen_step_keeps_the_response_within_the_tolerance(tendon):
-    made, keep, band, tolerance = port(), (1, 5), 9.0, 0.02
+@pytest.mark.parametrize(("tendon", "band", "tolerance"), [(True, 9.0, 0.02), (False, 2.0, 1e-5)])
+def test_the_chosen_step_keeps_the_response_within_the_tolerance(tendon, band, tolerance):
+    made, keep = port(), (1, 5)
     mass = made.rigid_mass + HUB
     w, drag, motion = free_modes(made, mass)
     ratios = np.diag(drag) / (2.0 * w)
@@ -229,6 +229,8 @@ def test_the_chosen_step_keeps_the_response_within_the_tolerance(tendon):
     omega = np.sort(
         np.concatenate([np.linspace(0.05, band, 400), w[0] * np.linspace(0.95, 1.05, 400)])
     )
+
+    omega = omega[omega <= band]
 
     def response(w, ratios):
         s = 1j * omega[:, None]
