@@ -67,7 +67,7 @@ from beamchain.report.replay import _steepest as steepest
 from beamchain.steps.culprit import culprit
 from beamchain.steps.cures import round_down
 from beamchain.steps.driven import driven, run_of_turn
-from beamchain.steps.forms import Craft, form2_many, tune
+from beamchain.steps.forms import Craft, appendage_poles, form2, form2_many, form4, tune
 from beamchain.steps.forms import _Step as StepOfCraft
 from beamchain.steps.forms import stability as squared_phase
 from beamchain.steps.integrators import (
@@ -148,6 +148,7 @@ __all__ = [
     "WheelSweep",
     "apart",
     "apparent_pole",
+    "appendage_poles",
     "as_compared",
     "balanced_bounds",
     "bent_line",
@@ -171,7 +172,9 @@ __all__ = [
     "equal_parts",
     "figure_of_sample",
     "first_moment",
+    "form2",
     "form2_many",
+    "form4",
     "free_peaks",
     "hinge_armature",
     "imported_warnings",
