@@ -83,6 +83,8 @@ from beamchain.steps.integrators import (
     step_pole,
     time_modes,
 )
+from beamchain.steps.large_motion import LargeMotion, large_limits, large_motion
+from beamchain.steps.large_motion import _leaves as leaves_at
 from beamchain.steps.large_motion import _Plane as PlanarChain
 from beamchain.steps.large_motion import _plane as plane_of_chain
 from beamchain.steps.limits import (
@@ -122,6 +124,7 @@ __all__ = [
     "Craft",
     "Drawn",
     "Hinge",
+    "LargeMotion",
     "LinearModel",
     "Link",
     "LoopsOfSamples",
@@ -180,8 +183,11 @@ __all__ = [
     "imported_warnings",
     "independent_parts",
     "joined",
+    "large_limits",
+    "large_motion",
     "largest_angle",
     "largest_deviation",
+    "leaves_at",
     "limiting_modes",
     "linear_at",
     "load_of_modes_left_out",
