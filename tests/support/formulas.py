@@ -98,9 +98,17 @@ from beamchain.steps.limits import (
 from beamchain.steps.limits import normalise as unit_mass_of_port
 from beamchain.steps.modal import condensed_mass
 from beamchain.steps.poles import PoleRow
+from beamchain.steps.sampled import (
+    exact_response,
+    judged_part,
+    off_by,
+    represents,
+    sampled_error,
+    step_response,
+)
 from beamchain.steps.saturation import servos_that_chatter
+from beamchain.steps.step_map import Motion, motion_at
 from beamchain.steps.step_map import _by_differences as map_by_differences
-from beamchain.steps.step_map import motion_at
 from beamchain.steps.tree_response import Compared, Tendons
 from beamchain.steps.tree_response import Seen as SeenAtPose
 from beamchain.steps.tree_time import Alone
@@ -131,6 +139,7 @@ __all__ = [
     "ModalForm",
     "ModalResponse",
     "ModesOfCraft",
+    "Motion",
     "Nodes",
     "PlanarChain",
     "PoleRow",
@@ -173,6 +182,7 @@ __all__ = [
     "drive_of",
     "driven",
     "equal_parts",
+    "exact_response",
     "figure_of_sample",
     "first_moment",
     "form2",
@@ -183,6 +193,7 @@ __all__ = [
     "imported_warnings",
     "independent_parts",
     "joined",
+    "judged_part",
     "large_limits",
     "large_motion",
     "largest_angle",
@@ -203,6 +214,7 @@ __all__ = [
     "nearest_body",
     "newton_step",
     "nodes_of_density",
+    "off_by",
     "offset_cautions",
     "oscillating",
     "oscillations",
@@ -217,6 +229,7 @@ __all__ = [
     "reach",
     "realisable_body",
     "realise",
+    "represents",
     "resolution",
     "rest_point",
     "rigid_body",
@@ -226,6 +239,7 @@ __all__ = [
     "run_of_turn",
     "runge_kutta_limit",
     "running_mean",
+    "sampled_error",
     "sections_at",
     "seen",
     "servos_that_chatter",
@@ -246,6 +260,7 @@ __all__ = [
     "step_length",
     "step_limits",
     "step_pole",
+    "step_response",
     "step_warnings",
     "structured_bound",
     "sum_of_poles",
