@@ -210,7 +210,7 @@ from beamchain.report.replay import _steepest as steepest
 from beamchain.steps.culprit import culprit
 from beamchain.steps.cures import round_down
 from beamchain.steps.driven import driven, run_of_turn
-from beamchain.steps.forms import Craft, form2_many, tune
+from beamchain.steps.forms import Craft, appendage_poles, form2, form2_many, form4, tune
 from beamchain.steps.forms import _Step as StepOfCraft
 from beamchain.steps.forms import stability as squared_phase
 from beamchain.steps.integrators import (
@@ -218,6 +218,7 @@ from beamchain.steps.integrators import (
     continuous_poles,
     hinge_armature,
     largest_angle,
+    place_poles,
     polynomial,
     runge_kutta_limit,
     stable_armature,
@@ -225,15 +226,32 @@ from beamchain.steps.integrators import (
     step_pole,
     time_modes,
 )
+from beamchain.steps.large_motion import LargeMotion, large_limits, large_motion
+from beamchain.steps.large_motion import _leaves as leaves_at
 from beamchain.steps.large_motion import _Plane as PlanarChain
 from beamchain.steps.large_motion import _plane as plane_of_chain
-from beamchain.steps.limits import LinearModel
+from beamchain.steps.limits import (
+    LinearModel,
+    choose_step,
+    coupled_limits,
+    oscillating,
+    oscillations,
+    step_limits,
+)
 from beamchain.steps.limits import normalise as unit_mass_of_port
 from beamchain.steps.modal import condensed_mass
 from beamchain.steps.poles import PoleRow
+from beamchain.steps.sampled import (
+    exact_response,
+    judged_part,
+    off_by,
+    represents,
+    sampled_error,
+    step_response,
+)
 from beamchain.steps.saturation import servos_that_chatter
+from beamchain.steps.step_map import Motion, motion_at
 from beamchain.steps.step_map import _by_differences as map_by_differences
-from beamchain.steps.step_map import motion_at
 from beamchain.steps.tree_response import Compared, Tendons
 from beamchain.steps.tree_response import Seen as SeenAtPose
 from beamchain.steps.tree_time import Alone
@@ -261,6 +279,7 @@ __all__ = [
     "Drawn",
     "Hinge",
     "History",
+    "LargeMotion",
     "LinearModel",
     "Link",
     "LoadOfPort",
@@ -273,6 +292,7 @@ __all__ = [
     "ModalResponse",
     "ModelOfSlew",
     "ModesOfCraft",
+    "Motion",
     "Nodes",
     "OperatingPoint",
     "PlanarChain",
@@ -312,6 +332,7 @@ __all__ = [
     "apparent_pole",
     "appendage_at",
     "apply_draw",
+    "appendage_poles",
     "as_compared",
     "ascent",
     "assigned_poles",
@@ -333,6 +354,7 @@ __all__ = [
     "check_inertia",
     "check_linear_in_speed",
     "check_stable_craft",
+    "choose_step",
     "closed_in",
     "clusters",
     "column_range",
@@ -343,6 +365,7 @@ __all__ = [
     "coupled_modes",
     "craft_error",
     "craft_from_text",
+    "coupled_limits",
     "culprit",
     "delay_near",
     "deviation_share",
@@ -370,7 +393,12 @@ __all__ = [
     "figure_of_sample",
     "first_moment",
     "follow_modes",
+    "exact_response",
+    "figure_of_sample",
+    "first_moment",
+    "form2",
     "form2_many",
+    "form4",
     "free_peaks",
     "growth",
     "hanging_liquid",
@@ -398,6 +426,12 @@ __all__ = [
     "largest_angle",
     "largest_deviation",
     "limited_by_modes_above",
+    "judged_part",
+    "large_limits",
+    "large_motion",
+    "largest_angle",
+    "largest_deviation",
+    "leaves_at",
     "limiting_modes",
     "linear_at",
     "linear_craft",
@@ -442,6 +476,10 @@ __all__ = [
     "offset_cautions",
     "oscillator_nearest",
     "own_direction",
+    "off_by",
+    "offset_cautions",
+    "oscillating",
+    "oscillations",
     "pairs_of_modes",
     "peak_clusters",
     "peaks_of_craft",
@@ -450,6 +488,7 @@ __all__ = [
     "phase_of_two",
     "place_of_output",
     "plan_of_run",
+    "place_poles",
     "plane_of_chain",
     "points_inward",
     "polynomial",
@@ -474,6 +513,7 @@ __all__ = [
     "realise_controller",
     "realise_fraction",
     "refined_bounds",
+    "represents",
     "resolution",
     "response_change",
     "response_of_loop",
@@ -493,6 +533,7 @@ __all__ = [
     "score",
     "sampled_delay_margin",
     "sampled_system",
+    "sampled_error",
     "sections_at",
     "seen",
     "servos_that_chatter",
@@ -527,6 +568,9 @@ __all__ = [
     "step_of_plant",
     "step_pole",
     "step_slopes",
+    "step_limits",
+    "step_pole",
+    "step_response",
     "step_warnings",
     "stepper_error",
     "stepper_harmonics",

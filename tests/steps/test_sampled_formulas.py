@@ -1,0 +1,191 @@
+"""Sampled responses beside the matrices of a step, exact and as an integrator takes it."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from formulas import (
+    Motion,
+    exact_response,
+    judged_part,
+    off_by,
+    represents,
+    sampled_error,
+    step_response,
+)
+
+H = 0.07
+RANDOM = np.random.default_rng(7)
+# y of unit mass: one motion that is free, one that dampers hold, and two on springs; q = shapes y
+SHAPES = RANDOM.normal(size=(4, 4)) + 2.0 * np.eye(4)
+W = np.array([0.0, 0.0, 6.0, 17.0])
+DAMPING = np.zeros((4, 4))
+DAMPING[1:, 1:] = np.diag([1.5, 0.2, 0.5]) + 0.1
+ROWS = RANDOM.normal(size=(2, 4))
+LACKING = np.linalg.inv(SHAPES).T @ (np.diag([0.0, 0.2, 0.3, 0.4]) + 0.05) @ np.linalg.inv(SHAPES)
+
+
+def exact(w=W, damping=DAMPING):
+    back = np.linalg.inv(SHAPES)
+    modes = SimpleNamespace(
+        frequency=w[2:],
+        shapes=SHAPES[:, 2:],
+        rigid=SHAPES[:, :2] @ np.array([[2.0, 0.3], [0.5, 1.4]]),
+    )
+    made = SimpleNamespace(
+        outputs=SimpleNamespace(acceleration=ROWS),
+        modes=lambda: modes,
+        mass=back.T @ back,
+        damping=back.T @ damping @ back,
+    )
+    made.condensed = lambda top: made
+    return made
+
+
+def held(w=W, damping=DAMPING, h=H):
+    """Matrices of states (y, y') over a step for forces that are held."""
+    flow = np.block([[np.zeros((4, 4)), np.eye(4)], [-np.diag(w**2), -damping]])
+    whole = np.zeros((12, 12))
+    whole[:8, :8] = flow
+    whole[4:8, 8:] = np.eye(4)
+    whole = expm(h * whole)
+    return whole[:8, :8], whole[:8, 8:]
+
+
+def accelerance(z, over, drive, h=H):
+    """Positions seen per force at z, times 2 (z - 1)^2 / (h^2 (z + 1))."""
+    seen = ROWS @ SHAPES
+    states = np.linalg.solve(z * np.eye(8) - over, drive @ seen.T)
+    return 2.0 * (z - 1.0) ** 2 / (h**2 * (z + 1.0)) * seen @ states[:4]
+
+
+PLACES = np.exp(1j * H * np.array([0.5, 5.9, 11.0, 17.3, 30.0]))
+
+
+def test_the_exact_response_is_that_of_the_step_s_exponential():
+    found = exact_response(exact(), H)
+    wanted = [accelerance(z, *held()) for z in PLACES]
+    assert found.at(PLACES - 1.0) == pytest.approx(np.array(wanted), rel=1e-9)
+    over, drive = held()
+    values, vectors = np.linalg.eig(over)
+    into = np.linalg.inv(vectors) @ drive @ (ROWS @ SHAPES).T
+    out = ROWS @ SHAPES @ vectors[:4]
+    for pole, peak in zip(found.poles, found.peaks, strict=True):
+        k = np.argmin(np.abs(values - np.exp(pole * H)))
+        z = values[k]
+        assert z == pytest.approx(np.exp(pole * H), rel=1e-8)
+        size = np.linalg.norm(np.outer(out[:, k], into[k])) * 2.0 * abs(z - 1.0) ** 2
+        wanted = size / H**2 / abs(z + 1.0) / (1.0 - abs(z))
+        assert peak == pytest.approx(wanted, rel=1e-8)
+    assert found.lost.tolist() == [0.0] * 5
+
+
+@pytest.mark.parametrize("fast", [False, True])
+def test_damping_that_poles_lack_moves_them_to_the_left(fast):
+    h = 0.3 if fast else H  # 17 rad/s turn by more than half a turn
+    found = exact_response(exact(), h, LACKING)
+
+    def poles(more):
+        damping = DAMPING + more * SHAPES.T @ LACKING @ SHAPES
+        flow = np.block([[np.zeros((4, 4)), np.eye(4)], [-np.diag(W**2), -damping]])
+        # without the free motion
+        keep = [1, 2, 3, 5, 6, 7]
+        return np.linalg.eigvals(flow[np.ix_(keep, keep)])
+
+    for pole, lost in zip(found.poles, found.lost, strict=True):
+        plain = pole + lost * (abs(pole.imag) * h > np.pi)
+        low, high = (at[np.argmin(np.abs(at - plain))] for at in (poles(-1e-5), poles(1e-5)))
+        assert poles(0.0)[np.argmin(np.abs(poles(0.0) - plain))] == pytest.approx(plain)
+        assert lost == pytest.approx(-(high - low).real / 2e-5, rel=1e-5)
+    assert np.any(np.abs(found.poles.imag) * h > np.pi) == fast
+
+
+def step(integrator, w=W, damping=DAMPING, h=H):
+    """Its matrices over (y, h y')."""
+    if integrator == "RK4":
+        flow = np.block([[np.zeros((4, 4)), np.eye(4)], [-(h**2) * np.diag(w**2), -h * damping]])
+        powers = [np.linalg.matrix_power(flow, n) for n in range(4)]
+        mean = powers[0] + powers[1] / 2.0 + powers[2] / 6.0 + powers[3] / 24.0
+        return flow @ mean, h**2 * mean[:, 4:]
+    left = np.linalg.inv(np.eye(4) + h * damping)
+    pull = h**2 * left @ np.diag(w**2)
+    lost = np.eye(4) - left
+    change = np.block([[-pull, left], [-pull, -lost]])
+    return change, h**2 * np.vstack([left, left])
+
+
+def motion(integrator, w=W, damping=DAMPING, h=H):
+    return Motion(
+        SHAPES, w**2, damping, damping, 1, h, integrator, *step(integrator, w, damping, h)
+    )
+
+
+@pytest.mark.parametrize("integrator", ["implicitfast", "RK4"])
+def test_the_response_of_a_step_is_that_of_its_matrices(integrator):
+    found = step_response(motion(integrator), ROWS)
+    change, drive = step(integrator)
+    for z, got in zip(PLACES, found.at(PLACES - 1.0), strict=True):
+        # the mean of this and the last force; positions are those after the step
+        mean = 1.0 if integrator == "RK4" else (z + 1.0) / (2.0 * z)
+        wanted = accelerance(z, np.eye(8) + change, drive) * mean
+        assert got == pytest.approx(wanted, rel=1e-9)
+    z = np.linalg.eigvals(np.eye(8) + change)
+    moving = z[np.abs(z - 1.0) > 1e-6]
+    assert len(found.poles) == 6
+    for pole in moving:
+        assert np.min(np.abs(np.exp(found.poles * H) - pole)) < 1e-9
+    assert np.all(found.peaks == np.inf)
+
+
+@pytest.mark.parametrize(("band", "lacks"), [(25.0, 0.0), (9.0, 1.0), (60.0, 0.0)])
+def test_the_sampled_error_is_the_largest_over_the_band(band, lacks):
+    true = exact()
+    compared = exact()
+    compared.damping = true.damping + lacks * LACKING
+    scale, frozen = np.array([[1.3, 0.8], [0.8, 0.6]]), 5.0
+    found = sampled_error(
+        true, compared, motion("implicitfast"), ROWS, scale=scale, frozen=frozen, band=band
+    )
+    values = exact_response(true, H, lacks * LACKING)
+    ringing = values.poles.imag > 0.0
+    places, lost = values.poles[ringing].imag, values.lost[ringing]
+    change, drive = step("implicitfast")
+    over = held()
+
+    def error(omega):
+        near = np.argmin(np.abs(omega - places))
+        z = np.exp((1j + lost[near] / places[near]) * omega * H)
+        exactly = accelerance(z, *over) * scale
+        ours = accelerance(z, np.eye(8) + change, drive) * (z + 1.0) / (2.0 * z) * scale
+        size = max(np.linalg.norm(exactly, 2), frozen)
+        return np.linalg.norm(ours - exactly, 2) / size
+
+    top = min(band, 2.6 / H)
+    grid = np.linspace(0.0, top, 161)[1:]
+    curve = [error(omega) for omega in grid]
+    assert found.error >= max(curve) * (1.0 - 1e-9)
+    assert found.error == pytest.approx(error(found.frequency), rel=1e-7)
+    k = int(np.argmax(curve))
+    assert abs(found.frequency - grid[k]) <= 2.1 * (grid[1] - grid[0])
+
+
+def test_a_step_that_grows_is_off_without_bound():
+    grows = motion("implicitfast", np.array([0.0, 0.0, 6.0, 200.0]), 0.0 * DAMPING)
+    found = sampled_error(
+        exact(), exact(), grows, ROWS, scale=np.ones((2, 2)), frozen=1.0, band=9.0
+    )
+    assert found == (type(found))(np.inf, 0.0)
+    assert off_by(found.error) == "without bound, since the step is unstable"
+    assert off_by(0.01234) == "by 1.23e-02"
+
+
+def test_a_step_is_judged_up_to_its_fastest_phase():
+    assert represents(0.26, 10.0)
+    assert not represents(0.2601, 10.0)
+    assert judged_part(0.26, 10.0) == ""
+    # 0.9995 times 2.6 / 40
+    assert judged_part(0.13, 40.0) == (
+        ", judged up to 20 rad/s: a band up to 40 rad/s needs a step of 0.06497 s or less"
+    )
