@@ -101,6 +101,7 @@ from beamchain.structure.elements import _largest_change as change_of_frequencie
 from beamchain.structure.planes import rounding_of_residual
 from beamchain.structure.readers.nastran_bulk import System
 from beamchain.structure.rigid_body import independent_parts, nearest_body, realisable_body
+from beamchain.structure.section import soft_modulus
 from beamchain.structure.sections_at import Sections, sections_at
 from beamchain.structure.slosh import Slosh
 
@@ -215,6 +216,7 @@ __all__ = [
     "slow_modes",
     "small_turn",
     "smallness",
+    "soft_modulus",
     "split",
     "squared_phase",
     "stable_armature",
