@@ -98,6 +98,16 @@ from beamchain.steps.tree_time import _newton_step as newton_step
 from beamchain.steps.tree_time import _Room as Room
 from beamchain.steps.tree_time import _step_length as step_length
 from beamchain.structure.elements import _largest_change as change_of_frequencies
+from beamchain.structure.mass_line import (
+    MassBesideAxis,
+    MassPiece,
+    SpreadMass,
+    default_length,
+    mass_line_of_pieces,
+    spread_mass,
+    uniform_length,
+)
+from beamchain.structure.mass_line import _mass_beside_axis as mass_beside_axis
 from beamchain.structure.planes import rounding_of_residual
 from beamchain.structure.readers.nastran_bulk import System
 from beamchain.structure.rigid_body import independent_parts, nearest_body, realisable_body
@@ -118,6 +128,8 @@ __all__ = [
     "LinearModel",
     "Link",
     "LoopsOfSamples",
+    "MassBesideAxis",
+    "MassPiece",
     "ModalForm",
     "ModalResponse",
     "ModesOfCraft",
@@ -134,6 +146,7 @@ __all__ = [
     "Shapes",
     "SlewBody",
     "Slosh",
+    "SpreadMass",
     "StepOfCraft",
     "System",
     "Tendons",
@@ -153,6 +166,7 @@ __all__ = [
     "condensed_mass",
     "continuous_poles",
     "culprit",
+    "default_length",
     "delay_near",
     "deviation_share",
     "doubtful",
@@ -174,6 +188,8 @@ __all__ = [
     "linear_at",
     "load_of_modes_left_out",
     "map_by_differences",
+    "mass_beside_axis",
+    "mass_line_of_pieces",
     "maximum_of",
     "mode_to_ring",
     "modes_finely_divided",
@@ -218,6 +234,7 @@ __all__ = [
     "smallness",
     "soft_modulus",
     "split",
+    "spread_mass",
     "squared_phase",
     "stable_armature",
     "start_rate",
@@ -234,6 +251,7 @@ __all__ = [
     "turn",
     "turned_by",
     "turns_of_hinge",
+    "uniform_length",
     "unit_mass_of_port",
     "unit_of_control",
     "weights_of_modes",
