@@ -97,7 +97,20 @@ from beamchain.steps.tree_time import Alone
 from beamchain.steps.tree_time import _newton_step as newton_step
 from beamchain.steps.tree_time import _Room as Room
 from beamchain.steps.tree_time import _step_length as step_length
+from beamchain.structure.elements import (
+    Body,
+    MotionRows,
+    Piece,
+    Spring,
+    assemble,
+    assemble_lowest,
+    inverse_stiffness_root,
+    legendre_series,
+)
 from beamchain.structure.elements import _largest_change as change_of_frequencies
+from beamchain.structure.elements import _new_directions as new_directions
+from beamchain.structure.elements import _shapes_of_fewer as shapes_of_fewer
+from beamchain.structure.elements import _sums_behind as sums_behind
 from beamchain.structure.mass_line import (
     MassBesideAxis,
     MassPiece,
@@ -118,6 +131,7 @@ from beamchain.structure.slosh import Slosh
 __all__ = [
     "Alone",
     "BentLine",
+    "Body",
     "Carrying",
     "Chain",
     "Compared",
@@ -133,7 +147,9 @@ __all__ = [
     "ModalForm",
     "ModalResponse",
     "ModesOfCraft",
+    "MotionRows",
     "Nodes",
+    "Piece",
     "PlanarChain",
     "PoleRow",
     "Promise",
@@ -147,6 +163,7 @@ __all__ = [
     "SlewBody",
     "Slosh",
     "SpreadMass",
+    "Spring",
     "StepOfCraft",
     "System",
     "Tendons",
@@ -155,6 +172,8 @@ __all__ = [
     "apart",
     "apparent_pole",
     "as_compared",
+    "assemble",
+    "assemble_lowest",
     "balanced_bounds",
     "bent_line",
     "bodies",
@@ -181,9 +200,11 @@ __all__ = [
     "hinge_armature",
     "imported_warnings",
     "independent_parts",
+    "inverse_stiffness_root",
     "joined",
     "largest_angle",
     "largest_deviation",
+    "legendre_series",
     "limiting_modes",
     "linear_at",
     "load_of_modes_left_out",
@@ -199,6 +220,7 @@ __all__ = [
     "mount",
     "named_output",
     "nearest_body",
+    "new_directions",
     "newton_step",
     "nodes_of_density",
     "offset_cautions",
@@ -225,6 +247,7 @@ __all__ = [
     "seen",
     "servos_that_chatter",
     "settle_links",
+    "shapes_of_fewer",
     "share",
     "shares_of_energy",
     "simulate_hub",
@@ -245,6 +268,7 @@ __all__ = [
     "step_warnings",
     "structured_bound",
     "sum_of_poles",
+    "sums_behind",
     "time_modes",
     "total_index",
     "tune",
