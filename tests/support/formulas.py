@@ -23,20 +23,44 @@ from beamchain.craft.slews import _parts as equal_parts
 from beamchain.craft.slews import _Reference as Reference
 from beamchain.craft.slews import _turns as turns_of_hinge
 from beamchain.engine.drawn import skin_vertices
-from beamchain.engine.driven_hinge import Seen, Turn, drive_of, seen
+from beamchain.engine.driven_hinge import Drive, Seen, Turn, drive_of, seen
 from beamchain.engine.driven_hinge import run as run_of_drive
-from beamchain.engine.linear import Carrying, linear_at, rigid_body
+from beamchain.engine.linear import (
+    Activations,
+    Carrying,
+    Inputs,
+    Outputs,
+    Signal,
+    activation_names,
+    coordinate_names,
+    linear_at,
+    rigid_body,
+    slopes,
+)
 from beamchain.engine.loaded import offset_cautions
 from beamchain.engine.mount import mount
 from beamchain.engine.operating_point import rest_point
 from beamchain.engine.partial_fractions import _accelerance as sum_of_poles
 from beamchain.engine.reach import reach, turn
 from beamchain.engine.rollout import simulate as simulate_hub
+from beamchain.engine.signals import (
+    Input,
+    base,
+    control_names,
+    named_inputs,
+    named_output,
+    sensor_axes,
+)
 from beamchain.engine.signals import _small_turn as small_turn
 from beamchain.engine.signals import _unit as unit_of_control
-from beamchain.engine.signals import named_output
+from beamchain.engine.slew import Slew
+from beamchain.engine.slew import _hinge as hinge_to_turn
+from beamchain.engine.slew import _impulse as impulse_of_halves
 from beamchain.engine.slew import _in_hinge as drive_in_hinge
+from beamchain.engine.slew import _long_enough as long_enough
 from beamchain.engine.slew import _mode_to_ring as mode_to_ring
+from beamchain.engine.slew import _on_hub as drive_on_hub
+from beamchain.engine.slew import _without_actuators as without_actuators
 from beamchain.fitting.fewest import weights as weights_of_modes
 from beamchain.fitting.needs import Promise
 from beamchain.fitting.warnings import doubtful, imported_warnings, step_warnings
@@ -129,6 +153,7 @@ from beamchain.structure.sections_at import Sections, sections_at
 from beamchain.structure.slosh import Slosh
 
 __all__ = [
+    "Activations",
     "Alone",
     "BentLine",
     "Body",
@@ -138,7 +163,10 @@ __all__ = [
     "CoupledPort",
     "Craft",
     "Drawn",
+    "Drive",
     "Hinge",
+    "Input",
+    "Inputs",
     "LinearModel",
     "Link",
     "LoopsOfSamples",
@@ -149,6 +177,7 @@ __all__ = [
     "ModesOfCraft",
     "MotionRows",
     "Nodes",
+    "Outputs",
     "Piece",
     "PlanarChain",
     "PoleRow",
@@ -160,6 +189,8 @@ __all__ = [
     "Seen",
     "SeenAtPose",
     "Shapes",
+    "Signal",
+    "Slew",
     "SlewBody",
     "Slosh",
     "SpreadMass",
@@ -169,12 +200,14 @@ __all__ = [
     "Tendons",
     "Turn",
     "WheelSweep",
+    "activation_names",
     "apart",
     "apparent_pole",
     "as_compared",
     "assemble",
     "assemble_lowest",
     "balanced_bounds",
+    "base",
     "bent_line",
     "bodies",
     "body_mass_matrix",
@@ -184,6 +217,8 @@ __all__ = [
     "clusters",
     "condensed_mass",
     "continuous_poles",
+    "control_names",
+    "coordinate_names",
     "culprit",
     "default_length",
     "delay_near",
@@ -191,6 +226,7 @@ __all__ = [
     "doubtful",
     "drive_in_hinge",
     "drive_of",
+    "drive_on_hub",
     "driven",
     "equal_parts",
     "figure_of_sample",
@@ -198,7 +234,9 @@ __all__ = [
     "form2_many",
     "free_peaks",
     "hinge_armature",
+    "hinge_to_turn",
     "imported_warnings",
+    "impulse_of_halves",
     "independent_parts",
     "inverse_stiffness_root",
     "joined",
@@ -208,6 +246,7 @@ __all__ = [
     "limiting_modes",
     "linear_at",
     "load_of_modes_left_out",
+    "long_enough",
     "map_by_differences",
     "mass_beside_axis",
     "mass_line_of_pieces",
@@ -218,6 +257,7 @@ __all__ = [
     "motion_at",
     "motion_of_modes",
     "mount",
+    "named_inputs",
     "named_output",
     "nearest_body",
     "new_directions",
@@ -245,6 +285,7 @@ __all__ = [
     "running_mean",
     "sections_at",
     "seen",
+    "sensor_axes",
     "servos_that_chatter",
     "settle_links",
     "shapes_of_fewer",
@@ -252,6 +293,7 @@ __all__ = [
     "shares_of_energy",
     "simulate_hub",
     "skin_vertices",
+    "slopes",
     "slow_modes",
     "small_turn",
     "smallness",
@@ -280,5 +322,6 @@ __all__ = [
     "unit_of_control",
     "weights_of_modes",
     "windowed_variance",
+    "without_actuators",
     "worst_sample",
 ]
