@@ -76,7 +76,7 @@ from beamchain.craft.step_slopes import step_slopes
 from beamchain.craft.timing import is_worth_timing, response_change
 from beamchain.craft.under_load import LoadedTree
 from beamchain.engine.drawn import skin_vertices
-from beamchain.engine.driven_hinge import Seen, Turn, drive_of, seen
+from beamchain.engine.driven_hinge import Drive, Seen, Turn, drive_of, seen
 from beamchain.engine.driven_hinge import run as run_of_drive
 from beamchain.engine.linear import Carrying, linear_at, rigid_body
 from beamchain.engine.loaded import Loading, offset_cautions
@@ -87,11 +87,42 @@ from beamchain.engine.partial_fractions import _accelerance as sum_of_poles
 from beamchain.engine.reach import reach, turn
 from beamchain.engine.rollout import simulate as simulate_hub
 from beamchain.engine.root_motion import RootMotion
+from beamchain.engine.linear import (
+    Activations,
+    Carrying,
+    Inputs,
+    Outputs,
+    Signal,
+    activation_names,
+    coordinate_names,
+    linear_at,
+    rigid_body,
+    slopes,
+)
+from beamchain.engine.loaded import offset_cautions
+from beamchain.engine.mount import mount
+from beamchain.engine.operating_point import rest_point
+from beamchain.engine.partial_fractions import _accelerance as sum_of_poles
+from beamchain.engine.reach import reach, turn
+from beamchain.engine.rollout import simulate as simulate_hub
+from beamchain.engine.signals import (
+    Input,
+    base,
+    control_names,
+    named_inputs,
+    named_output,
+    sensor_axes,
+)
 from beamchain.engine.signals import _small_turn as small_turn
 from beamchain.engine.signals import _unit as unit_of_control
-from beamchain.engine.signals import named_output
+from beamchain.engine.slew import Slew
+from beamchain.engine.slew import _hinge as hinge_to_turn
+from beamchain.engine.slew import _impulse as impulse_of_halves
 from beamchain.engine.slew import _in_hinge as drive_in_hinge
+from beamchain.engine.slew import _long_enough as long_enough
 from beamchain.engine.slew import _mode_to_ring as mode_to_ring
+from beamchain.engine.slew import _on_hub as drive_on_hub
+from beamchain.engine.slew import _without_actuators as without_actuators
 from beamchain.fitting.fewest import weights as weights_of_modes
 from beamchain.fitting.needs import Promise
 from beamchain.fitting.uncertain import score
@@ -258,18 +289,44 @@ from beamchain.steps.tree_time import Alone
 from beamchain.steps.tree_time import _newton_step as newton_step
 from beamchain.steps.tree_time import _Room as Room
 from beamchain.steps.tree_time import _step_length as step_length
+from beamchain.structure.elements import (
+    Body,
+    MotionRows,
+    Piece,
+    Spring,
+    assemble,
+    assemble_lowest,
+    inverse_stiffness_root,
+    legendre_series,
+)
 from beamchain.structure.elements import _largest_change as change_of_frequencies
+from beamchain.structure.elements import _new_directions as new_directions
+from beamchain.structure.elements import _shapes_of_fewer as shapes_of_fewer
+from beamchain.structure.elements import _sums_behind as sums_behind
+from beamchain.structure.mass_line import (
+    MassBesideAxis,
+    MassPiece,
+    SpreadMass,
+    default_length,
+    mass_line_of_pieces,
+    spread_mass,
+    uniform_length,
+)
+from beamchain.structure.mass_line import _mass_beside_axis as mass_beside_axis
 from beamchain.structure.planes import rounding_of_residual
 from beamchain.structure.readers.nastran_bulk import System
 from beamchain.structure.rigid_body import independent_parts, nearest_body, realisable_body
+from beamchain.structure.section import soft_modulus
 from beamchain.structure.sections_at import Sections, sections_at
 from beamchain.structure.slosh import Slosh
 
 __all__ = [
+    "Activations",
     "Alone",
     "AppendageOnLoad",
     "BentLine",
     "Carried",
+    "Body",
     "Carrying",
     "Chain",
     "Compared",
@@ -277,9 +334,12 @@ __all__ = [
     "CoupledPort",
     "Craft",
     "Drawn",
+    "Drive",
     "Hinge",
     "History",
     "LargeMotion",
+    "Input",
+    "Inputs",
     "LinearModel",
     "Link",
     "LoadOfPort",
@@ -288,6 +348,8 @@ __all__ = [
     "LocalLoop",
     "LoopOfMargins",
     "LoopsOfSamples",
+    "MassBesideAxis",
+    "MassPiece",
     "ModalForm",
     "ModalResponse",
     "ModelOfSlew",
@@ -295,6 +357,10 @@ __all__ = [
     "Motion",
     "Nodes",
     "OperatingPoint",
+    "MotionRows",
+    "Nodes",
+    "Outputs",
+    "Piece",
     "PlanarChain",
     "PoleRow",
     "Pose",
@@ -312,10 +378,14 @@ __all__ = [
     "SeenAtPose",
     "Shapes",
     "SizeOneCrossings",
+    "Signal",
+    "Slew",
     "SlewBody",
     "SlewRow",
     "Slosh",
     "StartOfPoles",
+    "SpreadMass",
+    "Spring",
     "StepOfCraft",
     "SteppedController",
     "System",
@@ -328,6 +398,7 @@ __all__ = [
     "acceleration_of_sections",
     "acting",
     "amplitudes_in_record",
+    "activation_names",
     "apart",
     "apparent_pole",
     "appendage_at",
@@ -339,6 +410,10 @@ __all__ = [
     "balanced_bounds",
     "balanced_channels",
     "basis_of_hermitian",
+    "assemble",
+    "assemble_lowest",
+    "balanced_bounds",
+    "base",
     "bent_line",
     "between_ends",
     "beyond_modes_kept",
@@ -366,7 +441,10 @@ __all__ = [
     "craft_error",
     "craft_from_text",
     "coupled_limits",
+    "control_names",
+    "coordinate_names",
     "culprit",
+    "default_length",
     "delay_near",
     "deviation_share",
     "disturbances",
@@ -383,6 +461,7 @@ __all__ = [
     "drift_of_momentum",
     "drive_in_hinge",
     "drive_of",
+    "drive_on_hub",
     "driven",
     "drives_of_craft",
     "energy_words",
@@ -421,6 +500,11 @@ __all__ = [
     "is_worth_timing",
     "instabilities",
     "is_narrow",
+    "hinge_to_turn",
+    "imported_warnings",
+    "impulse_of_halves",
+    "independent_parts",
+    "inverse_stiffness_root",
     "joined",
     "lacking_damping",
     "largest_angle",
@@ -432,6 +516,7 @@ __all__ = [
     "largest_angle",
     "largest_deviation",
     "leaves_at",
+    "legendre_series",
     "limiting_modes",
     "linear_at",
     "linear_craft",
@@ -446,6 +531,10 @@ __all__ = [
     "map_by_differences",
     "margin_figures",
     "margins_of_all",
+    "long_enough",
+    "map_by_differences",
+    "mass_beside_axis",
+    "mass_line_of_pieces",
     "maximum_of",
     "modal_form",
     "mode_names",
@@ -460,9 +549,11 @@ __all__ = [
     "mount",
     "mounts_by_base",
     "moving_modes",
+    "named_inputs",
     "named_output",
     "names_of_models",
     "nearest_body",
+    "new_directions",
     "newton_step",
     "nodes_of_density",
     "normal_modes",
@@ -536,9 +627,11 @@ __all__ = [
     "sampled_error",
     "sections_at",
     "seen",
+    "sensor_axes",
     "servos_that_chatter",
     "settle_links",
     "settling_of_modes",
+    "shapes_of_fewer",
     "share",
     "shares_of_energy",
     "shift_of_pole",
@@ -555,6 +648,13 @@ __all__ = [
     "solve_program",
     "split",
     "springs_at_stated",
+    "slopes",
+    "slow_modes",
+    "small_turn",
+    "smallness",
+    "soft_modulus",
+    "split",
+    "spread_mass",
     "squared_phase",
     "stability_limit",
     "stable_armature",
@@ -576,6 +676,7 @@ __all__ = [
     "stepper_harmonics",
     "structured_bound",
     "sum_of_poles",
+    "sums_behind",
     "time_modes",
     "torque_of_drive",
     "total_index",
@@ -584,6 +685,7 @@ __all__ = [
     "turn_along",
     "turned_by",
     "turns_of_hinge",
+    "uniform_length",
     "unit_mass_of_port",
     "unit_of_control",
     "unknown_behind",
@@ -595,6 +697,7 @@ __all__ = [
     "whole_count",
     "windowed_variance",
     "wished_hinges",
+    "without_actuators",
     "worst_sample",
     "wrench_on_ports",
     "with_frequency_of_peak",
