@@ -38,7 +38,7 @@ from beamchain.engine.signals import named_output
 from beamchain.engine.slew import _in_hinge as drive_in_hinge
 from beamchain.engine.slew import _mode_to_ring as mode_to_ring
 from beamchain.fitting.fewest import weights as weights_of_modes
-from beamchain.fitting.needs import Promise
+from beamchain.fitting.needs import Candidates, Promise, choose, with_polar_inertia
 from beamchain.fitting.warnings import doubtful, imported_warnings, step_warnings
 from beamchain.identification.resolution import resolution
 from beamchain.plants.error_indices import deviation_share, largest_deviation, windowed_variance
@@ -107,6 +107,7 @@ from beamchain.structure.slosh import Slosh
 __all__ = [
     "Alone",
     "BentLine",
+    "Candidates",
     "Carrying",
     "Chain",
     "Compared",
@@ -147,6 +148,7 @@ __all__ = [
     "body_mass_matrix",
     "change_of_frequencies",
     "check_inertia",
+    "choose",
     "closed_in",
     "clusters",
     "condensed_mass",
@@ -236,5 +238,6 @@ __all__ = [
     "unit_of_control",
     "weights_of_modes",
     "windowed_variance",
+    "with_polar_inertia",
     "worst_sample",
 ]
