@@ -38,8 +38,24 @@ from beamchain.engine.signals import named_output
 from beamchain.engine.slew import _in_hinge as drive_in_hinge
 from beamchain.engine.slew import _mode_to_ring as mode_to_ring
 from beamchain.fitting.fewest import weights as weights_of_modes
+from beamchain.fitting.hub import assumed_hub, default_hub, port_hub_mass
 from beamchain.fitting.needs import Candidates, Promise, choose, with_polar_inertia
-from beamchain.fitting.warnings import doubtful, imported_warnings, step_warnings
+from beamchain.fitting.slosh import (
+    SloshCase,
+    heavy,
+    limp_model,
+    pendulum_chain,
+    slosh_case,
+    weightless,
+)
+from beamchain.fitting.warnings import (
+    doubtful,
+    fit_warnings,
+    imported_warnings,
+    rigid_plane,
+    step_warnings,
+    turn_warning,
+)
 from beamchain.identification.resolution import resolution
 from beamchain.plants.error_indices import deviation_share, largest_deviation, windowed_variance
 from beamchain.plants.local_loop import delay_near
@@ -134,6 +150,7 @@ __all__ = [
     "Shapes",
     "SlewBody",
     "Slosh",
+    "SloshCase",
     "StepOfCraft",
     "System",
     "Tendons",
@@ -142,6 +159,7 @@ __all__ = [
     "apart",
     "apparent_pole",
     "as_compared",
+    "assumed_hub",
     "balanced_bounds",
     "bent_line",
     "bodies",
@@ -154,6 +172,7 @@ __all__ = [
     "condensed_mass",
     "continuous_poles",
     "culprit",
+    "default_hub",
     "delay_near",
     "deviation_share",
     "doubtful",
@@ -163,8 +182,10 @@ __all__ = [
     "equal_parts",
     "figure_of_sample",
     "first_moment",
+    "fit_warnings",
     "form2_many",
     "free_peaks",
+    "heavy",
     "hinge_armature",
     "imported_warnings",
     "independent_parts",
@@ -172,6 +193,7 @@ __all__ = [
     "largest_angle",
     "largest_deviation",
     "limiting_modes",
+    "limp_model",
     "linear_at",
     "load_of_modes_left_out",
     "map_by_differences",
@@ -189,9 +211,11 @@ __all__ = [
     "offset_cautions",
     "pairs_of_modes",
     "peak_clusters",
+    "pendulum_chain",
     "phase_of_two",
     "plane_of_chain",
     "polynomial",
+    "port_hub_mass",
     "port_of_mode",
     "raise_polar_inertia",
     "reach",
@@ -200,6 +224,7 @@ __all__ = [
     "resolution",
     "rest_point",
     "rigid_body",
+    "rigid_plane",
     "round_down",
     "rounding_of_residual",
     "run_of_drive",
@@ -214,6 +239,7 @@ __all__ = [
     "shares_of_energy",
     "simulate_hub",
     "skin_vertices",
+    "slosh_case",
     "slow_modes",
     "small_turn",
     "smallness",
@@ -232,10 +258,12 @@ __all__ = [
     "total_index",
     "tune",
     "turn",
+    "turn_warning",
     "turned_by",
     "turns_of_hinge",
     "unit_mass_of_port",
     "unit_of_control",
+    "weightless",
     "weights_of_modes",
     "windowed_variance",
     "with_polar_inertia",
