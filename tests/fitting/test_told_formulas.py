@@ -8,7 +8,14 @@ import pytest
 import beamchain as bc
 from beamchain.caution import Caution
 from beamchain.structure.readers.imported import Units
-from formulas import doubtful, fit_warnings, imported_warnings, rigid_plane, turn_warning
+from formulas import (
+    doubtful,
+    fit_warnings,
+    imported_warnings,
+    rigid_plane,
+    step_warnings,
+    turn_warning,
+)
 
 LIMITS = SimpleNamespace(largest_step={"Euler": 0.0123, "implicitfast": 0.456})
 
@@ -82,6 +89,14 @@ def test_a_turn_with_more_error_than_the_tolerance_is_told(error, rates, told):
     if told:
         assert "RK4 at 0.05 s turns the rigid spacecraft at dawn" in found[0]
         assert "(0.1, 0, -0.2) rad/s with an error of 0.0011 " in found[0]
+
+
+def test_an_inaccurate_step_is_told_beside_the_best():
+    steps = [SimpleNamespace(integrator=k, step=h) for k, h in (("RK4", 0.5), ("Euler", 0.005))]
+    limits = SimpleNamespace(largest_step={"Euler": 0.01})
+    (found,) = step_warnings(bc.Scene(integrator="Euler"), 0.0075, limits, steps)
+    assert "Euler at 0.0075 s, whose own error is above the tolerance 0.001" in found
+    assert "up to 0.005 s, RK4 up to 0.5 s" in found
 
 
 # -- numbers of a specification --------------------------------------------------------------------
@@ -197,6 +212,7 @@ def test_modes_that_a_table_of_damping_leaves_out_are_told():
         (("tx",), 3.0, 1e-3, False),  # no mode of the file is of this motion
         (("y",), 0.69, 1e-4, False),  # ten times below the last
         (("y",), 0.71, 1e-4, True),
+        (("y",), 100.0, 1.0, True),  # far beyond the last
     ],
 )
 def test_a_file_that_ends_too_soon_for_the_band_is_told(axes, band, tolerance, told):
@@ -208,6 +224,12 @@ def test_a_file_that_ends_too_soon_for_the_band_is_told(axes, band, tolerance, t
         assert "leave 68.0% of the effective mass in x" in found[0]
         assert "some 1.2e-01 of" in found[0]
         assert "up to 30 rad/s" in found[0]
+
+
+def test_a_file_without_a_length_is_of_no_length():
+    mass = 5e-5 * np.eye(6)
+    light = bc.ModalData(mass, np.array([2.0]), 1e-3 * np.eye(6)[1:2])
+    assert codes(light, (1,)) == []
 
 
 def test_a_file_without_modes_ends_nowhere():

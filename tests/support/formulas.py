@@ -39,6 +39,12 @@ from beamchain.engine.slew import _in_hinge as drive_in_hinge
 from beamchain.engine.slew import _mode_to_ring as mode_to_ring
 from beamchain.fitting.fewest import weights as weights_of_modes
 from beamchain.fitting.hub import assumed_hub, default_hub, port_hub_mass
+from beamchain.fitting.imported import ImportedCase, imported_case, same_planes
+from beamchain.fitting.imported import _check_body as check_body
+from beamchain.fitting.imported import _first as first_of_ports
+from beamchain.fitting.imported import _ratios as damping_of_file
+from beamchain.fitting.imported import _roomy as line_with_room
+from beamchain.fitting.imported import _visible_modes as visible_modes
 from beamchain.fitting.needs import Candidates, Promise, choose, with_polar_inertia
 from beamchain.fitting.slosh import (
     SloshCase,
@@ -114,6 +120,7 @@ from beamchain.steps.tree_time import _newton_step as newton_step
 from beamchain.steps.tree_time import _Room as Room
 from beamchain.steps.tree_time import _step_length as step_length
 from beamchain.structure.elements import _largest_change as change_of_frequencies
+from beamchain.structure.mass_line import spread_mass
 from beamchain.structure.planes import rounding_of_residual
 from beamchain.structure.readers.nastran_bulk import System
 from beamchain.structure.rigid_body import independent_parts, nearest_body, realisable_body
@@ -131,6 +138,7 @@ __all__ = [
     "Craft",
     "Drawn",
     "Hinge",
+    "ImportedCase",
     "LinearModel",
     "Link",
     "LoopsOfSamples",
@@ -165,6 +173,7 @@ __all__ = [
     "bodies",
     "body_mass_matrix",
     "change_of_frequencies",
+    "check_body",
     "check_inertia",
     "choose",
     "closed_in",
@@ -172,6 +181,7 @@ __all__ = [
     "condensed_mass",
     "continuous_poles",
     "culprit",
+    "damping_of_file",
     "default_hub",
     "delay_near",
     "deviation_share",
@@ -182,11 +192,13 @@ __all__ = [
     "equal_parts",
     "figure_of_sample",
     "first_moment",
+    "first_of_ports",
     "fit_warnings",
     "form2_many",
     "free_peaks",
     "heavy",
     "hinge_armature",
+    "imported_case",
     "imported_warnings",
     "independent_parts",
     "joined",
@@ -194,6 +206,7 @@ __all__ = [
     "largest_deviation",
     "limiting_modes",
     "limp_model",
+    "line_with_room",
     "linear_at",
     "load_of_modes_left_out",
     "map_by_differences",
@@ -231,6 +244,7 @@ __all__ = [
     "run_of_turn",
     "runge_kutta_limit",
     "running_mean",
+    "same_planes",
     "sections_at",
     "seen",
     "servos_that_chatter",
@@ -244,6 +258,7 @@ __all__ = [
     "small_turn",
     "smallness",
     "split",
+    "spread_mass",
     "squared_phase",
     "stable_armature",
     "start_rate",
@@ -263,6 +278,7 @@ __all__ = [
     "turns_of_hinge",
     "unit_mass_of_port",
     "unit_of_control",
+    "visible_modes",
     "weightless",
     "weights_of_modes",
     "windowed_variance",
