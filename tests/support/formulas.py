@@ -22,6 +22,11 @@ from beamchain.craft.slews import _more as modes_finely_divided
 from beamchain.craft.slews import _parts as equal_parts
 from beamchain.craft.slews import _Reference as Reference
 from beamchain.craft.slews import _turns as turns_of_hinge
+from beamchain.engine.allocation import Allocated, allocated
+from beamchain.engine.allocation import _inverse as inverse_of_torques
+from beamchain.engine.allocation import _null_directions as null_directions
+from beamchain.engine.allocation import _torque as torque_of_actuator
+from beamchain.engine.allocation import torques as torques_of_allocation
 from beamchain.engine.drawn import skin_vertices
 from beamchain.engine.driven_hinge import Seen, Turn, drive_of, seen
 from beamchain.engine.driven_hinge import run as run_of_drive
@@ -32,9 +37,16 @@ from beamchain.engine.operating_point import rest_point
 from beamchain.engine.partial_fractions import _accelerance as sum_of_poles
 from beamchain.engine.reach import reach, turn
 from beamchain.engine.rollout import simulate as simulate_hub
+from beamchain.engine.signals import (
+    Input,
+    base,
+    control_names,
+    named_inputs,
+    named_output,
+    sensor_axes,
+)
 from beamchain.engine.signals import _small_turn as small_turn
 from beamchain.engine.signals import _unit as unit_of_control
-from beamchain.engine.signals import named_output
 from beamchain.engine.slew import _in_hinge as drive_in_hinge
 from beamchain.engine.slew import _mode_to_ring as mode_to_ring
 from beamchain.fitting.fewest import weights as weights_of_modes
@@ -128,6 +140,7 @@ from beamchain.structure.sections_at import Sections, sections_at
 from beamchain.structure.slosh import Slosh
 
 __all__ = [
+    "Allocated",
     "Alone",
     "BentLine",
     "Candidates",
@@ -139,6 +152,7 @@ __all__ = [
     "Drawn",
     "Hinge",
     "ImportedCase",
+    "Input",
     "LinearModel",
     "Link",
     "LoopsOfSamples",
@@ -164,11 +178,13 @@ __all__ = [
     "Tendons",
     "Turn",
     "WheelSweep",
+    "allocated",
     "apart",
     "apparent_pole",
     "as_compared",
     "assumed_hub",
     "balanced_bounds",
+    "base",
     "bent_line",
     "bodies",
     "body_mass_matrix",
@@ -180,6 +196,7 @@ __all__ = [
     "clusters",
     "condensed_mass",
     "continuous_poles",
+    "control_names",
     "culprit",
     "damping_of_file",
     "default_hub",
@@ -201,6 +218,7 @@ __all__ = [
     "imported_case",
     "imported_warnings",
     "independent_parts",
+    "inverse_of_torques",
     "joined",
     "largest_angle",
     "largest_deviation",
@@ -217,10 +235,12 @@ __all__ = [
     "motion_at",
     "motion_of_modes",
     "mount",
+    "named_inputs",
     "named_output",
     "nearest_body",
     "newton_step",
     "nodes_of_density",
+    "null_directions",
     "offset_cautions",
     "pairs_of_modes",
     "peak_clusters",
@@ -247,6 +267,7 @@ __all__ = [
     "same_planes",
     "sections_at",
     "seen",
+    "sensor_axes",
     "servos_that_chatter",
     "settle_links",
     "share",
@@ -270,6 +291,8 @@ __all__ = [
     "structured_bound",
     "sum_of_poles",
     "time_modes",
+    "torque_of_actuator",
+    "torques_of_allocation",
     "total_index",
     "tune",
     "turn",
