@@ -75,6 +75,11 @@ from beamchain.craft.slews import _wished as wished_hinges
 from beamchain.craft.step_slopes import step_slopes
 from beamchain.craft.timing import is_worth_timing, response_change
 from beamchain.craft.under_load import LoadedTree
+from beamchain.engine.allocation import Allocated, allocated
+from beamchain.engine.allocation import _inverse as inverse_of_torques
+from beamchain.engine.allocation import _null_directions as null_directions
+from beamchain.engine.allocation import _torque as torque_of_actuator
+from beamchain.engine.allocation import torques as torques_of_allocation
 from beamchain.engine.drawn import skin_vertices
 from beamchain.engine.driven_hinge import Drive, Seen, Turn, drive_of, seen
 from beamchain.engine.driven_hinge import run as run_of_drive
@@ -127,6 +132,30 @@ from beamchain.fitting.fewest import weights as weights_of_modes
 from beamchain.fitting.needs import Promise
 from beamchain.fitting.uncertain import score
 from beamchain.fitting.warnings import doubtful, imported_warnings, step_warnings
+from beamchain.fitting.hub import assumed_hub, default_hub, port_hub_mass
+from beamchain.fitting.imported import ImportedCase, imported_case, same_planes
+from beamchain.fitting.imported import _check_body as check_body
+from beamchain.fitting.imported import _first as first_of_ports
+from beamchain.fitting.imported import _ratios as damping_of_file
+from beamchain.fitting.imported import _roomy as line_with_room
+from beamchain.fitting.imported import _visible_modes as visible_modes
+from beamchain.fitting.needs import Candidates, Promise, choose, with_polar_inertia
+from beamchain.fitting.slosh import (
+    SloshCase,
+    heavy,
+    limp_model,
+    pendulum_chain,
+    slosh_case,
+    weightless,
+)
+from beamchain.fitting.warnings import (
+    doubtful,
+    fit_warnings,
+    imported_warnings,
+    rigid_plane,
+    step_warnings,
+    turn_warning,
+)
 from beamchain.identification.resolution import resolution
 from beamchain.mjcf.craft import craft_from_text
 from beamchain.plants.blame import _own_direction as own_direction
@@ -313,6 +342,7 @@ from beamchain.structure.mass_line import (
     uniform_length,
 )
 from beamchain.structure.mass_line import _mass_beside_axis as mass_beside_axis
+from beamchain.structure.mass_line import spread_mass
 from beamchain.structure.planes import rounding_of_residual
 from beamchain.structure.readers.nastran_bulk import System
 from beamchain.structure.rigid_body import independent_parts, nearest_body, realisable_body
@@ -322,11 +352,13 @@ from beamchain.structure.slosh import Slosh
 
 __all__ = [
     "Activations",
+    "Allocated",
     "Alone",
     "AppendageOnLoad",
     "BentLine",
     "Carried",
     "Body",
+    "Candidates",
     "Carrying",
     "Chain",
     "Compared",
@@ -340,6 +372,8 @@ __all__ = [
     "LargeMotion",
     "Input",
     "Inputs",
+    "ImportedCase",
+    "Input",
     "LinearModel",
     "Link",
     "LoadOfPort",
@@ -386,6 +420,7 @@ __all__ = [
     "StartOfPoles",
     "SpreadMass",
     "Spring",
+    "SloshCase",
     "StepOfCraft",
     "SteppedController",
     "System",
@@ -399,6 +434,7 @@ __all__ = [
     "acting",
     "amplitudes_in_record",
     "activation_names",
+    "allocated",
     "apart",
     "apparent_pole",
     "appendage_at",
@@ -412,6 +448,8 @@ __all__ = [
     "basis_of_hermitian",
     "assemble",
     "assemble_lowest",
+    "balanced_bounds",
+    "assumed_hub",
     "balanced_bounds",
     "base",
     "bent_line",
@@ -430,6 +468,9 @@ __all__ = [
     "check_linear_in_speed",
     "check_stable_craft",
     "choose_step",
+    "check_body",
+    "check_inertia",
+    "choose",
     "closed_in",
     "clusters",
     "column_range",
@@ -452,7 +493,10 @@ __all__ = [
     "crossing_of_zero",
     "crossings_between",
     "crossings_of_size_one",
+    "control_names",
     "culprit",
+    "damping_of_file",
+    "default_hub",
     "delay_near",
     "deviation_share",
     "disturbed_craft",
@@ -476,6 +520,8 @@ __all__ = [
     "figure_of_sample",
     "first_moment",
     "form2",
+    "first_of_ports",
+    "fit_warnings",
     "form2_many",
     "form4",
     "free_peaks",
@@ -491,6 +537,9 @@ __all__ = [
     "high_places",
     "hinge_armature",
     "imbalances_of_wheels",
+    "heavy",
+    "hinge_armature",
+    "imported_case",
     "imported_warnings",
     "in_box",
     "independent_parts",
@@ -505,6 +554,7 @@ __all__ = [
     "impulse_of_halves",
     "independent_parts",
     "inverse_stiffness_root",
+    "inverse_of_torques",
     "joined",
     "lacking_damping",
     "largest_angle",
@@ -518,6 +568,8 @@ __all__ = [
     "leaves_at",
     "legendre_series",
     "limiting_modes",
+    "limp_model",
+    "line_with_room",
     "linear_at",
     "linear_craft",
     "load_of_modes_left_out",
@@ -564,6 +616,7 @@ __all__ = [
     "noise_error",
     "number_of_pole",
     "nutation_of_craft",
+    "null_directions",
     "offset_cautions",
     "oscillator_nearest",
     "own_direction",
@@ -576,6 +629,7 @@ __all__ = [
     "peaks_of_craft",
     "peak_of_grid",
     "periodic_of_harmonics",
+    "pendulum_chain",
     "phase_of_two",
     "place_of_output",
     "plan_of_run",
@@ -583,6 +637,7 @@ __all__ = [
     "plane_of_chain",
     "points_inward",
     "polynomial",
+    "port_hub_mass",
     "port_of_mode",
     "pose_label",
     "poses_of",
@@ -613,6 +668,7 @@ __all__ = [
     "rigid_load",
     "rk4_words",
     "root_frame",
+    "rigid_plane",
     "round_down",
     "rounding_of_residual",
     "run_of_data",
@@ -625,6 +681,7 @@ __all__ = [
     "sampled_delay_margin",
     "sampled_system",
     "sampled_error",
+    "same_planes",
     "sections_at",
     "seen",
     "sensor_axes",
@@ -639,6 +696,7 @@ __all__ = [
     "simulated_gain",
     "skin_vertices",
     "slew_warnings",
+    "slosh_case",
     "slow_modes",
     "small_turn",
     "smallness",
@@ -683,6 +741,12 @@ __all__ = [
     "tune",
     "turn",
     "turn_along",
+    "torque_of_actuator",
+    "torques_of_allocation",
+    "total_index",
+    "tune",
+    "turn",
+    "turn_warning",
     "turned_by",
     "turns_of_hinge",
     "uniform_length",
@@ -690,6 +754,8 @@ __all__ = [
     "unit_of_control",
     "unknown_behind",
     "unstable_count",
+    "visible_modes",
+    "weightless",
     "weights_of_modes",
     "wheel_error",
     "wheel_inputs",
@@ -698,6 +764,7 @@ __all__ = [
     "windowed_variance",
     "wished_hinges",
     "without_actuators",
+    "with_polar_inertia",
     "worst_sample",
     "wrench_on_ports",
     "with_frequency_of_peak",

@@ -66,7 +66,8 @@ class Hub(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
                 [[number("apparent", v, "") for v in row] for row in self.apparent if len(row) == 6]
             )
             if (
-                matrix.shape != (6, 6)
+                len(self.apparent) != 6  # rows that are not of six are not in `matrix`
+                or matrix.shape != (6, 6)
                 or float(np.linalg.eigvalsh(matrix)[0]) <= 0.0
                 or np.any(matrix != matrix.T)
             ):

@@ -1,0 +1,283 @@
+"""Closed forms beside imported modes: their damping, their band, what a print lacks, what a port
+sees of them."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+
+import beamchain as bc
+from beamchain import PortModel
+from beamchain.errors import RealisationError
+from beamchain.structure.readers.imported import Imported
+from formulas import (
+    ImportedCase,
+    check_body,
+    damping_of_file,
+    first_of_ports,
+    imported_case,
+    line_with_room,
+    same_planes,
+    spread_mass,
+    visible_modes,
+)
+
+MASS, LENGTH = 8.0, 5.0
+RIGID = np.diag([MASS, MASS, MASS, 0.5, 70.0, 70.0])
+RIGID[1, 5] = RIGID[5, 1] = MASS * 2.5
+RIGID[2, 4] = RIGID[4, 2] = -MASS * 2.5
+W = np.array([2.0, 3.0, 7.0, 11.0])
+ROWS = np.zeros((4, 6))
+ROWS[0, [1, 5]] = 2.0, 6.5
+ROWS[1, [2, 4]] = 1.9, -6.4
+ROWS[2, [1, 5]] = 1.1, 0.9
+ROWS[3, 3] = 0.4
+
+
+def data(**more):
+    given = {"rigid_mass": RIGID, "frequencies": W, "participation": ROWS, "length": LENGTH}
+    return bc.ModalData(**{**given, **more})
+
+
+def case(of=None, numbers=(1, 2), target="clamped", hub=None, scene=None, **more):
+    of = data() if of is None else of
+    spec = bc.Spec(
+        name="file", imported=Imported(file="f.op2"), root=bc.Root(hub=hub), scene=scene, **more
+    )
+    return ImportedCase(spec, of, of.selected(numbers), numbers, target)
+
+
+HUB = bc.Hub(mass=30.0, inertia=(20.0, 25.0, 28.0), offset=(0.4, 0.2, -0.3))
+
+
+def on_hub(hub, rows, w):
+    """Coupled frequencies on a hub `(6, 6)`, rigid motions left out."""
+    whole = np.block([[hub + RIGID, rows.T], [rows, np.eye(len(w))]])
+    squares = eigh(np.diag([0.0] * 6 + list(w**2)), whole, eigvals_only=True)
+    return np.sqrt(squares[6:])
+
+
+def test_fillers_stand_above_the_band_and_the_last_kept_mode_on_the_hub():
+    band = bc.Scene(bandwidth=2.5)
+    assert case().fillers_above == 0.0
+    assert case(scene=band).fillers_above == 2.5
+    last = on_hub(HUB.mass_matrix(), ROWS[:2], W[:2])[-1]
+    assert case(hub=HUB, scene=band).fillers_above == pytest.approx(last, rel=1e-9)
+    free = on_hub(np.zeros((6, 6)), ROWS[:2], W[:2])[-1]
+    assert free > 1.1 * last
+    assert case(target="free").fillers_above == pytest.approx(free, rel=1e-9)
+    assert case(target="free", hub=HUB).fillers_above == pytest.approx(free, rel=1e-9)
+    assert case(hub=HUB, scene=bc.Scene(bandwidth=50.0)).fillers_above == 50.0
+
+
+def test_the_band_is_the_scene_s_or_ends_at_the_last_mode():
+    model = data().space()
+    assert case().band(model) == 11.0
+    assert case(scene=bc.Scene(bandwidth=0.7)).band(model) == 0.7
+
+
+def test_modes_that_are_not_kept_as_they_move_some_ports():
+    left = case(numbers=(1, 4)).left_out(("xz", "xy"))
+    assert left.frequencies == pytest.approx([3.0, 7.0])
+    assert left.rows == pytest.approx(np.array([[1.9, 6.4, 0, 0], [0, 0, 1.1, 0.9]]))
+    assert left.ports == ("xz", "xy")
+
+
+def test_a_table_of_damping_goes_by_port_and_a_list_by_mode():
+    table = bc.Damping(ratio={"xy": (0.01, 0.02), "torsion": (0.05,)})
+    assert damping_of_file(table, data()) == pytest.approx([0.01, 0.0, 0.02, 0.05])
+    listed = bc.Damping(ratio=(0.01, 0.02, 0.03, 0.04))
+    assert damping_of_file(listed, data()) == pytest.approx([0.01, 0.02, 0.03, 0.04])
+    assert damping_of_file(bc.Damping(ratio=0.07), data()) == pytest.approx([0.07] * 4)
+    with pytest.raises(bc.InputError, match="holds 5 values, but modes has 4 modes"):
+        damping_of_file(bc.Damping(ratio=(0.01,) * 5), data())
+
+
+def test_the_first_modes_of_each_port():
+    assert first_of_ports(data(), {"xy": 1, "torsion": 1}) == (1, 4)
+    assert first_of_ports(data(), {"xz": 1, "xy": 2}) == (1, 2, 3)
+    with pytest.raises(bc.InputError, match=r"modes.xz = 2, but only 1 of"):
+        first_of_ports(data(), {"xz": 2})
+
+
+def test_a_case_is_damped_and_keeps_what_is_stated():
+    imported = Imported(file="f.op2", modes=(4, 1))
+    spec = bc.Spec(name="f", imported=imported, damping=bc.Damping(ratio=0.03))
+    made = imported_case(spec, data())
+    assert made.numbers == (1, 4)
+    assert made.data.damping == pytest.approx([0.03] * 4)
+    assert made.selected.frequencies == pytest.approx([2.0, 11.0])
+    assert made.promise is None
+    spec = bc.Spec(name="f", imported=Imported(file="f.op2"), modes=bc.Modes(xy=1, torsion=1))
+    assert imported_case(spec, data()).numbers == (1, 4)
+    spec = bc.Spec(name="f", imported=Imported(file="f.op2"))
+    assert imported_case(spec, data()).numbers == (1, 2, 3, 4)
+    spec = bc.Spec(name="f", imported=imported, modes=bc.Modes(xy=1))
+    with pytest.raises(bc.InputError, match="both given"):
+        imported_case(spec, data())
+
+
+def test_the_promise_of_a_file_without_polar_inertia():
+    """Its motions are x, y, z and the rotations about y and z; the tail of its modes is static."""
+    rigid = np.array(RIGID)
+    rigid[3, 3] = 0.0
+    rows = np.array(ROWS)
+    rows[3] = 0.0
+    rows[3, [1, 5]] = 0.3, 0.1
+    scene = bc.Scene(bandwidth=0.4, axes=("z", "ty", "x"))
+    imported = Imported(file="f.op2", modes=(1, 2))
+    spec = bc.Spec(name="f", imported=imported, scene=scene, root=bc.Root(hub=HUB))
+    promise = imported_case(spec, data(rigid_mass=rigid, participation=rows)).promise
+    live = [0, 1, 2, 4, 5]
+    assert promise.wanted == [1, 4]
+    assert promise.bandwidth == 0.4
+    assert promise.hubs[0] == pytest.approx(HUB.mass_matrix()[np.ix_(live, live)])
+    # ratios of 0.5 % where none is stated
+    assert promise.exact.damping[:3] == pytest.approx([0.005] * 3)
+    assert promise.exact.frequencies[:3] == pytest.approx(W[:3], rel=1e-3)
+
+
+# -- compared in space -----------------------------------------------------------------------------
+@pytest.mark.parametrize("target", ["clamped", "free", "hub"])
+def test_a_case_is_compared_with_the_modes_of_its_target(target):
+    made = case(numbers=(1, 2, 3), target=target, hub=HUB)
+    full = data().space().replaced(damping=np.full(4, 0.01))
+    measured = SimpleNamespace(motion=data().selected((1, 2, 3)).space(), damped_motion=full)
+    found = made.compared(measured)
+    wanted = W[:3]
+    if target != "clamped":
+        hub = HUB.mass_matrix() if target == "hub" else np.zeros((6, 6))
+        wanted = on_hub(hub, ROWS, W)[:3]
+        assert found.target.with_hub(hub).free_frequencies == pytest.approx(wanted, rel=1e-9)
+    else:
+        assert found.target.frequencies == pytest.approx(wanted)
+        assert found.error.frequency == pytest.approx(0.0, abs=1e-12)
+    assert found.live == (0, 1, 2, 3, 4, 5)
+    assert found.numbers == (1, 2, 3)
+    assert found.full.modes == 4
+
+
+def test_the_error_of_a_case_is_that_of_damped_modes_on_its_hub():
+    """A mode of x alone, on a hub whose centre is on the axis: one motion by itself."""
+    rows = np.array([[1.8, 0.0, 0.0, 0.0, 0.0, 0.0]])
+    of = data(frequencies=W[:1], participation=rows, damping=np.array([0.02]))
+    hub = bc.Hub(mass=30.0, inertia=(20.0, 25.0, 28.0), offset=(0.4, 0.0, 0.0))
+    made = case(of, numbers=(1,), hub=hub, scene=bc.Scene(bandwidth=3.0))
+    stiffer = of.space().replaced(frequencies=W[:1] * 1.05)
+    found = made.compared(SimpleNamespace(motion=stiffer, damped_motion=stiffer))
+    s = 1j * np.linspace(1e-3, 3.0, 20_001)
+
+    def accelerance(w):
+        return 1.0 / (30.0 + MASS - 1.8**2 * s**2 / (s**2 + 0.04 * w * s + w**2))
+
+    true = accelerance(2.0)
+    # the largest of all motions, on this hub of the others too, which have no modes
+    size = np.maximum(np.abs(true) * (30.0 + MASS), floor(hub))
+    wanted = np.max(np.abs(accelerance(2.1) - true) * (30.0 + MASS) / size)
+    assert found.error.accelerance_in_band == pytest.approx(wanted, rel=1e-4)
+    assert found.error.frequency == pytest.approx(0.05)
+
+
+def floor(hub):
+    whole = hub.mass_matrix() + RIGID
+    scale = np.sqrt(np.diag(whole))
+    return np.linalg.norm(np.linalg.inv(whole) * np.outer(scale, scale), 2)
+
+
+# -- prints ----------------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("most", "grown"), [(0.99, 1.0), (1.0, 1.0), (1.05, 1.06), (1.0999, 1.11988), (1.11, 1.0)]
+)
+def test_a_line_grows_by_what_the_modes_ask_for_and_a_fifth_of_it(most, grown):
+    """Participation along a column of the mass matrix: its square is a share of the diagonal."""
+    line = spread_mass(RIGID, LENGTH)
+    line = replace(line, points=np.array([[4.0, 0.3, 0.01, 0.02, 0.03]]))
+    own = line.behind(np.array([-LENGTH]))[0]
+    rows = np.sqrt(most / own[5, 5]) * own[5:6]
+    kept = SimpleNamespace(modes=1, live=[0, 1, 2, 3, 4, 5], participation=rows)
+    found = line_with_room(line, kept)
+    assert found.rigid == pytest.approx(grown * RIGID, rel=1e-9)
+    assert found.points[0] == pytest.approx([4.0, *(grown * line.points[0, 1:])], rel=1e-9)
+    assert found.pieces[0].densities == pytest.approx(grown * line.pieces[0].densities, rel=1e-9)
+    assert (found is line) == (grown == 1.0)
+    assert line_with_room(line, SimpleNamespace(modes=0)) is line
+
+
+def departing(by):
+    rigid = np.array(RIGID)
+    rigid[2, 2] = MASS * (1.0 + by)
+    return SimpleNamespace(rigid_mass=rigid, source="f.op2")
+
+
+@pytest.mark.parametrize(
+    ("precision", "most"),
+    [
+        # 3 precisions, and 4 times the smaller of 20 precisions and 1e-5
+        (1e-8, 3e-8 + 8e-7),
+        (1e-6, 3e-6 + 4e-5),
+        (1e-14, 1e-9),
+    ],
+)
+@pytest.mark.parametrize("file", ["f.op2", "f.op4"])
+def test_a_mass_that_depends_on_direction_by_more_than_the_print_is_refused(precision, most, file):
+    # beside the mean mass m (1 + d / 3) the third is m (1 + d): 2 d / 3 more
+    for part, kept in ((0.99, True), (1.01, False)):
+        given = departing(1.5 * part * most)
+        given.precision, given.source = precision, file
+        if kept:
+            check_body(given)
+        else:
+            cure = "a-set holds" if file == "f.op4" else "PARAM,GRDPNT"
+            with pytest.raises(RealisationError, match=cure):
+                check_body(given)
+
+
+@pytest.mark.parametrize(("part", "seen"), [(2e-6, True), (0.5e-6, False)])
+def test_a_port_sees_modes_that_move_it_by_more_than_a_millionth(part, seen):
+    rows = np.array(ROWS)
+    rows[0, 2] = part * np.hypot(rows[0, 1] / np.sqrt(MASS), rows[0, 5] / np.sqrt(70.0))
+    rows[0, 2] *= np.sqrt(MASS)
+    found = visible_modes(data(participation=rows), "xz")
+    assert found.frequencies == pytest.approx([2.0, 3.0] if seen else [3.0])
+    assert visible_modes(data(participation=rows), "xy").frequencies == pytest.approx([2.0, 7.0])
+
+
+def plane(mass=1.0, frequency=1.0, row=1.0, count=2):
+    rigid = np.array([[8.0, 20.0], [20.0, 70.0]])
+    rigid[1, 1] *= mass
+    rows = np.array([[2.0, 6.5], [1.1, 0.9]])[:count]
+    rows[0, 1] *= row
+    return PortModel(rigid, np.array([2.0 * frequency, 7.0])[:count], rows)
+
+
+@pytest.mark.parametrize(
+    ("given", "off"),
+    [
+        ({"frequency": 1.0 / (1.0 + 1e-3)}, 1e-3),
+        ({"frequency": 1.0 / (1.0 - 1e-3)}, 1e-3),
+        ({"row": 1.0 + 1e-3}, 6.5e-3 / np.sqrt(70.0)),  # over the root of the first plane's mass
+        ({"row": 1.0 - 1e-3}, 6.5e-3 / np.sqrt(70.0)),
+        ({"mass": 1.0 + 1e-3}, 1e-3),
+        ({"mass": 1.0 - 1e-3}, 1e-3),
+    ],
+)
+def test_planes_that_agree_within_the_print_become_one(given, off):
+    for part, one in ((1.001, True), (0.999, False)):
+        targets = {"xy": plane(), "xz": plane(**given)}
+        same_planes(targets, part * off)
+        same = targets["xz"].frequencies, targets["xz"].participation, targets["xz"].rigid_mass
+        wanted = plane() if one else plane(**given)
+        assert same[0] == pytest.approx(wanted.frequencies, rel=1e-14)
+        assert same[1] == pytest.approx(wanted.participation, rel=1e-14)
+        assert same[2] == pytest.approx(wanted.rigid_mass, rel=1e-14)
+
+
+def test_planes_with_unequal_numbers_of_modes_stay():
+    targets = {"xy": plane(), "xz": plane(count=1)}
+    same_planes(targets, 1.0)
+    assert targets["xz"].modes == 1
+    alone = {"xz": plane(), "torsion": plane()}
+    same_planes(alone, 1.0)
+    assert list(alone) == ["xz", "torsion"]
