@@ -1,7 +1,7 @@
 """The craft's promise on random craft: what is stated is what an independent calculation finds in
 the exported file.
 
-The truth is `finite_elements.py`, hung on the bare craft by its dynamic mass; the model is the
+The truth is `finite_elements.py`, hung on the bare craft by its modes; the model is the
 exported file as MuJoCo compiles it, mass matrix, springs, dampers and tendons. Neither shares an
 import with the package. Nothing is left out: every frequency counts, and a craft that misses its
 tolerance must say so. The seed is fixed but in `make fuzz`, and printed; BEAMCHAIN_SEED sets it.
@@ -16,7 +16,9 @@ import beamchain as bc
 import finite_elements as fe
 from beamchain.craft.candidates import candidate
 from command import call
-from mechanics import damping_matrix, mass_matrix, stiffness_matrix
+from craft_truth import AXES, Pair, Side, compiled, hung
+from mechanics import by_differences
+from plant_truth import Truth
 from random_appendages import random_appendage, toml
 from seeds import seed
 
@@ -27,7 +29,6 @@ AGREE = 0.05  # stated and found craft error, relative
 ROUNDING = 1e-7
 MODES = 30  # of every port in finite elements
 SEED = seed()
-AXES = {"tx": 0, "ty": 1, "tz": 2, "x": 3, "y": 4, "z": 5}
 
 
 def random_craft(seed):
@@ -80,101 +81,27 @@ def random_craft(seed):
     return text, specs
 
 
-def at_pose(model, qpos):
-    """Mass, damping and stiffness of a compiled model, from its own numbers."""
-    data = mujoco.MjData(model)
-    data.qpos[:] = qpos
-    mujoco.mj_forward(model, data)
-    return data, mass_matrix(model, qpos), damping_matrix(model), stiffness_matrix(model)
-
-
-def peaks(mass, damping, stiffness):
-    """Complex poles as frequencies and ratios."""
-    n = mass.shape[0]
-    a = np.block(
-        [
-            [np.zeros((n, n)), np.eye(n)],
-            [-np.linalg.solve(mass, stiffness), -np.linalg.solve(mass, damping)],
-        ]
-    )
-    poles = np.linalg.eigvals(a)
-    poles = poles[np.imag(poles) > 0.0]
-    return [(abs(p), min(max(-p.real / abs(p), 1e-4), 1.0)) for p in poles]
-
-
 def in_space(spec):
-    """Rigid mass, participation `(n, 6)` and frequencies of an appendage in finite elements."""
-    ports = [fe.port(spec, name, MODES) for name in fe.PORTS]
-    rows = [p.participation @ fe.into_space(p.port).T for p in ports]
-    return fe.rigid_mass(spec), np.vstack(rows), np.concatenate([p.frequencies for p in ports])
+    """Modes of an appendage in finite elements."""
+    return Truth.modes(spec, dict.fromkeys(fe.PORTS, MODES))
 
 
 def found_error(text, file, specs, exact=None):
     """Craft error in the exported file, worst of the rest pose and the keyframe.
 
-    `exact`: rigid mass, participation and frequencies by site;
-    finite elements of `specs` where left out.
+    `exact`: `Modes` by site; finite elements of `specs` where left out.
     """
     craft = mujoco.MjModel.from_xml_string(text)
     model = mujoco.MjModel.from_xml_path(str(file))
     band = max(spec["scene"]["bandwidth"] for spec in specs.values())
     keep = sorted({AXES[a] for spec in specs.values() for a in spec["scene"]["axes"]})
     exact = exact or {site: in_space(spec) for site, spec in specs.items()}
-    rigid = {site: item[0] for site, item in exact.items()}
     worst = 0.0
     for ours, bare in zip(
         (model.qpos0, *model.key_qpos), (craft.qpos0, *craft.key_qpos), strict=True
     ):
-        _, mass, damping, stiffness = at_pose(model, ours)
-        data, own, own_damping, own_stiffness = at_pose(craft, bare)
-        motions = {}
-        for site in specs:
-            k = craft.site(site).id
-            shift = np.zeros((3, craft.nv))
-            turn = np.zeros((3, craft.nv))
-            mujoco.mj_jacSite(craft, data, shift, turn, k)
-            axes = data.site_xmat[k].reshape(3, 3)
-            motions[site] = np.vstack([axes.T @ shift, axes.T @ turn])
-        frozen = own + sum(m.T @ rigid[site] @ m for site, m in motions.items())
-        # the base's own motions, all else locked; it stands at the world's axes
-        whole = frozen[:6, :6]
-        scale = np.sqrt(np.diag(whole))[keep]
-        scale = np.outer(scale, scale)
-        floor = np.linalg.norm(np.linalg.inv(whole)[np.ix_(keep, keep)] * scale, 2)
-
-        def true(
-            omega,
-            scale=scale,
-            own=own,
-            own_damping=own_damping,
-            own_stiffness=own_stiffness,
-            motions=motions,
-        ):
-            s = 1j * omega[:, None, None]
-            total = own + own_damping / s + own_stiffness / s**2
-            for site, m in motions.items():
-                ratio = specs[site]["damping"]["ratio"]
-                _, rows, w = exact[site]
-                weight = s[:, 0] ** 2 / (s[:, 0] ** 2 + 2.0 * ratio * w * s[:, 0] + w**2)
-                felt = rigid[site] - np.einsum("fk,ki,kj->fij", weight, rows, rows, optimize=True)
-                total = total + m.T @ felt @ m
-            return np.linalg.inv(total)[:, keep][:, :, keep] * scale
-
-        def got(omega, scale=scale, mass=mass, damping=damping, stiffness=stiffness):
-            s = 1j * omega[:, None, None]
-            return np.linalg.inv(mass + damping / s + stiffness / s**2)[:, keep][:, :, keep] * scale
-
-        omega = [np.linspace(band / 3000, band, 3000), np.geomspace(band / 300, band, 1000)]
-        for w, ratio in peaks(mass, damping, stiffness):
-            if w < 1.5 * band:
-                omega.append(w * (1.0 + ratio * np.linspace(-4.0, 4.0, 161)))
-        omega = np.concatenate(omega)
-        omega = np.unique(omega[(omega > 0.0) & (omega <= band)])
-        wanted = true(omega)
-        off = np.linalg.norm(got(omega) - wanted, 2, axis=(1, 2))
-        worst = max(
-            worst, float(np.max(off / np.maximum(np.linalg.norm(wanted, 2, axis=(1, 2)), floor)))
-        )
+        truth = Side(*hung(craft, exact, bare), craft.nv)
+        worst = max(worst, Pair(truth, compiled(model, ours), keep, band).search()[0])
     return worst
 
 
@@ -399,26 +326,10 @@ def test_modes_of_equal_arms_are_paired_by_frequency(count, joint):
     )
     text = with_arms(count, joint)
     done = bc.embed(text, {f"arm{k}": arm for k in range(count)}, retime=False)
-    _, mass, _, stiffness = at_pose(done.model, done.model.qpos0)
+    mass, _, stiffness = by_differences(done.model)
     found = flexible_frequencies(mass, stiffness)
-
     craft = mujoco.MjModel.from_xml_string(text)
-    data, own, _, _ = at_pose(craft, craft.qpos0)
-    rigid, rows, w = in_space(spec)
-    nv, n = craft.nv, w.size
-    mass = np.eye(nv + count * n)
-    mass[:nv, :nv] = own
-    stiffness = np.diag(np.r_[np.zeros(nv), np.tile(w**2, count)])
-    for k in range(count):
-        site = craft.site(f"arm{k}").id
-        shift, turn = np.zeros((3, nv)), np.zeros((3, nv))
-        mujoco.mj_jacSite(craft, data, shift, turn, site)
-        axes = data.site_xmat[site].reshape(3, 3)
-        motion = np.vstack([axes.T @ shift, axes.T @ turn])
-        mass[:nv, :nv] += motion.T @ rigid @ motion
-        at = slice(nv + k * n, nv + (k + 1) * n)
-        mass[at, :nv] = rows @ motion
-        mass[:nv, at] = mass[at, :nv].T
+    mass, _, stiffness = hung(craft, {f"arm{k}": in_space(spec) for k in range(count)})
     exact = flexible_frequencies(mass, stiffness)
 
     errors = []

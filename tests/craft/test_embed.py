@@ -17,7 +17,8 @@ import beamchain as bc
 import finite_elements as fe
 from appendages import dense_port
 from command import call, run
-from mechanics import mass_matrix
+from craft_truth import hung
+from plant_truth import Truth
 from spacecraft import CRAFTS, STYLES, frequencies, spec
 from specs import spec_of
 
@@ -423,18 +424,9 @@ class TestHub:
             ]
         }
         bare = mujoco.MjModel.from_xml_string(craft)
-        data = mujoco.MjData(bare)
-        mujoco.mj_forward(bare, data)
-        mass = mass_matrix(bare)
-        jacobian = np.zeros((6, 9))
-        mujoco.mj_jacSite(bare, data, jacobian[:3], jacobian[3:], 0)
-        own = fe.cantilever(given, dict.fromkeys(fe.PORTS, 12))
-        mass += jacobian.T @ fe.rigid_mass(given) @ jacobian
-        joined = own.participation @ jacobian
-        mass = np.block([[mass, joined.T], [joined, np.eye(len(joined))]])
-        squares = eigh(
-            np.diag([0.0] * 6 + [stiffness] * 3 + list(own.frequencies**2)), mass, eigvals_only=True
-        )
+        own = Truth.modes(given, dict.fromkeys(fe.PORTS, 12))
+        mass, _, stiff = hung(bare, {"mount": own})
+        squares = eigh(stiff, mass, eigvals_only=True)
         true = np.sqrt(squares[squares > 1e-3])
 
         part = spec_of({"name": "rod", **given, "modes": {"xy": 1, "xz": 1}})

@@ -17,6 +17,7 @@ import finite_elements as fe
 from beamchain import ModalData
 from command import run
 from prints import plate
+from solver import Modes
 
 PRINT = 5e-7  # relative precision of seven printed digits
 
@@ -50,19 +51,20 @@ SCENE = "[scene]\nbandwidth = {band!r}\ntolerance = 1e-3\n"
 
 
 def boom_modes():
-    """Rigid mass, rows and frequencies of what the file holds: some modes of every port,
-    from finite elements."""
-    rigid, rows, w = in_space(BOOM)
+    """What the file holds: some modes of every port, from finite elements."""
+    whole = in_space(BOOM)
+    w, rows = whole.frequencies, whole.participation
     size = w.size // len(fe.PORTS)
     pick = np.concatenate([np.arange(k * size, k * size + HELD) for k in range(len(fe.PORTS))])
     order = pick[np.argsort(w[pick])]
-    return rigid, rows[order], w[order]
+    return Modes(w[order], RATIO, rows[order], whole.rigid, 0.0 * rows[order])
 
 
 def plate_modes():
     """Modes that couple bending and torsion."""
     modes = plate()
-    return modes.mass, modes.participation, modes.frequencies
+    rows = modes.participation
+    return Modes(modes.frequencies, RATIO, rows, modes.mass, 0.0 * rows)
 
 
 #: modes, bandwidth in first frequencies, bus: mass,
@@ -80,7 +82,7 @@ class Case:
     def __init__(self, kind, folder, more="", named=""):
         make, factor, (mass, inertia, arm) = KINDS[kind]
         self.exact = make()
-        rigid, rows, w = self.exact
+        w, _, rows, rigid, *_ = self.exact
         m = rigid[0, 0]
         self.text = BUS.format(mass * m, " ".join(f"{v * m:.12g}" for v in inertia), arm, arm)
         self.band = factor * float(w[0])
@@ -191,7 +193,7 @@ def test_no_more_modes_than_the_bound(kind, tmp_path, capsys, monkeypatch):
 def test_modes_that_no_file_holds(kind, tmp_path):
     """ModalData, or a fit of it, instead of a spec."""
     case = Case(kind, tmp_path)
-    rigid, rows, w = case.exact
+    w, _, rows, rigid, *_ = case.exact
     data = ModalData(rigid, w, rows, damping=np.full(w.size, RATIO), precision=PRINT)
     bare = bc.embed(case.text, {"left": data}, retime=False)
     assert kept(bare.appendages[0]) == w.size  # no scene: all

@@ -13,10 +13,11 @@ import pytest
 
 import beamchain as bc
 from command import call
+from craft_truth import hung
 from finite_elements import cantilever, coupled
 from mechanics import by_differences, quiet, system_matrix
 from random_appendages import toml
-from solver import Craft, Frame, Modes, body_mass
+from solver import Modes, body_mass
 from spacecraft import CRAFTS
 from spacecraft import frequencies as own_frequencies
 
@@ -74,30 +75,6 @@ def frequencies(mass, damping, stiffness):
     return np.sqrt(np.sort(squares[squares > 1e-9 * squares.max()]))
 
 
-def with_rods(model, places):
-    """The same of a bare craft with a rod at each place, a site or a body: the craft's matrices
-    from plain MuJoCo."""
-    model = quiet(model)
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    found = cantilever(tomllib.loads(ROD.read_text()), {"xy": 2, "xz": 2, "torsion": 1})
-    own = Modes(found.frequencies, 0.0, found.participation, found.rigid, found.tip)
-    whole = Craft()
-    whole.size = model.nv
-    for kind, matrix in zip(
-        ("mass", "damping", "stiffness"), by_differences(model, step=STEP), strict=True
-    ):
-        whole.add(kind, np.eye(model.nv), matrix)
-    for place in places:
-        site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, place)
-        body = model.site_bodyid[site] if site >= 0 else model.body(place).id
-        at = data.site(site) if site >= 0 else data.body(body)
-        rows = np.zeros((6, model.nv))
-        mujoco.mj_jac(model, data, rows[:3], rows[3:], at.xpos, body)
-        whole.modes(Frame(rows, at.xpos, at.xmat.reshape(3, 3)), own)
-    return whole.matrices()
-
-
 @pytest.mark.parametrize(
     "name",
     [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in STRANGERS],
@@ -106,7 +83,10 @@ def test_embedded(name, rod, tmp_path):
     stem, places, codes = STRANGERS[name]
     craft = CRAFTS / "strangers" / f"{stem}.xml"
     made = bc.embed(craft, dict.fromkeys(places, rod), retime=False)
-    wanted = frequencies(*with_rods(mujoco.MjModel.from_xml_path(str(craft)), places))
+    found = cantilever(tomllib.loads(ROD.read_text()), {"xy": 2, "xz": 2, "torsion": 1})
+    own = Modes(found.frequencies, 0.0, found.participation, found.rigid, found.tip)
+    bare = quiet(mujoco.MjModel.from_xml_path(str(craft)))
+    wanted = frequencies(*hung(bare, dict.fromkeys(places, own), step=STEP))
     written = quiet(mujoco.MjModel.from_xml_path(str(made.write(tmp_path / "flexible.xml")[-1])))
     got = frequencies(*by_differences(written, step=STEP))
     # the same modes, and what fills the chain above them

@@ -186,8 +186,8 @@ def breaks_with_one_less(result: Fit, spec: Spec) -> bool:
     """Whether every fit with one mode less, in whichever port has one, breaks the promise."""
     assert result.choice is not None
     assert spec.scene is not None
-    kept = {port: result.choice.modes.get(port, 0) for port in rb.PORTS}
-    for port in (p for p in rb.PORTS if kept[p]):
+    kept = {port: result.choice.modes.get(port, 0) for port in fe.PORTS}
+    for port in (p for p in fe.PORTS if kept[p]):
         less = structs.replace(spec, modes=Modes(**{**kept, port: kept[port] - 1}))
         if independent_error(less, fit(less)) <= spec.scene.tolerance:
             return False
@@ -439,7 +439,7 @@ def test_no_neighbour_of_the_choice_is_better():
     assert chosen.status.ok
     assert chosen.promise is not None
     assert chosen.promise <= 1e-3
-    kept = {port: chosen.choice.modes.get(port, 0) for port in rb.PORTS}
+    kept = {port: chosen.choice.modes.get(port, 0) for port in fe.PORTS}
     assert spec.scene is not None
     for port in ("xy", "xz"):
         for step in (-1, 1):

@@ -16,6 +16,7 @@ import numpy as np
 import finite_elements as fe
 from mechanics import by_differences, system_matrix
 from plant_truth import Truth
+from solver import Craft, Frame
 
 AXES = {"tx": 0, "ty": 1, "tz": 2, "x": 3, "y": 4, "z": 5}
 MODES = 30  # of every port in finite elements
@@ -69,6 +70,26 @@ def assembled(craft, angles=None):
     truth = Truth(craft, lambda a: dict.fromkeys(fe.PORTS, MODES), angles)
     assert all(a["spec"]["damping"]["ratio"] > 0.0 for a in craft["appendages"].values())
     return Side(truth.m, truth.c, truth.k, 6 + len(truth.names))
+
+
+def hung(model, own, qpos=None, step=1e-3):
+    """Mass, damping and stiffness of a bare craft at a pose as plain MuJoCo has them, with `Modes`
+    at sites or bodies by their names."""
+    data = mujoco.MjData(model)
+    data.qpos[:] = model.qpos0 if qpos is None else qpos
+    mujoco.mj_forward(model, data)
+    whole, kinds = Craft(), ("mass", "damping", "stiffness")
+    whole.size = model.nv
+    for kind, matrix in zip(kinds, by_differences(model, data.qpos.copy(), step), strict=True):
+        whole.add(kind, np.eye(model.nv), matrix)
+    for place, modes in own.items():
+        site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, place)
+        body = model.site_bodyid[site] if site >= 0 else model.body(place).id
+        at = data.site(site) if site >= 0 else data.body(body)
+        rows = np.zeros((6, model.nv))
+        mujoco.mj_jac(model, data, rows[:3], rows[3:], at.xpos, body)
+        whole.modes(Frame(rows, at.xpos, at.xmat.reshape(3, 3)), modes)
+    return whole.matrices()
 
 
 def compiled(model, qpos):
