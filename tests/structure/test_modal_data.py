@@ -27,12 +27,7 @@ from beamchain import (
 from finite_elements import PORTS, into_space
 from modes_of_beam import delivered, modes_of_beam, modes_text
 from prints import cantilever, plate
-<<<<<<< HEAD
-from readback import PORTS, into_space
 from textbook_modes import Cloud, frame, uniform_rod
-=======
-from solver import Section, mesh
->>>>>>> h-twins
 
 SAME = 1e-9  # the issue's bound: same physics in any axes, about any point, in any units
 PRINT = 5e-7  # relative precision of seven printed digits
@@ -145,12 +140,6 @@ def test_typed_numbers_count_their_digits(tmp_path):
 # -- matrices --------------------------------------------------------------------------------------
 <<<<<<< HEAD
 =======
-def frame(elements: int = 6, length: float = 2.0) -> tuple[np.ndarray, np.ndarray]:
-    """Mass and stiffness `(6 n + 6)` of a straight frame along x."""
-    return mesh(length, elements, Section(5e5, 40.0, 60.0, 90.0, 1.5, 0.01))
-
-
->>>>>>> h-twins
 def from_matrices(folder, mass, stiffness, boundary):
     """The modes of two matrices, by way of a file of NumPy's."""
     np.savez(folder / "matrices.npz", M=mass, K=stiffness, boundary=np.array(list(boundary)))

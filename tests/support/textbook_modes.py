@@ -4,6 +4,7 @@ frame, a uniform rod."""
 import numpy as np
 
 from beamchain import ModalData
+from solver import Section, mesh
 
 
 class Cloud:
@@ -40,44 +41,8 @@ class Cloud:
 
 
 def frame(elements: int = 6, length: float = 2.0) -> tuple[np.ndarray, np.ndarray]:
-    """Mass and stiffness `(6 n + 6)` of a straight frame along x, textbook cubic elements,
-    consistent mass."""
-    le, n = length / elements, 6 * elements + 6
-    k = np.zeros((n, n))
-    m = np.zeros((n, n))
-    ea = 5e5
-    gj = 40.0
-    ei = (90.0, 60.0)
-    rho = 1.5
-    j = 0.01
-
-    def bending(dofs, stiff, sign):
-        s = np.diag([1.0, sign, 1.0, sign])
-        kb = (
-            np.array([[12, 6, -12, 6], [6, 4, -6, 2], [-12, -6, 12, -6], [6, 2, -6, 4]])
-            * stiff
-            / le**3
-        )
-        mb = (
-            np.array([[156, 22, 54, -13], [22, 4, 13, -3], [54, 13, 156, -22], [-13, -3, -22, 4]])
-            * rho
-            * le
-            / 420
-        )
-        by_length = np.outer([1, le, 1, le], [1, le, 1, le])
-        kb, mb = kb * by_length, mb * by_length
-        k[np.ix_(dofs, dofs)] += s @ kb @ s
-        m[np.ix_(dofs, dofs)] += s @ mb @ s
-
-    for e in range(elements):
-        a, b = 6 * e, 6 * e + 6
-        bending([a + 1, a + 5, b + 1, b + 5], ei[0], 1.0)
-        bending([a + 2, a + 4, b + 2, b + 4], ei[1], -1.0)
-        for d, stiff, inertia in ((0, ea, rho), (3, gj, j)):
-            dofs = [a + d, b + d]
-            k[np.ix_(dofs, dofs)] += stiff / le * np.array([[1, -1], [-1, 1]])
-            m[np.ix_(dofs, dofs)] += inertia * le / 6 * np.array([[2, 1], [1, 2]])
-    return m, k
+    """Mass and stiffness `(6 n + 6)` of a straight frame along x."""
+    return mesh(length, elements, Section(5e5, 40.0, 60.0, 90.0, 1.5, 0.01))
 
 
 def uniform_rod(**more) -> dict:
