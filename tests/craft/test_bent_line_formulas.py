@@ -242,6 +242,7 @@ def test_a_hanging_liquid_has_the_mass_of_the_rigid_one():
     across = liquid.masses @ liquid.places**2 + liquid.inertias[:, 1, 1].sum()
     assert across == pytest.approx(mass * (about + height**2 / 4.0), rel=1e-9)
     assert liquid.inertias[0, 2, 2] == liquid.inertias[0, 1, 1]
+    assert liquid.inertias.shape == (13, 3, 3)
     assert np.count_nonzero(liquid.inertias) == 2
     assert liquid.rows.tolist() == list(range(24))
     # a surface that turns by 1 moves the mass by L, in either plane

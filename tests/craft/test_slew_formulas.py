@@ -21,6 +21,7 @@ from formulas import (
     Turn,
     drift_of_momentum,
     drives_of_craft,
+    modes_finely_divided,
     rk4_words,
     slew_warnings,
     turns_of_hinge,
@@ -61,6 +62,12 @@ def test_a_hinge_is_turned_as_little_as_its_range_lets_it():
     held = mujoco.MjModel.from_xml_string(text.replace("-4 5", "0 1e-14"))
     held.jnt_range[held.joint("turns").id] = 0.0
     assert turns_of_hinge(held, held.joint("turns").id, 3.0) == []
+
+
+def test_static_shapes_are_no_modes_to_divide():
+    """Two of each load in bending, one in torsion; the rest three times."""
+    assert modes_finely_divided(4, 1, "xy") == modes_finely_divided(6, 2, "xz") == 5 + 1
+    assert modes_finely_divided(3, 1, "xz") == modes_finely_divided(2, 1, "torsion") == 3
 
 
 # -- steps -----------------------------------------------------------------------------------------
