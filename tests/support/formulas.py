@@ -42,6 +42,7 @@ from beamchain.fitting.needs import Promise
 from beamchain.fitting.warnings import doubtful, imported_warnings, step_warnings
 from beamchain.identification.resolution import resolution
 from beamchain.plants.blame import _own_direction as own_direction
+from beamchain.plants.blame import _owners as owners_of_poles
 from beamchain.plants.blame import _Start as StartOfPoles
 from beamchain.plants.blame import _start as start_of_poles
 from beamchain.plants.blame import instabilities
@@ -320,6 +321,7 @@ __all__ = [
     "offset_cautions",
     "oscillator_nearest",
     "own_direction",
+    "owners_of_poles",
     "pairs_of_modes",
     "peak_clusters",
     "peak_of_grid",
