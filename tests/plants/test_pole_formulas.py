@@ -15,6 +15,7 @@ from formulas import (
     instabilities,
     number_of_pole,
     own_direction,
+    owners_of_poles,
     pole_moved,
     pole_settled,
     shift_of_pole,
@@ -260,6 +261,24 @@ def test_axes_of_one_design_have_each_their_own_pole():
     assert [one.crossing for one in found] == pytest.approx([3.0, 3.01])
     # two of one frequency and growth: both grow without either loop
     assert [one.stable_without for one in found] == [("u",), ("v",)]
+
+
+@pytest.mark.parametrize(("second", "told"), [(30.3, True), (33.0, False)])
+def test_poles_that_lie_together_are_those_of_the_loops_that_have_them_alone(second, told):
+    """Within a twentieth of each other; s^2 + (2 r w - k) s + w^2 of each."""
+    modes = [(30.0, 0.05, [1.0, 0.0], [1.0, 0.0]), (second, 0.05, [0.0, 1.0], [0.0, 1.0])]
+    closed = modal_loop(modes, [-5.0, -4.0])
+    growth_of = np.array([(5.0 - 3.0) / 2.0, (4.0 - 0.1 * second) / 2.0])
+    w = np.array([30.0, second])
+    poles = growth_of + 1j * np.sqrt(w**2 - growth_of**2)
+    found = owners_of_poles(closed, poles, start_of_poles(closed))
+    if told:
+        assert [(one.input, one.is_same, one.ends_without) for one in found] == [
+            ("u", True, True),
+            ("v", True, True),
+        ]
+    else:
+        assert found == [None, None]
 
 
 def test_told_of_progress_the_fastest_first():

@@ -150,6 +150,7 @@ from beamchain.fitting.warnings import (
 from beamchain.identification.resolution import resolution
 from beamchain.mjcf.craft import craft_from_text
 from beamchain.plants.blame import _own_direction as own_direction
+from beamchain.plants.blame import _owners as owners_of_poles
 from beamchain.plants.blame import _Start as StartOfPoles
 from beamchain.plants.blame import _start as start_of_poles
 from beamchain.plants.blame import instabilities
@@ -592,6 +593,7 @@ __all__ = [
     "oscillations",
     "oscillator_nearest",
     "own_direction",
+    "owners_of_poles",
     "pairs_of_modes",
     "peak_clusters",
     "peak_of_grid",
