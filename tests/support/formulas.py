@@ -98,6 +98,7 @@ from beamchain.steps.limits import (
 from beamchain.steps.limits import normalise as unit_mass_of_port
 from beamchain.steps.modal import condensed_mass
 from beamchain.steps.poles import PoleRow
+from beamchain.steps.sampled import _peaks as peaks_of_poles
 from beamchain.steps.sampled import (
     exact_response,
     judged_part,
@@ -220,6 +221,7 @@ __all__ = [
     "oscillations",
     "pairs_of_modes",
     "peak_clusters",
+    "peaks_of_poles",
     "phase_of_two",
     "place_poles",
     "plane_of_chain",
