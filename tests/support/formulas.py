@@ -259,8 +259,8 @@ from beamchain.ports.model import Shapes
 from beamchain.ports.motions import body_mass_matrix, first_moment
 from beamchain.report.outlines import Drawn
 from beamchain.report.replay import _steepest as steepest
-from beamchain.steps.culprit import culprit
-from beamchain.steps.cures import round_down
+from beamchain.steps.culprit import culprit, inertia_words, stable_step
+from beamchain.steps.cures import Names, Setting, find_cure, round_down
 from beamchain.steps.driven import driven, run_of_turn
 from beamchain.steps.forms import Craft, appendage_poles, form2, form2_many, form4, tune
 from beamchain.steps.forms import _Step as StepOfCraft
@@ -292,7 +292,8 @@ from beamchain.steps.limits import (
 )
 from beamchain.steps.limits import normalise as unit_mass_of_port
 from beamchain.steps.modal import condensed_mass
-from beamchain.steps.poles import PoleRow
+from beamchain.steps.poles import PoleRow, growing_frequencies, mismatch, phase_limit, pole_rows
+from beamchain.steps.sampled import _peaks as peaks_of_poles
 from beamchain.steps.sampled import (
     exact_response,
     judged_part,
@@ -302,11 +303,25 @@ from beamchain.steps.sampled import (
     step_response,
 )
 from beamchain.steps.saturation import servos_that_chatter
-from beamchain.steps.step_map import Motion, motion_at
+from beamchain.steps.step_map import (
+    Motion,
+    ShiftedPeak,
+    TimeError,
+    damped_by,
+    growing_poses,
+    last_kept,
+    lowest_wrong,
+    motion_at,
+    pole_pairs,
+    shifted_peak,
+    time_error,
+)
 from beamchain.steps.step_map import _by_differences as map_by_differences
+from beamchain.steps.tree_draws import TreeDraws
 from beamchain.steps.tree_response import Compared, Tendons
 from beamchain.steps.tree_response import Seen as SeenAtPose
-from beamchain.steps.tree_time import Alone
+from beamchain.steps.tree_time import Alone, tuned_poses
+from beamchain.steps.tree_time import _modes as modes_of_tendons
 from beamchain.steps.tree_time import _newton_step as newton_step
 from beamchain.steps.tree_time import _Room as Room
 from beamchain.steps.tree_time import _step_length as step_length
@@ -380,6 +395,7 @@ __all__ = [
     "ModesOfCraft",
     "Motion",
     "MotionRows",
+    "Names",
     "Nodes",
     "OperatingPoint",
     "Outputs",
@@ -399,10 +415,12 @@ __all__ = [
     "Sections",
     "Seen",
     "SeenAtPose",
+    "Setting",
     "Shapes",
     "Signal",
     "SizeOneCrossings",
     "Slew",
+    "ShiftedPeak",
     "SlewBody",
     "SlewRow",
     "Slosh",
@@ -415,6 +433,8 @@ __all__ = [
     "System",
     "Tendons",
     "Trial",
+    "TimeError",
+    "TreeDraws",
     "Turn",
     "VariantMaker",
     "Way",
@@ -478,6 +498,7 @@ __all__ = [
     "damping_of_file",
     "default_hub",
     "default_length",
+    "damped_by",
     "delay_near",
     "deviation_share",
     "disturbances",
@@ -497,6 +518,7 @@ __all__ = [
     "extra_damping",
     "far_mount",
     "figure_of_sample",
+    "find_cure",
     "first_moment",
     "first_of_ports",
     "fit_warnings",
@@ -514,6 +536,8 @@ __all__ = [
     "hanging_notes",
     "heavy",
     "high_places",
+    "growing_frequencies",
+    "growing_poses",
     "hinge_armature",
     "hinge_to_turn",
     "holders_of_shape",
@@ -531,6 +555,7 @@ __all__ = [
     "inverse_stiffness_root",
     "is_narrow",
     "is_worth_timing",
+    "inertia_words",
     "joined",
     "judged_part",
     "lacking_damping",
@@ -538,6 +563,7 @@ __all__ = [
     "large_motion",
     "largest_angle",
     "largest_deviation",
+    "last_kept",
     "leaves_at",
     "legendre_series",
     "limited_by_modes_above",
@@ -555,6 +581,7 @@ __all__ = [
     "loop_by_state",
     "loose_craft",
     "lowest_modes",
+    "lowest_wrong",
     "map_by_differences",
     "margin_figures",
     "margins_of_all",
@@ -564,10 +591,12 @@ __all__ = [
     "middle_of",
     "modal_form",
     "mode_names",
+    "mismatch",
     "mode_to_ring",
     "mode_words",
     "modes_finely_divided",
     "moments_of_delta",
+    "modes_of_tendons",
     "momentum_of_mode",
     "motion_at",
     "motion_of_modes",
@@ -600,6 +629,8 @@ __all__ = [
     "peaks_of_craft",
     "pendulum_chain",
     "periodic_of_harmonics",
+    "peaks_of_poles",
+    "phase_limit",
     "phase_of_two",
     "place_of_output",
     "place_poles",
@@ -609,6 +640,8 @@ __all__ = [
     "pole_moved",
     "pole_settled",
     "polished_delay",
+    "pole_pairs",
+    "pole_rows",
     "polynomial",
     "port_hub_mass",
     "port_of_mode",
@@ -660,6 +693,7 @@ __all__ = [
     "share",
     "shares_of_energy",
     "shift_of_pole",
+    "shifted_peak",
     "simulate_hub",
     "simulated_gain",
     "skin_vertices",
@@ -681,6 +715,7 @@ __all__ = [
     "stability_limit",
     "stable_armature",
     "start_of_poles",
+    "stable_step",
     "start_rate",
     "states_driven_for",
     "states_of_a_rising_load",
@@ -698,12 +733,14 @@ __all__ = [
     "structured_bound",
     "sum_of_poles",
     "sums_behind",
+    "time_error",
     "time_modes",
     "torque_of_actuator",
     "torque_of_drive",
     "torques_of_allocation",
     "total_index",
     "tune",
+    "tuned_poses",
     "turn",
     "turn_along",
     "turn_warning",
