@@ -3,12 +3,14 @@
 import mujoco
 import numpy as np
 import pytest
-from scipy.integrate import quad
+from scipy.integrate import quad, solve_ivp
 
 from beamchain import InputError
+from beamchain.errors import EngineError
 from formulas import (
     Drive,
     Slew,
+    StatesOfRun,
     Turn,
     drive_in_hinge,
     drive_of,
@@ -17,6 +19,8 @@ from formulas import (
     impulse_of_halves,
     long_enough,
     run_of_drive,
+    seen,
+    simulate_slew,
     without_actuators,
 )
 
@@ -218,3 +222,100 @@ def test_a_turn_is_long_enough_for_a_link_to_stay_in_its_place(bent, periods):
 
     found = long_enough(model, drive, -1.0, period, 5, (0,))
     assert found == pytest.approx(periods * period)
+
+
+CART = """<mujoco><option gravity="0 0 0"/><worldbody><body><joint name="free" type="slide"
+stiffness="9" damping="1.5"/><inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/><body>
+<joint name="driven" type="slide"/><inertial pos="0 0 0" mass="3" diaginertia="1 1 1"/></body>
+</body></worldbody><actuator><general joint="driven" biastype="affine" biasprm=".5 0 0"/>
+</actuator></mujoco>"""
+
+
+def test_what_is_not_held_moves_as_its_equation_says():
+    # 5 x'' + 1.5 x' + 9 x = -3 s''; the drive gives 3 (x'' + s'') less what its motor does
+    model = mujoco.MjModel.from_xml_string(CART)
+    made = Turn(0.8, 1.5)
+
+    def rates(time, state):
+        x, v = state
+        return [v, (-3.0 * made.at(time)[2] - 1.5 * v - 9.0 * x) / 5.0]
+
+    times = np.array([0.0, 0.2, 0.4])
+    wanted = solve_ivp(rates, (0.0, 0.4), [0.0, 0.0], "DOP853", times, rtol=1e-12, atol=1e-14).y
+    found = drive_of(model, 1, [1], made, spacing=0.2, samples=3)
+    assert found.qpos[:, 0] == pytest.approx(wanted[0], rel=1e-7, abs=1e-12)
+    assert found.qvel[:, 0] == pytest.approx(wanted[1], rel=1e-7, abs=1e-12)
+    last = rates(0.4, wanted[:, -1])[1] + made.at(0.4)[2]
+    assert found.torques[-1, 0] == pytest.approx(3.0 * last - 0.5, rel=1e-8)
+
+
+def test_a_run_seen_from_outside_at_one_state():
+    model = craft(ARM)
+    random = np.random.default_rng(2)
+    data = mujoco.MjData(model)
+    data.qpos[:3], data.qpos[7] = random.normal(size=3), 0.7
+    turn = random.normal(size=4)
+    data.qpos[3:7] = turn / np.linalg.norm(turn)
+    data.qvel[:] = random.normal(size=7)
+    mujoco.mj_forward(model, data)
+    # every body: rate and speed of its mass centre
+    speeds, rates = [], []
+    for body in (1, 2):
+        both = np.zeros(6)
+        mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_BODY, body, both, 0)
+        rates.append(both[:3])
+        speeds.append(both[3:])
+    masses, places = np.array([20.0, 3.0]), data.xipos[1:3]
+    centre, drift = masses @ places / 23.0, masses @ np.array(speeds) / 23.0
+    momenta, energy = [], 0.0
+    for k, body in enumerate((1, 2)):
+        axes = data.ximat[body].reshape(3, 3)
+        inertia = axes @ np.diag(model.body_inertia[body]) @ axes.T
+        own = inertia @ rates[k]
+        momenta.append(own + masses[k] * np.cross(places[k] - centre, speeds[k] - drift))
+        energy += (rates[k] @ own + masses[k] * speeds[k] @ speeds[k]) / 2.0
+    states = StatesOfRun(data.qpos[None].copy(), data.qvel[None].copy())
+    found = seen(model, states, [2, 1], [model.site("hand").id], 2)
+    assert found.momentum[0] == pytest.approx(sum(momenta), rel=1e-10)
+    assert found.share[0] == pytest.approx(np.linalg.norm(momenta[1]), rel=1e-10)
+    assert found.energy[0] == pytest.approx(energy, rel=1e-10)
+    assert found.places[0] == pytest.approx(
+        np.array([data.body("link").xpos, data.body("bus").xpos, data.site("hand").xpos])
+    )
+    assert found.rotations[0, 1] == pytest.approx(data.body("bus").xmat.reshape(3, 3))
+
+
+def sprung(step):
+    spring = ARM.replace('damping=".7"\nrange="-60 100"', 'stiffness="60"')
+    return craft(spring, step=step)
+
+
+def test_a_hub_s_turn_excites_its_one_mode():
+    # plane: k q = J q'' with J = own - (own + both)^2 / whole
+    model = sprung(0.01)
+    reduced = 60.0 / 23.0
+    both, own = reduced * 0.5 * 2.0, 0.4 + reduced * 4.0
+    whole = 6.0 + reduced * 0.25 + own + 2.0 * both
+    omega = np.sqrt(60.0 / (own - (own + both) ** 2 / whole))
+    found = simulate_slew(model, angle=0.05, frames=30)
+    period = 2.0 * np.pi / omega
+    assert (found.body, found.axis, found.joint, found.elastic) == ("bus", 2, "", (7,))
+    assert found.omega == pytest.approx(omega, rel=1e-9)
+    assert found.duration == pytest.approx(period, rel=1e-9)
+    assert found.times[-1] == pytest.approx(4.5 * period, rel=1e-9)
+    assert len(found.times) == 12 * 4.5
+    # what the mode leaves alone has turned by the angle
+    hub = 2.0 * np.arctan2(found.positions[-1, 6], found.positions[-1, 3])
+    turned = hub + (own + both) / whole * found.positions[-1, 7]
+    assert turned == pytest.approx(0.05, rel=0.01)
+    steps = 4.5 * period / 0.01
+    with pytest.raises(EngineError, match="larger step"):
+        simulate_slew(model, angle=0.05, frames=30, most=0.99 * steps)
+    assert simulate_slew(model, angle=0.05, frames=70, most=1.01 * steps).times.size == 70
+
+
+def test_a_turn_without_a_free_body_or_a_spring_is_refused():
+    with pytest.raises(InputError, match="freely flying"):
+        simulate_slew(mujoco.MjModel.from_xml_string(FIXED), angle=0.1, frames=5)
+    with pytest.raises(InputError, match="no joint of the scene has a spring"):
+        simulate_slew(craft(ARM), angle=0.1, frames=5)

@@ -24,6 +24,7 @@ from beamchain.craft.slews import _Reference as Reference
 from beamchain.craft.slews import _turns as turns_of_hinge
 from beamchain.engine.drawn import skin_vertices
 from beamchain.engine.driven_hinge import Drive, Seen, Turn, drive_of, seen
+from beamchain.engine.driven_hinge import Run as StatesOfRun
 from beamchain.engine.driven_hinge import run as run_of_drive
 from beamchain.engine.linear import (
     Activations,
@@ -61,6 +62,7 @@ from beamchain.engine.slew import _long_enough as long_enough
 from beamchain.engine.slew import _mode_to_ring as mode_to_ring
 from beamchain.engine.slew import _on_hub as drive_on_hub
 from beamchain.engine.slew import _without_actuators as without_actuators
+from beamchain.engine.slew import simulate as simulate_slew
 from beamchain.fitting.fewest import weights as weights_of_modes
 from beamchain.fitting.needs import Promise
 from beamchain.fitting.warnings import doubtful, imported_warnings, step_warnings
@@ -195,6 +197,7 @@ __all__ = [
     "Slosh",
     "SpreadMass",
     "Spring",
+    "StatesOfRun",
     "StepOfCraft",
     "System",
     "Tendons",
@@ -292,6 +295,7 @@ __all__ = [
     "share",
     "shares_of_energy",
     "simulate_hub",
+    "simulate_slew",
     "skin_vertices",
     "slopes",
     "slow_modes",
