@@ -64,7 +64,9 @@ from beamchain.engine.slew import _on_hub as drive_on_hub
 from beamchain.engine.slew import _without_actuators as without_actuators
 from beamchain.engine.slew import simulate as simulate_slew
 from beamchain.fitting.fewest import weights as weights_of_modes
-from beamchain.fitting.needs import Promise
+from beamchain.fitting.hub import assumed_hub, default_hub, port_hub_mass
+from beamchain.fitting.needs import Candidates, Promise, with_polar_inertia
+from beamchain.fitting.needs import choose as choose_modes
 from beamchain.fitting.warnings import doubtful, imported_warnings, step_warnings
 from beamchain.identification.resolution import resolution
 from beamchain.plants.error_indices import deviation_share, largest_deviation, windowed_variance
@@ -159,6 +161,7 @@ __all__ = [
     "Alone",
     "BentLine",
     "Body",
+    "Candidates",
     "Carrying",
     "Chain",
     "Compared",
@@ -209,6 +212,7 @@ __all__ = [
     "as_compared",
     "assemble",
     "assemble_lowest",
+    "assumed_hub",
     "balanced_bounds",
     "base",
     "bent_line",
@@ -216,6 +220,7 @@ __all__ = [
     "body_mass_matrix",
     "change_of_frequencies",
     "check_inertia",
+    "choose_modes",
     "closed_in",
     "clusters",
     "condensed_mass",
@@ -223,6 +228,7 @@ __all__ = [
     "control_names",
     "coordinate_names",
     "culprit",
+    "default_hub",
     "default_length",
     "delay_near",
     "deviation_share",
@@ -272,6 +278,7 @@ __all__ = [
     "phase_of_two",
     "plane_of_chain",
     "polynomial",
+    "port_hub_mass",
     "port_of_mode",
     "raise_polar_inertia",
     "reach",
@@ -326,6 +333,7 @@ __all__ = [
     "unit_of_control",
     "weights_of_modes",
     "windowed_variance",
+    "with_polar_inertia",
     "without_actuators",
     "worst_sample",
 ]
