@@ -82,6 +82,7 @@ from beamchain.engine.allocation import _torque as torque_of_actuator
 from beamchain.engine.allocation import torques as torques_of_allocation
 from beamchain.engine.drawn import skin_vertices
 from beamchain.engine.driven_hinge import Drive, Seen, Turn, drive_of, seen
+from beamchain.engine.driven_hinge import Run as StatesOfRun
 from beamchain.engine.driven_hinge import run as run_of_drive
 from beamchain.engine.linear import (
     Activations,
@@ -121,6 +122,7 @@ from beamchain.engine.slew import _long_enough as long_enough
 from beamchain.engine.slew import _mode_to_ring as mode_to_ring
 from beamchain.engine.slew import _on_hub as drive_on_hub
 from beamchain.engine.slew import _without_actuators as without_actuators
+from beamchain.engine.slew import simulate as simulate_slew
 from beamchain.fitting.fewest import weights as weights_of_modes
 from beamchain.fitting.hub import assumed_hub, default_hub, port_hub_mass
 from beamchain.fitting.imported import ImportedCase, imported_case, same_planes
@@ -130,6 +132,7 @@ from beamchain.fitting.imported import _ratios as damping_of_file
 from beamchain.fitting.imported import _roomy as line_with_room
 from beamchain.fitting.imported import _visible_modes as visible_modes
 from beamchain.fitting.needs import Candidates, Promise, choose, with_polar_inertia
+from beamchain.fitting.needs import choose as choose_modes
 from beamchain.fitting.slosh import (
     SloshCase,
     heavy,
@@ -417,10 +420,10 @@ __all__ = [
     "SeenAtPose",
     "Setting",
     "Shapes",
+    "ShiftedPeak",
     "Signal",
     "SizeOneCrossings",
     "Slew",
-    "ShiftedPeak",
     "SlewBody",
     "SlewRow",
     "Slosh",
@@ -428,13 +431,14 @@ __all__ = [
     "SpreadMass",
     "Spring",
     "StartOfPoles",
+    "StatesOfRun",
     "StepOfCraft",
     "SteppedController",
     "System",
     "Tendons",
-    "Trial",
     "TimeError",
     "TreeDraws",
+    "Trial",
     "Turn",
     "VariantMaker",
     "Way",
@@ -476,6 +480,7 @@ __all__ = [
     "check_linear_in_speed",
     "check_stable_craft",
     "choose",
+    "choose_modes",
     "choose_step",
     "closed_in",
     "clusters",
@@ -495,10 +500,10 @@ __all__ = [
     "crossings_between",
     "crossings_of_size_one",
     "culprit",
+    "damped_by",
     "damping_of_file",
     "default_hub",
     "default_length",
-    "damped_by",
     "delay_near",
     "deviation_share",
     "disturbances",
@@ -529,6 +534,8 @@ __all__ = [
     "free_peaks",
     "frequencies_of_curves",
     "from_real_symmetric",
+    "growing_frequencies",
+    "growing_poses",
     "growth",
     "growth_of_poles",
     "halves_of_box",
@@ -536,8 +543,6 @@ __all__ = [
     "hanging_notes",
     "heavy",
     "high_places",
-    "growing_frequencies",
-    "growing_poses",
     "hinge_armature",
     "hinge_to_turn",
     "holders_of_shape",
@@ -548,6 +553,7 @@ __all__ = [
     "in_box",
     "independent_parts",
     "inertia_matrix",
+    "inertia_words",
     "inspect_model",
     "instabilities",
     "internal_stiffness",
@@ -555,7 +561,6 @@ __all__ = [
     "inverse_stiffness_root",
     "is_narrow",
     "is_worth_timing",
-    "inertia_words",
     "joined",
     "judged_part",
     "lacking_damping",
@@ -589,14 +594,14 @@ __all__ = [
     "mass_line_of_pieces",
     "maximum_of",
     "middle_of",
+    "mismatch",
     "modal_form",
     "mode_names",
-    "mismatch",
     "mode_to_ring",
     "mode_words",
     "modes_finely_divided",
-    "moments_of_delta",
     "modes_of_tendons",
+    "moments_of_delta",
     "momentum_of_mode",
     "motion_at",
     "motion_of_modes",
@@ -627,9 +632,9 @@ __all__ = [
     "peak_clusters",
     "peak_of_grid",
     "peaks_of_craft",
+    "peaks_of_poles",
     "pendulum_chain",
     "periodic_of_harmonics",
-    "peaks_of_poles",
     "phase_limit",
     "phase_of_two",
     "place_of_output",
@@ -638,10 +643,10 @@ __all__ = [
     "plane_of_chain",
     "points_inward",
     "pole_moved",
-    "pole_settled",
-    "polished_delay",
     "pole_pairs",
     "pole_rows",
+    "pole_settled",
+    "polished_delay",
     "polynomial",
     "port_hub_mass",
     "port_of_mode",
@@ -695,6 +700,7 @@ __all__ = [
     "shift_of_pole",
     "shifted_peak",
     "simulate_hub",
+    "simulate_slew",
     "simulated_gain",
     "skin_vertices",
     "slew_warnings",
@@ -714,8 +720,8 @@ __all__ = [
     "squared_phase",
     "stability_limit",
     "stable_armature",
-    "start_of_poles",
     "stable_step",
+    "start_of_poles",
     "start_rate",
     "states_driven_for",
     "states_of_a_rising_load",
