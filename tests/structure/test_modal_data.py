@@ -138,8 +138,6 @@ def test_typed_numbers_count_their_digits(tmp_path):
 
 
 # -- matrices --------------------------------------------------------------------------------------
-<<<<<<< HEAD
-=======
 def from_matrices(folder, mass, stiffness, boundary):
     """The modes of two matrices, by way of a file of NumPy's."""
     np.savez(folder / "matrices.npz", M=mass, K=stiffness, boundary=np.array(list(boundary)))
