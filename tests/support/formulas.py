@@ -47,8 +47,16 @@ from beamchain.engine.signals import (
 )
 from beamchain.engine.signals import _small_turn as small_turn
 from beamchain.engine.signals import _unit as unit_of_control
+from beamchain.engine.slew import Slew
+from beamchain.engine.slew import _check_steps as check_steps
+from beamchain.engine.slew import _hinge as hinge_to_turn
+from beamchain.engine.slew import _impulse as impulse
 from beamchain.engine.slew import _in_hinge as drive_in_hinge
+from beamchain.engine.slew import _long_enough as long_enough
 from beamchain.engine.slew import _mode_to_ring as mode_to_ring
+from beamchain.engine.slew import _on_hub as drive_on_hub
+from beamchain.engine.slew import _run as run_of_push
+from beamchain.engine.slew import _without_actuators as without_actuators
 from beamchain.fitting.fewest import weights as weights_of_modes
 from beamchain.fitting.hub import assumed_hub, default_hub, port_hub_mass
 from beamchain.fitting.imported import ImportedCase, imported_case, same_planes
@@ -170,6 +178,7 @@ __all__ = [
     "Seen",
     "SeenAtPose",
     "Shapes",
+    "Slew",
     "SlewBody",
     "Slosh",
     "SloshCase",
@@ -191,6 +200,7 @@ __all__ = [
     "change_of_frequencies",
     "check_body",
     "check_inertia",
+    "check_steps",
     "choose",
     "closed_in",
     "clusters",
@@ -205,6 +215,7 @@ __all__ = [
     "doubtful",
     "drive_in_hinge",
     "drive_of",
+    "drive_on_hub",
     "driven",
     "equal_parts",
     "figure_of_sample",
@@ -215,8 +226,10 @@ __all__ = [
     "free_peaks",
     "heavy",
     "hinge_armature",
+    "hinge_to_turn",
     "imported_case",
     "imported_warnings",
+    "impulse",
     "independent_parts",
     "inverse_of_torques",
     "joined",
@@ -227,6 +240,7 @@ __all__ = [
     "line_with_room",
     "linear_at",
     "load_of_modes_left_out",
+    "long_enough",
     "map_by_differences",
     "maximum_of",
     "mode_to_ring",
@@ -261,6 +275,7 @@ __all__ = [
     "round_down",
     "rounding_of_residual",
     "run_of_drive",
+    "run_of_push",
     "run_of_turn",
     "runge_kutta_limit",
     "running_mean",
@@ -306,5 +321,6 @@ __all__ = [
     "weights_of_modes",
     "windowed_variance",
     "with_polar_inertia",
+    "without_actuators",
     "worst_sample",
 ]
