@@ -28,6 +28,8 @@ from beamchain.engine.allocation import _null_directions as null_directions
 from beamchain.engine.allocation import _torque as torque_of_actuator
 from beamchain.engine.allocation import torques as torques_of_allocation
 from beamchain.engine.drawn import skin_vertices
+from beamchain.engine.driven_hinge import Drive as DriveOfHinge
+from beamchain.engine.driven_hinge import Run as RunOfDrive
 from beamchain.engine.driven_hinge import Seen, Turn, drive_of, seen
 from beamchain.engine.driven_hinge import run as run_of_drive
 from beamchain.engine.linear import Carrying, linear_at, rigid_body
@@ -36,6 +38,8 @@ from beamchain.engine.mount import mount
 from beamchain.engine.operating_point import rest_point
 from beamchain.engine.partial_fractions import _accelerance as sum_of_poles
 from beamchain.engine.reach import reach, turn
+from beamchain.engine.rollout import _rotation as rotation_vectors
+from beamchain.engine.rollout import seconds_of
 from beamchain.engine.rollout import simulate as simulate_hub
 from beamchain.engine.signals import (
     Input,
@@ -158,6 +162,7 @@ __all__ = [
     "CoupledPort",
     "Craft",
     "Drawn",
+    "DriveOfHinge",
     "Hinge",
     "ImportedCase",
     "Input",
@@ -173,6 +178,7 @@ __all__ = [
     "Promise",
     "Reference",
     "Room",
+    "RunOfDrive",
     "SampleLoops",
     "Sections",
     "Seen",
@@ -272,6 +278,7 @@ __all__ = [
     "rest_point",
     "rigid_body",
     "rigid_plane",
+    "rotation_vectors",
     "round_down",
     "rounding_of_residual",
     "run_of_drive",
@@ -280,6 +287,7 @@ __all__ = [
     "runge_kutta_limit",
     "running_mean",
     "same_planes",
+    "seconds_of",
     "sections_at",
     "seen",
     "sensor_axes",
