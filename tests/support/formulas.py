@@ -32,7 +32,26 @@ from beamchain.engine.driven_hinge import Drive as DriveOfHinge
 from beamchain.engine.driven_hinge import Run as RunOfDrive
 from beamchain.engine.driven_hinge import Seen, Turn, drive_of, seen
 from beamchain.engine.driven_hinge import run as run_of_drive
-from beamchain.engine.linear import Carrying, linear_at, rigid_body
+from beamchain.engine.linear import (
+    Activations,
+    Carrying,
+    Inputs,
+    Outputs,
+    Signal,
+    activation_names,
+    coordinate_names,
+    linear_at,
+    rigid_body,
+    slopes,
+)
+from beamchain.engine.linearise import (
+    Held,
+    check_freedoms,
+    implicit_stiffness,
+    mass_of_alone,
+    runge_kutta_step,
+)
+from beamchain.engine.linearise import _motor_freedoms as motor_freedoms
 from beamchain.engine.loaded import offset_cautions
 from beamchain.engine.mount import mount
 from beamchain.engine.operating_point import rest_point
@@ -152,6 +171,7 @@ from beamchain.structure.sections_at import Sections, sections_at
 from beamchain.structure.slosh import Slosh
 
 __all__ = [
+    "Activations",
     "Allocated",
     "Alone",
     "BentLine",
@@ -163,9 +183,11 @@ __all__ = [
     "Craft",
     "Drawn",
     "DriveOfHinge",
+    "Held",
     "Hinge",
     "ImportedCase",
     "Input",
+    "Inputs",
     "LinearModel",
     "Link",
     "LoopsOfSamples",
@@ -173,6 +195,7 @@ __all__ = [
     "ModalResponse",
     "ModesOfCraft",
     "Nodes",
+    "Outputs",
     "PlanarChain",
     "PoleRow",
     "Promise",
@@ -184,6 +207,7 @@ __all__ = [
     "Seen",
     "SeenAtPose",
     "Shapes",
+    "Signal",
     "Slew",
     "SlewBody",
     "Slosh",
@@ -193,6 +217,7 @@ __all__ = [
     "Tendons",
     "Turn",
     "WheelSweep",
+    "activation_names",
     "allocated",
     "apart",
     "apparent_pole",
@@ -205,6 +230,7 @@ __all__ = [
     "body_mass_matrix",
     "change_of_frequencies",
     "check_body",
+    "check_freedoms",
     "check_inertia",
     "check_steps",
     "choose",
@@ -213,6 +239,7 @@ __all__ = [
     "condensed_mass",
     "continuous_poles",
     "control_names",
+    "coordinate_names",
     "culprit",
     "damping_of_file",
     "default_hub",
@@ -233,6 +260,7 @@ __all__ = [
     "heavy",
     "hinge_armature",
     "hinge_to_turn",
+    "implicit_stiffness",
     "imported_case",
     "imported_warnings",
     "impulse",
@@ -248,12 +276,14 @@ __all__ = [
     "load_of_modes_left_out",
     "long_enough",
     "map_by_differences",
+    "mass_of_alone",
     "maximum_of",
     "mode_to_ring",
     "modes_finely_divided",
     "momentum_of_mode",
     "motion_at",
     "motion_of_modes",
+    "motor_freedoms",
     "mount",
     "named_inputs",
     "named_output",
@@ -285,6 +315,7 @@ __all__ = [
     "run_of_push",
     "run_of_turn",
     "runge_kutta_limit",
+    "runge_kutta_step",
     "running_mean",
     "same_planes",
     "seconds_of",
@@ -297,6 +328,7 @@ __all__ = [
     "shares_of_energy",
     "simulate_hub",
     "skin_vertices",
+    "slopes",
     "slosh_case",
     "slow_modes",
     "small_turn",
