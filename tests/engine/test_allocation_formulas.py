@@ -26,6 +26,7 @@ diaginertia=".1 .1 .1"/><site name="on" pos=".1 0 0"/></body>
 diaginertia=".1 .1 .1"/></body></body></worldbody><actuator>
 <motor name="spin" joint="wheel" gear="3"/><general name="strong" joint="wheel" gainprm="2"/>
 <general name="jet" site="jet" gear="1 -2 .5 .3 .7 -.4" gainprm="1.5"/>
+<motor name="beside" site="on" refsite="jet" gear="0 0 0 1 0 0"/>
 <motor name="on" site="on" gear="0 0 0 1 0 0"/><motor name="drive" joint="drive"/>
 <motor name="away" joint="away"/><motor name="slide" joint="slide"/>
 <position name="servo" joint="wheel" kp="3"/><intvelocity name="slow" joint="wheel" kp="3"
@@ -70,6 +71,7 @@ def test_a_jet_turns_the_body_by_its_torque_and_its_arm():
     ("name", "why"),
     [
         ("on", "site 'on', which is not on 'bus'"),
+        ("beside", "acts neither on a hinge nor at a site"),
         ("drive", "not the only hinge of its body"),
         ("slide", "not the only hinge of its body"),
         ("away", "turns 'far', which does not hang on 'bus'"),
@@ -113,7 +115,16 @@ def test_directions_without_torque_are_those_of_the_fewest():
     pair = np.array([[1.0, 2.0, 0.0], [1.0, 2.0, 0.0], [0.0, 0.0, 3.0]])
     (only,) = null_directions(pair, ("a", "b", "c"))
     assert only == pytest.approx({"a": 1.0, "b": -0.5})
+    # (-0.85, 0.39) is -1.7275 times (1, 0) and 0.975 times (0.9, 0.4); the largest share is 1
+    plane = np.array([[1.0, 0.9, -0.85], [0.0, 0.4, 0.39], [0.0, 0.0, 0.0]])
+    (only,) = null_directions(plane, ("a", "b", "c"))
+    assert only == pytest.approx({"a": 1.0, "b": -0.975 / 1.7275, "c": 1.0 / 1.7275})
     assert null_directions(np.diag([1.0, 2.0, 3.0]), ("a", "b", "c")) == []
+
+
+def test_an_actuator_is_named_once():
+    with pytest.raises(bc.InputError, match="name 'a' twice"):
+        bc.allocate(["a", "b", "a"])
 
 
 def test_an_allocation_in_a_pose():
@@ -131,7 +142,7 @@ def test_an_allocation_in_a_pose():
     assert [one.label for one in inputs] == ["all_x", "all_y", "all_z"]
     for k, one in enumerate(inputs):
         weights = {part.actuator: weight for weight, part in one.parts}
-        assert weights == {0: matrix[0][k], 2: matrix[1][k]}
+        assert weights == {0: matrix[0][k], model.actuator("jet").id: matrix[1][k]}
         assert one.unit == "N m"
 
 

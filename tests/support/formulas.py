@@ -82,6 +82,8 @@ from beamchain.engine.allocation import _torque as torque_of_actuator
 from beamchain.engine.allocation import torques as torques_of_allocation
 from beamchain.engine.drawn import skin_vertices
 from beamchain.engine.driven_hinge import Drive, Seen, Turn, drive_of, seen
+from beamchain.engine.driven_hinge import Drive as DriveOfHinge
+from beamchain.engine.driven_hinge import Run as RunOfDrive
 from beamchain.engine.driven_hinge import Run as StatesOfRun
 from beamchain.engine.driven_hinge import run as run_of_drive
 from beamchain.engine.linear import (
@@ -96,12 +98,22 @@ from beamchain.engine.linear import (
     rigid_body,
     slopes,
 )
+from beamchain.engine.linearise import (
+    Held,
+    check_freedoms,
+    implicit_stiffness,
+    mass_of_alone,
+    runge_kutta_step,
+)
+from beamchain.engine.linearise import _motor_freedoms as motor_freedoms
 from beamchain.engine.loaded import Loading, offset_cautions
 from beamchain.engine.mount import mount, root_frame
 from beamchain.engine.normal_modes import normal_modes
 from beamchain.engine.operating_point import OperatingPoint, rest_point
 from beamchain.engine.partial_fractions import _accelerance as sum_of_poles
 from beamchain.engine.reach import reach, turn
+from beamchain.engine.rollout import _rotation as rotation_vectors
+from beamchain.engine.rollout import seconds_of
 from beamchain.engine.rollout import simulate as simulate_hub
 from beamchain.engine.root_motion import RootMotion
 from beamchain.engine.signals import (
@@ -115,12 +127,15 @@ from beamchain.engine.signals import (
 from beamchain.engine.signals import _small_turn as small_turn
 from beamchain.engine.signals import _unit as unit_of_control
 from beamchain.engine.slew import Slew
+from beamchain.engine.slew import _check_steps as check_steps
 from beamchain.engine.slew import _hinge as hinge_to_turn
+from beamchain.engine.slew import _impulse as impulse
 from beamchain.engine.slew import _impulse as impulse_of_halves
 from beamchain.engine.slew import _in_hinge as drive_in_hinge
 from beamchain.engine.slew import _long_enough as long_enough
 from beamchain.engine.slew import _mode_to_ring as mode_to_ring
 from beamchain.engine.slew import _on_hub as drive_on_hub
+from beamchain.engine.slew import _run as run_of_push
 from beamchain.engine.slew import _without_actuators as without_actuators
 from beamchain.engine.slew import simulate as simulate_slew
 from beamchain.fitting.fewest import weights as weights_of_modes
@@ -376,6 +391,8 @@ __all__ = [
     "Craft",
     "Drawn",
     "Drive",
+    "DriveOfHinge",
+    "Held",
     "Hinge",
     "History",
     "ImportedCase",
@@ -413,6 +430,7 @@ __all__ = [
     "Room",
     "Root",
     "RootMotion",
+    "RunOfDrive",
     "SampleLoops",
     "SceneOfSlews",
     "Sections",
@@ -476,9 +494,11 @@ __all__ = [
     "change_of_frequencies",
     "check_algebraic_loop",
     "check_body",
+    "check_freedoms",
     "check_inertia",
     "check_linear_in_speed",
     "check_stable_craft",
+    "check_steps",
     "choose",
     "choose_modes",
     "choose_step",
@@ -547,8 +567,10 @@ __all__ = [
     "hinge_to_turn",
     "holders_of_shape",
     "imbalances_of_wheels",
+    "implicit_stiffness",
     "imported_case",
     "imported_warnings",
+    "impulse",
     "impulse_of_halves",
     "in_box",
     "independent_parts",
@@ -592,6 +614,7 @@ __all__ = [
     "margins_of_all",
     "mass_beside_axis",
     "mass_line_of_pieces",
+    "mass_of_alone",
     "maximum_of",
     "middle_of",
     "mismatch",
@@ -605,6 +628,7 @@ __all__ = [
     "momentum_of_mode",
     "motion_at",
     "motion_of_modes",
+    "motor_freedoms",
     "mount",
     "mounts_by_base",
     "moving_modes",
@@ -675,19 +699,23 @@ __all__ = [
     "rigid_plane",
     "rk4_words",
     "root_frame",
+    "rotation_vectors",
     "round_down",
     "rounding_of_residual",
     "run_of_data",
     "run_of_drive",
+    "run_of_push",
     "run_of_turn",
     "run_wheel",
     "runge_kutta_limit",
+    "runge_kutta_step",
     "running_mean",
     "same_planes",
     "sampled_delay_margin",
     "sampled_error",
     "sampled_system",
     "score",
+    "seconds_of",
     "sections_at",
     "seen",
     "sensor_axes",
