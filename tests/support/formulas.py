@@ -300,6 +300,11 @@ from beamchain.steps.large_motion import LargeMotion, large_limits, large_motion
 from beamchain.steps.large_motion import _leaves as leaves_at
 from beamchain.steps.large_motion import _Plane as PlanarChain
 from beamchain.steps.large_motion import _plane as plane_of_chain
+from beamchain.steps.latch import Hinge as PlaceOfHinge
+from beamchain.steps.latch import _has_just_passed as has_just_passed
+from beamchain.steps.latch import _is_stop as is_stop
+from beamchain.steps.latch import _round_up as rounded_up
+from beamchain.steps.latch import _stop_ahead as stop_ahead
 from beamchain.steps.limits import (
     LinearModel,
     choose_step,
@@ -309,7 +314,7 @@ from beamchain.steps.limits import (
     step_limits,
 )
 from beamchain.steps.limits import normalise as unit_mass_of_port
-from beamchain.steps.modal import condensed_mass
+from beamchain.steps.modal import condensed_mass, made_for, stiffness_before
 from beamchain.steps.poles import PoleRow, growing_frequencies, mismatch, phase_limit, pole_rows
 from beamchain.steps.sampled import _peaks as peaks_of_poles
 from beamchain.steps.sampled import (
@@ -420,6 +425,7 @@ __all__ = [
     "OperatingPoint",
     "Outputs",
     "Piece",
+    "PlaceOfHinge",
     "PlanarChain",
     "PoleRow",
     "Pose",
@@ -563,6 +569,7 @@ __all__ = [
     "hanging_notes",
     "heavy",
     "high_places",
+    "has_just_passed",
     "hinge_armature",
     "hinge_to_turn",
     "holders_of_shape",
@@ -583,6 +590,7 @@ __all__ = [
     "inverse_stiffness_root",
     "is_narrow",
     "is_worth_timing",
+    "is_stop",
     "joined",
     "judged_part",
     "lacking_damping",
@@ -609,6 +617,7 @@ __all__ = [
     "loose_craft",
     "lowest_modes",
     "lowest_wrong",
+    "made_for",
     "map_by_differences",
     "margin_figures",
     "margins_of_all",
@@ -701,6 +710,7 @@ __all__ = [
     "root_frame",
     "rotation_vectors",
     "round_down",
+    "rounded_up",
     "rounding_of_residual",
     "run_of_data",
     "run_of_drive",
@@ -764,6 +774,8 @@ __all__ = [
     "step_warnings",
     "stepper_error",
     "stepper_harmonics",
+    "stiffness_before",
+    "stop_ahead",
     "structured_bound",
     "sum_of_poles",
     "sums_behind",
