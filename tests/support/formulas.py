@@ -27,6 +27,18 @@ from beamchain.engine.allocation import _inverse as inverse_of_torques
 from beamchain.engine.allocation import _null_directions as null_directions
 from beamchain.engine.allocation import _torque as torque_of_actuator
 from beamchain.engine.allocation import torques as torques_of_allocation
+from beamchain.engine.bench import (
+    Composite,
+    Measured,
+    ballast_for,
+    composite,
+    distance,
+    mass_of_bodies,
+    rigid_mass,
+    root_body,
+)
+from beamchain.engine.bench import _freedoms as freedoms_of_block
+from beamchain.engine.bench import _in_planes as in_planes
 from beamchain.engine.drawn import skin_vertices
 from beamchain.engine.driven_hinge import Drive as DriveOfHinge
 from beamchain.engine.driven_hinge import Run as RunOfDrive
@@ -53,7 +65,8 @@ from beamchain.engine.linearise import (
 )
 from beamchain.engine.linearise import _motor_freedoms as motor_freedoms
 from beamchain.engine.loaded import offset_cautions
-from beamchain.engine.mount import mount
+from beamchain.engine.mount import _carriers as carriers
+from beamchain.engine.mount import apparent_hubs, held_joints, mount, rigid_hubs, root_frame
 from beamchain.engine.operating_point import rest_point
 from beamchain.engine.partial_fractions import _accelerance as sum_of_poles
 from beamchain.engine.reach import reach, turn
@@ -179,6 +192,7 @@ __all__ = [
     "Carrying",
     "Chain",
     "Compared",
+    "Composite",
     "CoupledPort",
     "Craft",
     "Drawn",
@@ -191,6 +205,7 @@ __all__ = [
     "LinearModel",
     "Link",
     "LoopsOfSamples",
+    "Measured",
     "ModalForm",
     "ModalResponse",
     "ModesOfCraft",
@@ -220,14 +235,17 @@ __all__ = [
     "activation_names",
     "allocated",
     "apart",
+    "apparent_hubs",
     "apparent_pole",
     "as_compared",
     "assumed_hub",
     "balanced_bounds",
+    "ballast_for",
     "base",
     "bent_line",
     "bodies",
     "body_mass_matrix",
+    "carriers",
     "change_of_frequencies",
     "check_body",
     "check_freedoms",
@@ -236,6 +254,7 @@ __all__ = [
     "choose",
     "closed_in",
     "clusters",
+    "composite",
     "condensed_mass",
     "continuous_poles",
     "control_names",
@@ -245,6 +264,7 @@ __all__ = [
     "default_hub",
     "delay_near",
     "deviation_share",
+    "distance",
     "doubtful",
     "drive_in_hinge",
     "drive_of",
@@ -257,13 +277,16 @@ __all__ = [
     "fit_warnings",
     "form2_many",
     "free_peaks",
+    "freedoms_of_block",
     "heavy",
+    "held_joints",
     "hinge_armature",
     "hinge_to_turn",
     "implicit_stiffness",
     "imported_case",
     "imported_warnings",
     "impulse",
+    "in_planes",
     "independent_parts",
     "inverse_of_torques",
     "joined",
@@ -277,6 +300,7 @@ __all__ = [
     "long_enough",
     "map_by_differences",
     "mass_of_alone",
+    "mass_of_bodies",
     "maximum_of",
     "mode_to_ring",
     "modes_finely_divided",
@@ -307,7 +331,11 @@ __all__ = [
     "resolution",
     "rest_point",
     "rigid_body",
+    "rigid_hubs",
+    "rigid_mass",
     "rigid_plane",
+    "root_body",
+    "root_frame",
     "rotation_vectors",
     "round_down",
     "rounding_of_residual",
