@@ -64,10 +64,19 @@ from beamchain.engine.linearise import (
     runge_kutta_step,
 )
 from beamchain.engine.linearise import _motor_freedoms as motor_freedoms
-from beamchain.engine.loaded import offset_cautions
+from beamchain.engine.loaded import (
+    Loading,
+    check_pushes,
+    key_number,
+    load_at,
+    loaded_linear,
+    loading_at,
+    offset_cautions,
+)
+from beamchain.engine.loaded import _push as push_of_actuators
 from beamchain.engine.mount import _carriers as carriers
 from beamchain.engine.mount import apparent_hubs, held_joints, mount, rigid_hubs, root_frame
-from beamchain.engine.operating_point import rest_point
+from beamchain.engine.operating_point import rest_point, still_copy
 from beamchain.engine.partial_fractions import _accelerance as sum_of_poles
 from beamchain.engine.reach import reach, turn
 from beamchain.engine.rollout import _rotation as rotation_vectors
@@ -93,6 +102,7 @@ from beamchain.engine.slew import _mode_to_ring as mode_to_ring
 from beamchain.engine.slew import _on_hub as drive_on_hub
 from beamchain.engine.slew import _run as run_of_push
 from beamchain.engine.slew import _without_actuators as without_actuators
+from beamchain.engine.slew import simulate as simulate_slew
 from beamchain.fitting.fewest import weights as weights_of_modes
 from beamchain.fitting.hub import assumed_hub, default_hub, port_hub_mass
 from beamchain.fitting.imported import ImportedCase, imported_case, same_planes
@@ -204,6 +214,7 @@ __all__ = [
     "Inputs",
     "LinearModel",
     "Link",
+    "Loading",
     "LoopsOfSamples",
     "Measured",
     "ModalForm",
@@ -250,6 +261,7 @@ __all__ = [
     "check_body",
     "check_freedoms",
     "check_inertia",
+    "check_pushes",
     "check_steps",
     "choose",
     "closed_in",
@@ -290,13 +302,17 @@ __all__ = [
     "independent_parts",
     "inverse_of_torques",
     "joined",
+    "key_number",
     "largest_angle",
     "largest_deviation",
     "limiting_modes",
     "limp_model",
     "line_with_room",
     "linear_at",
+    "load_at",
     "load_of_modes_left_out",
+    "loaded_linear",
+    "loading_at",
     "long_enough",
     "map_by_differences",
     "mass_of_alone",
@@ -324,6 +340,7 @@ __all__ = [
     "polynomial",
     "port_hub_mass",
     "port_of_mode",
+    "push_of_actuators",
     "raise_polar_inertia",
     "reach",
     "realisable_body",
@@ -355,6 +372,7 @@ __all__ = [
     "share",
     "shares_of_energy",
     "simulate_hub",
+    "simulate_slew",
     "skin_vertices",
     "slopes",
     "slosh_case",
@@ -371,6 +389,7 @@ __all__ = [
     "step_length",
     "step_pole",
     "step_warnings",
+    "still_copy",
     "structured_bound",
     "sum_of_poles",
     "time_modes",
