@@ -195,10 +195,11 @@ def test_rotation_vectors_of_quaternions():
 
 
 HUB = """<mujoco><option gravity="0 0 0"/><worldbody><body pos="1 2 3"><freejoint/>
-<inertial pos="0 0 0" mass="20" diaginertia="4 5 6"/></body></worldbody></mujoco>"""
+<inertial pos="0 0 0" mass="20" diaginertia="4 5 6"/></body><body><joint/><geom size=".1"/></body>
+</worldbody></mujoco>"""
 
 
-@pytest.mark.parametrize("numbers", [1, 100, 4_000_000])
+@pytest.mark.parametrize("numbers", [1, 180, 4_000_000])
 def test_a_hub_under_a_wrench_that_changes(numbers, monkeypatch):
     monkeypatch.setattr(rollout_module, "LARGEST", numbers)
     steps, h = 30, 0.02
@@ -231,18 +232,27 @@ def test_a_wrench_that_changes_seldom_is_called_for_as_seldom(monkeypatch):
     monkeypatch.setattr(rollout_module.mujoco, "mj_step", counted)
     model = mujoco.MjModel.from_xml_string(HUB)
     wrench = np.zeros((30, 6))
-    wrench[7:20, 0], wrench[20:, 0] = 1.0, 1.0 + 1e-6
+    wrench[7:20, 0], wrench[20:, 0] = 500.0, 500.0 + 1e-6  # 2e-9 of it
     assert seconds_of(model, "RK4", 0.03, wrench) >= 0.0
-    assert called == [(7, 0.0), (13, 1.0), (10, 1.0 + 1e-6)]
+    assert called == [(7, 0.0), (13, 500.0), (10, 500.0 + 1e-6)]
     assert (model.opt.timestep, model.opt.integrator) == (0.03, 1)
     # by rounding no change
-    wrench[20:, 0] = 1.0 + 1e-10
+    wrench[20:, 0] = 500.0 + 1e-7
     called.clear()
     seconds_of(model, "Euler", 0.03, wrench)
-    assert called == [(7, 0.0), (23, 1.0)]
+    assert called == [(7, 0.0), (23, 500.0)]
     # 6 changes in 30 steps are every fifth, 7 are more often
     for changes, calls in ((6, 7), (7, 0)):
         wrench[:, 0] = np.sum(np.arange(30)[:, None] >= 4 * np.arange(1, changes + 1), axis=1)
         called.clear()
         seconds_of(model, "Euler", 0.03, wrench)
         assert len(called) == calls
+
+
+def test_the_time_of_a_run_is_that_of_its_calls(monkeypatch):
+    clock = iter([10.0, 10.25, 20.0, 20.5, 30.0, 30.125])
+    monkeypatch.setattr(rollout_module.time, "thread_time", lambda: next(clock))
+    monkeypatch.setattr(rollout_module, "LARGEST", 1)
+    model = mujoco.MjModel.from_xml_string(HUB)
+    assert simulate_hub(model, "Euler", 0.03, np.zeros((2, 6))).seconds == 0.75
+    assert seconds_of(model, "Euler", 0.03, np.zeros((9, 6))) == 0.125

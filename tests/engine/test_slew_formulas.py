@@ -17,6 +17,7 @@ from formulas import (
     long_enough,
     mode_to_ring,
     run_of_push,
+    simulate_slew,
     without_actuators,
 )
 
@@ -265,3 +266,48 @@ def test_a_mode_that_does_not_turn_the_hub_is_not_rung():
     with pytest.raises(bc.InputError, match="no elastic mode of the scene turns"):
         mode_to_ring(model, np.array([4]), 0, [1])
     assert mode_to_ring(model, np.array([3, 4]), 0, [1])[0] == 0
+
+
+@pytest.mark.parametrize(("frames", "shown"), [(30, 54), (70, 70)])
+def test_a_turn_of_the_hub_and_what_it_leaves_ringing(frames, shown):
+    """One period of the mode, and 3.5 of ringing, in 12 frames each."""
+    model = mujoco.MjModel.from_xml_string(RINGING.format(extent=4.0, arms=""))
+    model.opt.timestep = 0.01
+    found = simulate_slew(model, angle=-0.02, frames=frames)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    mass = np.zeros((7, 7))
+    mujoco.mj_fullM(model, data, mass)
+    omega = np.sqrt(2.0 * np.linalg.inv(mass)[6, 6])
+    period = 2.0 * np.pi / omega
+    assert (found.axis, found.body, found.joint, found.elastic) == (0, "bus", "", (7,))
+    assert found.omega == pytest.approx(omega, rel=1e-8)
+    assert found.duration == pytest.approx(period, rel=1e-8)
+    assert found.times == pytest.approx(np.linspace(0.0, 4.5 * period, shown), rel=1e-8)
+    # the hub makes the turn but for what the pendulum leaves it
+    after = Rotation.from_quat(found.positions[found.times > period, 3:7], scalar_first=True)
+    assert np.mean(after.as_rotvec()[:, 0]) == pytest.approx(-0.02, rel=0.02)
+    steps = 4.5 * period / 0.01
+    assert simulate_slew(model, angle=-0.02, frames=3, most=steps + 1.0).angle == -0.02
+    # more periods take more steps, which is known before they are taken
+    for angle, most in ((-0.02, steps - 1.0), (60.0, steps + 1.0)):
+        with pytest.raises(EngineError, match="give a larger step"):
+            simulate_slew(model, angle=angle, frames=3, most=most)
+
+
+def test_a_turn_of_a_hinge_is_made_without_its_servo():
+    model = arm()
+    model.opt.timestep, model.opt.gravity[:] = 0.01, 0.0
+    found = simulate_slew(model, angle=0.02, frames=20, joint="hinge")
+    assert (found.joint, found.axis, found.elastic) == ("hinge", 0, (8,))
+    at = model.joint("hinge").qposadr[0]
+    assert found.positions[-1, at] - found.positions[0, at] == pytest.approx(0.02, abs=1e-3)
+
+
+def test_a_scene_that_nothing_turns_is_refused():
+    model = arm()
+    model.jnt_stiffness[:] = 0.0
+    with pytest.raises(bc.InputError, match="nothing can ring"):
+        simulate_slew(model, angle=0.1, frames=3)
+    with pytest.raises(bc.InputError, match="no freely flying body"):
+        simulate_slew(mujoco.MjModel.from_xml_string("<mujoco/>"), angle=0.1, frames=3)

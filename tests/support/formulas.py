@@ -80,6 +80,18 @@ from beamchain.engine.allocation import _inverse as inverse_of_torques
 from beamchain.engine.allocation import _null_directions as null_directions
 from beamchain.engine.allocation import _torque as torque_of_actuator
 from beamchain.engine.allocation import torques as torques_of_allocation
+from beamchain.engine.bench import (
+    Composite,
+    Measured,
+    ballast_for,
+    composite,
+    distance,
+    mass_of_bodies,
+    rigid_mass,
+    root_body,
+)
+from beamchain.engine.bench import _freedoms as freedoms_of_block
+from beamchain.engine.bench import _in_planes as in_planes
 from beamchain.engine.drawn import skin_vertices
 from beamchain.engine.driven_hinge import Drive, Seen, Turn, drive_of, seen
 from beamchain.engine.driven_hinge import Drive as DriveOfHinge
@@ -106,10 +118,20 @@ from beamchain.engine.linearise import (
     runge_kutta_step,
 )
 from beamchain.engine.linearise import _motor_freedoms as motor_freedoms
-from beamchain.engine.loaded import Loading, offset_cautions
-from beamchain.engine.mount import mount, root_frame
+from beamchain.engine.loaded import (
+    Loading,
+    check_pushes,
+    key_number,
+    load_at,
+    loaded_linear,
+    loading_at,
+    offset_cautions,
+)
+from beamchain.engine.loaded import _push as push_of_actuators
+from beamchain.engine.mount import _carriers as carriers
+from beamchain.engine.mount import apparent_hubs, held_joints, mount, rigid_hubs, root_frame
 from beamchain.engine.normal_modes import normal_modes
-from beamchain.engine.operating_point import OperatingPoint, rest_point
+from beamchain.engine.operating_point import OperatingPoint, rest_point, still_copy
 from beamchain.engine.partial_fractions import _accelerance as sum_of_poles
 from beamchain.engine.reach import reach, turn
 from beamchain.engine.rollout import _rotation as rotation_vectors
@@ -391,6 +413,7 @@ __all__ = [
     "Carrying",
     "Chain",
     "Compared",
+    "Composite",
     "Coordinates",
     "CoupledPort",
     "Craft",
@@ -414,6 +437,7 @@ __all__ = [
     "LoopsOfSamples",
     "MassBesideAxis",
     "MassPiece",
+    "Measured",
     "ModalForm",
     "ModalResponse",
     "ModelOfSlew",
@@ -473,6 +497,7 @@ __all__ = [
     "allocated",
     "amplitudes_in_record",
     "apart",
+    "apparent_hubs",
     "apparent_pole",
     "appendage_at",
     "appendage_poles",
@@ -485,6 +510,7 @@ __all__ = [
     "assumed_hub",
     "balanced_bounds",
     "balanced_channels",
+    "ballast_for",
     "base",
     "basis_of_hermitian",
     "bent_line",
@@ -496,6 +522,7 @@ __all__ = [
     "branches",
     "cantilever_names",
     "carried_load",
+    "carriers",
     "carrying_of",
     "change_of_frequencies",
     "check_algebraic_loop",
@@ -503,6 +530,7 @@ __all__ = [
     "check_freedoms",
     "check_inertia",
     "check_linear_in_speed",
+    "check_pushes",
     "check_stable_craft",
     "check_steps",
     "choose",
@@ -511,6 +539,7 @@ __all__ = [
     "closed_in",
     "clusters",
     "column_range",
+    "composite",
     "condensed_mass",
     "continued_poles",
     "continuous_poles",
@@ -532,6 +561,7 @@ __all__ = [
     "default_length",
     "delay_near",
     "deviation_share",
+    "distance",
     "disturbances",
     "disturbed_craft",
     "doubtful",
@@ -558,6 +588,7 @@ __all__ = [
     "form2_many",
     "form4",
     "free_peaks",
+    "freedoms_of_block",
     "frequencies_of_curves",
     "from_real_symmetric",
     "growing_frequencies",
@@ -567,9 +598,10 @@ __all__ = [
     "halves_of_box",
     "hanging_liquid",
     "hanging_notes",
-    "heavy",
-    "high_places",
     "has_just_passed",
+    "heavy",
+    "held_joints",
+    "high_places",
     "hinge_armature",
     "hinge_to_turn",
     "holders_of_shape",
@@ -580,6 +612,7 @@ __all__ = [
     "impulse",
     "impulse_of_halves",
     "in_box",
+    "in_planes",
     "independent_parts",
     "inertia_matrix",
     "inertia_words",
@@ -589,10 +622,11 @@ __all__ = [
     "inverse_of_torques",
     "inverse_stiffness_root",
     "is_narrow",
-    "is_worth_timing",
     "is_stop",
+    "is_worth_timing",
     "joined",
     "judged_part",
+    "key_number",
     "lacking_damping",
     "large_limits",
     "large_motion",
@@ -607,7 +641,10 @@ __all__ = [
     "line_with_room",
     "linear_at",
     "linear_craft",
+    "load_at",
     "load_of_modes_left_out",
+    "loaded_linear",
+    "loading_at",
     "loadings_of",
     "local_loop",
     "long_delays",
@@ -624,6 +661,7 @@ __all__ = [
     "mass_beside_axis",
     "mass_line_of_pieces",
     "mass_of_alone",
+    "mass_of_bodies",
     "maximum_of",
     "middle_of",
     "mismatch",
@@ -687,6 +725,7 @@ __all__ = [
     "poses_of",
     "power_sum",
     "proof_over",
+    "push_of_actuators",
     "quantities",
     "raise_polar_inertia",
     "ranks_of_modes",
@@ -704,9 +743,12 @@ __all__ = [
     "response_of_loop",
     "rest_point",
     "rigid_body",
+    "rigid_hubs",
     "rigid_load",
+    "rigid_mass",
     "rigid_plane",
     "rk4_words",
+    "root_body",
     "root_frame",
     "rotation_vectors",
     "round_down",
@@ -775,6 +817,7 @@ __all__ = [
     "stepper_error",
     "stepper_harmonics",
     "stiffness_before",
+    "still_copy",
     "stop_ahead",
     "structured_bound",
     "sum_of_poles",
