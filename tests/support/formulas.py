@@ -64,8 +64,8 @@ from beamchain.ports.model import Shapes
 from beamchain.ports.motions import body_mass_matrix, first_moment
 from beamchain.report.outlines import Drawn
 from beamchain.report.replay import _steepest as steepest
-from beamchain.steps.culprit import culprit
-from beamchain.steps.cures import round_down
+from beamchain.steps.culprit import culprit, inertia_words, stable_step
+from beamchain.steps.cures import Names, Setting, find_cure, round_down
 from beamchain.steps.driven import driven, run_of_turn
 from beamchain.steps.forms import Craft, appendage_poles, form2, form2_many, form4, tune
 from beamchain.steps.forms import _Step as StepOfCraft
@@ -97,7 +97,7 @@ from beamchain.steps.limits import (
 )
 from beamchain.steps.limits import normalise as unit_mass_of_port
 from beamchain.steps.modal import condensed_mass
-from beamchain.steps.poles import PoleRow
+from beamchain.steps.poles import PoleRow, growing_frequencies, mismatch, phase_limit, pole_rows
 from beamchain.steps.sampled import _peaks as peaks_of_poles
 from beamchain.steps.sampled import (
     exact_response,
@@ -122,9 +122,11 @@ from beamchain.steps.step_map import (
     time_error,
 )
 from beamchain.steps.step_map import _by_differences as map_by_differences
+from beamchain.steps.tree_draws import TreeDraws
 from beamchain.steps.tree_response import Compared, Tendons
 from beamchain.steps.tree_response import Seen as SeenAtPose
-from beamchain.steps.tree_time import Alone
+from beamchain.steps.tree_time import Alone, tuned_poses
+from beamchain.steps.tree_time import _modes as modes_of_tendons
 from beamchain.steps.tree_time import _newton_step as newton_step
 from beamchain.steps.tree_time import _Room as Room
 from beamchain.steps.tree_time import _step_length as step_length
@@ -153,6 +155,7 @@ __all__ = [
     "ModalResponse",
     "ModesOfCraft",
     "Motion",
+    "Names",
     "Nodes",
     "PlanarChain",
     "PoleRow",
@@ -163,6 +166,7 @@ __all__ = [
     "Sections",
     "Seen",
     "SeenAtPose",
+    "Setting",
     "Shapes",
     "ShiftedPeak",
     "SlewBody",
@@ -171,6 +175,7 @@ __all__ = [
     "System",
     "Tendons",
     "TimeError",
+    "TreeDraws",
     "Turn",
     "WheelSweep",
     "apart",
@@ -200,15 +205,18 @@ __all__ = [
     "equal_parts",
     "exact_response",
     "figure_of_sample",
+    "find_cure",
     "first_moment",
     "form2",
     "form2_many",
     "form4",
     "free_peaks",
+    "growing_frequencies",
     "growing_poses",
     "hinge_armature",
     "imported_warnings",
     "independent_parts",
+    "inertia_words",
     "joined",
     "judged_part",
     "large_limits",
@@ -223,8 +231,10 @@ __all__ = [
     "lowest_wrong",
     "map_by_differences",
     "maximum_of",
+    "mismatch",
     "mode_to_ring",
     "modes_finely_divided",
+    "modes_of_tendons",
     "momentum_of_mode",
     "motion_at",
     "motion_of_modes",
@@ -240,10 +250,12 @@ __all__ = [
     "pairs_of_modes",
     "peak_clusters",
     "peaks_of_poles",
+    "phase_limit",
     "phase_of_two",
     "place_poles",
     "plane_of_chain",
     "pole_pairs",
+    "pole_rows",
     "polynomial",
     "port_of_mode",
     "raise_polar_inertia",
@@ -276,6 +288,7 @@ __all__ = [
     "split",
     "squared_phase",
     "stable_armature",
+    "stable_step",
     "start_rate",
     "states_of_a_rising_load",
     "steepest",
@@ -290,6 +303,7 @@ __all__ = [
     "time_modes",
     "total_index",
     "tune",
+    "tuned_poses",
     "turn",
     "turned_by",
     "turns_of_hinge",
