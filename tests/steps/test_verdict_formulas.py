@@ -337,6 +337,39 @@ def test_draws_of_a_tree_keep_their_factor_where_that_is_safe(late, limit):
         assert left(found.armature[2, at] - way / 2**10, at) < 0.0
 
 
+@pytest.mark.parametrize(
+    ("integrator", "late", "limit"),
+    [("Euler", 0.5, 0.25), ("implicitfast", -0.5, 0.25), ("RK4", 0.0, 0.125)],
+)
+def test_draws_are_of_what_the_nominal_tree_was_given(monkeypatch, integrator, late, limit):
+    model = SimpleNamespace(
+        tendon_armature=np.array([0.0, 0.1, 0.2]),
+        tendon_stiffness=np.zeros(3),
+        tendon_damping=np.zeros(3),
+    )
+    modal = SimpleNamespace(
+        index=np.array([2, 0]), stiffness=np.array([80.0, 50.0]), damping=np.array([0.4, 0.0])
+    )
+
+    def retime(timed, *asked, **named):
+        assert (asked, named) == ((H, integrator), {"form": 5, "band": 7.0})
+        timed.tendon_armature = np.array([0.03, 0.1, 0.25])
+        timed.tendon_stiffness = np.array([51.0, 9.0, 78.0])
+        timed.tendon_damping = np.array([0.0, 9.0, 0.44])
+
+    monkeypatch.setattr("beamchain.steps.tree_draws.retime", retime)
+    monkeypatch.setattr("beamchain.steps.tree_draws.appendages_alone", lambda *_: ["alone"])
+    found = TreeDraws.of(model, modal, integrator, H, 7.0)
+    assert (found.late, found.limit, found.timestep) == (late, limit, H)
+    squares = H**2 * np.array([78.0, 51.0])
+    own = np.array([0.05 - late * H * 0.44, 0.03])
+    assert found.factor == pytest.approx(own / squares)
+    assert found.gap == pytest.approx(own - limit * squares)
+    assert found.stiffness == pytest.approx([78.0 / 80.0, 51.0 / 50.0])
+    assert found.damping == pytest.approx([1.1, 1.0])
+    assert found.parts == ("alone",)
+
+
 def test_modes_of_timed_tendons_as_they_are_said():
     w, damping = np.array([3.0, 60.0]), np.array([0.4, 2.0])
     modal = SimpleNamespace(names=("a", "b"), frequency=w, stiffness=w**2, damping=damping)

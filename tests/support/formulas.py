@@ -87,6 +87,11 @@ from beamchain.steps.large_motion import LargeMotion, large_limits, large_motion
 from beamchain.steps.large_motion import _leaves as leaves_at
 from beamchain.steps.large_motion import _Plane as PlanarChain
 from beamchain.steps.large_motion import _plane as plane_of_chain
+from beamchain.steps.latch import Hinge as PlaceOfHinge
+from beamchain.steps.latch import _has_just_passed as has_just_passed
+from beamchain.steps.latch import _is_stop as is_stop
+from beamchain.steps.latch import _round_up as rounded_up
+from beamchain.steps.latch import _stop_ahead as stop_ahead
 from beamchain.steps.limits import (
     LinearModel,
     choose_step,
@@ -96,7 +101,7 @@ from beamchain.steps.limits import (
     step_limits,
 )
 from beamchain.steps.limits import normalise as unit_mass_of_port
-from beamchain.steps.modal import condensed_mass
+from beamchain.steps.modal import condensed_mass, made_for, stiffness_before
 from beamchain.steps.poles import PoleRow, growing_frequencies, mismatch, phase_limit, pole_rows
 from beamchain.steps.sampled import _peaks as peaks_of_poles
 from beamchain.steps.sampled import (
@@ -157,6 +162,7 @@ __all__ = [
     "Motion",
     "Names",
     "Nodes",
+    "PlaceOfHinge",
     "PlanarChain",
     "PoleRow",
     "Promise",
@@ -213,10 +219,12 @@ __all__ = [
     "free_peaks",
     "growing_frequencies",
     "growing_poses",
+    "has_just_passed",
     "hinge_armature",
     "imported_warnings",
     "independent_parts",
     "inertia_words",
+    "is_stop",
     "joined",
     "judged_part",
     "large_limits",
@@ -229,6 +237,7 @@ __all__ = [
     "linear_at",
     "load_of_modes_left_out",
     "lowest_wrong",
+    "made_for",
     "map_by_differences",
     "maximum_of",
     "mismatch",
@@ -267,6 +276,7 @@ __all__ = [
     "rest_point",
     "rigid_body",
     "round_down",
+    "rounded_up",
     "rounding_of_residual",
     "run_of_drive",
     "run_of_turn",
@@ -297,6 +307,8 @@ __all__ = [
     "step_pole",
     "step_response",
     "step_warnings",
+    "stiffness_before",
+    "stop_ahead",
     "structured_bound",
     "sum_of_poles",
     "time_error",

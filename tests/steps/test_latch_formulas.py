@@ -1,0 +1,206 @@
+"""Latches of one hinge, marks of tendons and poses on the way, by hand."""
+
+from types import SimpleNamespace
+
+import mujoco
+import numpy as np
+import pytest
+
+import beamchain as bc
+from beamchain.errors import InputError
+from formulas import (
+    PlaceOfHinge,
+    has_just_passed,
+    is_stop,
+    made_for,
+    rounded_up,
+    stiffness_before,
+    stop_ahead,
+    tuned_poses,
+)
+
+H = 0.02
+HINGE = PlaceOfHinge("hinge", 0, 0, 0)
+
+
+def panel(more="", inertia=0.3):
+    """A hinge whose panel has the inertia 0.3 about it."""
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><compiler angle="radian"/>
+        <option gravity="0 0 0" timestep="{H}" integrator="RK4"/><worldbody><body>
+        <joint name="hinge" axis="0 0 1" {more}/><inertial pos="0 0 0" mass="1"
+        diaginertia=".2 .2 {inertia}"/></body></worldbody></mujoco>"""
+    )
+    return model, mujoco.MjData(model)
+
+
+def test_what_a_hinge_gives_and_takes_that_is_set_free_while_it_is_bent():
+    model, data = panel('stiffness="2" springref="0.7" armature="0.4"')
+    data.qpos[0], data.qvel[0] = 0.25, 0.6
+    done = bc.latch(model, data, "hinge", angle=0.25, stiffness=50.0, armature=1.1)
+    added = (1.1 - 0.4) * 0.6**2 / 2.0
+    assert float(done) == pytest.approx(2.0 * 0.45**2 / 2.0 - added)
+    data.qpos[0], data.qvel[0] = 0.28, -0.9
+    brought = bc.unlatch(model, data, "hinge")
+    spring = 2.0 * (0.7 - 0.28) ** 2 / 2.0 - 50.0 * 0.03**2 / 2.0
+    assert brought == pytest.approx(spring + (0.4 - 1.1) * 0.9**2 / 2.0)
+
+
+@pytest.mark.parametrize("impact", [True, False])
+def test_a_hinge_that_coasts_latches_at_the_instant_of_its_angle(impact):
+    model, data = panel('range="-0.5 0.1"')
+    data.qpos[0], data.qvel[0] = 0.086, 0.8
+    mujoco.mj_forward(model, data)
+    done = bc.latch(model, data, "hinge", damping=0.2, impact=impact)
+    assert done.time == pytest.approx(0.014 / 0.8, rel=1e-9)
+    assert data.qpos[0] == pytest.approx(0.1, abs=1e-13)
+    assert data.qvel[0] == pytest.approx(0.0 if impact else 0.8, abs=1e-12)
+    assert done.impact == pytest.approx(0.3 * 0.8**2 / 2.0 * impact)
+    assert float(done) == pytest.approx(done.impact, abs=1e-12)
+    # swings by 0.2 rad in a step
+    assert done.stiffness == pytest.approx((0.2 / H) ** 2 * 0.3)
+    assert model.jnt_stiffness[0] == done.stiffness
+    assert not model.jnt_limited[0]
+    bc.unlatch(model, data, "hinge")
+    assert model.jnt_limited[0]
+    assert model.dof_damping[0] == 0.0
+
+
+@pytest.mark.parametrize(("ahead", "reached"), [(1.12, True), (1.13, False)])
+def test_a_step_goes_on_by_an_eighth_at_most(ahead, reached):
+    model, data = panel()
+    data.qvel[0] = 0.8
+    done = bc.latch(model, data, "hinge", angle=ahead * 0.8 * H, stiffness=5.0)
+    assert (done is not None) == reached
+    assert data.time == pytest.approx(ahead * H if reached else 0.0)
+
+
+@pytest.mark.parametrize(
+    ("start", "rate", "passed"),
+    [
+        (0.0179, 0.8, True),
+        (0.0181, 0.8, False),
+        (-0.0179, -0.8, True),
+        (0.0179, -0.8, False),
+        (9e-7, 0.8, False),
+        (2e-6, 0.8, True),
+    ],
+)
+def test_a_hinge_has_just_passed_within_nine_eighths_of_a_step(start, rate, passed):
+    model, data = panel()
+    data.qvel[0] = rate
+    assert has_just_passed(model, data, HINGE, start) == passed
+
+
+def test_a_latch_at_a_stop():
+    model, data = panel('range="-0.5 0.7"')
+    low, high = -0.5, 0.7
+    for target, at in ((high, True), (high - 2e-6, False), (low, True), (low + 2e-6, False)):
+        assert is_stop(model, data, HINGE, 0.0, target) == at
+    for target, beyond in ((high, 2e-6), (low, -2e-6)):
+        assert is_stop(model, data, HINGE, -beyond, target)
+        assert is_stop(model, data, HINGE, beyond / 4.0, target)
+        with pytest.raises(InputError, match="beyond its stop"):
+            is_stop(model, data, HINGE, beyond, target)
+        data.qvel[0] = np.sign(beyond)
+        assert is_stop(model, data, HINGE, beyond, target)
+        data.qvel[0] = 0.0
+        with pytest.raises(InputError, match="beyond the stops"):
+            is_stop(model, data, HINGE, 0.0, target + beyond)
+    model, data = panel('range="-0.5 0.7" margin="0.1"')
+    for target, acts in ((0.59, False), (0.61, True), (-0.39, False), (-0.41, True)):
+        if acts:
+            with pytest.raises(InputError, match="margin=0.1"):
+                is_stop(model, data, HINGE, 0.0, target)
+        else:
+            assert not is_stop(model, data, HINGE, 0.0, target)
+    model, data = panel()
+    assert not is_stop(model, data, HINGE, 1.0, 9.0)
+
+
+def test_the_stop_ahead_is_where_the_drive_or_the_rate_leads():
+    for reference, stop in ((0.2, 0.7), (0.05, -0.5)):
+        model, data = panel(f'range="-0.5 0.7" stiffness="2" springref="{reference}"')
+        assert stop_ahead(model, data, HINGE) == pytest.approx(stop)
+    model, data = panel('range="-0.5 0.7" springref="0.2"')
+    for rate, stop in ((0.05, 0.7), (-0.05, -0.5)):
+        data.qvel[0] = rate
+        assert stop_ahead(model, data, HINGE) == pytest.approx(stop)
+    data.qvel[0] = 0.0
+    with pytest.raises(InputError, match="angle is missing"):
+        stop_ahead(model, data, HINGE)
+    model, data = panel()
+    data.qpos[0] = 0.33
+    assert stop_ahead(model, data, HINGE) == 0.33
+
+
+def test_an_armature_is_rounded_up_to_three_digits():
+    assert [rounded_up(v) for v in (0.012341, 5.0, 98765.0)] == pytest.approx([0.0124, 5.0, 98800])
+
+
+# -- marks -----------------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("values", "known"),
+    [
+        ((0.05, 0, 2, 0.4, 50.0), (0.05, "Euler", 2)),
+        ((0.05, 1, 4, 0.4, 50.0), (0.05, "RK4", 4)),
+        ((0.05, 0, 5.24, 0.4, 50.0), (0.05, "Euler", 5)),
+        ((0.05, 0, 4.76, 0.4, 50.0), (0.05, "Euler", 5)),
+        ((0.05, 0, 5.26, 0.4, 50.0), None),
+        ((0.05, 0, 4.01, 0.4, 50.0), None),
+        ((0.05, 0, 3, 0.4, 50.0), None),
+        ((0.05, 99, 2, 0.4, 50.0), None),
+        ((0.0, 0, 2, 0.4, 50.0), None),
+        ((0.05, 0, np.nan, 0.4, 50.0), None),
+    ],
+)
+def test_what_five_numbers_say_of_a_tendon(values, known):
+    assert made_for(np.array(values, dtype=float)) == known
+
+
+def test_stiffness_before_form_5_changed_it():
+    marks = np.array([[0, 0, 5.1, 0, 40.0], [0, 0, 4.8, 0, 70.0], [0, 0, 2.0, 0, 30.0]])
+    changed = np.array([True, True, False])
+    # the second was changed since, by the factor 1.5
+    found = stiffness_before(np.array([44.0, 84.0, 33.0]), marks, changed)
+    assert found == pytest.approx([40.0, 105.0, 33.0])
+    assert found[0] == 40.0
+    near = stiffness_before(np.array([44.0 * (1.0 + 1e-11)]), marks[:1], changed[:1])
+    assert near[0] != 40.0
+
+
+# -- poses -----------------------------------------------------------------------------------------
+def arm(keys="", limits=""):
+    """An appendage's hinge, and two hinges of the craft on it."""
+    return mujoco.MjModel.from_xml_string(
+        f"""<mujoco><compiler angle="radian"/><worldbody><body>
+        <joint name="link" axis="0 0 1"/><inertial pos="1 0 0" mass="1" diaginertia="1 1 1"/>
+        <body><joint name="wrist" axis="0 0 1"/><inertial pos="1 0 0" mass="1" diaginertia="1 1 1"/>
+        <body><joint name="hand" axis="0 1 0" {limits}/><joint name="slide" type="slide"/>
+        <inertial pos="1 0 0" mass="1" diaginertia="1 1 1"/></body></body></body></worldbody>
+        <keyframe>{keys}</keyframe></mujoco>"""
+    )
+
+
+TREE = SimpleNamespace(rows=np.array([[1.0, 0.0, 0.0, 0.0]]))
+
+
+def test_without_keyframes_each_hinge_of_the_craft_is_turned_within_its_range():
+    found = np.array(tuned_poses(arm(limits='range="-1 1.6"'), TREE))
+    quarter = np.pi / 4.0
+    wanted = np.zeros((6, 4))
+    wanted[1:4, 1] = quarter * np.arange(1, 4)
+    wanted[4:, 2] = quarter * np.arange(1, 3)
+    assert found == pytest.approx(wanted)
+
+
+def test_between_keyframes_no_joint_turns_by_more_than_thirty_degrees():
+    keys = '<key qpos="0 1.6 0 0"/><key qpos="3 1.1 0 0"/><key qpos="0 9.1 0.4 0"/>'
+    found = np.array(tuned_poses(arm(keys), TREE))
+    # 1.6 rad: four parts; half a radian: one; eight: no more than twelve
+    wanted = [np.zeros(4)]
+    wanted += [np.array([0.0, 0.4 * k, 0.0, 0.0]) for k in range(1, 5)]
+    wanted += [np.array([3.0, 1.1, 0.0, 0.0])]
+    start, end = np.array([3.0, 1.1, 0.0, 0.0]), np.array([0.0, 9.1, 0.4, 0.0])
+    wanted += [start + (end - start) * k / 12.0 for k in range(1, 13)]
+    assert found == pytest.approx(np.array(wanted))
