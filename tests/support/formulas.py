@@ -101,7 +101,7 @@ from beamchain.steps.limits import (
     step_limits,
 )
 from beamchain.steps.limits import normalise as unit_mass_of_port
-from beamchain.steps.modal import condensed_mass, made_for, stiffness_before
+from beamchain.steps.modal import condensed_mass, made_for, modal_tendons, stiffness_before
 from beamchain.steps.poles import PoleRow, growing_frequencies, mismatch, phase_limit, pole_rows
 from beamchain.steps.sampled import _peaks as peaks_of_poles
 from beamchain.steps.sampled import (
@@ -130,7 +130,7 @@ from beamchain.steps.step_map import _by_differences as map_by_differences
 from beamchain.steps.tree_draws import TreeDraws
 from beamchain.steps.tree_response import Compared, Tendons
 from beamchain.steps.tree_response import Seen as SeenAtPose
-from beamchain.steps.tree_time import Alone, tuned_poses
+from beamchain.steps.tree_time import Alone, appendages_alone, tuned_poses
 from beamchain.steps.tree_time import _modes as modes_of_tendons
 from beamchain.steps.tree_time import _newton_step as newton_step
 from beamchain.steps.tree_time import _Room as Room
@@ -187,6 +187,7 @@ __all__ = [
     "apart",
     "apparent_pole",
     "appendage_poles",
+    "appendages_alone",
     "as_compared",
     "balanced_bounds",
     "bent_line",
@@ -241,6 +242,7 @@ __all__ = [
     "map_by_differences",
     "maximum_of",
     "mismatch",
+    "modal_tendons",
     "mode_to_ring",
     "modes_finely_divided",
     "modes_of_tendons",
