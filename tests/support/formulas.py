@@ -337,6 +337,7 @@ from beamchain.steps.limits import (
 )
 from beamchain.steps.limits import normalise as unit_mass_of_port
 from beamchain.steps.modal import condensed_mass, made_for, stiffness_before
+from beamchain.steps.modal import condensed_mass, made_for, modal_tendons, stiffness_before
 from beamchain.steps.poles import PoleRow, growing_frequencies, mismatch, phase_limit, pole_rows
 from beamchain.steps.sampled import _peaks as peaks_of_poles
 from beamchain.steps.sampled import (
@@ -366,6 +367,7 @@ from beamchain.steps.tree_draws import TreeDraws
 from beamchain.steps.tree_response import Compared, Tendons
 from beamchain.steps.tree_response import Seen as SeenAtPose
 from beamchain.steps.tree_time import Alone, tuned_poses
+from beamchain.steps.tree_time import Alone, appendages_alone, tuned_poses
 from beamchain.steps.tree_time import _modes as modes_of_tendons
 from beamchain.steps.tree_time import _newton_step as newton_step
 from beamchain.steps.tree_time import _Room as Room
@@ -449,6 +451,8 @@ __all__ = [
     "OperatingPoint",
     "Outputs",
     "Piece",
+    "Names",
+    "Nodes",
     "PlaceOfHinge",
     "PlanarChain",
     "PoleRow",
@@ -502,6 +506,7 @@ __all__ = [
     "appendage_at",
     "appendage_poles",
     "apply_draw",
+    "appendages_alone",
     "as_compared",
     "ascent",
     "assemble",
@@ -602,6 +607,9 @@ __all__ = [
     "heavy",
     "held_joints",
     "high_places",
+    "growing_frequencies",
+    "growing_poses",
+    "has_just_passed",
     "hinge_armature",
     "hinge_to_turn",
     "holders_of_shape",
@@ -624,6 +632,8 @@ __all__ = [
     "is_narrow",
     "is_stop",
     "is_worth_timing",
+    "inertia_words",
+    "is_stop",
     "joined",
     "judged_part",
     "key_number",
@@ -667,6 +677,8 @@ __all__ = [
     "mismatch",
     "modal_form",
     "mode_names",
+    "mismatch",
+    "modal_tendons",
     "mode_to_ring",
     "mode_words",
     "modes_finely_divided",
@@ -718,6 +730,8 @@ __all__ = [
     "pole_rows",
     "pole_settled",
     "polished_delay",
+    "pole_pairs",
+    "pole_rows",
     "polynomial",
     "port_hub_mass",
     "port_of_mode",
@@ -822,6 +836,10 @@ __all__ = [
     "structured_bound",
     "sum_of_poles",
     "sums_behind",
+    "stiffness_before",
+    "stop_ahead",
+    "structured_bound",
+    "sum_of_poles",
     "time_error",
     "time_modes",
     "torque_of_actuator",
