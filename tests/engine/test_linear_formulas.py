@@ -3,11 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
-<<<<<<< HEAD
 from scipy.linalg import block_diag, eigh
-=======
-from scipy.linalg import eigh
->>>>>>> h-engine
 
 from beamchain import Linear, PortModel
 from formulas import (
@@ -157,43 +153,12 @@ def test_appendages_stand_behind_the_coordinates_with_their_roots_motion():
     assert found == pytest.approx(response(whole, OMEGA), rel=1e-9)
 
 
-<<<<<<< HEAD
 def test_condensed_modes_are_kept_and_the_static_response_of_the_rest():
     random = np.random.default_rng(4)
     size, loose = 9, 1
     mass, stiffness = spread(random, size), 40.0 * spread(random, size)
     stiffness[:loose], stiffness[:, :loose] = 0.0, 0.0
     nothing, one = np.zeros((1, size)), random.normal(size=(1, size))
-=======
-def test_appendages_on_a_model():
-    """D(s) = M - s^2 L^T (s^2 + 2 z w s + w^2)^-1 L at each root, by the response and by modal
-    coordinates."""
-    models, roots = [appendage(2), appendage(1)], [RANDOM.normal(size=(6, N)) for _ in range(2)]
-    wanted = []
-    for w in OMEGA:
-        s, more = 1j * w, np.zeros((N, N), dtype=complex)
-        for model, root in zip(models, roots, strict=True):
-            own = model.frequencies
-            gain = s**2 / (s**2 + 2.0 * model.damping * own * s + own**2)
-            rows = model.participation
-            more += root.T @ (model.rigid_mass - rows.T @ np.diag(gain) @ rows) @ root
-        wanted.append(response(s, more))
-    wanted = np.moveaxis(wanted, 0, -1)
-    assert linear().response(OMEGA, models, roots) == pytest.approx(wanted, rel=1e-10)
-    found = linear().with_appendages(models, roots)
-    assert found.response(OMEGA) == pytest.approx(wanted, rel=1e-10)
-    assert [one.name for one in found.coordinates][N - 1 :] == ["q3", "mode 1", "mode 2", "mode 3"]
-
-
-def test_fewer_coordinates_keep_the_slow_modes_and_what_is_static():
-    """Without dampers: the modes up to there, and all that a constant load does."""
-    size = 8
-    mass, stiffness = spread(size, 4.0), spread(size)
-    stiffness[0] = stiffness[:, 0] = 0.0  # one rigid motion
-    squares = eigh(stiffness, mass, eigvals_only=True)
-    w = np.sqrt(np.clip(squares, 0.0, None))
-    force, seen = RANDOM.normal(size=(size, 1)), RANDOM.normal(size=(1, size))
->>>>>>> h-engine
     none = np.zeros((size, 0))
     linear = Linear(
         mass,
@@ -204,7 +169,6 @@ def test_fewer_coordinates_keep_the_slow_modes_and_what_is_static():
         Outputs((Signal("y", "m"),), nothing, nothing, one, np.zeros((1, 1))),
         Activations((), none, np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0))),
     )
-<<<<<<< HEAD
     squares, shapes = eigh(stiffness, mass)
     w = np.sqrt(np.maximum(squares, 0.0))
     fewer = linear.condensed(1.0001 * w[3])  # three modes, and one static shape each
@@ -219,23 +183,6 @@ def test_fewer_coordinates_keep_the_slow_modes_and_what_is_static():
     at_rest = (products[4:, None] * s**2 / squares[4:, None]).sum(0)
     assert fewer.response(OMEGA * 1e-3)[0, 0] == pytest.approx(kept + at_rest, rel=1e-7)
     assert linear.condensed(1.0001 * w[-1]) is linear
-=======
-    above = float(w[3] + w[4]) / 2.0
-    found = whole.condensed(above)
-    # one rigid motion, three modes, and what the load and the output have of those beyond
-    assert len(found.coordinates) == 6
-    assert found.coordinates[5].name == "shape 6"
-    own = np.linalg.eigvals(np.linalg.solve(found.mass, found.stiffness))
-    own = np.sqrt(np.clip(np.sort(own.real), 0.0, None))
-    assert own[1:4] == pytest.approx(w[1:4], rel=1e-9)
-    # what is left out falls as the fourth power of frequency
-    for omega, miss in ((0.02, 1e-7), (0.2, 1e-3)):
-        at = np.array([omega * w[1]])
-        exact, ours = (one.response(at)[0, 0, 0] for one in (whole, found))
-        rigid = whole.response(np.array([1e-4 * w[1]]))[0, 0, 0]
-        assert abs(ours - exact) < miss * abs(exact - rigid)
-    assert whole.condensed(2.0 * w[-1]) is whole
->>>>>>> h-engine
 
 
 def test_slopes_by_five_points_are_exact_to_the_fourth_power():
@@ -265,59 +212,8 @@ def test_names_of_coordinates_and_of_states_of_actuators(several):
         ("joint 2", "m"),
         ("hinge", "rad"),
     ]
-<<<<<<< HEAD
     assert found[6:11] == wanted
     prefix = "bus_" if several else ""
     assert found[2:4] == [(f"{prefix}position_z", "m"), (f"{prefix}attitude_x", "rad")]
     assert len(found) == (17 if several else 11)
     assert activation_names(model) == ("lag",)
-=======
-    assert activation_names(one) == ("lag", "actuator 2")
-    two = mujoco.MjModel.from_xml_string(
-        f"<mujoco><worldbody>{bodies.format('a')}{bodies.format('b')}</worldbody></mujoco>"
-    )
-    found = [signal.name for signal in coordinate_names(two)]
-    assert found[:6:5] == ["a_position_x", "a_attitude_z"]
-    assert found[11] == "b_position_x"
-
-
-def test_a_linear_model_of_wheels_wrenches_and_lags():
-    """A body that turns at a rate beside what is found: gyroscopic moments are not symmetric, and
-    dampers are; a wrench at a site is felt with its arm."""
-    model = mujoco.MjModel.from_xml_string(
-        """<mujoco><option gravity="0 0 -9"/><worldbody><body name="hub"><freejoint/>
-        <inertial pos="0 0 0" mass="40" diaginertia="5 6 7"/><site name="port" pos=".5 .2 -.3"/>
-        <body name="rotor"><joint name="wheel" axis="0 1 0" damping=".4" stiffness="3"/>
-        <inertial pos="0 0 0" mass="2" diaginertia=".2 .3 .2"/></body></body></worldbody>
-        <actuator><general name="lag" joint="wheel" dyntype="filter" dynprm=".5" gear="3"/>
-        <motor name="spin" joint="wheel" gear="2"/></actuator>
-        <sensor><gyro name="gyro" site="port"/><accelerometer name="felt" site="port"/></sensor>
-        </mujoco>"""
-    )
-    inputs = ["lag", "spin", "wrench:port"]
-    found = bc.Linear.of(model, inputs, ["gyro", "felt"], rates={"wheel": 50.0})
-    momentum = 0.3 * 50.0
-    damping = np.zeros((7, 7))
-    damping[6, 6] = 0.4
-    # h along y: w x h is (-w_z, 0, w_x) times it
-    damping[3, 5], damping[5, 3] = -momentum, momentum
-    assert found.damping == pytest.approx(damping, abs=1e-9)
-    stiffness = np.zeros((7, 7))
-    stiffness[6, 6] = 3.0
-    assert found.stiffness == pytest.approx(stiffness, abs=1e-9)
-    force = np.zeros((7, 8))
-    force[6, 1] = 2.0
-    force[:3, 2:5] = force[3:6, 5:8] = np.eye(3)
-    for k in range(3):
-        force[3:6, 2 + k] = np.cross([0.5, 0.2, -0.3], np.eye(3)[k])
-    assert found.inputs.force == pytest.approx(force, abs=1e-9)
-    assert found.activations.force == pytest.approx(np.array([[0.0]] * 6 + [[3.0]]), abs=1e-9)
-    assert found.activations.rate == pytest.approx(np.array([[-2.0]]))
-    assert found.activations.feed == pytest.approx(np.array([[2.0] + [0.0] * 7]), abs=1e-9)
-    assert found.outputs.rate[:3, 3:6] == pytest.approx(np.eye(3), abs=1e-9)
-    arm = np.array([[0.0, -0.3, -0.2], [0.3, 0.0, 0.5], [0.2, -0.5, 0.0]])
-    assert found.outputs.acceleration[3:, :3] == pytest.approx(np.eye(3), abs=1e-9)
-    assert found.outputs.acceleration[3:, 3:6] == pytest.approx(arm, abs=1e-9)
-    assert np.abs(found.outputs.position).max() < 1e-6
-    assert np.abs(found.outputs.feedthrough).max() < 1e-9
->>>>>>> h-engine

@@ -336,7 +336,6 @@ from beamchain.steps.limits import (
     step_limits,
 )
 from beamchain.steps.limits import normalise as unit_mass_of_port
-from beamchain.steps.modal import condensed_mass, made_for, stiffness_before
 from beamchain.steps.modal import condensed_mass, made_for, modal_tendons, stiffness_before
 from beamchain.steps.poles import PoleRow, growing_frequencies, mismatch, phase_limit, pole_rows
 from beamchain.steps.sampled import _peaks as peaks_of_poles
@@ -366,7 +365,6 @@ from beamchain.steps.step_map import _by_differences as map_by_differences
 from beamchain.steps.tree_draws import TreeDraws
 from beamchain.steps.tree_response import Compared, Tendons
 from beamchain.steps.tree_response import Seen as SeenAtPose
-from beamchain.steps.tree_time import Alone, tuned_poses
 from beamchain.steps.tree_time import Alone, appendages_alone, tuned_poses
 from beamchain.steps.tree_time import _modes as modes_of_tendons
 from beamchain.steps.tree_time import _newton_step as newton_step
@@ -451,8 +449,6 @@ __all__ = [
     "OperatingPoint",
     "Outputs",
     "Piece",
-    "Names",
-    "Nodes",
     "PlaceOfHinge",
     "PlanarChain",
     "PoleRow",
@@ -505,8 +501,8 @@ __all__ = [
     "apparent_pole",
     "appendage_at",
     "appendage_poles",
-    "apply_draw",
     "appendages_alone",
+    "apply_draw",
     "as_compared",
     "ascent",
     "assemble",
@@ -607,9 +603,6 @@ __all__ = [
     "heavy",
     "held_joints",
     "high_places",
-    "growing_frequencies",
-    "growing_poses",
-    "has_just_passed",
     "hinge_armature",
     "hinge_to_turn",
     "holders_of_shape",
@@ -632,8 +625,6 @@ __all__ = [
     "is_narrow",
     "is_stop",
     "is_worth_timing",
-    "inertia_words",
-    "is_stop",
     "joined",
     "judged_part",
     "key_number",
@@ -676,9 +667,8 @@ __all__ = [
     "middle_of",
     "mismatch",
     "modal_form",
-    "mode_names",
-    "mismatch",
     "modal_tendons",
+    "mode_names",
     "mode_to_ring",
     "mode_words",
     "modes_finely_divided",
@@ -730,8 +720,6 @@ __all__ = [
     "pole_rows",
     "pole_settled",
     "polished_delay",
-    "pole_pairs",
-    "pole_rows",
     "polynomial",
     "port_hub_mass",
     "port_of_mode",
@@ -836,10 +824,6 @@ __all__ = [
     "structured_bound",
     "sum_of_poles",
     "sums_behind",
-    "stiffness_before",
-    "stop_ahead",
-    "structured_bound",
-    "sum_of_poles",
     "time_error",
     "time_modes",
     "torque_of_actuator",
