@@ -34,6 +34,7 @@ from beamchain.engine.bench import (
     composite,
     distance,
     mass_of_bodies,
+    measure,
     rigid_mass,
     root_body,
 )
@@ -112,6 +113,7 @@ from beamchain.fitting.imported import _ratios as damping_of_file
 from beamchain.fitting.imported import _roomy as line_with_room
 from beamchain.fitting.imported import _visible_modes as visible_modes
 from beamchain.fitting.needs import Candidates, Promise, choose, with_polar_inertia
+from beamchain.fitting.result import InSpace
 from beamchain.fitting.slosh import (
     SloshCase,
     heavy,
@@ -210,6 +212,7 @@ __all__ = [
     "Held",
     "Hinge",
     "ImportedCase",
+    "InSpace",
     "Input",
     "Inputs",
     "LinearModel",
@@ -318,6 +321,7 @@ __all__ = [
     "mass_of_alone",
     "mass_of_bodies",
     "maximum_of",
+    "measure",
     "mode_to_ring",
     "modes_finely_divided",
     "momentum_of_mode",
