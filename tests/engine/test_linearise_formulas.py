@@ -100,6 +100,9 @@ def test_a_joint_without_a_spring_has_no_port():
     soft = linearisation(np.diag([0.0, 0.0]), np.zeros((2, 2)), np.eye(2)[:, :1], (0,))
     with pytest.raises(EngineError, match="no positive stiffness"):
         soft.port()
+    slow = linearisation(np.diag([0.0, 0.04]), np.zeros((2, 2)), np.eye(2)[:, :1], (0,)).port()
+    assert slow.frequencies == pytest.approx([0.2])
+    assert not slow.damping.any()
 
 
 def test_modes_of_equal_frequency_are_rows_of_their_common_sum():
@@ -219,11 +222,37 @@ def test_matrices_are_those_of_the_model_at_any_step(step):
     assert found.inputs == pytest.approx(inverse @ force, rel=1e-7, abs=1e-7)
     assert found.driven == motor_freedoms(arm()) == (0, -1, 1)
     assert found.joints == ("x", "turn")
+    system = found.continuous
+    assert pytest.approx(np.vstack([np.zeros((2, 3)), found.inputs])) == system.B
+    assert system.A[2:, :2] == pytest.approx(-found.stiffness)
     assert found.timestep == step
     # v+ = v + h (-M^-1 (K q + D v+)), and the position with the new rate
     inside = np.linalg.inv(MASS + step * DAMPERS)
     assert found.a[2:, :2] == pytest.approx(-step * inside @ SPRINGS, rel=1e-7, abs=1e-7)
     assert found.a[:2, 2:] == pytest.approx(step * inside @ MASS, rel=1e-7, abs=1e-7)
+
+
+def test_states_of_actuators_and_rigid_motions_are_no_stiffness():
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><option gravity="0 0 0" timestep=".05"/><worldbody><body><joint name="x"
+        type="slide"/><inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/></body><body><joint
+        name="y" stiffness="7"/><inertial pos="0 0 0" mass="1" diaginertia="3 3 4"/></body>
+        </worldbody><actuator><general joint="y" dyntype="filter" dynprm=".5" gear="3"/><motor
+        joint="y"/></actuator></mujoco>"""
+    )
+    found = bc.linearise(model)
+    assert found.stiffness == pytest.approx(np.diag([0.0, 7.0 / 4.0]), rel=1e-7, abs=1e-7)
+    assert not found.stiffness[:, 0].any()
+    assert found.inputs[:, 1] == pytest.approx([0.0, 0.25], abs=1e-7)
+    assert found.inputs.shape == (2, 2)
+    with pytest.raises(EngineError, match="actuators with 1 states.*first_order"):
+        _ = found.continuous
+    assert found.discrete.A.shape == (5, 5)
+    model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
+    with pytest.raises(EngineError, match="actuators with 1 states"):
+        _ = bc.linearise(model).discrete
+    discrete = implicit_stiffness(model, mujoco.MjData(model), np.zeros((2, 2)))
+    assert discrete == pytest.approx(np.diag([0.0, 7.0 / 4.0]), rel=1e-6, abs=1e-6)
 
 
 def test_a_step_of_runge_kutta_is_that_of_states_and_held_inputs():

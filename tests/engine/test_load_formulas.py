@@ -143,9 +143,9 @@ def test_a_thrust_beside_the_centre_by_a_thousandth_of_the_gyration_is_told(part
     y = part * 1e-3 * gyration
     model = mujoco.MjModel.from_xml_string(
         f"""<mujoco><worldbody><body name="bus" pos="1 2 3" euler="20 30 40"><freejoint/>
-        <inertial pos="0 0 0" mass="20" diaginertia="4 5 6"/>
-        <site name="jet" pos=".7 {y:.17g} 0"/>
-        <body pos=".5 0 0"><joint name="hinge" axis="0 1 0"/><inertial pos="0 0 0" mass="5"
+        <inertial pos="0 .37 0" mass="20" diaginertia="4 5 6"/>
+        <site name="jet" pos=".7 {0.37 + y:.17g} 0"/>
+        <body pos=".5 .37 0"><joint name="hinge" axis="0 1 0"/><inertial pos="0 0 0" mass="5"
         diaginertia=".1 .1 .1"/></body></body></worldbody><actuator><motor site="jet"
         gear="4 0 0 0 0 0"/></actuator><keyframe><key ctrl="3"/><key/></keyframe></mujoco>"""
     )

@@ -87,6 +87,7 @@ from beamchain.engine.bench import (
     composite,
     distance,
     mass_of_bodies,
+    measure,
     rigid_mass,
     root_body,
 )
@@ -170,6 +171,7 @@ from beamchain.fitting.imported import _roomy as line_with_room
 from beamchain.fitting.imported import _visible_modes as visible_modes
 from beamchain.fitting.needs import Candidates, Promise, choose, with_polar_inertia
 from beamchain.fitting.needs import choose as choose_modes
+from beamchain.fitting.result import InSpace
 from beamchain.fitting.slosh import (
     SloshCase,
     heavy,
@@ -424,6 +426,7 @@ __all__ = [
     "Hinge",
     "History",
     "ImportedCase",
+    "InSpace",
     "Input",
     "Inputs",
     "LargeMotion",
@@ -669,6 +672,7 @@ __all__ = [
     "modal_form",
     "modal_tendons",
     "mode_names",
+    "measure",
     "mode_to_ring",
     "mode_words",
     "modes_finely_divided",

@@ -176,6 +176,7 @@ class Linearisation:
     @property
     def discrete(self) -> "control.StateSpace":
         """The step as MuJoCo takes it, `control.StateSpace` with dt."""
+        self._check_states(self.a.shape[0])
         with importing:
             import control
 
@@ -184,12 +185,21 @@ class Linearisation:
     @property
     def continuous(self) -> "control.StateSpace":
         """The system `q'' = -M^-1 K q - M^-1 D q' + M^-1 B u`, states (q, q')."""
+        self._check_states(2 * len(self.joints))
         with importing:
             import control
 
         a = system_matrix(self.stiffness, self.damping)
         b = np.vstack([0.0 * self.inputs, self.inputs])
         return cast("control.StateSpace", control.ss(a, b, self.c, self.d))
+
+    def _check_states(self, states: int) -> None:
+        """Refuse a system that leaves out what outputs are read from: states of actuators."""
+        if self.c.shape[1] != states:
+            raise EngineError(
+                f"the model has actuators with {self.c.shape[1] - 2 * len(self.joints)} states, "
+                "which this system does not hold; take bc.Linear.of(...).first_order()."
+            )
 
     def frequencies(self) -> Array:
         """Undamped natural frequencies above zero, ascending [rad/s]."""

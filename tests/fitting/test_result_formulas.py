@@ -1,0 +1,206 @@
+"""What a fit says of itself, of models whose errors are known."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import beamchain as bc
+from beamchain import PortModel
+from formulas import InSpace
+
+LIMITS = SimpleNamespace(largest_step={})
+
+
+def comparison(matches, frequency, participation, in_band):
+    return bc.Comparison(
+        np.array(matches), np.array(frequency), np.array(participation), 0.0, in_band
+    )
+
+
+def plane(w, ratios, tip):
+    rows = np.ones((len(w), 2)) / 10.0
+    return PortModel(
+        np.eye(2), np.array(w), rows, np.array(ratios), tip=np.array(tip)[:, None] * [1.0, 0.3]
+    )
+
+
+def made(**given):
+    """Two planes: of xy the second mode was found first."""
+    target = {
+        "xy": plane([2.0, 5.0], [0.01, 0.02], [1.0, -2.0]),
+        "xz": plane([3.0], [0.03], [4.0]),
+    }
+    achieved = {
+        "xy": plane([2.1, 5.5], [0.011, 0.022], [1.0, -2.0]),
+        "xz": plane([3.3], [0.033], [4.0]),
+    }
+    errors = {
+        "xy": comparison([[1, 1], [0, 0]], [0.1, 0.05], [0.4, 0.3], 1e-3),
+        "xz": comparison([[0, 0]], [0.1], [0.2], 4e-3),
+    }
+    chain = SimpleNamespace(
+        port={
+            "xy": plane([2.0, 5.0], [0, 0], [1.005, -1.985]),
+            "xz": plane([3.0], [0], [4.02]),
+        }.get,
+        tendons=(),
+        mass=8.0,
+    )
+    spec = SimpleNamespace(scene=None, root=SimpleNamespace(hub=None), exact_step=0.0)
+    measured = SimpleNamespace(rigid_mass=np.eye(6))
+    base = {
+        "spec": spec,
+        "chain": chain,
+        "full": target,
+        "target": target,
+        "achieved": achieved,
+        "readback_error": errors,
+        "measured": measured,
+        "limits": LIMITS,
+        "status": SimpleNamespace(ok=True),
+        "seconds": {},
+        "bandwidth": {"xy": 7.0, "xz": 9.0},
+    }
+    return bc.Fit(**{**base, **given})
+
+
+def scene(**given):
+    step = given.pop("step", 0.0)
+    hub = given.pop("hub", None)
+    return SimpleNamespace(scene=bc.Scene(**given), root=SimpleNamespace(hub=hub), exact_step=step)
+
+
+def sampled(fit, error):
+    """The error at the samples is known."""
+    object.__setattr__(fit, "__dict__", {**fit.__dict__})
+    fit.__dict__["_sampled"] = None if error is None else SimpleNamespace(error=error)
+    return fit
+
+
+def test_modes_are_listed_slowest_first_with_what_was_found_of_them():
+    rows = made().modes
+    assert rows == [
+        ("xy", 1, 2.0, 2.1, 0.011, 0.05, 0.3),
+        ("xy", 2, 5.0, 5.5, 0.022, 0.1, 0.4),
+        ("xz", 1, 3.0, 3.3, 0.033, 0.1, 0.2),
+    ]
+
+
+def test_the_worst_port_says_the_error():
+    fit = made()
+    assert fit.worst_port == "xz"
+    assert fit.in_band_error == 4e-3
+    assert fit.headline == "in-band error 4.00e-03 up to 9 rad/s (xz, worst of 2 ports)"
+    one = {"xz": fit.readback_error["xz"]}
+    alone = made(readback_error=one, target={"xz": fit.target["xz"]})
+    assert alone.headline == "in-band error 4.00e-03 up to 9 rad/s (xz)"
+    promised = made(promise=2e-4, spec=scene(bandwidth=11.0))
+    assert promised.in_band_error == 2e-4
+    assert promised.headline == (
+        "in-band error 2.00e-04 up to 11 rad/s, in the motions the scene asks for"
+    )
+    rigid = made(readback_error={}, target={}, promise=2e-4, spec=scene(bandwidth=11.0))
+    assert rigid.headline == "in-band error 2.00e-04 up to 11 rad/s, rigid"
+    assert made(readback_error={}, target={}).headline.startswith("rigid: no in-band error")
+
+
+@pytest.mark.parametrize(
+    ("second", "told"),
+    [(-1.982, None), (-1.978, "-1.1% in mode 2 of xy"), (-2.1, "+5.0% in mode 2 of xy")],
+)
+def test_the_tip_is_told_beyond_a_hundredth(second, told):
+    tips = {"xy": plane([2.0, 5.0], [0, 0], [1.005, second]), "xz": plane([3.0], [0], [4.02])}
+    fit = made(chain=SimpleNamespace(port=tips.get, tendons=(), mass=8.0))
+    assert fit.tip_error["xy"] == pytest.approx([0.005, second / -2.0 - 1.0])
+    assert fit.tip_error["xz"] == pytest.approx([0.005])
+    assert (fit.tip_told is None) == (told is None)
+    if told:
+        assert told in fit.tip_told
+        assert fit.headline.endswith(fit.tip_told)
+
+
+def test_static_shapes_behind_the_modes_are_not_told():
+    errors = {**made().readback_error, "xy": comparison([[0, 0]], [0.1], [0.2], 1e-3)}
+    tips = {"xy": plane([2.0, 5.0], [0, 0], [1.005, -9.0]), "xz": plane([3.0], [0], [4.02])}
+    fit = made(readback_error=errors, chain=SimpleNamespace(port=tips.get, tendons=(), mass=8.0))
+    assert fit.tip_told is None
+
+
+@pytest.mark.parametrize(
+    ("damping", "stiffness", "damped", "sprung"),
+    [(0.0, 0.0, False, False), (0.02, 0.0, True, False), (0.0, 0.03, False, True)],
+)
+def test_tendons_that_damp_or_spring(damping, stiffness, damped, sprung):
+    tendons = (
+        SimpleNamespace(damping=0.0, stiffness=0.0),
+        SimpleNamespace(damping=damping, stiffness=stiffness),
+    )
+    fit = made(chain=SimpleNamespace(tendons=tendons))
+    assert (fit.tendon_damped, fit.tendon_sprung) == (damped, sprung)
+
+
+HUB = bc.Hub(mass=7.0, inertia=(3.0, 4.0, 5.0))
+
+
+@pytest.mark.parametrize(
+    ("given", "error", "promise", "decisive", "met"),
+    [
+        ({"bandwidth": 10.0, "hub": HUB}, None, 0.98e-3, 0.98e-3, True),
+        ({"bandwidth": 10.0, "hub": HUB}, None, 0.995e-3, 0.995e-3, False),
+        ({"bandwidth": 10.0, "hub": HUB}, 0.5e-3, 2e-3, 0.5e-3, True),  # of its one hub
+        ({"bandwidth": 10.0}, 0.5e-3, 2e-3, 2e-3, False),  # of three hubs too
+        ({"bandwidth": 10.0}, 3e-3, 2e-3, 3e-3, False),
+        ({"bandwidth": 10.0, "hub": HUB, "step": 0.25}, 0.5e-3, 2e-3, 0.5e-3, True),
+        ({"bandwidth": 10.0, "hub": HUB, "step": 0.27}, 0.5e-3, 2e-3, np.inf, False),  # 2.6 rad
+        ({}, 3e-3, 2e-3, 3e-3, None),
+    ],
+)
+def test_the_error_that_a_tolerance_is_held_against(given, error, promise, decisive, met):
+    fit = sampled(made(promise=promise, spec=scene(tolerance=1e-3, **given)), error)
+    assert fit.decisive == decisive
+    assert fit.met is met
+
+
+@pytest.mark.parametrize(("error", "ruined"), [(0.099, False), (0.101, True), (None, False)])
+def test_a_step_that_ruins_the_motion_where_no_tolerance_is_stated(error, ruined):
+    assert sampled(made(), error).ruined is ruined
+    assert not sampled(made(promise=1e-4, spec=scene(bandwidth=1.0)), error).ruined
+
+
+# -- imported modes --------------------------------------------------------------------------------
+ROWS = np.zeros((5, 6))
+ROWS[0, 1], ROWS[1, 2], ROWS[2, 1], ROWS[3, 3], ROWS[4, 2] = 1.0, 1.0, 0.5, 0.3, 0.4
+
+
+def in_space(numbers, rows=ROWS):
+    mass = np.diag([8.0, 8.0, 8.0, 0.5, 30.0, 30.0])
+    data = bc.ModalData(mass, np.array([2.0, 3.0, 5.0, 7.0, 9.0]), rows)
+    return InSpace(data, "chain", "", None, None, None, None, (), numbers)
+
+
+def test_modes_are_numbered_as_in_the_file():
+    some = in_space((2, 3, 4, 5))
+    assert some.in_file("mode3") == 4
+    assert some.in_file("mode2_xz") == 5
+    assert some.in_file("mode1_xy") == 3
+    assert some.in_file("mode1_torsion") == 4
+    assert not some.couples
+    assert not in_space(()).couples
+    mixed = np.array(ROWS)
+    mixed[0, 2] = 0.4
+    assert in_space((1, 4), mixed).couples
+    assert not in_space((3, 4), mixed).couples
+
+
+@pytest.mark.parametrize(
+    ("numbers", "words"),
+    [
+        ((), "none of the 5 modes of the file"),
+        ((2,), "mode 2 of the 5 of the file"),
+        ((2, 4), "modes 2, 4 of the 5 of the file"),
+        ((1, 2, 3, 4, 5), "all 5 modes of the file"),
+    ],
+)
+def test_kept_modes_in_words(numbers, words):
+    assert in_space(numbers).kept_words == words
