@@ -10,9 +10,11 @@ import beamchain as bc
 from beamchain.errors import InputError
 from formulas import (
     PlaceOfHinge,
+    appendages_alone,
     has_just_passed,
     is_stop,
     made_for,
+    modal_tendons,
     rounded_up,
     stiffness_before,
     stop_ahead,
@@ -204,3 +206,45 @@ def test_between_keyframes_no_joint_turns_by_more_than_thirty_degrees():
     start, end = np.array([3.0, 1.1, 0.0, 0.0]), np.array([0.0, 9.1, 0.4, 0.0])
     wanted += [start + (end - start) * k / 12.0 for k in range(1, 13)]
     assert found == pytest.approx(np.array(wanted))
+
+
+# -- appendages alone ------------------------------------------------------------------------------
+LINKS = """<inertial pos=".1 .2 0" mass="2" diaginertia=".3 .2 .1"/>
+    <body pos=".5 0 .1"><joint name="{0}1" axis="0 0 1"/>
+    <inertial pos=".4 .1 0" mass="1.5" diaginertia=".2 .1 .3" euler="20 0 10"/>
+    <body pos=".8 0 0"><joint name="{0}2" axis="0 1 .5"/>
+    <inertial pos=".3 0 .1" mass="1.1" diaginertia=".1 .15 .2"/>{1}</body></body>"""
+
+
+def test_an_appendage_alone_is_one_without_its_craft_and_its_load():
+    def tendon(name, **coefs):
+        joints = "".join(f'<joint joint="{j}" coef="{c}"/>' for j, c in coefs.items())
+        return f'<fixed name="{name}" stiffness="9" springlength="0 0">{joints}</fixed>'
+
+    load = """<body pos="1 0 0"><joint name="wrist" axis="0 0 1"/>
+        <inertial pos="1 0 0" mass="7" diaginertia="1 1 1"/></body>"""
+    craft = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><worldbody><body><freejoint/>
+        <inertial pos="0 0 0" mass="50" diaginertia="9 9 9"/>
+        <body pos="1 2 3" euler="40 20 70">{LINKS.format("a", load)}</body>
+        <body pos="-1 0 2" euler="0 0 30">{LINKS.format("b", "")}</body></body></worldbody>
+        <tendon>{tendon("a_mode1_xy", a1=1.1, a2=0.4)}{tendon("b_mode1_xy", b1=0.7, b2=-0.3)}
+        {tendon("a_mode2_xz", a1=-0.2, a2=0.9)}</tendon></mujoco>"""
+    )
+    alone = mujoco.MjModel.from_xml_string(
+        f"<mujoco><worldbody><body><freejoint/>{LINKS.format('a', '')}</body></worldbody></mujoco>"
+    )
+    data, mass = mujoco.MjData(alone), np.zeros((8, 8))
+    mujoco.mj_forward(alone, data)
+    for i in range(8):
+        mujoco.mj_mulM(alone, data, mass[i], np.eye(8)[i])
+    both, single = appendages_alone(craft, modal_tendons(craft))
+    for found, rows, at in (
+        (both, np.array([[1.1, 0.4], [-0.2, 0.9]]), [0, 2]),
+        (single, np.array([[0.7, -0.3]]), [1]),
+    ):
+        assert found.tendons.tolist() == at
+        free = np.linalg.inv(mass)[6:, 6:]
+        held = np.linalg.inv(mass[6:, 6:])
+        assert found.free == pytest.approx(np.linalg.inv(rows @ free @ rows.T))
+        assert found.held == pytest.approx(np.linalg.inv(rows @ held @ rows.T))
