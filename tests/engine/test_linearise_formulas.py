@@ -170,12 +170,13 @@ def test_crosstalk_is_the_largest_on_nine_frequencies_beside_the_axis():
     """s = w (0.05 + i), from 0.3 of the first frequency to 3 times the last."""
     stiffness = np.array([[4.0, 0.3], [0.3, 30.0]])
     inputs = np.array([[1.0, 0.02], [0.05, 2.0]])
-    made = linearisation(stiffness, 0.0 * stiffness, inputs, (0, 1))
+    damping = np.array([[0.9, 0.02], [0.01, 4.0]])
+    made = linearisation(stiffness, damping, inputs, (0, 1))
     w = np.sqrt(np.sort(np.linalg.eigvals(stiffness)))
     worst = 0.0
     for omega in np.geomspace(0.3 * w[0], 3.0 * w[1], 9):
         s = omega * (0.05 + 1j)
-        x = np.linalg.solve(s**2 * np.eye(2) + stiffness, inputs)
+        x = np.linalg.solve(s**2 * np.eye(2) + s * damping + stiffness, inputs)
         size = np.sqrt(np.abs(x[0, 0] * x[1, 1]))
         worst = max(worst, abs(x[0, 1]) / size, abs(x[1, 0]) / size)
     assert made.coupling([(0,), (1,)]) == pytest.approx(worst, rel=1e-9)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import beamchain as bc
+import beamchain.fitting.result as result_module
 from beamchain import PortModel
 from formulas import InSpace
 
@@ -166,6 +167,27 @@ def test_the_error_that_a_tolerance_is_held_against(given, error, promise, decis
 def test_a_step_that_ruins_the_motion_where_no_tolerance_is_stated(error, ruined):
     assert sampled(made(), error).ruined is ruined
     assert not sampled(made(promise=1e-4, spec=scene(bandwidth=1.0)), error).ruined
+
+
+def test_the_turn_is_that_of_the_hub_with_its_appendage(monkeypatch):
+    """7 kg and 3, 4, 5 kg m^2 at the root, 2 kg and no inertia 1.5 m out along x."""
+    asked = []
+    monkeypatch.setattr(result_module, "turn_error", lambda *given: asked.append(given) or 0.25)
+    monkeypatch.setattr(result_module, "scene_step", lambda *_: 0.05)
+    arm = np.diag([2.0, 2.0, 2.0, 0.0, 4.5, 4.5])
+    arm[1, 5] = arm[5, 1] = 3.0
+    arm[2, 4] = arm[4, 2] = -3.0
+    rates = (0.1, 0.2, -0.3)
+    spec = scene(rates=rates, integrator="RK4", hub=HUB)
+    fit = made(spec=spec, measured=SimpleNamespace(rigid_mass=arm))
+    assert fit.turn_error == 0.25
+    ((inertia, *rest),) = asked
+    reduced = 7.0 * 2.0 / 9.0 * 1.5**2
+    assert inertia == pytest.approx(np.diag([3.0, 4.0 + reduced, 5.0 + reduced]), abs=1e-12)
+    assert rest[0] == rates
+    assert rest[1:] == [0.05, "RK4"]
+    assert made(spec=scene(rates=rates)).turn_error is None
+    assert made(spec=scene(hub=HUB)).turn_error is None
 
 
 # -- imported modes --------------------------------------------------------------------------------
