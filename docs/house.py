@@ -16,13 +16,15 @@ FOLDERS = {
     "steps": "time steps",
     "fitting": "spec to chain",
     "craft": "spacecraft",
-    "plants": "control",
+    "control": "plants",
     "variants": "drawn",
-    "fleet": "many",
-    "identification": "from logs",
     "studies": "questions",
     "report": "looked at",
     "cli": "commands",
+    "robust": "worst cases",
+    "pointing": "jitter",
+    "identification": "from logs",
+    "worlds": "many",
 }
 WIDTH, GAP, HEIGHT, TOP = 92, 12, 62, 190
 INK, PALE = "#1f3b57", "#6f8faf"

@@ -19,7 +19,7 @@ ELSEWHERE = {"extremes.png", "house.svg"}  # by make extremes, by house.py
 JITTER = """
 from pathlib import Path
 
-from beamchain.report.plant_plots import pointing_figure
+from beamchain.pointing.plots import pointing_figure
 from beamchain.report.svg import to_svg
 
 Path("jitter.svg").write_text(to_svg(pointing_figure(budget), "jitter"), encoding="utf-8")

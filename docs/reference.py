@@ -14,8 +14,11 @@ import msgspec
 import typer
 
 import beamchain as bc
+from beamchain import pointing
 from beamchain.cli import app
 
+#: modules whose public names stand beside those of `beamchain`
+MODULES = ("spec", "results", "robust", "pointing", "identification", "worlds")
 #: TOML files that a user writes: page, title, what it is, and the struct that reads it
 FILES = (
     (
@@ -28,20 +31,20 @@ FILES = (
         "controller",
         "Keys of a controller",
         "A `LOOPS.toml` is given to `beamchain plant --controller`.",
-        bc.Controller,
+        bc.spec.Controller,
     ),
     (
         "craft",
         "Keys of an uncertain spacecraft",
-        "A `CRAFT.toml` is given to `beamchain sweep --uncertain` and `beamchain plant "
+        "A `CRAFT.toml` is given to `beamchain sweep --uncertain` and `beamchain worst-case "
         "--uncertain`.",
-        bc.UncertainCraft,
+        bc.spec.UncertainCraft,
     ),
     (
         "disturbances",
         "Keys of disturbances",
-        "A `DISTURBANCES.toml` is given to `bc.pointing` and `beamchain plant --disturbances`.",
-        bc.Disturbances,
+        "A `DISTURBANCES.toml` is given to `pointing.budget` and `beamchain pointing`.",
+        pointing.Disturbances,
     ),
 )
 #: classes that public functions return, and which call returns each
@@ -49,7 +52,7 @@ RESULTS = {
     "Comparison": "bc.compare(a, b)",
     "Embedded": "bc.embed(craft, at)",
     "Fit": "bc.fit(spec)",
-    "Identification": "bc.identify(logs, craft, at)",
+    "Identification": "identification.identify(logs, craft, at)",
     "Instability": "bc.margins(plant, controller).instabilities",
     "Latched": "bc.latch(model, data, joint)",
     "Linear": "bc.Linear.of(model)",
@@ -59,19 +62,19 @@ RESULTS = {
     "Plant": "bc.plant(model, inputs, outputs)",
     "Recorder": "embedded.recorder()",
     "Recovery": "embedded.recover(data, place)",
-    "Pointing": "bc.pointing(craft, disturbances)",
+    "Pointing": "pointing.budget(craft, disturbances)",
     "Retimed": "bc.retime(model, timestep)",
     "ScheduledPlant": 'bc.plant(model, inputs, outputs, at={"drive": angles})',
     "StabilityStudy": "bc.stability(source)",
     "Study": "bc.study(spec)",
     "Sweep": "bc.sweep(source, samples)",
-    "UncertainPlant": "plant.uncertain(craft)",
-    "Worlds": "bc.worlds(model, variants)",
-    "GainBound": "plant.uncertain(craft).bound(controller)",
-    "WorstCase": "plant.uncertain(craft).worst_case(controller)",
-    "WorstCases": "scheduled.worst_case(craft, controller)",
-    "WorstMargins": "plant.uncertain(craft).worst_margins(controller)",
-    "WorstMarginsOfPoses": "scheduled.worst_margins(craft, controller)",
+    "UncertainPlant": "robust.uncertain(plant, craft)",
+    "Worlds": "worlds.make(model, variants)",
+    "GainBound": "robust.uncertain(plant, craft).bound(controller)",
+    "WorstCase": "robust.uncertain(plant, craft).worst_case(controller)",
+    "WorstCases": "robust.worst_case(scheduled, craft, controller)",
+    "WorstMargins": "robust.uncertain(plant, craft).worst_margins(controller)",
+    "WorstMarginsOfPoses": "robust.worst_margins(scheduled, craft, controller)",
 }
 #: classes that these and public classes hold: shown on the same page
 PARTS = {
@@ -111,7 +114,7 @@ PARTS = {
         "engine.normal_modes.NormalModes",
     ),
     "Linearisation": ("engine.linearise.Held",),
-    "Margins": ("plants.margins.Extremum",),
+    "Margins": ("control.margins.Extremum",),
     "Plant": ("engine.allocation.Allocated",),
     "Recorder": ("engine.root_motion.Run",),
     "Recovery": (
@@ -120,11 +123,11 @@ PARTS = {
         "structure.sections_at.Sections",
     ),
     "Pointing": (
-        "plants.error_indices.ErrorIndex",
-        "plants.pointing.WorstError",
-        "plants.source_errors.SourceError",
-        "plants.wheel_run.WheelRun",
-        "plants.wheel_sweep.SpeedCurve",
+        "pointing.error_indices.ErrorIndex",
+        "pointing.pointing.WorstError",
+        "pointing.source_errors.SourceError",
+        "pointing.wheel_run.WheelRun",
+        "pointing.wheel_sweep.SpeedCurve",
     ),
     "Retimed": ("steps.forms.ModeTime",),
     "Segment": (
@@ -132,6 +135,7 @@ PARTS = {
         "structure.section.Geometry",
         "structure.section.Outline",
     ),
+    "Slosh": ("structure.slosh.Pendulums",),
     "StabilityStudy": (
         "craft.stability.StepRow",
         "craft.slews.SlewRow",
@@ -142,13 +146,13 @@ PARTS = {
     "Study": ("studies.front.Reach", "studies.run_time.Point", "studies.field.Entry"),
     "Sweep": ("craft.quantities.Quantity",),
     "UncertainPlant": (
-        "plants.lft.Block",
-        "plants.worst_case.Loops",
-        "plants.worst_case.Peak",
-        "plants.worst_margins.LeastMargin",
+        "robust.lft.Block",
+        "robust.search.Loops",
+        "robust.search.Peak",
+        "robust.least_margins.LeastMargin",
     ),
 }
-GYM = ("fleet.satellite.Satellite",)
+GYM = ("worlds.satellite.Satellite",)
 WORDS = {
     "number": "number",
     "integer": "whole number",
@@ -312,16 +316,23 @@ def _plain(text: str) -> str:
 
 
 # -- the Python interface --------------------------------------------------------------------------
-def names() -> list[str]:
-    """The public names."""
-    return [name for name in bc.__all__ if name != "__version__"]
+def names() -> dict[str, str]:
+    """The public names, and the module that each is typed after."""
+    out = dict[str, str]()
+    for module in ("beamchain", *(f"beamchain.{name}" for name in MODULES)):
+        place = import_module(module)
+        things = {name: getattr(place, name) for name in place.__all__}
+        shown = [name for name, thing in things.items() if not inspect.ismodule(thing)]
+        out |= {name: module for name in sorted(shown) if name not in out}
+    return out
 
 
 def python() -> dict[str, str]:
     """A page per public name, and the list of all."""
     pages, rows = {}, {}
-    for name in names():
-        thing = getattr(bc, name)
+    for name, module in names().items():
+        thing = getattr(import_module(module), name)
+        typed = f"{module.replace('beamchain', 'bc')}.{name}"
         call = RESULTS.get(name)
         group = (
             "Functions"
@@ -341,15 +352,19 @@ def python() -> dict[str, str]:
         }.get(group, [])
         about = "" if call is None else _returned_by(call)
         pages[f"reference/python/{name}.md"] = _page(
-            f"bc.{name}", about, _shown(what, name, *options), name
+            typed, about, _shown(what, f"{module}.{name}", *options), name
         )
-        cells = [f"[{name}]({name}.md)", *([] if call is None else [f"`{call}`"]), _first(thing)]
+        cells = [f"[{typed}]({name}.md)", *([] if call is None else [f"`{call}`"]), _first(thing)]
         rows.setdefault(group, []).append(f"| {' | '.join(cells)} |")
     shown = "".join(
-        _shown("autoclass", name, ":members:", ":no-inherited-members:") for name in GYM
+        _shown("autoclass", f"beamchain.{name}", ":members:", ":no-inherited-members:")
+        for name in GYM
     )
     pages["reference/results/gym.md"] = _page(
-        "beamchain.gym", "", _shown("automodule", "gym", ":no-index:") + shown, ""
+        "beamchain.worlds.gym",
+        "",
+        _shown("automodule", "beamchain.worlds.gym", ":no-index:") + shown,
+        "",
     )
     text = ["# Python\n\n`import beamchain as bc`. Every example is run by the tests.\n"]
     for group in ("Functions", "Results", "Classes", "Errors"):
@@ -357,9 +372,10 @@ def python() -> dict[str, str]:
         if group == "Results":
             text.append("## What the functions return\n")
             head = "| class | returned by | what it is |\n|---|---|---|"
-            gym = 'gymnasium.make("beamchain.gym:beamchain/FlexibleSatellite-v0")'
+            gym = 'gymnasium.make("beamchain.worlds.gym:beamchain/FlexibleSatellite-v0")'
             rows[group].append(
-                f"| [beamchain.gym](../results/gym.md) | `{gym}` | the Gymnasium environment |"
+                f"| [beamchain.worlds.gym](../results/gym.md) | `{gym}` "
+                "| the Gymnasium environment |"
             )
         else:
             text.append(f"## {group}\n")
@@ -385,15 +401,14 @@ def _returned_by(call: str) -> str:
 
 def _shown(what: str, name: str, *options: str) -> str:
     """An autodoc directive."""
-    return (
-        f".. {what}:: beamchain.{name}\n" + "".join(f"   {option}\n" for option in options) + "\n"
-    )
+    return f".. {what}:: {name}\n" + "".join(f"   {option}\n" for option in options) + "\n"
 
 
 def _page(title: str, about: str, shown: str, name: str) -> str:
     """A page of what autodoc shows, with the parts of a class below it."""
     parts = "".join(
-        _shown("autoclass", part, ":members:", *_told(part)) for part in PARTS.get(name, ())
+        _shown("autoclass", f"beamchain.{part}", ":members:", *_told(part))
+        for part in PARTS.get(name, ())
     )
     text = f"# {title}\n\n{about}```{{eval-rst}}\n{shown}```\n"
     return text + (f"\n## Its parts\n\n```{{eval-rst}}\n{parts}```\n" if parts else "")

@@ -33,7 +33,7 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "generator" / "beamchain"
 FOLDERS = (
     *("ports", "structure", "chain", "engine", "steps"),
-    *("fitting", "craft", "plants", "variants"),
+    *("fitting", "craft", "control", "robust", "pointing", "variants"),
 )
 ROUNDING = 1e-6  # constants up to here are thresholds of rounding, and stay
 OPERATORS: dict[type[ast.AST], tuple[str, str]] = {

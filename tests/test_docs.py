@@ -39,7 +39,7 @@ QUICKER = {
 LARGEST, FIRST, ALL = 1_000_000, 1_500_000, 8_000_000  # bytes: a picture, README's, all of them
 DONE = (0, 3)  # exit: done; done but less came out than was asked for
 
-PUBLIC = [name for name in bc.__all__ if name != "__version__"]
+PUBLIC = returned.public()
 COMMANDS = {command.name for command in app.registered_commands}
 
 readme = pytest.mark.skipif(
@@ -223,9 +223,9 @@ def arguments(thing):
     ]
 
 
-@pytest.mark.parametrize("name", PUBLIC)
+@pytest.mark.parametrize("name", list(PUBLIC))
 def test_public_names_are_documented_with_every_argument(name):
-    thing = getattr(bc, name)
+    thing = PUBLIC[name]
     text = inspect.getdoc(thing) or ""
     assert len(text.split()) >= 4, name
     missing = [argument for argument in arguments(thing) if not told(text, argument)]
@@ -233,7 +233,7 @@ def test_public_names_are_documented_with_every_argument(name):
 
 
 CLASSES = {
-    name: getattr(bc, name) for name in PUBLIC if inspect.isclass(getattr(bc, name))
+    name: thing for name, thing in PUBLIC.items() if inspect.isclass(thing)
 } | returned.by_functions()
 METHODS = [
     (name, member)

@@ -6,13 +6,11 @@ import importlib
 
 import pytest
 
-import beamchain as bc
 import returned
 
-SLOW = ("study", "stability", "worlds", "Study", "Worlds")
-NAMES = [name for name in bc.__all__ if name != "__version__"]
-RESULTS = [*returned.by_functions(), "UncertainPlant", "WorstCase"]
-MARKED = [pytest.param(n, marks=pytest.mark.slow) if n in SLOW else n for n in (*NAMES, *RESULTS)]
+SLOW = ("study", "stability", "worlds.make", "results.Study", "worlds.Worlds")
+EVERY = {**returned.public(), **returned.by_functions()}
+MARKED = [pytest.param(n, marks=pytest.mark.slow) if n in SLOW else n for n in EVERY]
 
 
 def run(found, name, folder, monkeypatch):
@@ -30,12 +28,16 @@ def run(found, name, folder, monkeypatch):
 
 @pytest.mark.parametrize("name", MARKED)
 def test_its_example_runs(name, tmp_path, monkeypatch):
-    found = getattr(bc, name) if name in NAMES else returned.by_all()[name]
-    run(found, name, tmp_path, monkeypatch)
+    run(EVERY[name], name, tmp_path, monkeypatch)
 
 
 def test_the_example_of_the_environment_runs(tmp_path, monkeypatch):
     pytest.importorskip(
         "gymnasium", reason="Gymnasium is not installed: pip install 'beamchain[gym]'"
     )
-    run(importlib.import_module("beamchain.gym"), "beamchain.gym", tmp_path, monkeypatch)
+    run(
+        importlib.import_module("beamchain.worlds.gym"),
+        "beamchain.worlds.gym",
+        tmp_path,
+        monkeypatch,
+    )

@@ -95,7 +95,9 @@ def test_notebook_uses_the_public_list_only(path):
     cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
     code = "\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "code")
     assert "import beamchain as bc" in code
-    assert set(re.findall(r"from (beamchain[\w.]*) import", code)) <= RESEARCH
+    assert set(re.findall(r"from (beamchain\.[\w.]*) import", code)) <= RESEARCH
+    products = {"identification", "pointing", "robust", "worlds"}
+    assert set(re.findall(r"from beamchain import (\w+)", code)) <= products
     assert "import beamchain." not in code
     names = set(re.findall(r"\bbc\.(\w+)", code))
     assert names

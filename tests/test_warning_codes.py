@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import beamchain as bc
+import returned
 from beamchain.caution import CODES, Caution, at
 from command import COMMANDS, call
 from spacecraft import spec
@@ -55,7 +56,8 @@ def test_the_page_lists_every_code():
     rows = re.findall(form, text, re.MULTILINE)
     assert {code: meaning for code, meaning, _, _ in rows} == CODES
     assert [code for code, *_ in rows] == sorted(CODES)
-    places = {*COMMANDS, *(f"bc.{name}" for name in bc.__all__)}
+    places = {*COMMANDS, *returned.public()}
+    places |= {f"bc.{name}" for name in bc.__all__}
     assert all(word.strip("`") in places for *_, raised, _ in rows for word in raised.split(", "))
     assert all(re.fullmatch(r"[a-z]+(-[a-z]+)*", code) for code in CODES)
 

@@ -12,7 +12,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "support"))
 
-import beamchain as bc
+from beamchain import identification
 from flight_log import Gyro, Hub, cramer_rao, record, steps_at, wings
 
 HUB = Hub()
@@ -30,7 +30,7 @@ def an_hour() -> None:
     log = record(HUB, soft, t, {"z": steps_at(t, 20.0, 3.0)}, Gyro(1e-6, 2e-5))
     wall = time.perf_counter()
     cpu = time.process_time()
-    found = bc.identify(log, HUB.xml, "mount", modes=6)
+    found = identification.identify(log, HUB.xml, "mount", modes=6)
     wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
     print(f"an hour of 100 Hz, six modes: {wall:.1f} s, {cpu:.1f} s of processor time")
     true = soft.frequency[np.flatnonzero(soft.participation[5])]
@@ -48,7 +48,7 @@ def coverage(count: int) -> None:
     bound = cramer_rao(HUB, two, t, torque, GYRO.noise)
     off, std = np.empty((2, count, 3, 2))
     for seed in range(count):
-        modes = bc.identify(
+        modes = identification.identify(
             record(HUB, two, t, torque, GYRO, seed), HUB.xml, "mount", modes=2
         ).modes
         off[seed] = (

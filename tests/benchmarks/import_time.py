@@ -13,7 +13,8 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 
-from beamchain import BeamchainError, Damping, FitOptions, Modes, Spec, fit
+from beamchain import BeamchainError, Damping, Modes, Spec, fit
+from beamchain.spec import FitOptions
 from beamchain.structure.readers.imported import Imported, Units
 from prints import cantilever, plate, whole
 

@@ -3,10 +3,10 @@ logs, errors and time.
 
 The log is of the independent simulation with 40 modes: 120 s at 20 Hz, random torque steps, gyro
 noise 1e-6 to 1e-4 rad/s. The truth: the poles of its first two modes about the axis. Compared are
-the search of `bc.identify` (before its likelihood is refined), N4SID of nfoursid, the eigensystem
-realisation of pyMOR on a deconvolved impulse response, and the LSCF of sdypy-EMA on a frequency
-response, of all whose poles the nearest counts. What is not installed is left out: pip install
-nfoursid pymor sdypy-EMA Run: python tests/benchmarks/initial_models.py
+the search of `identification.identify` (before its likelihood is refined), N4SID of nfoursid, the
+eigensystem realisation of pyMOR on a deconvolved impulse response, and the LSCF of sdypy-EMA on a
+frequency response, of all whose poles the nearest counts. What is not installed is left out: pip
+install nfoursid pymor sdypy-EMA Run: python tests/benchmarks/initial_models.py
 """
 
 import sys

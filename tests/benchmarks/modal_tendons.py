@@ -22,9 +22,10 @@ warnings.simplefilter("ignore")
 
 import beamchain as bc  # noqa: E402
 from arrays import deployed_array, random_array, space_beam, tube  # noqa: E402
-from beamchain import BeamchainError, FitOptions, Root  # noqa: E402
+from beamchain import BeamchainError  # noqa: E402
 from beamchain.chain.build import cut_chain  # noqa: E402
 from beamchain.chain.tendons import ModeGroup  # noqa: E402
+from beamchain.spec import FitOptions, Root  # noqa: E402
 from beamchain.steps.large_motion import large_motion  # noqa: E402
 from mechanics import momentum  # noqa: E402
 from random_appendages import random_appendage, toml  # noqa: E402

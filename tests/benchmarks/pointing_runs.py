@@ -10,6 +10,7 @@ from importlib.resources import files
 from pathlib import Path
 
 import beamchain as bc
+from beamchain import pointing
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "support"))
 from unbalanced_wheel import (
@@ -55,18 +56,19 @@ def four_wheels() -> None:
     array = shipped / "array.toml"
     craft = bc.embed(text[:end] + wheels + text[end:], {"left": array, "right": array})
     harmonics = tuple(
-        bc.WheelHarmonic(order=order, radial_force=3e-8, radial_torque=1e-9) for order in ORDERS
+        pointing.WheelHarmonic(order=order, radial_force=3e-8, radial_torque=1e-9)
+        for order in ORDERS
     )
-    given = bc.Disturbances(
+    given = pointing.Disturbances(
         wheel=tuple(
-            bc.WheelDisturbance(
+            pointing.WheelDisturbance(
                 joint=f"rw{i}", speeds=(2.0, 600.0), static=7e-7, dynamic=2e-8, harmonic=harmonics
             )
             for i in range(4)
         )
     )
     start = time.process_time()
-    budget = bc.pointing(craft, given)
+    budget = pointing.budget(craft, given)
     spent = time.process_time() - start
     speeds = sum(source.curve.speed.size for source in budget.sources if source.curve)
     print(f"four wheels, {len(ORDERS) + 1} orders, {speeds} speeds: {spent:.1f} s")

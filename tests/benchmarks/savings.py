@@ -64,9 +64,9 @@ def scenes() -> dict[str, bc.Spec]:
         section=bc.Tube(outer_diameter=0.03, wall=0.001),
         material=bc.Material(youngs_modulus=7e10, density=2700.0, poissons_ratio=0.33),
     )
-    light = bc.Root(hub=bc.Hub(mass=4.0, inertia=(0.05, 0.06, 0.07), offset=(0.1, 0.0, 0.0)))
+    light = bc.spec.Root(hub=bc.Hub(mass=4.0, inertia=(0.05, 0.06, 0.07), offset=(0.1, 0.0, 0.0)))
     chooses = msgspec.structs.replace
-    free = bc.Root(hub=boom.root.hub)
+    free = bc.spec.Root(hub=boom.root.hub)
     return {
         "seed boom, z, 3 rad/s, 1e-3": chooses(
             boom, **bare, root=free, scene=scene(3.0, axes=("z",))
@@ -76,7 +76,7 @@ def scenes() -> dict[str, bc.Spec]:
         ),
         "array_scene as shipped (z, 5 rad/s, 1e-3)": bc.read_spec(EXAMPLES / "array_scene.toml"),
         "array, all axes, 20 rad/s, 1e-3": chooses(
-            array, **bare, root=bc.Root(hub=array.root.hub), scene=scene(20.0)
+            array, **bare, root=bc.spec.Root(hub=array.root.hub), scene=scene(20.0)
         ),
         "mast with its instrument, all axes, 10 rad/s, 1e-3": chooses(
             mast, **bare, scene=scene(10.0)

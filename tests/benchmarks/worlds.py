@@ -2,8 +2,8 @@
 rigid at 1 ms, equal links.
 
 The seed's boom on its hub, 60 s. Error: the hub's motion in the doublet against the exact
-structure, one world through `bc.worlds` itself. Speed: an episode of 60 s, a random torque and all
-observations every period, a reset at its start, and for the flexible craft new frequencies and
+structure, one world through `worlds.make` itself. Speed: an episode of 60 s, a random torque and
+all observations every period, a reset at its start, and for the flexible craft new frequencies and
 damping for every world, made exact in time. The rigid craft and the equal links are held by the
 same periods and draw nothing. Kinds are timed in turns, and ratios are medians of ratios of the
 same turn, so that other load on the machine falls on all alike. On the host mujoco the clock is
@@ -29,7 +29,7 @@ sys.path.insert(0, str(Path(__file__).parent / "peers"))
 
 from task import SCENARIO, TASK
 
-import beamchain as bc
+from beamchain import worlds
 from beamchain.engine.library import machine
 from beamchain.studies import field
 from beamchain.studies.field import RIGID_HUB, TIMED, Entry
@@ -76,7 +76,7 @@ def driven(entry: Entry) -> mujoco.MjModel:
 
 def error_of(model: mujoco.MjModel, step: float) -> float:
     """Of one world in the doublet."""
-    one = bc.worlds(model, count=1, timestep=step, observe=[], threads=1)
+    one = worlds.make(model, count=1, timestep=step, observe=[], threads=1)
     motion = np.zeros((round(EPISODE / step), 6))
     for k, torque in enumerate(SCENARIO.profile.mean(step, len(motion))[:, 5]):
         one.step([torque])
@@ -119,7 +119,7 @@ class Run:
 
     def __init__(self, kind: Kind, count: int, host: str, period: float) -> None:
         self.count, self.draws, self.hold = count, kind.draws, round(period / kind.step)
-        self.worlds = bc.worlds(
+        self.worlds = worlds.make(
             kind.model, RANGES if kind.draws else None, count=count, host=host, timestep=kind.step
         )
         self.torque = 1e-4 * np.random.default_rng(0).normal(size=(8, count, 1))
@@ -167,9 +167,9 @@ def grown(n: int, host: str, count: int) -> float:
         return 4096.0 * int(pages.read_text(encoding="ascii").split()[1]) if pages.exists() else 0.0
 
     model = driven(Entry(TIMED, n, "Euler"))
-    kept = [bc.worlds(model, RANGES, count=64, host=host, timestep=0.5)]
+    kept = [worlds.make(model, RANGES, count=64, host=host, timestep=0.5)]
     before = resident()
-    kept.append(bc.worlds(model, RANGES, count=count, host=host, timestep=0.5))
+    kept.append(worlds.make(model, RANGES, count=count, host=host, timestep=0.5))
     kept[1].step(np.zeros(1))
     return resident() - before
 

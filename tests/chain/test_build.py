@@ -13,19 +13,9 @@ import finite_elements as fe
 import readback as rb
 from appendages import close, panels, timoshenko_boom, unit_beam
 from arrays import ALUMINIUM, deployed_array, flat_bar, tube
-from beamchain import (
-    Beam,
-    Box,
-    Equivalent,
-    FitOptions,
-    Hub,
-    Lump,
-    Rectangle,
-    Root,
-    Segment,
-    fit,
-)
+from beamchain import Beam, Box, Equivalent, Hub, Lump, Rectangle, Segment, fit
 from beamchain.chain.margin import MassTable
+from beamchain.spec import FitOptions, Root
 from spec_tables import table_of
 from written_chain import read_chain
 

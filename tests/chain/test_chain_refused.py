@@ -5,13 +5,14 @@ import numpy as np
 import pytest
 
 from appendages import unit_beam
-from beamchain import Equivalent, FitOptions, InputError, PortModel, Segment, Spec, fit
+from beamchain import Equivalent, InputError, PortModel, Segment, Spec, fit
 from beamchain.chain import cut as cuts
 from beamchain.chain.chain import Chain, Hinge, Link
 from beamchain.chain.recursion import realise
 from beamchain.chain.rivals import seed_parameters
 from beamchain.chain.tendons import ModeGroup
 from beamchain.errors import RealisationError
+from beamchain.spec import FitOptions
 
 LINK = Link(0.0, 1.0, 1.0, 0.5, (0.1, 0.1, 0.1))
 

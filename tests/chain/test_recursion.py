@@ -65,7 +65,7 @@ SPREAD = [
 def fitted(make, target: str, n: int, port: str = "xy") -> bc.Fit:
     beam = make()
     other = "xz" if port == "xy" else "xy"
-    root = bc.Root(target=target, hub=hub_of(beam) if target == "hub" else None)
+    root = bc.spec.Root(target=target, hub=hub_of(beam) if target == "hub" else None)
     return bc.fit(beam, modes={port: n, other: 0}, root=root)
 
 
@@ -185,7 +185,7 @@ def test_any_chain_is_recovered_from_its_port(seed):
     # 3 N numbers from 3 N data: the canonical chain is unique
     n = seed % 4 + 1
     masses, lengths, stiffness = drawn_rods(seed, n)
-    options = bc.FitOptions(springs="hinges")
+    options = bc.spec.FitOptions(springs="hinges")
     result = bc.fit(modes_of_rods(masses, lengths, stiffness), modes={"xy": n}, options=options)
     found = read_chain(result.to_mjcf()).nodes()
     for ours, wanted in zip(found, (masses, lengths, stiffness), strict=True):
@@ -204,7 +204,7 @@ def test_scaling_the_beam_scales_the_chain():
 # -- what cannot be realised -----------------------------------------------------------------------
 @pytest.mark.parametrize("make", [unit_beam, seed_boom])
 def test_eight_clamped_modes_of_a_uniform_beam_are_not_physical(make):
-    result = bc.fit(make(), modes={"xy": 8, "xz": 0}, options=bc.FitOptions(springs="hinges"))
+    result = bc.fit(make(), modes={"xy": 8, "xz": 0}, options=bc.spec.FitOptions(springs="hinges"))
     assert not result.status.ok
     assert "xy keeps 7 of the 8 modes asked for" in result.status.message
     [line] = [line for line in result.status.history if "8" in line]

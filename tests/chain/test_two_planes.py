@@ -13,21 +13,9 @@ import pytest
 import readback as rb
 from appendages import close, panels
 from arrays import deployed_array, random_array, space_beam, tube
-from beamchain import (
-    Beam,
-    Equivalent,
-    FitOptions,
-    Hub,
-    Joint,
-    Lump,
-    Modes,
-    PortModel,
-    Root,
-    Segment,
-    Spec,
-    fit,
-)
+from beamchain import Beam, Equivalent, Hub, Joint, Lump, Modes, PortModel, Segment, Spec, fit
 from beamchain.errors import RealisationError
+from beamchain.spec import FitOptions, Root
 
 EXACT = 1e-10  # frequencies and participation; 5e-12 measured
 RIGID = 1e-12  # masses and positions are written with 17 digits

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import beamchain as bc
+from beamchain import identification
 from command import run
 from hostile_numbers import NUMBERS, craft, random_numbers
 from spacecraft import spec
@@ -88,4 +89,4 @@ def test_logs_far_out(column):
     log = {"time": np.arange(200.0), "torque_z": np.ones(200), "rate_z": np.ones(200)}
     log[column] = log[column] * 1e300
     with pytest.raises(bc.InputError, match=f"{column} = .*1e.300 in sample .*at most 1e.12"):
-        bc.identify(log, craft(), at="mount")
+        identification.identify(log, craft(), at="mount")

@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-import beamchain as bc
+from beamchain import identification
 from spacecraft import CRAFTS
 
 HUGE = """<mujoco><option gravity="0 0 -1e11" timestep="0.01"/><worldbody><body name="b">
@@ -86,8 +86,8 @@ def test_a_good_log_is_read_as_its_mapping_is(tmp_path):
     renamed = {"response": "rate_z/torque_z"}
     arrays = {"omega": omega, "response": log["rate_z/torque_z"]}
     np.savez_compressed(path, **arrays)
-    stored = bc.identify(path, craft, "mount", map=renamed)
-    given = bc.identify(log, craft, "mount")
+    stored = identification.identify(path, craft, "mount", map=renamed)
+    given = identification.identify(log, craft, "mount")
     np.testing.assert_array_equal(
         [m.frequency for m in stored.modes], [m.frequency for m in given.modes]
     )

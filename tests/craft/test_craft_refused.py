@@ -14,6 +14,7 @@ import pytest
 import barge
 import beamchain as bc
 from arms import Arm, Link, mjcf, toml
+from beamchain import identification, worlds
 from refused import check_refused
 from spacecraft import spec
 from specs import spec_of
@@ -27,7 +28,7 @@ ARRAY = {"mount": "array.toml"}
 TORQUE = ["torque:bus"]
 SECTION = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
 BOOM = (bc.Segment(length=8.0, section=SECTION),)
-PLANAR = bc.Spec(segment=BOOM, modes=bc.Modes(xy=1), fit=bc.FitOptions(springs="modes"))
+PLANAR = bc.Spec(segment=BOOM, modes=bc.Modes(xy=1), fit=bc.spec.FitOptions(springs="modes"))
 
 # -- arguments of a wrong type, and arrays that are not finite -------------------------------------
 
@@ -55,10 +56,13 @@ ARGUMENTS = {
         ("at = [1] is a list", 'by place: {"mount": "array.toml"}'),
     ),
     "at a number": (
-        lambda: bc.identify({}, CRAFT, at=5),
+        lambda: identification.identify({}, CRAFT, at=5),
         ("at = 5 is a int", "spacecraft's site or body"),
     ),
-    "map": (lambda: bc.identify({}, CRAFT, "mount", map=5), ("map = 5 is a int", "by column")),
+    "map": (
+        lambda: identification.identify({}, CRAFT, "mount", map=5),
+        ("map = 5 is a int", "by column"),
+    ),
     "place": (lambda: bc.embed(CRAFT, {5: "array.toml"}), ("at = 5 is a int", "a site or body")),
     "craft": (embedded_in_five, ("craft = 5 is a int", "path or the text")),
     "form": (
@@ -168,17 +172,20 @@ CRAFTS = {
     "qvel nan": (lambda: start(qvel=nans("nv")), ("qvel[0] is nan",)),
     "one position": (lambda: start(qpos=[0.0]), ("qpos = [0.0] has the shape (1,)", "(8,)")),
     "seed of worlds": (
-        lambda: bc.worlds(made(), count=2, seed="3"),
+        lambda: worlds.make(made(), count=2, seed="3"),
         ("seed = '3'", "whole number"),
     ),
-    "observe": (lambda: bc.worlds(made(), count=2, observe=5), ("observe = 5", "a list of names")),
+    "observe": (
+        lambda: worlds.make(made(), count=2, observe=5),
+        ("observe = 5", "a list of names"),
+    ),
     "field": (
-        lambda: bc.worlds(made(), {5: 1.0}, count=2),
+        lambda: worlds.make(made(), {5: 1.0}, count=2),
         ("a field of variants = 5 is a int", "MuJoCo's model"),
     ),
-    "state": (lambda: bc.worlds(made(), count=2).restore(5), ("state = 5 is a int", "state()")),
+    "state": (lambda: worlds.make(made(), count=2).restore(5), ("state = 5 is a int", "state()")),
     "world": (
-        lambda: bc.worlds(made(), count=2).model_of(2),
+        lambda: worlds.make(made(), count=2).model_of(2),
         ("world = 2", "whole number from 0 to 1"),
     ),
 }
@@ -318,7 +325,7 @@ EMBED = {
     "proof of a plain file": (proof_of_a_file, ("arm.xml", "was not written by embed")),
     "proof of plain text": (lambda: bc.prove(CRAFT), ("was not written by embed",)),
     "uncertain on hinges": (
-        lambda: uncertain(fit=bc.FitOptions(springs="hinges")),
+        lambda: uncertain(fit=bc.spec.FitOptions(springs="hinges")),
         ('springs = "auto"',),
     ),
     "uncertain in hinges": (
@@ -341,7 +348,7 @@ def tube():
         section=bc.Tube(outer_diameter=0.1, wall=0.002),
         material=bc.Material(youngs_modulus=7e10, density=2700.0),
     )
-    hinges = bc.FitOptions(springs="hinges")
+    hinges = bc.spec.FitOptions(springs="hinges")
     boom = bc.Spec(segment=(segment,), modes=bc.Modes(xy=2, xz=0), fit=hinges)
     flexible = bc.embed(HUB_AND_TUBE, {"mount": boom})
     record = flexible.recorder()
@@ -365,7 +372,7 @@ def plot_of_a_weight():
 
 
 def rows(names=("a",), **given):
-    bc.RecoveryRows(names=names, **given)
+    bc.spec.RecoveryRows(names=names, **given)
 
 
 def wing(damping=0.005, **imported):
@@ -508,7 +515,9 @@ def test_what_cannot_be_asked_of_a_craft_is_refused(case):
 def test_the_environment_takes_finite_numbers_only():
     gymnasium = pytest.importorskip("gymnasium")
     env = gymnasium.make(
-        "beamchain.gym:beamchain/FlexibleSatellite-v0", variants=None, disable_env_checker=True
+        "beamchain.worlds.gym:beamchain/FlexibleSatellite-v0",
+        variants=None,
+        disable_env_checker=True,
     )
     turn = {"turn": (0.1, NAN, 0.0)}
     check_refused(lambda: env.reset(seed=0, options=turn), bc.InputError, ("turn[1] is nan",))

@@ -342,7 +342,7 @@ def test_a_scene_slower_than_every_mode(bandwidth):
     slow = msgspec.structs.replace(
         bc.read_spec(spec("boom")),
         modes=None,
-        root=bc.Root(),
+        root=bc.spec.Root(),
         scene=bc.Scene(bandwidth=bandwidth, axes=("z",)),
     )
     assembly = bc.embed(CRAFTS / "planar.xml", {"mount": slow}).assembly
@@ -494,7 +494,7 @@ class TestHub:
         own = bc.Spec(
             name="rod",
             segment=given.segment,
-            root=bc.Root(hub=bc.Hub(mass=1.0, inertia=(1.0, 1.0, 1.0))),
+            root=bc.spec.Root(hub=bc.Hub(mass=1.0, inertia=(1.0, 1.0, 1.0))),
         )
         done = bc.embed(CRAFTS / "planar.xml", {"mount": own})
         assert any("the hub of the spec (1 kg, inertia 1, 1, 1" in w for w in done.warnings)

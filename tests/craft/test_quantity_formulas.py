@@ -48,11 +48,11 @@ def model():
 
 
 def some(size=0.1, **more):
-    return bc.Uncertainty(relative=size, **more)
+    return bc.spec.Uncertainty(relative=size, **more)
 
 
 def about(size, **more):
-    return bc.Uncertainty(absolute=size, **more)
+    return bc.spec.Uncertainty(absolute=size, **more)
 
 
 def found(uncertain=None, modes=None, correlations=()):
@@ -233,7 +233,7 @@ def test_draws_are_of_seed_and_index_alone():
 
 
 def test_correlated_draws_by_name_or_other_name():
-    together = bc.Correlation(of=("c2", "d"), matrix=((1.0, 1.0), (1.0, 1.0)))
+    together = bc.spec.Correlation(of=("c2", "d"), matrix=((1.0, 1.0), (1.0, 1.0)))
     values = draws(TABLE, range(20), 3, (together,))
     # fully correlated: the same score of unit size
     np.testing.assert_allclose((values[:, 2] - 3.0) / 0.5, (values[:, 3] - 7.0) / 0.3, atol=1e-12)
@@ -242,7 +242,7 @@ def test_correlated_draws_by_name_or_other_name():
 
 
 def correlated(*names):
-    return bc.Correlation(of=names, matrix=tuple(map(tuple, np.eye(len(names)))))
+    return bc.spec.Correlation(of=names, matrix=tuple(map(tuple, np.eye(len(names)))))
 
 
 @pytest.mark.parametrize(

@@ -77,7 +77,7 @@ def kept():
 @pytest.fixture(scope="module")
 def slew():
     """A free run of the spacecraft, its springs on hinges, recorded."""
-    flexible = craft(boom(fit=bc.FitOptions(springs="hinges")), step=STEP)
+    flexible = craft(boom(fit=bc.spec.FitOptions(springs="hinges")), step=STEP)
     data = mujoco.MjData(flexible.model)
     record = flexible.recorder()
     mujoco.set_mjcb_control(steer)
@@ -184,7 +184,7 @@ def placed(model, count, truth, time):
 @pytest.mark.parametrize("count", [1, 2])
 def test_loads_at_positions_of_the_truth(count):
     """Recovery alone: no run, so that no step and no mode left out has changed the motion."""
-    spec = boom(fit=bc.FitOptions(springs="modes")).replace(modes={"xy": count, "xz": 0})
+    spec = boom(fit=bc.spec.FitOptions(springs="modes")).replace(modes={"xy": count, "xz": 0})
     flexible = craft(spec)
     time = np.linspace(0.0, 1.6, 161)
     data, moved, accelerated = placed(flexible.model, count, TRUTH, time)
@@ -725,7 +725,7 @@ def test_imported_modes_know_no_sections(tmp_path):
         flexible.recover(data, x=1.0)
     with pytest.raises(bc.InputError, match="no moment"):
         _ = flexible.recover(data).moment
-    rows = bc.RecoveryRows(names=["a"], modes=[[1.0, 2.0]])
+    rows = bc.spec.RecoveryRows(names=["a"], modes=[[1.0, 2.0]])
     with pytest.raises(bc.InputError, match="2 columns"):
         flexible.recover(data, rows=rows)
 

@@ -280,15 +280,15 @@ class TestSaid:
             "denominator = [0.05, 1.0]\n"
         )
         told = call(
-            *("plant", tmp_path / "flexible.xml", "--input", "torque:bus", "--output", "attitude"),
-            *("--controller", tmp_path / "loops.toml", "--uncertain", tmp_path / "u.toml"),
-            *("--pose", "burn", "-o", tmp_path / "plant.mat"),
+            *("worst-case", tmp_path / "flexible.xml", "--input", "torque:bus"),
+            *("--output", "attitude", "--controller", tmp_path / "loops.toml"),
+            *("--uncertain", tmp_path / "u.toml", "--pose", "burn", "-o", tmp_path / "worst.html"),
         )
         assert told.status == 2
         said = " ".join(told.err.split())
         for words in ("'tank_'", "liquid", "not varied", "vary the thrust (+-20 % is +-10 %"):
             assert words in said
-        assert not (tmp_path / "plant.mat").exists()
+        assert not (tmp_path / "worst.html").exists()
 
     @pytest.mark.parametrize("turned", [False, True])
     def test_thrust_beside_the_centre_of_mass(self, tmp_path, turned):

@@ -33,7 +33,7 @@ def model():
 
 
 def quantity(name, index):
-    return Quantity(name, "", 1.0, bc.Uncertainty(relative=0.1), index, name)
+    return Quantity(name, "", 1.0, bc.spec.Uncertainty(relative=0.1), index, name)
 
 
 def varied(maker, p):

@@ -152,7 +152,7 @@ def foot_rows():
     the last ones with the place of the corner."""
     mass, corner = WING.mass, WING.corner
     names = [f"foot{foot} {c}" for foot in (1, 2) for c in ("x", "y", "z", "rx", "ry", "rz")]
-    return bc.RecoveryRows(
+    return bc.spec.RecoveryRows(
         names=[*names, "corner x", "corner y", "corner z"],
         accelerations=np.vstack([-mass[:12, 12:], corner[:, 12:]]),
         root=np.vstack([-mass[:12, :12] @ rigid(), corner[:, :12] @ rigid()]),
@@ -189,7 +189,7 @@ def test_forces_of_the_feet_add_up_to_the_load_of_the_root(folder):
 
 def test_element_forces_hold_what_the_modes_of_the_file_hold(folder):
     """No mode of the file moves along x: a push along x loads the feet, and the bar hardly."""
-    bar = bc.RecoveryRows(names=["fx", "fy", "fz"], modes=WING.bar[:3, 12:])
+    bar = bc.spec.RecoveryRows(names=["fx", "fy", "fz"], modes=WING.bar[:3, 12:])
     craft = CRAFT.replace("<freejoint/>", '<joint type="slide" axis="0 1 0"/>')
     flexible = bc.embed(craft, {"mount": wing()})
     data = mujoco.MjData(flexible.model)
@@ -219,8 +219,10 @@ def test_a_point_has_the_centripetal_acceleration_of_a_spin(folder):
     rows = foot_rows()
     still = np.zeros((3, se.SHIPPED))
     last = {"names": rows.names[-3:], "accelerations": still, "root": rows.root[-3:]}
-    found = flexible.recover(data, rows=bc.RecoveryRows(**last, points=rows.points[-3:])).rows[0]
-    bare = flexible.recover(data, rows=bc.RecoveryRows(**last)).rows[0]
+    found = flexible.recover(data, rows=bc.spec.RecoveryRows(**last, points=rows.points[-3:])).rows[
+        0
+    ]
+    bare = flexible.recover(data, rows=bc.spec.RecoveryRows(**last)).rows[0]
     mujoco.mj_forward(flexible.model, data)
     felt = AXES.T @ data.sensor("felt").data * 1e3  # mm/s^2 in basic axes
     assert found == pytest.approx(felt, rel=EXACT, abs=EXACT * np.max(np.abs(felt)))
@@ -253,7 +255,7 @@ def test_extremes_name_what_is_rigid_and_what_is_nothing(folder):
     flexible = as_shipped()
     data = mujoco.MjData(flexible.model)
     data.qvel[3:6] = [0.0, 0.0, 0.5]
-    still = bc.RecoveryRows(names=["still"], modes=np.zeros((1, se.SHIPPED)))
+    still = bc.spec.RecoveryRows(names=["still"], modes=np.zeros((1, se.SHIPPED)))
     found = {row.quantity: row for row in flexible.recover(data, rows=still).extremes}
     assert found["root force x"].largest_from == "rigid motion and modes left out"
     assert found["still"].largest_from == "nothing"

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import beamchain as bc
+from beamchain import robust
 from command import run
 from wheels_and_jets import ASKEW, CRAFT, TILT
 
@@ -30,7 +31,7 @@ def boom():
         ),
         modes=bc.Modes(xy=2),
         damping=bc.Damping(ratio=0.003),
-        fit=bc.FitOptions(springs="modes"),
+        fit=bc.spec.FitOptions(springs="modes"),
     )
 
 
@@ -244,11 +245,11 @@ def test_a_sampled_plant_is_what_mujoco_runs(boom):
     assert difference < RUN * np.abs(seen).max()
 
 
-UNCERTAIN = bc.UncertainCraft(
+UNCERTAIN = bc.spec.UncertainCraft(
     body={
-        "bus": bc.UncertainBody(
-            mass=bc.Uncertainty(relative=0.1, distribution="uniform"),
-            centre_x=bc.Uncertainty(absolute=0.05, distribution="uniform"),
+        "bus": bc.spec.UncertainBody(
+            mass=bc.spec.Uncertainty(relative=0.1, distribution="uniform"),
+            centre_x=bc.spec.Uncertainty(absolute=0.05, distribution="uniform"),
         )
     }
 )
@@ -260,7 +261,7 @@ def test_commands_do_not_change_with_an_uncertain_craft(made):
     thrusters = ["t_px", "t_nx", "t_py", "t_ny", "t_pz", "t_nz"]
     inputs = {"couple": bc.allocate(thrusters), "push": {"force:bus": 2.0}}
     plant = bc.plant(made, inputs, OUTPUTS)
-    uncertain = plant.uncertain(UNCERTAIN)
+    uncertain = robust.uncertain(plant, UNCERTAIN)
     values = {"bus.mass": 320.0, "bus.centre_x": 0.14}
     found = response(uncertain.sample(values))
     changed = uncertain.model(values)
@@ -278,7 +279,7 @@ def test_the_worst_sample_is_run_with_combined_signals(boom):
     """The run applies the allocated torque and reads the turned sensor."""
     made = bc.embed(CRAFT, {"mount": boom})
     loops = [
-        bc.Loop(
+        bc.spec.Loop(
             input=f"torque_{axis}",
             output=f"attitude_{axis}",
             numerator=(120.0, 20.0),
@@ -286,8 +287,8 @@ def test_the_worst_sample_is_run_with_combined_signals(boom):
         )
         for axis in "xyz"
     ]
-    uncertain = bc.plant(made, INPUTS, OUTPUTS).uncertain(UNCERTAIN)
-    controller = bc.Controller(loop=tuple(loops))
+    uncertain = robust.uncertain(bc.plant(made, INPUTS, OUTPUTS), UNCERTAIN)
+    controller = bc.spec.Controller(loop=tuple(loops))
     worst = uncertain.worst_case(controller, "torque_z", "attitude_z", samples=3)
     assert worst.stable
     assert worst.simulated == pytest.approx(worst.gain, rel=PEAK)

@@ -20,7 +20,8 @@ import sympy as sp
 
 import readback as rb
 from appendages import close, drawn_rods, modes_of_rods, seed_boom
-from beamchain import FitOptions, fit
+from beamchain import fit
+from beamchain.spec import FitOptions
 from planar_truth import Plane
 from written_chain import read_chain
 

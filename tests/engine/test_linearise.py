@@ -42,10 +42,10 @@ TARGETS = ["clamped", "free", "hub"]
 def exported(make, n, target="clamped", port="xy", ratios=None, springs="auto"):
     """The text of a planar chain."""
     beam = make()
-    root = bc.Root(target=target, hub=hub_of(beam) if target == "hub" else None)
+    root = bc.spec.Root(target=target, hub=hub_of(beam) if target == "hub" else None)
     damping = None if ratios is None else bc.Damping(ratio={port: ratios})
     kept = {port: n, "xz" if port == "xy" else "xy": 0}
-    options = bc.FitOptions(springs=springs)
+    options = bc.spec.FitOptions(springs=springs)
     return bc.fit(
         beam, name="boom", modes=kept, root=root, damping=damping, options=options
     ).to_mjcf()
@@ -323,7 +323,7 @@ def test_scene_has_the_coupled_frequencies_of_hub_and_port(ratio):
     inertia = 20.0 * mass
     hub = bc.Hub(mass=mass, inertia=(inertia,) * 3, offset=(x, 0.0, 0.0))
     scene = bc.fit(
-        beam, modes={"xy": n, "xz": 0}, root=bc.Root(target="clamped", hub=hub)
+        beam, modes={"xy": n, "xz": 0}, root=bc.spec.Root(target="clamped", hub=hub)
     ).scene_mjcf()
     # its centre lies behind the root
     matrix = np.array([[mass, -mass * x], [-mass * x, inertia + mass * x**2]])

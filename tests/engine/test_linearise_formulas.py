@@ -27,7 +27,7 @@ RIGID = np.array([[4.0, 1.0], [1.0, 3.0]])
 def linearisation(stiffness, damping, inputs, driven, a=None, timestep=0.02):
     nothing = np.zeros((0, 0))
     size = len(stiffness)
-    return bc.Linearisation(
+    return bc.results.Linearisation(
         stiffness,
         damping,
         inputs,

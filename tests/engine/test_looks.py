@@ -39,7 +39,7 @@ def equivalent(**draw):
         bending_stiffness_xy=2e5,
         bending_stiffness_xz=2e4,
         linear_mass=4.0,
-        draw=bc.Draw(**draw) if draw else None,
+        draw=bc.spec.Draw(**draw) if draw else None,
     )
     return bc.Beam(
         segments=(YOKE, bc.Segment(length=4.0, section=section)),
@@ -51,7 +51,7 @@ ARRAY = bc.Beam(segments=(YOKE, PANEL, PANEL), lumps=(bc.Lump(x=6.0, mass=1.0),)
 
 
 def geoms(beam, **options):
-    fit = bc.fit(beam, modes={"xy": 2}, root=bc.Root(hub=HUB), scene=BOXES, **options)
+    fit = bc.fit(beam, modes={"xy": 2}, root=bc.spec.Root(hub=HUB), scene=BOXES, **options)
     return list(etree.fromstring(fit.to_mjcf()).iter("geom"))
 
 
@@ -164,7 +164,7 @@ def test_a_carried_body_with_inertias_is_the_even_box_of_them():
 )
 def test_what_is_drawn_changes_no_dynamics(draw):
     one, two = (
-        bc.fit(equivalent(**given), modes={"xy": 2, "xz": 2}, root=bc.Root(hub=HUB))
+        bc.fit(equivalent(**given), modes={"xy": 2, "xz": 2}, root=bc.spec.Root(hub=HUB))
         for given in (draw, {})
     )
     first, second = (mujoco.MjModel.from_xml_string(fit.scene_mjcf()) for fit in (one, two))

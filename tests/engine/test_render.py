@@ -64,7 +64,7 @@ ARRAY_SPEC = shipped.pick(shipped.examples(), "array_scene", "example").path
     ],
 )
 def test_slew_turns_by_the_angle_and_stops(modes, axis):
-    fit = bc.fit(tapered_boom(), name="boom", modes=modes, root=bc.Root(hub=HUB))
+    fit = bc.fit(tapered_boom(), name="boom", modes=modes, root=bc.spec.Root(hub=HUB))
     model = mujoco.MjModel.from_xml_string(fit.scene_mjcf())
     slew = simulate(model, angle=0.5, frames=240)
     assert slew.body == "hub"
@@ -81,7 +81,7 @@ def test_slew_turns_by_the_angle_and_stops(modes, axis):
 
 
 def test_exaggeration_is_of_the_springs_alone():
-    fit = bc.fit(seed_boom(), modes={"xy": 2}, root=bc.Root(hub=HUB))
+    fit = bc.fit(seed_boom(), modes={"xy": 2}, root=bc.spec.Root(hub=HUB))
     slew = simulate(mujoco.MjModel.from_xml_string(fit.scene_mjcf()), angle=0.5, frames=40)
     k = slew.loudest
     springs = list(slew.elastic)
@@ -183,7 +183,7 @@ def command(arguments, folder, **environment):
 @pytest.fixture(scope="module")
 def boom(tmp_path_factory):
     folder = tmp_path_factory.mktemp("boom")
-    fit = bc.fit(seed_boom(), name="boom", modes={"xy": 2}, root=bc.Root(hub=HUB))
+    fit = bc.fit(seed_boom(), name="boom", modes={"xy": 2}, root=bc.spec.Root(hub=HUB))
     (folder / "scene.xml").write_text(fit.scene_mjcf())
     return folder
 
@@ -287,7 +287,7 @@ def test_modes_of_a_craft_without_sky_and_light_are_drawn_like_others(renderer, 
 
 def test_moving_modes_leave_the_mass_centre_where_it_is():
     """A free spacecraft that rings has no momentum: what the array does, the hub answers."""
-    fit = bc.fit(ARRAY, modes={"xy": 2}, root=bc.Root(hub=HUB))
+    fit = bc.fit(ARRAY, modes={"xy": 2}, root=bc.spec.Root(hub=HUB))
     model = mujoco.MjModel.from_xml_string(fit.scene_mjcf())
     data = mujoco.MjData(model)
     for mode in moving_modes(model, 2, 48, 0.01):

@@ -5,18 +5,8 @@ from typing import Literal
 
 import numpy as np
 
-from beamchain import (
-    Damping,
-    Hub,
-    Joint,
-    Lump,
-    Material,
-    Modes,
-    Root,
-    Round,
-    Segment,
-    Spec,
-)
+from beamchain import Damping, Hub, Joint, Lump, Material, Modes, Round, Segment, Spec
+from beamchain.spec import Root
 from extremes.truth import Rod
 
 SPREAD = 1440  # cases of the hypercube

@@ -16,9 +16,10 @@ import pytest
 
 import beamchain as bc
 from appendages import TransferMatrix, close, roots_within
-from beamchain import BeamchainError, Hub, Root
+from beamchain import BeamchainError, Hub
 from beamchain.chain.rivals import equal_links
 from beamchain.errors import EngineError
+from beamchain.spec import Root
 from extremes.cases import RANGES, Case, cases
 from extremes.compiled import frequencies
 from extremes.picture import OTHER, extremes_map, reason

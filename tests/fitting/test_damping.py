@@ -13,7 +13,8 @@ from scipy.optimize import nnls
 import readback as rb
 from appendages import close
 from arrays import deployed_array, space_beam, tube
-from beamchain import Damping, FitOptions, Scene, fit, linearise
+from beamchain import Damping, Scene, fit, linearise
+from beamchain.spec import FitOptions
 from mechanics import INTEGRATORS
 from uniform_beam import held_roots
 from written_chain import read_chain

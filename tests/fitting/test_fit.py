@@ -48,7 +48,7 @@ def silent(model, data):
 
 # -- Python ----------------------------------------------------------------------------------------
 def test_a_fit_is_frozen_and_complete():
-    result = bc.fit(tube(), name="boom", modes=KEPT, root=bc.Root(hub=HUB))
+    result = bc.fit(tube(), name="boom", modes=KEPT, root=bc.spec.Root(hub=HUB))
     assert result.status.ok
     assert list(result.target) == list(result.achieved) == list(result.readback_error) == list(KEPT)
     with pytest.raises(dataclasses.FrozenInstanceError):
@@ -100,7 +100,7 @@ def test_the_model_s_error_comes_before_the_readback():
     ("target", "poles"), [("clamped", "frequencies"), ("free", "free_frequencies")]
 )
 def test_targets_keep_the_modes_they_promise(target, poles):
-    result = bc.fit(tube(), modes={"xy": 3}, root=bc.Root(target=target))
+    result = bc.fit(tube(), modes={"xy": 3}, root=bc.spec.Root(target=target))
     wanted = getattr(tube().port("xy", 8), poles)[:3]
     assert getattr(result.achieved["xy"], poles)[:3] == close(wanted, rel=MODES)
 
@@ -174,7 +174,7 @@ def test_the_scene_steps_without_a_warning(make, integrator):
 
 
 def test_the_scene_has_the_coupled_modes():
-    result = bc.fit(tube(), modes=KEPT, root=bc.Root(hub=HUB))
+    result = bc.fit(tube(), modes=KEPT, root=bc.spec.Root(hub=HUB))
     found = linearise(result.scene_mjcf()).frequencies()
     coupled = coupled_as_kept(HUB)
     assert found == close(coupled, rel=1e-7)
@@ -293,7 +293,7 @@ def test_nothing_is_left_behind_when_a_folder_cannot_be_made(tmp_path):
 @pytest.mark.parametrize("make", [tube, pytest.param(deployed_array, marks=pytest.mark.slow)])
 def test_json_holds_what_the_contract_says(make):
     result = bc.fit(
-        make(), name="wing", modes=KEPT, root=bc.Root(hub=HUB), damping=bc.Damping(ratio=0.01)
+        make(), name="wing", modes=KEPT, root=bc.spec.Root(hub=HUB), damping=bc.Damping(ratio=0.01)
     )
     record = json.loads(to_json(result.as_dict()))
     assert record["name"] == "wing"
@@ -408,7 +408,7 @@ def test_fewer_modes_than_asked_for_exits_with_three(tmp_path, monkeypatch, caps
 
 
 def test_a_status_that_is_not_ok_is_not_hidden():
-    result = bc.fit(tube(), modes={"xy": 8}, options=bc.FitOptions(springs="hinges"))
+    result = bc.fit(tube(), modes={"xy": 8}, options=bc.spec.FitOptions(springs="hinges"))
     assert not result.status.ok
     assert result.status.history
     assert result.target["xy"].modes == 7
@@ -419,8 +419,8 @@ def test_a_plane_left_rigid_is_no_error_of_the_step():
     spec = bc.Spec(
         segment=tube().segments,
         modes=bc.Modes(xy=2, xz=0),
-        root=bc.Root(target="hub", hub=bc.Hub(mass=100.0, inertia=(50.0, 50.0, 50.0))),
-        fit=bc.FitOptions(timestep=1e-4),
+        root=bc.spec.Root(target="hub", hub=bc.Hub(mass=100.0, inertia=(50.0, 50.0, 50.0))),
+        fit=bc.spec.FitOptions(timestep=1e-4),
     )
     result = bc.fit(spec)
     assert result.sampled_error == pytest.approx(result.in_band_error, rel=0.02)

@@ -101,9 +101,9 @@ PYTHON = {
         ("unknown port 'yx'", "choose from xy, xz, torsion, axial"),
     ),
     "no axes": (lambda: bc.Scene(bandwidth=1.0, axes=()), ("axes",)),
-    "target auto": (lambda: bc.fit(ROD, root=bc.Root(target="auto")), ("auto",)),
+    "target auto": (lambda: bc.fit(ROD, root=bc.spec.Root(target="auto")), ("auto",)),
     "oscillators": (
-        lambda: bc.FitOptions(form="oscillators"),
+        lambda: bc.spec.FitOptions(form="oscillators"),
         ('form = "oscillators"', "a chain with a tendon per mode"),
     ),
     "amplitudes of hinges": (
@@ -210,7 +210,7 @@ def boom():
 
 def backwards():
     data = boom()[1].moved((0.0, 0.0, 0.0), np.diag([-1.0, -1.0, 1.0]))
-    bc.fit(data, options=bc.FitOptions(form="chain"))
+    bc.fit(data, options=bc.spec.FitOptions(form="chain"))
 
 
 IMPORTED = {

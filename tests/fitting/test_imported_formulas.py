@@ -44,7 +44,11 @@ def data(**more):
 def case(of=None, numbers=(1, 2), target="clamped", hub=None, scene=None, **more):
     of = data() if of is None else of
     spec = bc.Spec(
-        name="file", imported=Imported(file="f.op2"), root=bc.Root(hub=hub), scene=scene, **more
+        name="file",
+        imported=Imported(file="f.op2"),
+        root=bc.spec.Root(hub=hub),
+        scene=scene,
+        **more,
     )
     return ImportedCase(spec, of, of.selected(numbers), numbers, target)
 
@@ -128,7 +132,7 @@ def test_the_promise_of_a_file_without_polar_inertia():
     rows[3, [1, 5]] = 0.3, 0.1
     scene = bc.Scene(bandwidth=0.4, axes=("z", "ty", "x"))
     imported = Imported(file="f.op2", modes=(1, 2))
-    spec = bc.Spec(name="f", imported=imported, scene=scene, root=bc.Root(hub=HUB))
+    spec = bc.Spec(name="f", imported=imported, scene=scene, root=bc.spec.Root(hub=HUB))
     promise = imported_case(spec, data(rigid_mass=rigid, participation=rows)).promise
     live = [0, 1, 2, 4, 5]
     assert promise.wanted == [1, 4]

@@ -8,7 +8,8 @@ import pytest
 
 import terminal
 from appendages import tapered_boom, tip_loaded_boom
-from beamchain import Beam, Equivalent, FitOptions, Hub, ModalData, Root, Scene, Segment, fit
+from beamchain import Beam, Equivalent, Hub, ModalData, Scene, Segment, fit
+from beamchain.spec import FitOptions, Root
 from modes_of_beam import modes_of_beam
 from prints import cantilever, plate, whole
 from uniform_beam import held_roots

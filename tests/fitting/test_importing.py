@@ -19,18 +19,17 @@ from beamchain import (
     Beam,
     Damping,
     Equivalent,
-    FitOptions,
     Hub,
     InputError,
     ModalData,
     PortModel,
-    Root,
     Segment,
     compare,
     embed,
     fit,
     read_spec,
 )
+from beamchain.spec import FitOptions, Root
 from modes_of_beam import modes_of_beam, modes_text
 from prints import cantilever, plate, whole
 from spec_tables import spec_of

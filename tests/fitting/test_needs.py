@@ -27,7 +27,6 @@ from beamchain import (
     Material,
     Modes,
     Rectangle,
-    Root,
     Scene,
     Segment,
     Spec,
@@ -35,6 +34,7 @@ from beamchain import (
     fit,
     read_spec,
 )
+from beamchain.spec import Root
 from random_appendages import random_appendage, tube_and_strip
 from solver import body_mass
 from spec_tables import spec_of, table_of

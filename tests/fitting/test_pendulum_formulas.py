@@ -120,7 +120,7 @@ HUB = bc.Hub(mass=700.0, inertia=(90.0, 80.0, 70.0), offset=(0.2, 0.3, -0.4))
 
 def case(scene=None, hub=HUB, **more):
     return slosh_case(
-        bc.Spec(name="tank", slosh=liquid(**more), scene=scene, root=bc.Root(hub=hub))
+        bc.Spec(name="tank", slosh=liquid(**more), scene=scene, root=bc.spec.Root(hub=hub))
     )
 
 

@@ -14,7 +14,7 @@ LIMITS = SimpleNamespace(largest_step={})
 
 
 def comparison(matches, frequency, participation, in_band):
-    return bc.Comparison(
+    return bc.results.Comparison(
         np.array(matches), np.array(frequency), np.array(participation), 0.0, in_band
     )
 

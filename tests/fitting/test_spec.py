@@ -93,7 +93,7 @@ def test_bounds_of_the_schema_are_those_of_the_check():
         bc.Lump,
         bc.Scene,
         bc.Equivalent,
-        bc.Draw,
+        bc.spec.Draw,
     ):
         for field in msgspec.json.schema(struct)["$defs"][struct.__name__]["properties"].items():
             key, told = field

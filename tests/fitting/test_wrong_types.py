@@ -48,7 +48,7 @@ def typed(n, seq):
         ),
         lump=seq([bc.Lump(x=n(4), mass=n(1), inertia=seq([n(0.125), n(0.125), n(0.125)]))]),
         damping=bc.Damping(ratio={"xy": seq([n(0.0078125), n(0.00390625)])}),
-        root=bc.Root(
+        root=bc.spec.Root(
             target="hub",
             hub=bc.Hub(
                 mass=n(100), inertia=seq([n(9), n(9), n(9)]), offset=seq([n(1), n(0), n(0)])
@@ -92,8 +92,8 @@ def test_arrays_stand_for_lists():
         0.0,
         0.0,
     )
-    options = bc.FitOptions(cuts=np.array([1.0, 2.0]), timestep=np.float64(0.01))
-    assert options == bc.FitOptions(cuts=(1.0, 2.0), timestep=0.01)
+    options = bc.spec.FitOptions(cuts=np.array([1.0, 2.0]), timestep=np.float64(0.01))
+    assert options == bc.spec.FitOptions(cuts=(1.0, 2.0), timestep=0.01)
     assert hash(options)
 
 

@@ -30,7 +30,7 @@ FLOORS = [
     "tests/fitting/test_spec.py",
     "tests/fitting/test_bad_input.py",
     "tests/cli/test_manners.py",
-    "tests/plants/test_plant_use.py",
+    "tests/control/test_plant_use.py",
     "-W",
     "ignore::DeprecationWarning",
     # which no shell can pass on, and which their click does not catch

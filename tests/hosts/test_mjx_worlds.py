@@ -1,4 +1,4 @@
-"""`bc.worlds` on MJX: eight randomised worlds against MuJoCo one by one,
+"""`worlds.make` on MJX: eight randomised worlds against MuJoCo one by one,
 and derivatives against differences of MuJoCo runs.
 
 DOUBLE: the same algebra in another order. SINGLE: of the peak; float32 carries 7 digits, a
@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 
 import beamchain as bc
+from beamchain import worlds
 
 pytestmark = [pytest.mark.host, pytest.mark.filterwarnings("ignore")]  # JAX warns of its own future
 pytest.importorskip("mujoco.mjx", reason="MJX is not installed: pip install 'beamchain[mjx]'")
@@ -70,7 +71,9 @@ def test_randomised_worlds_are_those_of_mujoco(on):
     steps = round(SECONDS / STEP)
     given = np.random.default_rng(0).normal(size=(steps, COUNT, 2))
     with double(on):
-        many = bc.worlds(model, {"frequency": 0.1, "damping": 0.5}, count=COUNT, host="mjx", seed=1)
+        many = worlds.make(
+            model, {"frequency": 0.1, "damping": 0.5}, count=COUNT, host="mjx", seed=1
+        )
         theirs = np.array([[many.step(now), many.qpos][1] for now in given])
         kept = many.state()
         first = many.step(given[0])
@@ -100,7 +103,7 @@ def test_randomised_worlds_are_those_of_mujoco(on):
 
 def drawn(model: mujoco.MjModel) -> list[mujoco.MjModel]:
     """The same worlds' models, made anew by `bc.retime`."""
-    fields = bc.worlds(model, {"frequency": 0.1, "damping": 0.5}, count=COUNT, seed=1).fields
+    fields = worlds.make(model, {"frequency": 0.1, "damping": 0.5}, count=COUNT, seed=1).fields
     out = []
     for i in range(COUNT):
         one = copy.copy(model)
@@ -128,7 +131,7 @@ def test_derivatives_are_those_of_differences():
         return float(1e6 * np.sum(alone(one, PULSE)[1][16:, 3:6] ** 2))
 
     with double(True):
-        respond = bc.worlds(model, count=1, host="mjx").response()
+        respond = worlds.make(model, count=1, host="mjx").response()
 
         def cost(both):
             return 1e6 * jax.numpy.sum(respond(PULSE, both[0], both[1])["rate"][16:] ** 2)

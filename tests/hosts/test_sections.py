@@ -51,7 +51,7 @@ def test_a_channel_is_refused_with_the_distance_of_its_shear_centre():
     b and h of the middle lines."""
     section = meshed(library.channel_section(d=0.1, b=0.05, t_f=0.001, t_w=0.001, r=0, n_r=1), 1e-6)
     with pytest.raises(bc.InputError, match=r"shear centre .* bending and torsion") as error:
-        bc.section_from(section, material=ALUMINIUM)
+        bc.spec.section_from(section, material=ALUMINIUM)
     b, h = 0.05 - 0.0005, 0.1 - 0.001
     expected = 3.0 * b**2 / (6.0 * b + h) + b**2 / (2.0 * b + h)
     assert distance(error) == pytest.approx(expected, rel=THIN)
@@ -61,7 +61,7 @@ def test_a_channel_is_refused_with_the_distance_of_its_shear_centre():
 def test_an_angle_is_refused_with_the_distance_to_its_corner():
     section = meshed(library.angle_section(d=0.05, b=0.05, t=0.001, r_r=0, r_t=0, n_r=1), 1e-6)
     with pytest.raises(bc.InputError, match="shear centre") as error:
-        bc.section_from(section, material=ALUMINIUM)
+        bc.spec.section_from(section, material=ALUMINIUM)
     leg = 0.05 - 0.0005  # the centroid of two legs is a quarter of a leg from each
     assert distance(error) == pytest.approx(leg / 4.0 * np.sqrt(2.0), rel=THIN)
 
@@ -79,7 +79,7 @@ def test_boxes_follow_bredt(cells):
             rectangle(-width / 2 + t, -t / 2, low, high),
             rectangle(t / 2, width / 2 - t, low, high),
         )
-    section = bc.section_from(meshed(shape(outline, holes), 5e-7), material=ALUMINIUM)
+    section = bc.spec.section_from(meshed(shape(outline, holes), 5e-7), material=ALUMINIUM)
     area, around = (width - t) * (height - t), 2.0 * (width + height - 2.0 * t)
     assert section.torsion_stiffness == pytest.approx(G * 4.0 * area**2 * t / around, rel=THIN)
     web = (cells - 1) * t * (height - 2 * t)
@@ -94,7 +94,7 @@ def test_a_box_agrees_with_the_shape_that_needs_no_extra():
     section = meshed(
         library.rectangular_hollow_section(d=0.1, b=0.05, t=0.001, r_out=0, n_r=1), 5e-7
     )
-    found = bc.section_from(section, material=ALUMINIUM)
+    found = bc.spec.section_from(section, material=ALUMINIUM)
     wanted = box.geometry(box, np.zeros(1))
     assert found.bending_stiffness_xy == pytest.approx(E * wanted.second_moment_z[0], rel=EXACT)
     assert found.bending_stiffness_xz == pytest.approx(E * wanted.second_moment_y[0], rel=EXACT)
@@ -108,7 +108,7 @@ def test_an_open_profile():
     """An I: EI of three rectangles, GJ = G sum b t^3 / 3."""
     d, b, t = 0.1, 0.05, 0.001
     section = meshed(library.i_section(d=d, b=b, t_f=t, t_w=t, r=0, n_r=1), 1e-6)
-    found = bc.section_from(section, material=ALUMINIUM)
+    found = bc.spec.section_from(section, material=ALUMINIUM)
     xz = (b * d**3 - (b - t) * (d - 2 * t) ** 3) / 12.0
     xy = (2.0 * t * b**3 + (d - 2 * t) * t**3) / 12.0
     assert found.bending_stiffness_xz == pytest.approx(E * xz, rel=EXACT)
@@ -129,7 +129,7 @@ def test_concentric_tubes_of_two_materials():
     resin = pre.Material("resin", 1e10, 0.05, 1.0, 1300.0, "red")
     core = library.circular_section_by_area(area=np.pi * 0.02**2, n=128, material=resin)
     sleeve = library.circular_section_by_area(area=np.pi * 0.025**2, n=128, material=steel) - core
-    found = bc.section_from(meshed(sleeve + core, 2e-6))
+    found = bc.spec.section_from(meshed(sleeve + core, 2e-6))
     inner, outer = np.pi * 0.02**4 / 4.0, np.pi * (0.025**4 - 0.02**4) / 4.0
     shear = {"steel": 2e11 / 2.6, "resin": 1e10 / 2.1}
     assert found.bending_stiffness_xy == pytest.approx(2e11 * outer + 1e10 * inner, rel=CIRCLE)
@@ -153,7 +153,7 @@ def sandwich(*strips):
 
 def test_a_sandwich_is_fitted():
     """Strips on a plate: EI by hand, and the frequencies of MuJoCo's file from it."""
-    section = bc.section_from(sandwich((0.002, 0.003), (-0.003, -0.002)))
+    section = bc.spec.section_from(sandwich((0.002, 0.003), (-0.003, -0.002)))
     strips = 2.0 * 0.06 * (0.003**3 - 0.002**3) / 3.0
     xz = 7e10 * 0.1 * 0.004**3 / 12.0 + 1.2e11 * strips
     xy = 7e10 * 0.004 * 0.1**3 / 12.0 + 1.2e11 * 2.0 * 0.001 * 0.06**3 / 12.0
@@ -181,7 +181,7 @@ def test_a_z_profile_is_turned_as_the_message_says():
     """tan 2a = -2 I_yz / (I_yy - I_zz), by three rectangles."""
     geometry = shape(Z)
     with pytest.raises(bc.InputError, match="principal axes") as error:
-        bc.section_from(meshed(geometry, 1e-6), material=ALUMINIUM)
+        bc.spec.section_from(meshed(geometry, 1e-6), material=ALUMINIUM)
     pieces = [(-0.001, 0.001, -0.023, 0.023), (-0.001, 0.04, -0.025, -0.023)]
     pieces.append((-0.04, 0.001, 0.023, 0.025))
     moments = np.zeros(3)
@@ -195,7 +195,7 @@ def test_a_z_profile_is_turned_as_the_message_says():
     angle = float(str(error.value).split("turned by ")[1].split(" degrees")[0])
     assert np.tan(np.radians(2.0 * angle)) == pytest.approx(-2.0 * yz / (yy - zz), rel=1e-5)
     turn = float(str(error.value).split("rotate_section(")[1].split(")")[0])
-    turned = bc.section_from(meshed(geometry.rotate_section(turn), 1e-6), material=ALUMINIUM)
+    turned = bc.spec.section_from(meshed(geometry.rotate_section(turn), 1e-6), material=ALUMINIUM)
     mean, half = (yy + zz) / 2.0, np.hypot((yy - zz) / 2.0, yz)
     both = sorted([turned.bending_stiffness_xz / E, turned.bending_stiffness_xy / E])
     np.testing.assert_allclose(both, [mean - half, mean + half], rtol=1e-6)
@@ -204,7 +204,7 @@ def test_a_z_profile_is_turned_as_the_message_says():
 def test_units_of_millimetres():
     aluminium = pre.Material("aluminium", 7e4, 0.33, 1.0, 2.7e-6, "grey")
     small = library.circular_hollow_section(d=50, t=2, n=128, material=aluminium)
-    found = bc.section_from(meshed(small, 2.0), unit=1e-3)
+    found = bc.spec.section_from(meshed(small, 2.0), unit=1e-3)
     tube = bc.Tube(outer_diameter=0.05, wall=0.002)
     wanted = tube.geometry(tube, np.zeros(1))
     assert found.bending_stiffness_xy == pytest.approx(E * wanted.second_moment_z[0], rel=CIRCLE)
@@ -215,14 +215,14 @@ def test_units_of_millimetres():
 
 def test_a_strip_on_one_side_moves_the_elastic_centre_off_the_mass():
     with pytest.raises(bc.InputError, match=r"(shear|elastic) centre"):
-        bc.section_from(sandwich((0.002, 0.003)))
+        bc.spec.section_from(sandwich((0.002, 0.003)))
 
 
 def test_parts_that_do_not_touch_are_refused():
     with pytest.raises(bc.InputError, match="do not touch"):
-        bc.section_from(sandwich((0.004, 0.005), (-0.005, -0.004)))
+        bc.spec.section_from(sandwich((0.004, 0.005), (-0.005, -0.004)))
 
 
 def test_a_section_without_material_is_refused():
     with pytest.raises(bc.InputError, match="default material"):
-        bc.section_from(meshed(library.rectangular_section(d=0.1, b=0.05), 1e-4))
+        bc.spec.section_from(meshed(library.rectangular_section(d=0.1, b=0.05), 1e-4))

@@ -28,7 +28,7 @@ TIMED = CRAFT.replace('integrator="Euler" timestep="0.01"', STEP)
 def on_hinges(spec: bc.Spec) -> bc.Spec:
     """The specification with springs and dampers on its hinges, no tendons."""
     damping = msgspec.structs.replace(spec.damping, form="hinge")
-    return msgspec.structs.replace(spec, fit=bc.FitOptions(springs="hinges"), damping=damping)
+    return msgspec.structs.replace(spec, fit=bc.spec.FitOptions(springs="hinges"), damping=damping)
 
 
 def with_sensors(spec: bc.Spec) -> bc.Spec:

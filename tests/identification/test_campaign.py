@@ -21,6 +21,7 @@ import numpy as np
 import pytest
 
 import beamchain as bc
+from beamchain import identification
 from flight_log import (
     Gyro,
     Hub,
@@ -182,7 +183,7 @@ def verdict(case, folder):
             folder, few, frequency=off, participation=1.0 if case.pushes else 0.9
         )
     try:
-        found = bc.identify(case.log, case.hub.xml, "mount", prior=case.prior)
+        found = identification.identify(case.log, case.hub.xml, "mount", prior=case.prior)
     except bc.InputError as refused:
         rightly = (
             case.trouble in REFUSED

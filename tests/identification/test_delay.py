@@ -10,7 +10,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-import beamchain as bc
+from beamchain import identification
 from beamchain.identification.response import Piece, Raw
 from beamchain.identification.sanity import unalias
 from command import run
@@ -79,7 +79,7 @@ def prior(tmp_path):
     ],
 )
 def test_a_late_or_early_torque_is_found_without_a_prior(halves, profile):
-    found = bc.identify(late(halves, torque=PROFILES[profile]), HUB.xml, "mount")
+    found = identification.identify(late(halves, torque=PROFILES[profile]), HUB.xml, "mount")
     check(found, halves * STEP / 2.0)
     assert not found.punctual
     assert any(one.code == "delay" for one in found.warnings)
@@ -87,7 +87,7 @@ def test_a_late_or_early_torque_is_found_without_a_prior(halves, profile):
 
 @pytest.mark.parametrize("halves", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_a_late_torque_is_found_with_a_prior(halves, prior):
-    found = bc.identify(late(halves), HUB.xml, "mount", prior=prior)
+    found = identification.identify(late(halves), HUB.xml, "mount", prior=prior)
     assert abs(found.delay - halves * STEP / 2.0) < REACH * found.delay_std
     verdict = judge(found, PAIR, [2], [0, 1])
     assert verdict.verdict != "wrong", verdict
@@ -96,7 +96,7 @@ def test_a_late_torque_is_found_with_a_prior(halves, prior):
 
 @pytest.mark.parametrize("known", KNOWN, ids=WITH)
 def test_a_punctual_torque_is_said_to_be_punctual(known, prior):
-    found = bc.identify(late(0), HUB.xml, "mount", prior=prior if known else None)
+    found = identification.identify(late(0), HUB.xml, "mount", prior=prior if known else None)
     assert abs(found.delay) < REACH * found.delay_std
     assert not any(one.code == "delay" for one in found.warnings)
     assert ("zero within" in found.timing) == found.punctual
@@ -104,7 +104,7 @@ def test_a_punctual_torque_is_said_to_be_punctual(known, prior):
 
 @pytest.mark.slow
 def test_a_log_that_begins_in_motion_may_be_five_samples_late():
-    found = bc.identify(late(10, first=130), HUB.xml, "mount")
+    found = identification.identify(late(10, first=130), HUB.xml, "mount")
     check(found, 5.0 * STEP)
 
 
@@ -118,13 +118,15 @@ def test_unequal_steps_and_gaps_change_nothing():
     rates = record(HUB, PAIR, fine, {"z": np.where(at < 0, 0.0, logged[at])}, FINE)["rate_z"]
     log = {"time": 0.01 * grid, "torque_z": logged, "rate_z": rates[grid]}
     keep = (log["time"] < 40.0) | (log["time"] > 46.0)
-    found = bc.identify({k: v[keep] for k, v in log.items()}, HUB.xml, "mount")
+    found = identification.identify({k: v[keep] for k, v in log.items()}, HUB.xml, "mount")
     check(found, 0.03)
 
 
 @pytest.mark.parametrize("known", KNOWN, ids=WITH)
 def test_a_rate_integrating_gyro_is_named_by_its_column(known, prior):
-    found = bc.identify(integrated("mean_rate_z"), HUB.xml, "mount", prior=prior if known else None)
+    found = identification.identify(
+        integrated("mean_rate_z"), HUB.xml, "mount", prior=prior if known else None
+    )
     assert abs(found.delay) < REACH * found.delay_std
     verdict = judge(found, PAIR, [2], [0, 1])
     assert verdict.verdict == "right" or known, verdict
@@ -132,7 +134,7 @@ def test_a_rate_integrating_gyro_is_named_by_its_column(known, prior):
 
 
 def test_a_rate_integrating_gyro_called_a_rate_is_half_a_sample_late(prior):
-    found = bc.identify(integrated("rate_z"), HUB.xml, "mount", prior=prior)
+    found = identification.identify(integrated("rate_z"), HUB.xml, "mount", prior=prior)
     assert abs(found.delay / STEP - 0.5) < 0.01
     warning = next(one for one in found.warnings if one.code == "delay")
     assert "mean_rate" in warning
@@ -140,11 +142,13 @@ def test_a_rate_integrating_gyro_called_a_rate_is_half_a_sample_late(prior):
 
 @pytest.mark.parametrize("halves", [pytest.param(0, marks=pytest.mark.slow), 1])
 def test_without_noise_delay_and_modes_are_exact(halves):
-    found = bc.identify(late(halves, TWO, Gyro()), HUB.xml, "mount", modes=2)
+    found = identification.identify(late(halves, TWO, Gyro()), HUB.xml, "mount", modes=2)
     assert abs(found.delay - halves * STEP / 2.0) < EXACT * STEP
     for mode, true in zip(found.modes, TWO.frequency, strict=True):
         assert abs(mode.frequency / true - 1.0) < EXACT
-    mean = bc.identify(integrated("mean_rate_z", TWO, Gyro()), HUB.xml, "mount", modes=2)
+    mean = identification.identify(
+        integrated("mean_rate_z", TWO, Gyro()), HUB.xml, "mount", modes=2
+    )
     for mode, true in zip(mean.modes, TWO.frequency, strict=True):
         assert abs(mode.frequency / true - 1.0) < EXACT
 
@@ -154,7 +158,7 @@ def test_a_frequency_response_with_a_delay():
     rng = np.random.default_rng(2)
     error = 1e-3 * (rng.standard_normal(600) + 1j * rng.standard_normal(600))
     value = response(HUB, TWO, omega)[:, 2, 2] * np.exp(-0.025j * omega) * (1.0 + error)
-    found = bc.identify({"omega": omega, "rate_z/torque_z": value}, HUB.xml, "mount")
+    found = identification.identify({"omega": omega, "rate_z/torque_z": value}, HUB.xml, "mount")
     assert abs(found.delay - 0.025) < REACH * found.delay_std
     assert judge(found, TWO, [2], [0, 1]).verdict == "right"
 

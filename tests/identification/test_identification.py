@@ -6,6 +6,7 @@ import pytest
 from scipy.stats import binom, chi2
 
 import beamchain as bc
+from beamchain import identification
 from flight_log import (
     Gyro,
     Hub,
@@ -61,7 +62,7 @@ def relative(found, truth):
 @pytest.mark.parametrize("prior", [None, 1.2], ids=["no prior", "a prior 20 % off"])
 def test_without_noise_two_modes_are_found_exactly(prior, tmp_path):
     path = None if prior is None else write_prior(tmp_path, TWO, frequency=prior, participation=0.8)
-    found = bc.identify(log_about_z(TWO, Gyro()), HUB.xml, "mount", modes=2, prior=path)
+    found = identification.identify(log_about_z(TWO, Gyro()), HUB.xml, "mount", modes=2, prior=path)
     record_ = of_record(found)
     assert relative(record_.frequency, TWO.frequency) < EXACT
     assert relative(record_.damping, TWO.damping) < EXACT
@@ -74,7 +75,7 @@ def test_without_noise_three_axes_of_turned_wings_are_found_exactly():
     hub = Hub(axes=TURNED)
     four = PAIR.kept(4)
     torques = {axis: steps_at(TIME, 1.0, 3.0, seed) for seed, axis in enumerate("xyz")}
-    found = bc.identify(record(hub, four, TIME, torques), hub.xml, "mount", modes=4)
+    found = identification.identify(record(hub, four, TIME, torques), hub.xml, "mount", modes=4)
     record_ = of_record(found)
     assert relative(record_.frequency, four.frequency) < EXACT
     assert relative(record_.damping, four.damping) < EXACT
@@ -92,7 +93,7 @@ def test_without_noise_the_response_of_a_boom_is_that_of_the_log():
     hub = Hub(port=np.array([0.5, 0.1, -0.2]), axes=TURNED)
     four = boom(8.0, 1.2, 500.0, 900.0, 60.0, 0.05).kept(4)
     torques = {axis: steps_at(TIME, 1.0, 3.0, seed) for seed, axis in enumerate("xyz")}
-    found = bc.identify(record(hub, four, TIME, torques), hub.xml, "mount", modes=4)
+    found = identification.identify(record(hub, four, TIME, torques), hub.xml, "mount", modes=4)
     omega = np.geomspace(0.1, 20.0, 300)
     true = response(hub, four, omega)
     modelled = response(hub, of_record(found), omega)
@@ -108,7 +109,9 @@ def draws(count, modes=None):
     deviations, stated = [], []
     truth = np.array([TWO.frequency, TWO.damping, np.abs(TWO.participation[5])])
     for seed in range(count):
-        found = bc.identify(log_about_z(seed=seed, elastic=TWO), HUB.xml, "mount", modes=modes)
+        found = identification.identify(
+            log_about_z(seed=seed, elastic=TWO), HUB.xml, "mount", modes=modes
+        )
         assert len(found.modes) == 2
         got = [[m.frequency, m.damping, abs(m.participation[5])] for m in found.modes]
         std = [[m.frequency_std, m.damping_std, m.participation_std[5]] for m in found.modes]
@@ -141,14 +144,14 @@ def test_intervals_hold_the_truth_in_many_draws_with_the_order_found():
 
 
 def test_of_forty_modes_those_that_show_are_right():
-    found = bc.identify(log_about_z(), HUB.xml, "mount")
+    found = identification.identify(log_about_z(), HUB.xml, "mount")
     verdict = judge(found, PAIR, [2], [0, 1])
     assert verdict.verdict == "right", verdict
 
 
 def test_the_held_out_piece_is_predicted_to_the_noise():
     log = log_about_z()
-    found = bc.identify(log, HUB.xml, "mount", modes=3)
+    found = identification.identify(log, HUB.xml, "mount", modes=3)
     least = FINE.noise / np.std(log["rate_z"][-TIME.size // 5 :])
     assert 0.9 * least < found.held_out["rate_z"] < 1.2 * least
     assert min(found.whiteness.values()) > 1e-4
@@ -166,11 +169,11 @@ def test_gaps_leave_a_part_to_hold_out_and_a_sensor_that_fails_in_it_is_noticed(
     log = without(log_about_z(), gap)
     last = slice(-(len(log["time"]) // 5), None)
     least = FINE.noise / np.std(log["rate_z"][last])
-    found = bc.identify(log, HUB.xml, "mount", modes=3)
+    found = identification.identify(log, HUB.xml, "mount", modes=3)
     assert 0.9 * least < found.held_out["rate_z"] < 3.0 * least
     assert any(mode.determined for mode in found.modes)
     log["rate_z"][last] = FINE.read(np.zeros(len(log["time"]) // 5))
-    dead = bc.identify(log, HUB.xml, "mount", modes=3)
+    dead = identification.identify(log, HUB.xml, "mount", modes=3)
     assert dead.held_out["rate_z"] > 1.0
     assert not any(mode.determined for mode in dead.modes)
     assert any("predicts nothing" in sentence for sentence in dead.undetermined)
@@ -178,7 +181,7 @@ def test_gaps_leave_a_part_to_hold_out_and_a_sensor_that_fails_in_it_is_noticed(
 
 def test_noise_alone_has_no_modes():
     with pytest.raises(bc.InputError, match="no flexible mode"):
-        bc.identify(log_about_z(PAIR.kept(0), Gyro(1e-4)), HUB.xml, "mount")
+        identification.identify(log_about_z(PAIR.kept(0), Gyro(1e-4)), HUB.xml, "mount")
 
 
 @pytest.mark.slow
@@ -201,7 +204,9 @@ def test_two_close_modes_are_two_or_lie_within_the_stated_resolution(apart, mode
     pair = doublet(PAIR, "z", 2.0, apart)
     time = np.arange(0.0, 300.0, 0.1)
     torque = steps_at(time, 1.0, 3.0)
-    found = bc.identify(log_about_z(pair, time=time, torque=torque), HUB.xml, "mount", modes=modes)
+    found = identification.identify(
+        log_about_z(pair, time=time, torque=torque), HUB.xml, "mount", modes=modes
+    )
     verdict = judge(found, pair, [2], [0, 1])
     assert verdict.verdict in ("right", "undetermined"), verdict
     two = len([m for m in found.modes if abs(m.frequency - 2.0) < 0.2]) == 2
@@ -215,7 +220,7 @@ def test_two_close_modes_are_two_or_lie_within_the_stated_resolution(apart, mode
 @pytest.mark.parametrize("ratio", [0.0005, 0.05])
 def test_damping_is_right_from_slight_to_high(ratio):
     pair = PAIR.damped(ratio)
-    found = bc.identify(log_about_z(pair), HUB.xml, "mount")
+    found = identification.identify(log_about_z(pair), HUB.xml, "mount")
     verdict = judge(found, pair, [2], [0])
     assert verdict.verdict != "wrong", verdict
     first = found.modes[0]
@@ -225,7 +230,9 @@ def test_damping_is_right_from_slight_to_high(ratio):
 
 def test_a_mode_above_half_the_sample_rate_is_not_taken_for_a_slow_one():
     time = np.arange(0.0, 300.0, 0.4)  # half the rate is 7.85 rad/s; 12.46 rad/s folds to 3.2 rad/s
-    found = bc.identify(log_about_z(time=time, torque=steps_at(time, 1.0, 4.0)), HUB.xml, "mount")
+    found = identification.identify(
+        log_about_z(time=time, torque=steps_at(time, 1.0, 4.0)), HUB.xml, "mount"
+    )
     verdict = judge(found, PAIR, [2], [0])
     assert verdict.verdict in ("right", "undetermined"), verdict
 
@@ -239,7 +246,7 @@ def test_gaps_and_unequal_steps_change_nothing():
         (60.0, 63.3),
         (61.0, 70.0),
     )
-    found = bc.identify(log, HUB.xml, "mount")
+    found = identification.identify(log, HUB.xml, "mount")
     verdict = judge(found, PAIR, [2], [0, 1])
     assert verdict.verdict == "right", verdict
 
@@ -252,8 +259,8 @@ def test_several_logs_count_together():
         log_about_z(time=time, seed=2, torque=slew(time, 2.0)),
         log_about_z(time=time, seed=3, torque=noise(time, 1.0, 5)),
     ]
-    alone = bc.identify(logs[0], HUB.xml, "mount", modes=2)
-    found = bc.identify(logs, HUB.xml, "mount", modes=2)
+    alone = identification.identify(logs[0], HUB.xml, "mount", modes=2)
+    found = identification.identify(logs, HUB.xml, "mount", modes=2)
     assert judge(found, PAIR, [2], [0, 1]).verdict != "wrong"
     assert found.modes[0].frequency_std < alone.modes[0].frequency_std
 
@@ -262,7 +269,7 @@ def test_several_logs_count_together():
 def test_saturated_samples_are_left_out_and_said():
     log = log_about_z(gyro=Gyro(1e-5, 2e-4, limit=0.012))
     assert np.mean(np.abs(log["rate_z"]) >= 0.012) > 0.02
-    found = bc.identify(log, HUB.xml, "mount")
+    found = identification.identify(log, HUB.xml, "mount")
     assert any("saturat" in sentence for sentence in said(found))
     verdict = judge(found, PAIR, [2], [0])
     assert verdict.verdict != "wrong", verdict
@@ -270,21 +277,21 @@ def test_saturated_samples_are_left_out_and_said():
 
 @pytest.mark.parametrize("quantum", [pytest.param(5e-5, marks=pytest.mark.slow), 5e-4])
 def test_quantised_rates(quantum):
-    found = bc.identify(log_about_z(gyro=Gyro(1e-5, 2e-4, quantum)), HUB.xml, "mount")
+    found = identification.identify(log_about_z(gyro=Gyro(1e-5, 2e-4, quantum)), HUB.xml, "mount")
     verdict = judge(found, PAIR, [2], [0])
     assert verdict.verdict != "wrong", verdict
 
 
 @pytest.mark.slow
 def test_a_gyro_that_reads_whole_steps_of_most_of_its_signal_is_not_trusted():
-    found = bc.identify(log_about_z(gyro=Gyro(0.0, 0.0, 5e-3)), HUB.xml, "mount")
+    found = identification.identify(log_about_z(gyro=Gyro(0.0, 0.0, 5e-3)), HUB.xml, "mount")
     verdict = judge(found, PAIR, [2], [0])
     assert verdict.verdict != "wrong", verdict
 
 
 # -- what the log does not say ---------------------------------------------------------------------
 def test_rows_of_other_axes_are_undetermined_without_a_prior():
-    found = bc.identify(log_about_z(), HUB.xml, "mount", modes=2)
+    found = identification.identify(log_about_z(), HUB.xml, "mount", modes=2)
     for mode in found.modes:
         assert np.isnan(mode.participation_std[[0, 1, 2, 3, 4]]).all()
         assert np.isfinite(mode.participation_std[5])
@@ -300,7 +307,7 @@ def test_rows_of_other_axes_come_from_the_prior(tmp_path):
     about_z = np.flatnonzero(elastic.participation[5])
     log = record(hub, elastic, TIME, {"z": steps_at(TIME, 1.0, 3.0)}, FINE)
     path = write_prior(tmp_path, elastic.kept(about_z[:2]), frequency=0.8)
-    found = bc.identify(log, hub.xml, "mount", prior=path)
+    found = identification.identify(log, hub.xml, "mount", prior=path)
     verdict = judge(found, elastic, [2], [0, 1], hub)
     assert verdict.verdict != "wrong", verdict
     first, true = found.modes[0], about_z[0]
@@ -315,7 +322,7 @@ def test_without_a_prior_a_boom_on_a_free_hub_is_not_called_clamped():
     hub = Hub(port=np.array([0.5, 0.0, 0.0]))
     elastic = boom(8.0, 1.2, 500.0, 900.0, 60.0, 0.05)
     about_z = np.flatnonzero(elastic.participation[5])
-    found = bc.identify(
+    found = identification.identify(
         record(hub, elastic, TIME, {"z": steps_at(TIME, 1.0, 3.0)}, FINE), hub.xml, "mount"
     )
     first, true = found.modes[0], about_z[0]
@@ -330,7 +337,7 @@ def test_without_a_prior_a_boom_on_a_free_hub_is_not_called_clamped():
 @pytest.mark.parametrize("factor", [0.7, 1.5, 4.0])
 def test_a_wrong_prior_does_not_win_over_the_log(factor, tmp_path):
     path = write_prior(tmp_path, TWO, frequency=factor)
-    found = bc.identify(log_about_z(), HUB.xml, "mount", prior=path)
+    found = identification.identify(log_about_z(), HUB.xml, "mount", prior=path)
     verdict = judge(found, PAIR, [2], [0])
     assert verdict.verdict != "wrong", verdict
 
@@ -339,23 +346,23 @@ def test_a_wrong_prior_does_not_win_over_the_log(factor, tmp_path):
 def test_no_excitation_is_refused(torque):
     log = log_about_z(torque=np.full(TIME.size, torque))
     with pytest.raises(bc.InputError, match="torque"):
-        bc.identify(log, HUB.xml, "mount")
+        identification.identify(log, HUB.xml, "mount")
 
 
 def test_degrees_are_noticed():
     log = log_about_z()
     log["rate_z"] = np.degrees(log["rate_z"])
     with pytest.raises(bc.InputError, match="rad/s"):
-        bc.identify(log, HUB.xml, "mount")
+        identification.identify(log, HUB.xml, "mount")
 
 
 @pytest.mark.slow
 def test_torques_that_cannot_be_told_apart_are_named():
     both = {"y": TORQUE, "z": -2.0 * TORQUE}
-    found = bc.identify(record(HUB, PAIR.kept(4), TIME, both, FINE), HUB.xml, "mount")
+    found = identification.identify(record(HUB, PAIR.kept(4), TIME, both, FINE), HUB.xml, "mount")
     assert any("torque_y and torque_z are proportional" in warning for warning in found.warnings)
     apart = {"y": TORQUE, "z": steps_at(TIME, 1.0, 3.0, 7)}
-    found = bc.identify(record(HUB, PAIR.kept(4), TIME, apart, FINE), HUB.xml, "mount")
+    found = identification.identify(record(HUB, PAIR.kept(4), TIME, apart, FINE), HUB.xml, "mount")
     assert not any("proportional" in warning for warning in found.warnings)
 
 
@@ -364,14 +371,14 @@ def test_swapped_columns_are_noticed():
     log = record(HUB, PAIR, TIME, torques, FINE)
     log["rate_y"], log["rate_z"] = log["rate_z"], log["rate_y"]
     with pytest.raises(bc.InputError):
-        bc.identify(log, HUB.xml, "mount")
+        identification.identify(log, HUB.xml, "mount")
 
 
 def test_a_response_before_its_torque_is_noticed():
     log = log_about_z()
     log["rate_z"] = -log["rate_z"]
     with pytest.raises(bc.InputError):
-        bc.identify(log, HUB.xml, "mount")
+        identification.identify(log, HUB.xml, "mount")
 
 
 # -- onwards ---------------------------------------------------------------------------------------
@@ -381,7 +388,7 @@ def test_the_written_modes_make_a_chain_and_variants(tmp_path):
     one_side = boom(8.0, 1.2, 500.0, 900.0, 60.0, 0.05)
     pushing = one_side.kept(np.flatnonzero(one_side.participation[5])[:2])
     prior = write_prior(tmp_path, pushing)
-    found = bc.identify(log_about_z(pushing), HUB.xml, "mount", modes=2, prior=prior)
+    found = identification.identify(log_about_z(pushing), HUB.xml, "mount", modes=2, prior=prior)
     found.write(tmp_path / "modes.toml")
     (tmp_path / "wings.toml").write_text('name = "wings"\n[imported]\nfile = "modes.toml"\n')
     fit = bc.fit(bc.read_spec(tmp_path / "wings.toml"))

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import beamchain as bc
+from beamchain import identification
 from refused import check_refused
 
 CRAFT = """<mujoco><worldbody><body name="hub"><freejoint/>
@@ -23,7 +24,7 @@ HALF = {"omega": OMEGA, "rate_z/torque_z re": OMEGA}
 
 
 def identified(log=LOG, at="mount", **more):
-    bc.identify(log, CRAFT, at, **more)
+    identification.identify(log, CRAFT, at, **more)
 
 
 def changed(**columns):

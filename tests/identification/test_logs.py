@@ -1,5 +1,5 @@
-"""Tests internals, `identification.logs` and `channels`, beside `bc.identify`: every kind of
-file gives the same columns. No tolerances: what is read is compared exactly.
+"""Tests internals, `identification.logs` and `channels`, beside `identification.identify`:
+every kind of file gives the same columns. No tolerances: what is read is compared exactly.
 """
 
 import numpy as np

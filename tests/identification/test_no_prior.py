@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import beamchain as bc
+from beamchain import identification
 from command import call
 from flight_log import Hub, record, steps_at, wings
 
@@ -51,7 +52,7 @@ def test_with_the_mass_added_it_is_a_file_of_modes(written, tmp_path):
 
 def test_in_python_it_has_no_data():
     log = record(HUB, ONE, TIME, {"z": steps_at(TIME, 1.0, 3.0)})
-    found = bc.identify(log, HUB.xml, "mount", modes=1)
+    found = identification.identify(log, HUB.xml, "mount", modes=1)
     assert any("mass of the appendage" in sentence for sentence in found.undetermined)
     assert not found.rigid[:3].any()
     with pytest.raises(bc.InputError, match="prior"):

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-import beamchain as bc
+from beamchain import identification
 from flight_log import Gyro, Hub, record, steps_at, wings
 from modes_file import write_prior
 
@@ -63,7 +63,7 @@ def draw(seed):
 def identified(seed, folder):
     hub, elastic, log, wrong = draw(seed)
     prior = write_prior(folder, elastic.kept(PRIOR), **wrong)
-    return bc.identify(log, hub.xml, "mount", prior=prior), elastic
+    return identification.identify(log, hub.xml, "mount", prior=prior), elastic
 
 
 def deviations(found, elastic):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import beamchain as bc
+from beamchain import identification
 from command import call
 
 TALL = 0.999  # of the rigid motion along z and about y: what the prior's first two modes move
@@ -42,7 +43,7 @@ def log(inertia: float) -> dict[str, np.ndarray]:
 
 @pytest.mark.parametrize("inertia", [40.0, 70.0])
 def test_modes_that_are_not_excited_leave_a_positive_mass(inertia):
-    found = bc.identify(log(inertia), CRAFT, "mount", prior=prior())
+    found = identification.identify(log(inertia), CRAFT, "mount", prior=prior())
     rows = np.array([mode.participation for mode in found.modes])
     scale = np.sqrt(np.diag(found.rigid))
     left = (found.rigid - rows.T @ rows) / np.outer(scale, scale)

@@ -69,7 +69,7 @@ def test_status_is_told_and_escaped():
 
 def test_spec_text_holds_every_kind_of_value():
     drawn = bc.Equivalent(
-        bending_stiffness_xy=2.0, linear_mass=1.0, draw=bc.Draw(width=1.2, thickness=0.02)
+        bending_stiffness_xy=2.0, linear_mass=1.0, draw=bc.spec.Draw(width=1.2, thickness=0.02)
     )
     spec = bc.Spec(
         name="all",
@@ -79,8 +79,8 @@ def test_spec_text_holds_every_kind_of_value():
         payload=Payload(mass=2.0),
         damping=bc.Damping(ratio={"xy": (0.005, 0.004), "torsion": (0.01,)}, form="hinge"),
         modes=bc.Modes(xy=2, torsion=1),
-        root=bc.Root(target="clamped", hub=HUB),
-        fit=bc.FitOptions(springs="modes", cuts=(1.0, 2.0), timestep=0.01),
+        root=bc.spec.Root(target="clamped", hub=HUB),
+        fit=bc.spec.FitOptions(springs="modes", cuts=(1.0, 2.0), timestep=0.01),
         scene=bc.Scene(bandwidth=10.0, axes=("z",), tip=True, visuals=False),
     )
     assert spec_from_dict(tomllib.loads(spec_toml(spec))) == spec

@@ -75,7 +75,7 @@ def pages(satellite):
 def rod_page(visuals):
     """The page of a fit of five modes, whose appendage the scene shows or not."""
     scene = bc.Scene(visuals=visuals)
-    fit = bc.fit(ROD, name="rod", modes={"xy": 5}, root=bc.Root(hub=HUB), scene=scene)
+    fit = bc.fit(ROD, name="rod", modes={"xy": 5}, root=bc.spec.Root(hub=HUB), scene=scene)
     return bc.report.fit_report(fit)[0]
 
 
@@ -356,7 +356,7 @@ def test_a_rigid_appendage_has_no_drawing():
         name="rod",
         segment=ROD.segments,
         scene=bc.Scene(bandwidth=1e-3, axes=("z",), tolerance=0.01),
-        root=bc.Root(hub=HUB),
+        root=bc.spec.Root(hub=HUB),
     )
     fit = bc.fit(rod)
     assert not fit.chain.hinges

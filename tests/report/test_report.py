@@ -23,10 +23,12 @@ HUB = bc.Hub(mass=500.0, inertia=(500.0, 500.0, 500.0), offset=(1.0, 0.0, 0.0))
 
 FITS = {
     "seed on a hub": lambda: bc.fit(
-        seed_boom(), name="boom", modes={"xy": 2}, root=bc.Root(hub=HUB)
+        seed_boom(), name="boom", modes={"xy": 2}, root=bc.spec.Root(hub=HUB)
     ),
-    "free target": lambda: bc.fit(seed_boom(), modes={"xy": 2}, root=bc.Root(target="free")),
-    "hub target": lambda: bc.fit(seed_boom(), modes={"xy": 2}, root=bc.Root(target="hub", hub=HUB)),
+    "free target": lambda: bc.fit(seed_boom(), modes={"xy": 2}, root=bc.spec.Root(target="free")),
+    "hub target": lambda: bc.fit(
+        seed_boom(), modes={"xy": 2}, root=bc.spec.Root(target="hub", hub=HUB)
+    ),
     "one mode in xz": lambda: bc.fit(unit_beam(), modes={"xz": 1}),
     "damped panels": lambda: bc.fit(
         panels(), modes={"xy": 3, "torsion": 1}, damping=bc.Damping(ratio=0.01)

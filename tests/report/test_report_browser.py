@@ -41,7 +41,7 @@ HUB = bc.Hub(mass=500.0, inertia=(500.0, 500.0, 500.0), offset=(1.0, 0.0, 0.0))
 def pages(tmp_path_factory):
     folder = tmp_path_factory.mktemp("pages")
     made = {
-        "boom": bc.fit(seed_boom(), name="boom", modes={"xy": 2}, root=bc.Root(hub=HUB)),
+        "boom": bc.fit(seed_boom(), name="boom", modes={"xy": 2}, root=bc.spec.Root(hub=HUB)),
         "panels": bc.fit(panels(), modes={"xy": 2, "xz": 1}, damping=bc.Damping(ratio=0.005)),
     }
     embedded = bc.embed(

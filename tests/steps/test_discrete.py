@@ -222,7 +222,7 @@ def test_the_armature_of_a_sprung_hinge_is_fourth_order(x):
     beam = bc.Beam(segments=(bc.Segment(length=8.0, section=section),))
     w = bc.fit(beam, modes={"xy": 1}).target["xy"].frequencies[0]
     scene = bc.Scene(timestep=x / w, integrator="Euler")
-    options = bc.FitOptions(springs="hinges")
+    options = bc.spec.FitOptions(springs="hinges")
     model = mujoco.MjModel.from_xml_string(
         bc.fit(beam, modes={"xy": 1}, options=options, scene=scene).to_mjcf()
     )

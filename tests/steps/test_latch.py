@@ -340,7 +340,7 @@ def test_an_impact_beside_a_flexible_body_is_warned_of():
     spec = bc.Spec(
         name="panel",
         segment=(bc.Segment(length=3.0, section=section),),
-        fit=bc.FitOptions(springs="modes"),
+        fit=bc.spec.FitOptions(springs="modes"),
     )
     craft = """<mujoco><option gravity="0 0 0" integrator="RK4" timestep="0.001"/><worldbody>
 <body name="bus"><freejoint/><inertial pos="0 0 0" mass="60" diaginertia="9 10 11"/>

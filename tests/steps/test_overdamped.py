@@ -32,7 +32,9 @@ HUB = bc.Hub(mass=85.0, inertia=(1.0, 1.0, 1.0), offset=(0.25, 0.0, 0.0))
 
 def fitted(ratio, form="modal", **more):
     damping = bc.Damping(ratio=ratio, form=form)
-    return bc.fit(ROD, name="rod", modes={"xy": 2}, damping=damping, root=bc.Root(hub=HUB), **more)
+    return bc.fit(
+        ROD, name="rod", modes={"xy": 2}, damping=damping, root=bc.spec.Root(hub=HUB), **more
+    )
 
 
 @pytest.mark.parametrize("ratio", [0.0, 0.005, 0.04, 0.05, 0.3, 0.9])
@@ -79,7 +81,7 @@ def test_the_limit_is_where_mujoco_blows_up(ratio, integrator):
 
 
 def test_an_unstable_step_of_the_scene_is_said():
-    hinges = bc.FitOptions(springs="hinges")
+    hinges = bc.spec.FitOptions(springs="hinges")
     fit = fitted(
         0.01, form="hinge", options=hinges, scene=bc.Scene(timestep=10.0, integrator="Euler")
     )
@@ -93,11 +95,11 @@ def test_an_unstable_step_of_the_scene_is_said():
 
 
 def test_a_step_that_misses_the_tolerance_is_said_and_a_good_one_is_not():
-    root = bc.Root(hub=HUB)
+    root = bc.spec.Root(hub=HUB)
     asked = {"bandwidth": 5.0, "axes": ("z",)}
     springs = {
         "damping": bc.Damping(ratio=0.01, form="hinge"),
-        "options": bc.FitOptions(springs="hinges"),
+        "options": bc.spec.FitOptions(springs="hinges"),
     }
     coarse = bc.fit(ROD, root=root, scene=bc.Scene(**asked, timestep=0.02), **springs)
     assert any("above the tolerance 0.001" in w for w in coarse.warnings)
@@ -153,7 +155,7 @@ def test_an_embedding_has_no_scene_to_warn_of():
     scene = bc.Scene(bandwidth=5.0, axes=("z",), timestep=0.02)
     springs = {
         "damping": bc.Damping(ratio=0.01, form="hinge"),
-        "fit": bc.FitOptions(springs="hinges"),
+        "fit": bc.spec.FitOptions(springs="hinges"),
     }
     spec = bc.Spec(name="rod", segment=(segment,), scene=scene, **springs)
     craft = """<mujoco><option gravity="0 0 0" timestep="0.001"/><worldbody><body name="bus">

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import beamchain as bc
+from beamchain import pointing
 from beamchain.fitting.options import Port
 
 RATE = 9.0  # of the wheel [rad/s]
@@ -129,8 +130,10 @@ def test_the_plant_with_its_wheel_at_speed(craft):
 
 
 def test_the_budget_of_its_wheel(craft):
-    wheel = bc.WheelDisturbance(joint="rw", speeds=(2.0, 12.0), static=STATIC, dynamic=DYNAMIC)
-    budget = bc.pointing(craft, bc.Disturbances(wheel=(wheel,)))
+    wheel = pointing.WheelDisturbance(
+        joint="rw", speeds=(2.0, 12.0), static=STATIC, dynamic=DYNAMIC
+    )
+    budget = pointing.budget(craft, pointing.Disturbances(wheel=(wheel,)))
     source = budget["wheel rw"]
     for number, shares in enumerate(source.shares):
         assert np.isclose(sum(shares.values()), 1.0)
@@ -143,8 +146,10 @@ def test_the_budget_of_its_wheel(craft):
 
 @pytest.mark.slow
 def test_a_run_waits_for_the_leading_mode(craft):
-    wheel = bc.WheelDisturbance(joint="rw", speeds=(2.0, 12.0), static=STATIC, dynamic=DYNAMIC)
-    run = bc.pointing(craft, bc.Disturbances(wheel=(wheel,))).simulate()
+    wheel = pointing.WheelDisturbance(
+        joint="rw", speeds=(2.0, 12.0), static=STATIC, dynamic=DYNAMIC
+    )
+    run = pointing.budget(craft, pointing.Disturbances(wheel=(wheel,))).simulate()
     poles = np.linalg.eigvals(Truth(craft, run.speed).matrix)
     nearest = poles[np.argmin(np.abs(poles - 1j * run.speed))]
     assert run.times[0] > 4.9 / -nearest.real

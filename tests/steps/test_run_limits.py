@@ -62,7 +62,7 @@ def test_embedded_chains_have_limits_wherever_their_springs_stand():
     done = bc.embed(craft(("spin", "0 0 0.9", 0.0)), {"mount": bc.read_spec(spec("rod"))})
     assert done.appendages[0].large_motion
     plain = seed_fit()
-    tied = bc.fit(bc.read_spec(SEED), options=bc.FitOptions(springs="modes"))
+    tied = bc.fit(bc.read_spec(SEED), options=bc.spec.FitOptions(springs="modes"))
     assert tied.chain.tendons
     for name, value in plain.large_motion[0]["xy"].as_dict().items():
         assert tied.large_motion[0]["xy"].as_dict()[name] == (

@@ -103,7 +103,7 @@ def test_imported_modes_with_a_step_state_what_the_file_does(ratio, integrator):
     modes = modes_of_beam(beam, {"xy": 5, "xz": 4, "torsion": 3})
     options = {
         "modes": {"xy": 3, "xz": 2, "torsion": 1},
-        "root": bc.Root(hub=bc.Hub(mass=60.0, inertia=(20.0, 25.0, 30.0))),
+        "root": bc.spec.Root(hub=bc.Hub(mass=60.0, inertia=(20.0, 25.0, 30.0))),
         "damping": ratio,
         "scene": bc.Scene(integrator=integrator),
     }

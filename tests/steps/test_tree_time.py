@@ -130,7 +130,7 @@ TEN = 10.0  # times smaller than without
 
 SPEC = bc.Spec(
     name="boom",
-    fit=bc.FitOptions(springs="modes"),
+    fit=bc.spec.FitOptions(springs="modes"),
     segment=(
         bc.Segment(
             length=4.0,

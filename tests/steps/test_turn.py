@@ -48,7 +48,9 @@ def whole_inertia(hub):
 def stated(hub, rates, timestep, integrator="Euler"):
     """The error that a fit states of its scene's step."""
     wanted = bc.Scene(timestep=timestep, integrator=integrator, rates=rates)
-    return bc.fit(tube(), modes={"xy": 1, "xz": 1}, root=bc.Root(hub=hub), scene=wanted).turn_error
+    return bc.fit(
+        tube(), modes={"xy": 1, "xz": 1}, root=bc.spec.Root(hub=hub), scene=wanted
+    ).turn_error
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -90,9 +92,9 @@ def scene(**more):
 
 def test_auto_takes_euler_for_slow_turns_and_rk4_for_fast_ones():
     slow = bc.fit(
-        tube(), root=bc.Root(hub=HUB), scene=scene(integrator="auto", rates=(1e-4, 1e-4, 1e-4))
+        tube(), root=bc.spec.Root(hub=HUB), scene=scene(integrator="auto", rates=(1e-4, 1e-4, 1e-4))
     )
-    fast = bc.fit(tube(), root=bc.Root(hub=HUB), scene=scene(integrator="auto", rates=FAST))
+    fast = bc.fit(tube(), root=bc.spec.Root(hub=HUB), scene=scene(integrator="auto", rates=FAST))
     assert (slow.spec.integrator, fast.spec.integrator) == ("Euler", "RK4")
     assert slow.turn_error < 1e-3
     assert fast.turn_error < 1e-3
@@ -104,7 +106,7 @@ def test_auto_takes_euler_for_slow_turns_and_rk4_for_fast_ones():
 
 
 def test_a_step_that_turns_the_spacecraft_badly_is_said():
-    result = bc.fit(tube(), root=bc.Root(hub=HUB), scene=scene(integrator="Euler", rates=FAST))
+    result = bc.fit(tube(), root=bc.spec.Root(hub=HUB), scene=scene(integrator="Euler", rates=FAST))
     assert result.turn_error == close(stated(HUB, FAST, 0.05), rel=1e-9)
     [said] = [w for w in result.warnings if "turns the rigid spacecraft" in w]
     assert said.endswith("whatever the appendages do.")

@@ -13,17 +13,8 @@ from scipy.linalg import eigh
 from scipy.spatial.transform import Rotation
 
 from appendages import panels, tapered_boom
-from beamchain import (
-    Beam,
-    Equivalent,
-    InputError,
-    InterfaceGrid,
-    Lump,
-    ModalData,
-    Segment,
-    fit,
-    read_modes,
-)
+from beamchain import Beam, Equivalent, InputError, Lump, ModalData, Segment, fit, read_modes
+from beamchain.spec import InterfaceGrid
 from finite_elements import PORTS, into_space
 from modes_of_beam import delivered, modes_of_beam, modes_text
 from prints import cantilever, plate

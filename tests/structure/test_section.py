@@ -5,17 +5,8 @@ import numpy as np
 import pytest
 
 from appendages import close
-from beamchain import (
-    Beam,
-    Box,
-    Custom,
-    Draw,
-    Equivalent,
-    Rectangle,
-    Round,
-    Segment,
-    Tube,
-)
+from beamchain import Beam, Box, Custom, Equivalent, Rectangle, Round, Segment, Tube
+from beamchain.spec import Draw
 
 CLOSED = 1e-14  # the same closed form in another order of operations: a few roundings
 SERIES = 1e-12  # a series summed to its end against the same constant by another series

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from beamchain import Box, Custom, Draw, Equivalent, InputError, Material, Rectangle, Round, Tube
+from beamchain import Box, Custom, Equivalent, InputError, Material, Rectangle, Round, Tube
+from beamchain.spec import Draw
 from formulas import soft_modulus
 
 ROUNDED = 1e-13

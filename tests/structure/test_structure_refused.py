@@ -18,10 +18,8 @@ from beamchain import (
     BeamchainError,
     Box,
     Custom,
-    Draw,
     Equivalent,
     InputError,
-    InterfaceGrid,
     Joint,
     Lump,
     Material,
@@ -33,8 +31,8 @@ from beamchain import (
     embed,
     fit,
     read_modes,
-    read_op4,
 )
+from beamchain.spec import Draw, InterfaceGrid, read_op4
 from beamchain.structure.exact import UniformBeam
 from modes_of_beam import modes_of_beam, modes_text
 from prints import Modes, Print, cantilever, plate, whole

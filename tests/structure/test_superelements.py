@@ -216,13 +216,13 @@ def test_the_shipped_delivery_is_that_of_the_mesh():
             assert shipped == text
     found = se.wing_on_two_feet(se.SHIPPED)
     names = {"KAA": found.stiffness, "MAA": found.mass, "MUG1": found.corner, "MEF1": found.bar}
-    for name, values in bc.read_op4(folder / "wing.op4", list(names)).items():
+    for name, values in bc.spec.read_op4(folder / "wing.op4", list(names)).items():
         assert np.max(np.abs(values - names[name])) < EXACT * np.max(np.abs(names[name]))
 
 
 def test_matrices_are_read_by_name(wing):
     path = wing()
-    np.testing.assert_array_equal(bc.read_op4(path, ["maa"])["MAA"], WING_MASS)
+    np.testing.assert_array_equal(bc.spec.read_op4(path, ["maa"])["MAA"], WING_MASS)
 
 
 def test_a_foot_in_wrong_axes_is_found(wing):

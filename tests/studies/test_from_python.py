@@ -68,7 +68,7 @@ def test_study_of_a_rigid_section_on_a_hub_with_products_of_inertia():
         offset=(0.5, 0.0, 0.0),
         products=(30.0, -20.0, 10.0),
     )
-    spec = bc.Spec(segment=(bc.Segment(length=8.0, section=section),), root=bc.Root(hub=hub))
+    spec = bc.Spec(segment=(bc.Segment(length=8.0, section=section),), root=bc.spec.Root(hub=hub))
     found = bc.study(spec, models=["exact, hub"], duration=20.0, budget=0.02)
     assert (
         min(point.error for point in found.points if point.error is not None) < 5e-3

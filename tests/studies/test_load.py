@@ -46,7 +46,9 @@ def test_the_default_load_stays_linear_on_a_heavy_hub():
     the doublet is chosen by what the appendage does."""
     spec = bc.read_spec(SEED)
     hub = bc.Hub(mass=5e6, inertia=(5e6, 5e6, 5e6), offset=spec.root.hub.offset)
-    heavy = bc.Spec(segment=spec.segment, modes=spec.modes, root=bc.Root(target="hub", hub=hub))
+    heavy = bc.Spec(
+        segment=spec.segment, modes=spec.modes, root=bc.spec.Root(target="hub", hub=hub)
+    )
     assert bc.study(heavy, **QUICK).as_dict()["reference"]["nonlinear"] < LINEAR
 
 

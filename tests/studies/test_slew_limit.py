@@ -89,7 +89,7 @@ def test_the_error_at_the_stated_limits_is_one_percent(offset):
     spec = bc.Spec(
         segment=(bc.Segment(length=LENGTH, section=section),),
         modes=bc.Modes(xy=2),
-        root=bc.Root(target="hub", hub=body),
+        root=bc.spec.Root(target="hub", hub=body),
     )
     limit = bc.stability(spec).large["xy"]
     carrier = mujoco.MjSpec.from_string(hub(offset))

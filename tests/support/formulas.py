@@ -3,6 +3,47 @@
 from beamchain.chain.chain import Chain, Hinge, Link
 from beamchain.chain.links import bodies, raise_polar_inertia, settle_links, share
 from beamchain.chain.recursion import Nodes, realise, split
+from beamchain.control.blame import _own_direction as own_direction
+from beamchain.control.blame import _owners as owners_of_poles
+from beamchain.control.blame import _Start as StartOfPoles
+from beamchain.control.blame import _start as start_of_poles
+from beamchain.control.blame import instabilities
+from beamchain.control.closed_loop import _check_algebraic as check_algebraic_loop
+from beamchain.control.closed_loop import _plant_step as step_of_plant
+from beamchain.control.closed_loop import _turn as turn_along
+from beamchain.control.closed_loop import unstable_count
+from beamchain.control.controllers import realise as realise_controller
+from beamchain.control.controllers import realise_fraction
+from beamchain.control.controllers import response as response_of_loop
+from beamchain.control.crossings import crossing as crossing_of_zero
+from beamchain.control.delay_margin import _between as crossings_between
+from beamchain.control.delay_margin import _by_state as loop_by_state
+from beamchain.control.delay_margin import _Crossings as SizeOneCrossings
+from beamchain.control.delay_margin import _crossings as crossings_of_size_one
+from beamchain.control.delay_margin import _driven as states_driven_for
+from beamchain.control.delay_margin import _polished as polished_delay
+from beamchain.control.delay_margin import sampled_delay_margin
+from beamchain.control.margins import LoopMargins as LoopOfMargins
+from beamchain.control.margins import _figures as margin_figures
+from beamchain.control.margins import _long_delays as long_delays
+from beamchain.control.margins import _of_all as margins_of_all
+from beamchain.control.margins import _peak as peak_of_grid
+from beamchain.control.margins import _refined as refined_bounds
+from beamchain.control.pole_paths import _assigned as assigned_poles
+from beamchain.control.pole_paths import _continued as continued_poles
+from beamchain.control.pole_paths import _moved as pole_moved
+from beamchain.control.pole_paths import _number as number_of_pole
+from beamchain.control.pole_paths import _settled as pole_settled
+from beamchain.control.pole_paths import _shift as shift_of_pole
+from beamchain.control.realisation import _zero_pole_product as zero_pole_product
+from beamchain.control.sampling import sampled as sampled_system
+from beamchain.control.scheduled import _follow as follow_modes
+from beamchain.control.structured import _power_sum as power_sum
+from beamchain.control.structured import balanced_bounds
+from beamchain.control.structured import bound as structured_bound
+from beamchain.control.systems import growth as growth_of_poles
+from beamchain.control.verdicts import _beyond as limited_by_modes_above
+from beamchain.control.verdicts import _limiting as limiting_modes
 from beamchain.craft.bent_line import BentLine, bent_line, turned_by
 from beamchain.craft.bent_line import _lowest as lowest_modes
 from beamchain.craft.bent_line import _motion as motion_of_modes
@@ -191,80 +232,26 @@ from beamchain.fitting.warnings import (
 )
 from beamchain.identification.resolution import resolution
 from beamchain.mjcf.craft import craft_from_text
-from beamchain.plants.blame import _own_direction as own_direction
-from beamchain.plants.blame import _owners as owners_of_poles
-from beamchain.plants.blame import _Start as StartOfPoles
-from beamchain.plants.blame import _start as start_of_poles
-from beamchain.plants.blame import instabilities
-from beamchain.plants.bounds import _extended as extended_multipliers
-from beamchain.plants.bounds import _halves as halves_of_box
-from beamchain.plants.bounds import _middle as middle_of
-from beamchain.plants.bounds import _narrow as is_narrow
-from beamchain.plants.bounds import _without_unknown as unknown_behind
-from beamchain.plants.bounds import frequencies as looked_at
-from beamchain.plants.closed_loop import _check_algebraic as check_algebraic_loop
-from beamchain.plants.closed_loop import _plant_step as step_of_plant
-from beamchain.plants.closed_loop import _turn as turn_along
-from beamchain.plants.closed_loop import unstable_count
-from beamchain.plants.controllers import realise as realise_controller
-from beamchain.plants.controllers import realise_fraction
-from beamchain.plants.controllers import response as response_of_loop
-from beamchain.plants.crossings import crossing as crossing_of_zero
-from beamchain.plants.delay_margin import _between as crossings_between
-from beamchain.plants.delay_margin import _by_state as loop_by_state
-from beamchain.plants.delay_margin import _Crossings as SizeOneCrossings
-from beamchain.plants.delay_margin import _crossings as crossings_of_size_one
-from beamchain.plants.delay_margin import _driven as states_driven_for
-from beamchain.plants.delay_margin import _polished as polished_delay
-from beamchain.plants.delay_margin import sampled_delay_margin
-from beamchain.plants.disturbed_craft import _check_linear as check_linear_in_speed
-from beamchain.plants.disturbed_craft import _joint_force as torque_of_drive
-from beamchain.plants.disturbed_craft import disturbed_craft, wheel_inputs
-from beamchain.plants.error_indices import deviation_share, largest_deviation, windowed_variance
-from beamchain.plants.local_loop import LocalLoop, delay_near, in_box, local_loop
-from beamchain.plants.margins import LoopMargins as LoopOfMargins
-from beamchain.plants.margins import _figures as margin_figures
-from beamchain.plants.margins import _long_delays as long_delays
-from beamchain.plants.margins import _of_all as margins_of_all
-from beamchain.plants.margins import _peak as peak_of_grid
-from beamchain.plants.margins import _refined as refined_bounds
-from beamchain.plants.modal_response import ModalResponse
-from beamchain.plants.modal_response import _exponential_states as states_of_a_rising_load
-from beamchain.plants.multipliers import _between as between_ends
-from beamchain.plants.multipliers import _blocks as blocks_of_deltas
-from beamchain.plants.multipliers import _complex as from_real_symmetric
-from beamchain.plants.multipliers import _hermitian as basis_of_hermitian
-from beamchain.plants.multipliers import _moments as moments_of_delta
-from beamchain.plants.multipliers import _real as real_symmetric
-from beamchain.plants.multipliers import balanced as balanced_channels
-from beamchain.plants.multipliers import prove as proof_over
-from beamchain.plants.multipliers import solve_program, zero_crossings
-from beamchain.plants.pointing import _beyond as beyond_modes_kept
-from beamchain.plants.pointing import _check_stable as check_stable_craft
-from beamchain.plants.pointing import _imbalances as imbalances_of_wheels
-from beamchain.plants.pointing import _settling as settling_of_modes
-from beamchain.plants.pointing import _total as total_index
-from beamchain.plants.pole_paths import _assigned as assigned_poles
-from beamchain.plants.pole_paths import _continued as continued_poles
-from beamchain.plants.pole_paths import _moved as pole_moved
-from beamchain.plants.pole_paths import _number as number_of_pole
-from beamchain.plants.pole_paths import _settled as pole_settled
-from beamchain.plants.pole_paths import _shift as shift_of_pole
-from beamchain.plants.realisation import _zero_pole_product as zero_pole_product
-from beamchain.plants.sampling import sampled as sampled_system
-from beamchain.plants.scheduled import _follow as follow_modes
-from beamchain.plants.simulated_gain import SteppedController, simulated_gain
-from beamchain.plants.simulated_gain import _plan as plan_of_run
-from beamchain.plants.simulated_gain import _whole as whole_count
-from beamchain.plants.source_errors import _along as contributions_along_their_sum
-from beamchain.plants.source_errors import _closed_in as closed_in
-from beamchain.plants.source_errors import _integral as nodes_of_density
-from beamchain.plants.source_errors import _mode_at as oscillator_nearest
-from beamchain.plants.source_errors import _named_shares as named_shares
-from beamchain.plants.source_errors import _periodic as periodic_of_harmonics
-from beamchain.plants.source_errors import _running_mean as running_mean
-from beamchain.plants.source_errors import _snap_times as snap_times
-from beamchain.plants.source_errors import (
+from beamchain.pointing.disturbed_craft import _check_linear as check_linear_in_speed
+from beamchain.pointing.disturbed_craft import _joint_force as torque_of_drive
+from beamchain.pointing.disturbed_craft import disturbed_craft, wheel_inputs
+from beamchain.pointing.error_indices import deviation_share, largest_deviation, windowed_variance
+from beamchain.pointing.modal_response import ModalResponse
+from beamchain.pointing.modal_response import _exponential_states as states_of_a_rising_load
+from beamchain.pointing.pointing import _beyond as beyond_modes_kept
+from beamchain.pointing.pointing import _check_stable as check_stable_craft
+from beamchain.pointing.pointing import _imbalances as imbalances_of_wheels
+from beamchain.pointing.pointing import _settling as settling_of_modes
+from beamchain.pointing.pointing import _total as total_index
+from beamchain.pointing.source_errors import _along as contributions_along_their_sum
+from beamchain.pointing.source_errors import _closed_in as closed_in
+from beamchain.pointing.source_errors import _integral as nodes_of_density
+from beamchain.pointing.source_errors import _mode_at as oscillator_nearest
+from beamchain.pointing.source_errors import _named_shares as named_shares
+from beamchain.pointing.source_errors import _periodic as periodic_of_harmonics
+from beamchain.pointing.source_errors import _running_mean as running_mean
+from beamchain.pointing.source_errors import _snap_times as snap_times
+from beamchain.pointing.source_errors import (
     branches,
     noise_error,
     snap_error,
@@ -273,27 +260,12 @@ from beamchain.plants.source_errors import (
     wheel_error,
     wheel_orders,
 )
-from beamchain.plants.structured import _power_sum as power_sum
-from beamchain.plants.structured import balanced_bounds
-from beamchain.plants.structured import bound as structured_bound
-from beamchain.plants.systems import growth as growth_of_poles
-from beamchain.plants.uncertain_plant import _grid as frequencies_of_curves
-from beamchain.plants.uncertain_plant import _with_peak as with_frequency_of_peak
-from beamchain.plants.verdicts import _beyond as limited_by_modes_above
-from beamchain.plants.verdicts import _limiting as limiting_modes
-from beamchain.plants.wheel_run import _amplitudes as amplitudes_in_record
-from beamchain.plants.wheel_run import _nutation as nutation_of_craft
-from beamchain.plants.wheel_run import _place as place_of_output
-from beamchain.plants.wheel_run import run_wheel
-from beamchain.plants.wheel_sweep import WheelSweep
-from beamchain.plants.wheel_sweep import _high_places as high_places
-from beamchain.plants.worst_case import Loops as LoopsOfSamples
-from beamchain.plants.worst_case import _reaches as reaches_output
-from beamchain.plants.worst_case import _stability_limit as stability_limit
-from beamchain.plants.worst_case import ascent
-from beamchain.plants.worst_case import search as worst_sample
-from beamchain.plants.worst_margins import SampleLoops, smallness
-from beamchain.plants.worst_margins import figure as figure_of_sample
+from beamchain.pointing.wheel_run import _amplitudes as amplitudes_in_record
+from beamchain.pointing.wheel_run import _nutation as nutation_of_craft
+from beamchain.pointing.wheel_run import _place as place_of_output
+from beamchain.pointing.wheel_run import run_wheel
+from beamchain.pointing.wheel_sweep import WheelSweep
+from beamchain.pointing.wheel_sweep import _high_places as high_places
 from beamchain.ports.compare import as_compared, free_peaks, maximum_of, peak_clusters
 from beamchain.ports.compose import joined
 from beamchain.ports.coupled import CoupledPort
@@ -301,6 +273,34 @@ from beamchain.ports.model import Shapes
 from beamchain.ports.motions import body_mass_matrix, first_moment
 from beamchain.report.outlines import Drawn
 from beamchain.report.replay import _steepest as steepest
+from beamchain.robust.bounds import _extended as extended_multipliers
+from beamchain.robust.bounds import _halves as halves_of_box
+from beamchain.robust.bounds import _middle as middle_of
+from beamchain.robust.bounds import _narrow as is_narrow
+from beamchain.robust.bounds import _without_unknown as unknown_behind
+from beamchain.robust.bounds import frequencies as looked_at
+from beamchain.robust.least_margins import SampleLoops, smallness
+from beamchain.robust.least_margins import figure as figure_of_sample
+from beamchain.robust.local_loop import LocalLoop, delay_near, in_box, local_loop
+from beamchain.robust.multipliers import _between as between_ends
+from beamchain.robust.multipliers import _blocks as blocks_of_deltas
+from beamchain.robust.multipliers import _complex as from_real_symmetric
+from beamchain.robust.multipliers import _hermitian as basis_of_hermitian
+from beamchain.robust.multipliers import _moments as moments_of_delta
+from beamchain.robust.multipliers import _real as real_symmetric
+from beamchain.robust.multipliers import balanced as balanced_channels
+from beamchain.robust.multipliers import prove as proof_over
+from beamchain.robust.multipliers import solve_program, zero_crossings
+from beamchain.robust.search import Loops as LoopsOfSamples
+from beamchain.robust.search import _reaches as reaches_output
+from beamchain.robust.search import _stability_limit as stability_limit
+from beamchain.robust.search import ascent
+from beamchain.robust.search import search as worst_sample
+from beamchain.robust.simulated_gain import SteppedController, simulated_gain
+from beamchain.robust.simulated_gain import _plan as plan_of_run
+from beamchain.robust.simulated_gain import _whole as whole_count
+from beamchain.robust.uncertain_plant import _grid as frequencies_of_curves
+from beamchain.robust.uncertain_plant import _with_peak as with_frequency_of_peak
 from beamchain.steps.culprit import culprit, inertia_words, stable_step
 from beamchain.steps.cures import Names, Setting, find_cure, round_down
 from beamchain.steps.driven import driven, run_of_turn

@@ -105,7 +105,7 @@ BOTH = {"KXX": SMALL.stiffness, "MXX": SMALL.mass}
 
 def read_superelement(path: Path) -> object:
     """An OUTPUT4 file, the grids of which are stated."""
-    grids = [bc.InterfaceGrid(id=g, at=PLACES[g], axes=_rows(output_axes(g))) for g in GRIDS]
+    grids = [bc.spec.InterfaceGrid(id=g, at=PLACES[g], axes=_rows(output_axes(g))) for g in GRIDS]
     return read_modes(path, grids=grids)
 
 

@@ -1,12 +1,26 @@
 """Classes of the package that public functions return, found by their annotations."""
 
+import importlib
 import inspect
 import re
 from collections.abc import Callable, Iterator
 from functools import cached_property
 from typing import Any, get_args
 
-import beamchain as bc
+#: modules with public names
+PLACES = ("", ".spec", ".results", ".robust", ".pointing", ".identification", ".worlds")
+
+
+def public() -> dict[str, Any]:
+    """Every public function and class, by its name as it is typed after `beamchain`."""
+    out = dict[str, Any]()
+    for place in PLACES:
+        module = importlib.import_module(f"beamchain{place}")
+        for name in module.__all__:
+            thing = getattr(module, name)
+            if not inspect.ismodule(thing) and thing not in out.values():
+                out[f"{place}.{name}".lstrip(".")] = thing
+    return out
 
 
 def named(annotation: Any, space: dict[str, Any]) -> Iterator[type]:
@@ -41,21 +55,19 @@ def calls(thing: type) -> dict[str, Callable[..., Any]]:
 
 def by_functions() -> dict[str, type]:
     """Classes that public functions return, the public ones left out."""
-    public = [getattr(bc, name) for name in bc.__all__]
-    found = [
-        one for function in public if inspect.isfunction(function) for one in of_call(function)
-    ]
-    return {one.__name__: one for one in found if one not in public}
+    known = list(public().values())
+    found = [one for function in known if inspect.isfunction(function) for one in of_call(function)]
+    return {one.__name__: one for one in found if one not in known}
 
 
 def by_all() -> dict[str, type]:
     """The same, with what methods and properties of those and of public classes
     return, and so on."""
-    public = [getattr(bc, name) for name in bc.__all__]
+    known = list(public().values())
     todo = [
         *by_functions().values(),
-        *(one for one in public if inspect.isclass(one) and not issubclass(one, Exception)),
+        *(one for one in known if inspect.isclass(one) and not issubclass(one, Exception)),
     ]
     for one in todo:
         todo += [more for call in calls(one).values() for more in of_call(call) if more not in todo]
-    return {one.__name__: one for one in todo if one not in public}
+    return {one.__name__: one for one in todo if one not in known}

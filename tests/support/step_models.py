@@ -27,7 +27,7 @@ def fitted(beam, modes, *, damping=0.0, form="modal", target="clamped", hub=HUB,
     result = bc.fit(
         beam,
         modes=modes,
-        root=bc.Root(target=target, hub=hub),
+        root=bc.spec.Root(target=target, hub=hub),
         damping=bc.Damping(ratio=damping, form=form) if damping else None,
     )
     return result.bench_mjcf() if alone else result.scene_mjcf()

@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 
 import beamchain as bc
+from beamchain import pointing
 
 RATIO = 0.005  # damping ratio of the beam's modes, with the root held
 MASS, OFF, APART = 2e-3, 0.05, 0.04  # of what unbalances [kg, m], and distance of a pair [m]
@@ -30,8 +31,8 @@ STATED = {
 
 def budget_of(craft, kind):
     """The budget of the wheel's imbalance."""
-    wheel = bc.WheelDisturbance(joint="rw", speeds=SPEEDS, **STATED[kind])
-    return bc.pointing(craft, bc.Disturbances(wheel=(wheel,)))
+    wheel = pointing.WheelDisturbance(joint="rw", speeds=SPEEDS, **STATED[kind])
+    return pointing.budget(craft, pointing.Disturbances(wheel=(wheel,)))
 
 
 def unbalanced(craft, kind):

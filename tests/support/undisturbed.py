@@ -7,7 +7,8 @@ import numpy as np
 
 import beamchain as bc
 from appendages import seed_boom
-from beamchain import Hub, Root
+from beamchain import Hub
+from beamchain.spec import Root
 from mechanics import INTEGRATORS, momentum
 
 SHARE = 0.5  # of the stable step

@@ -23,12 +23,12 @@ from beamchain import (
     Lump,
     Material,
     Rectangle,
-    Root,
     Segment,
     embed,
     fit,
     linearise,
 )
+from beamchain.spec import Root
 
 CLOSED = 1e-8  # the issue's own bound on closed forms
 EXUDYN = 1e-4  # the issue's own bound on Exudyn's figures (256 elements)

@@ -5,6 +5,7 @@ import logging
 import os
 import sys
 from importlib import import_module
+from importlib.metadata import entry_points
 from io import TextIOWrapper
 from typing import Any, NoReturn
 
@@ -28,7 +29,6 @@ COMMANDS = (
     "inspect",
     "retime",
     "plant",
-    "identify",
     "schema",
     "render",
     "view",
@@ -61,6 +61,9 @@ def beamchain(
 for _name in COMMANDS:
     _module = import_module(f"beamchain.cli.{MODULES.get(_name, _name)}")
     app.command(name=_name, cls=Command)(getattr(_module, _name))
+#: those of the packages beside the core
+for _point in sorted(entry_points(group="beamchain.commands"), key=lambda point: point.name):
+    app.command(name=_point.name, cls=Command)(_point.load())
 
 
 def main() -> None:

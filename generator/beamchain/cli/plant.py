@@ -8,82 +8,20 @@ import typer
 from beamchain.caution import warnings_record
 from beamchain.cli.common import Force, Json, Quiet, console
 from beamchain.cli.output import print_table, print_warnings, spinner, tell
+from beamchain.cli.plant_options import Angle, Inputs, Keyframe, Loops, Model, Outputs, Poses
 from beamchain.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from beamchain.engine.library import mujoco
-    from beamchain.engine.operating_point import At
-    from beamchain.plants.margins import Margins
-    from beamchain.plants.pointing import Pointing
-    from beamchain.plants.realisation import Plant
-    from beamchain.plants.scheduled import ScheduledPlant
-    from beamchain.plants.uncertain_plant import WorstCase
-    from beamchain.plants.verdicts import LoopVerdict
+    from beamchain.control.margins import Margins
+    from beamchain.control.realisation import Plant
+    from beamchain.control.scheduled import ScheduledPlant
+    from beamchain.control.verdicts import LoopVerdict
 
 
-Inputs = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--input",
-        metavar="NAME",
-        help="An actuator, torque:BODY, force:BODY or wrench:SITE. Repeatable; default: the "
-        "\\[allocation] tables of LOOPS.toml, else all actuators.",
-    ),
-]
-Outputs = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--output",
-        metavar="NAME",
-        help="A sensor, attitude, rate or motion:SITE. Repeatable; default: the \\[alignment] "
-        "tables of LOOPS.toml, else attitude and rate.",
-    ),
-]
-Uncertain = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="CRAFT.toml",
-        help="What is uncertain: the worst for the controller is searched for and run in MuJoCo.",
-    ),
-]
-Bound = Annotated[
-    bool,
-    typer.Option("--bound", help="Prove what no value exceeds as well (the extra robust)."),
-]
-Worst = Annotated[
-    str | None,
-    typer.Option(
-        "--worst",
-        metavar="INPUT:OUTPUT",
-        help="Signals of the plant between which the worst gain is sought; default: those of the "
-        "first loop.",
-    ),
-]
-
-
-Model = Annotated[Path, typer.Argument(metavar="FILE.xml", help="The spacecraft's MJCF file.")]
 Output = Annotated[
     Path, typer.Option("-o", "--file", metavar="OUT", help="Output file: .npz, .json or .mat.")
-]
-Poses = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--pose",
-        metavar="JOINT=45,...",
-        help="Pose to linearise in: joints in degrees (slides in m), or the name of a keyframe; "
-        "default: rest. Repeatable: a plant for each, modes followed in this order.",
-    ),
-]
-Keyframe = Annotated[
-    str | None, typer.Option(metavar="KEY", help="Keyframe to linearise at, as one --pose.")
-]
-Angle = Annotated[
-    str | None,
-    typer.Option(
-        metavar="JOINT=0,45,90", help="Positions of one joint, as a --pose JOINT=... of each."
-    ),
 ]
 Loaded = Annotated[
     bool,
@@ -94,25 +32,6 @@ Loaded = Annotated[
     ),
 ]
 Discrete = Annotated[float | None, typer.Option(metavar="STEP", help="Sampled at this step in s.")]
-Loops = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="LOOPS.toml",
-        help="Loops whose margins are computed, and signals that are combined for them "
-        "(\\[allocation], \\[alignment]).",
-    ),
-]
-DisturbanceFile = Annotated[
-    Path | None,
-    typer.Option(
-        "--disturbances",
-        metavar="DISTURBANCES.toml",
-        help="What disturbs the pointing: the budget of the outputs is computed.",
-    ),
-]
-Window = Annotated[
-    float, typer.Option(metavar="TIME", help="Window of the relative pointing error in s.")
-]
 Report = Annotated[bool, typer.Option(help="Write OUT_report.html as well.")]
 
 
@@ -127,11 +46,6 @@ def plant(
     discrete: Discrete = None,
     loaded: Loaded = False,
     controller: Loops = None,
-    uncertain: Uncertain = None,
-    disturbance: Worst = None,
-    disturbances: DisturbanceFile = None,
-    window: Window = 1.0,
-    bound: Bound = False,
     report: Report = True,
     as_json: Json = False,
     force: Force = False,
@@ -144,31 +58,21 @@ def plant(
 
     Example: beamchain plant flexible.xml --input torque:bus --controller loops.toml -o plant.npz
 
-    Example: beamchain plant flexible.xml --input torque:bus --controller loops.toml --uncertain
-    craft.toml -o plant.npz
-
     Example: beamchain plant flexible.xml --pose north=45,south=-45 --pose north=0,south=90 -o
     plant.mat
-
-    Example: beamchain plant flexible.xml --disturbances jitter.toml -o plant.npz
     """
+    from beamchain.cli.plant_options import place_of
     from beamchain.cli.poses import doubtful
+    from beamchain.control.controllers import read_controller, signals_with, takes_time
+    from beamchain.control.plant import plant as linearise
+    from beamchain.control.realisation import Plant
+    from beamchain.control.verdicts import loop_verdicts, margin_warnings
     from beamchain.craft.source import compiled_model
     from beamchain.files import beside, check_outputs
-    from beamchain.plants.controllers import read_controller, signals_with, takes_time
-    from beamchain.plants.jitter_sources import read_disturbances
-    from beamchain.plants.plant import plant as linearise
-    from beamchain.plants.pointing import pointing
-    from beamchain.plants.realisation import Plant
-    from beamchain.plants.verdicts import loop_verdicts, margin_warnings
     from beamchain.report.pages.plant import plant_report
 
-    _check_poses(poses or [], at, angle, single=disturbances is not None)
-    _check_uncertain(uncertain, controller, bound=bound)
-    source, target = _signals_between(disturbance, uncertain)
     page = beside(output, "_report.html")
-    given = (controller, uncertain, disturbances)
-    files_read = [model, *(place for place in given if place is not None)]
+    files_read = [model, *([] if controller is None else [controller])]
     check_outputs([output, *([page] if report else ())], force=force, inputs=files_read)
     loops = None if controller is None else read_controller(controller)
     driven, seen = inputs or None, outputs or None
@@ -180,11 +84,10 @@ def plant(
                 "--discrete out, or use bc.margins in Python with a controller sampled by "
                 "control.c2d."
             )
-    sources = None if disturbances is None else read_disturbances(disturbances)
     silent = quiet or as_json
     with spinner("linearising", silent) as say:
         compiled = compiled_model(model)
-        place = _place(compiled, poses or [], at, angle)
+        place = place_of(compiled, poses or [], at, angle)
         result = linearise(compiled, driven, seen, place, discrete=discrete, loaded=loaded)
         plants = [result] if isinstance(result, Plant) else list(result.plants)
         say("margins")
@@ -197,100 +100,32 @@ def plant(
         _show_margins(margins_by_plant)
     with spinner("why the loop is unstable", silent) as say:
         margins_by_plant = [_explained(one, say) for one in closed_loops]
-    with spinner("worst case and report", silent):
-        cases: list[WorstCase] = []
-        if loops is not None and uncertain is not None:
-            if isinstance(result, Plant):
-                one = result.uncertain(uncertain)
-                cases = [one.worst_case(loops, source, target, bound=bound)]
-            else:
-                cases = [*result.worst_case(uncertain, loops, source, target, bound=bound)]
-        budget = None
-        if sources is not None:
-            budget = pointing(compiled, sources, seen, place, window=window)
-        pages: dict[Path, str] = {}
-        if report:
-            pages[page] = plant_report(result, margins_by_plant, model.name, cases, budget)
+    pages: dict[Path, str] = {}
+    if report:
+        with spinner("report", silent):
+            pages[page] = plant_report(result, margins_by_plant, model.name)
     files = [result.write(output, force=force, also=pages or None), *pages]
     warnings = margin_warnings(plants, margins_by_plant)
     warnings = [*doubtful(compiled, poses or [], angle), *warnings]
     tell(
-        lambda: _record(result, plants[0], margins_by_plant, cases, warnings, budget),
-        lambda: _show(result, margins_by_plant, cases, warnings, budget, is_shown=is_shown),
+        lambda: _record(result, plants[0], margins_by_plant, warnings),
+        lambda: _show(result, margins_by_plant, warnings, is_shown=is_shown),
         files,
         as_json,
         quiet,
     )
-    loops_stable = all(margins.stable for margins in margins_by_plant)
-    if not loops_stable or not all(case.stable for case in cases):
+    if not all(margins.stable for margins in margins_by_plant):
         raise typer.Exit(3)
-
-
-def _check_poses(poses: list[str], at: str | None, angle: str | None, *, single: bool) -> None:
-    """Refuse options for poses that do not go together; `single`: whether only one is taken."""
-    given = {"--pose": bool(poses), "--at": at is not None, "--angle": angle is not None}
-    if sum(given.values()) > 1:
-        several = " and ".join(option for option, there in given.items() if there)
-        raise InputError(
-            f"plant: {several} are given together; leave one out, or give every pose as a --pose."
-        )
-    if single and (angle is not None or len(poses) > 1):
-        raise InputError(
-            "plant: --disturbances takes one pose; leave --angle out, and give one --pose."
-        )
-
-
-def _check_uncertain(uncertain: Path | None, controller: Path | None, *, bound: bool) -> None:
-    """Refuse options for a worst case that do not go together."""
-    if uncertain is not None and controller is None:
-        raise InputError(
-            "plant: --uncertain needs --controller, whose worst case it seeks; in Python: "
-            "plant.uncertain."
-        )
-    if bound and uncertain is None:
-        raise InputError("plant: --bound needs --uncertain, whose worst case it bounds.")
-
-
-def _signals_between(
-    disturbance: str | None, uncertain: Path | None
-) -> tuple[str | None, str | None]:
-    """Input and output that --worst names."""
-    if disturbance is None:
-        return None, None
-    source, _, target = disturbance.partition(":")
-    if not (source and target and uncertain):
-        raise InputError(
-            f"--worst {disturbance!r} is INPUT:OUTPUT of the plant, for example "
-            "torque_z:attitude_z, and needs --uncertain."
-        )
-    return source, target
-
-
-def _place(model: "mujoco.MjModel", poses: list[str], at: str | None, angle: str | None) -> "At":
-    """What `at` of `bc.plant` takes for the options: one pose, or several."""
-    from beamchain.cli.poses import grid_of, pose_of
-
-    if angle is not None:
-        return grid_of(model, angle)
-    if at is not None:
-        return at
-    each = [pose_of(model, text) for text in poses]
-    for i, (text, one) in enumerate(zip(poses, each, strict=True)):
-        if one in each[:i]:
-            raise InputError(f"--pose {text!r} is given twice; give each pose once.")
-    return each if len(each) > 1 else each[0] if each else None
 
 
 def _record(
     result: "Plant | ScheduledPlant",
     first: "Plant",
     margins_by_plant: "list[Margins]",
-    cases: "list[WorstCase]",
     warnings: list[str],
-    budget: "Pointing | None",
 ) -> dict[str, Any]:
     """What --json prints."""
-    from beamchain.plants.realisation import Plant
+    from beamchain.control.realisation import Plant
     from beamchain.report.tables import plant as tables
 
     scheduled = None if isinstance(result, Plant) else result
@@ -312,8 +147,6 @@ def _record(
             {key: value for key, value in margins.as_dict().items() if key != "loops"}
             for margins in margins_by_plant
         ],
-        "worst": [case.as_dict() for case in cases],
-        "pointing": None if budget is None else budget.as_dict(),
         **warnings_record(warnings),
     }
 
@@ -342,7 +175,7 @@ def _explained(one: "LoopVerdict", say: "Callable[[str], None]") -> "Margins":
 
 
 def _show_plants(found: "Plant | ScheduledPlant") -> None:
-    from beamchain.plants.realisation import Plant
+    from beamchain.control.realisation import Plant
     from beamchain.report.tables import plant as tables
 
     first = found if isinstance(found, Plant) else found[0]
@@ -379,28 +212,16 @@ def _show_reasons(margins_by_plant: "list[Margins]") -> None:
 def _show(
     found: "Plant | ScheduledPlant",
     margins_by_plant: "list[Margins]",
-    cases: "list[WorstCase]",
     warnings: list[str],
-    budget: "Pointing | None",
     *,
     is_shown: bool,
 ) -> None:
     """What the terminal shows before the names of the files; `is_shown`: the plants and the margins
     have been, so that only the reasons of unstable loops are left."""
-    from beamchain.report.tables import plant as tables
 
     if is_shown:
         _show_reasons(margins_by_plant)
     else:
         _show_plants(found)
         _show_margins(margins_by_plant)
-    for case in cases:
-        where = f" ({case.pose})" if case.pose else ""
-        console().print(f"worst case{where}, {case.sentence}")
-    for case in cases:
-        print_table(tables.worst_value_table(case))
-    if budget is not None:
-        print_table(budget.table)
-        print_table(budget.mode_table)
-        warnings = [*warnings, *(text for text in budget.warnings if text not in warnings)]
     print_warnings(warnings, "note")

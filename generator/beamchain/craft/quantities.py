@@ -374,7 +374,7 @@ def _joint(model: "mujoco.MjModel", name: str, given: UncertainJoint) -> list[Qu
         if how is not None and value == 0.0 and held_joints(model).get(joint) == "servo":
             raise InputError(
                 f"joint {name!r} has no {kind} of its own, and what its servo has is not drawn "
-                "here: leave it out, or give bc.worlds the arrays actuator_gainprm and "
+                "here: leave it out, or give worlds.make the arrays actuator_gainprm and "
                 "actuator_biasprm."
             )
         if how is not None:

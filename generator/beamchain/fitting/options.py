@@ -26,7 +26,13 @@ Triple = tuple[float, float, float]
 
 class Payload(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The body that the user's scene will attach at the tip: the fit allows for it,
-    but it is not in the files."""
+    but it is not in the files.
+
+    Example:
+        >>> import beamchain as bc
+        >>> bc.spec.Payload(mass=12.0, inertia=(0.3, 0.2, 0.2)).mass
+        12.0
+    """
 
     mass: Annotated[float, field("mass", "kg", above=0.0)]
     inertia: Annotated[
@@ -105,7 +111,13 @@ def _ratio(name: str, value: object) -> None:
 
 class Port(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A further point at which the chain is exact, in the ports that are kept;
-    its site is `NAME_<name>`."""
+    its site is `NAME_<name>`.
+
+    Example:
+        >>> import beamchain as bc
+        >>> bc.spec.Port(name="elbow", x=4.0, carries=("forearm",)).carries
+        ('forearm',)
+    """
 
     name: Annotated[str, field("part of the name of its site: a-z, 0-9 and _")]
     x: Annotated[float, field("distance from the root", "m", above=0.0)]
@@ -128,7 +140,13 @@ class Port(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
 
 class Sensors(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Sensors written with the appendage, for modes, deflections and loads."""
+    """Sensors written with the appendage, for modes, deflections and loads.
+
+    Example:
+        >>> import beamchain as bc
+        >>> bc.spec.Sensors(modes=True, points=("tip",)).root_load
+        False
+    """
 
     modes: Annotated[
         bool, field("amplitude and rate of each mode: NAME_mode1_xy_amplitude, NAME_mode1_xy_rate")
@@ -200,7 +218,7 @@ class Root(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
     Example:
         >>> import beamchain as bc
-        >>> bc.Root(target="hub", hub=bc.Hub(mass=500.0, inertia=(400.0, 400.0, 500.0))).target
+        >>> bc.spec.Root(target="hub", hub=bc.Hub(mass=500.0, inertia=(400.0, 400.0, 500.0))).target
         'hub'
     """
 
@@ -219,7 +237,7 @@ class FitOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
     Example:
         >>> import beamchain as bc
-        >>> bc.FitOptions(springs="modes").springs
+        >>> bc.spec.FitOptions(springs="modes").springs
         'modes'
     """
 

@@ -27,7 +27,7 @@ class Uncertainty(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
 
     Example:
         >>> import beamchain as bc
-        >>> bc.Uncertainty(relative=0.1).relative
+        >>> bc.spec.Uncertainty(relative=0.1).relative
         0.1
     """
 
@@ -108,7 +108,9 @@ class UncertainMode(Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 
     Example:
         >>> import beamchain as bc
-        >>> bc.UncertainMode(number=2, port="xy", damping=bc.Uncertainty(relative=0.5)).name
+        >>> bc.spec.UncertainMode(
+        ...     number=2, port="xy", damping=bc.spec.Uncertainty(relative=0.5)
+        ... ).name
         'mode2_xy'
     """
 
@@ -135,7 +137,7 @@ class Correlation(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     Example:
         >>> import beamchain as bc
         >>> names = ("mode1_xy.frequency", "mode1_xz.frequency")
-        >>> bc.Correlation(of=names, matrix=((1.0, 0.8), (0.8, 1.0))).matrix[0][1]
+        >>> bc.spec.Correlation(of=names, matrix=((1.0, 0.8), (0.8, 1.0))).matrix[0][1]
         0.8
     """
 
@@ -177,7 +179,7 @@ class UncertainModes(Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
     Example:
         >>> import beamchain as bc
-        >>> bc.UncertainModes(damping=bc.Uncertainty(relative=0.5)).damping.relative
+        >>> bc.spec.UncertainModes(damping=bc.spec.Uncertainty(relative=0.5)).damping.relative
         0.5
     """
 
@@ -217,7 +219,7 @@ class UncertainBody(Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 
     Example:
         >>> import beamchain as bc
-        >>> bc.UncertainBody(mass=bc.Uncertainty(absolute=5.0)).mass.absolute
+        >>> bc.spec.UncertainBody(mass=bc.spec.Uncertainty(absolute=5.0)).mass.absolute
         5.0
     """
 
@@ -244,7 +246,7 @@ class UncertainJoint(Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
     Example:
         >>> import beamchain as bc
-        >>> bc.UncertainJoint(stiffness=bc.Uncertainty(relative=0.2)).stiffness.relative
+        >>> bc.spec.UncertainJoint(stiffness=bc.spec.Uncertainty(relative=0.2)).stiffness.relative
         0.2
     """
 
@@ -303,7 +305,14 @@ def correlate(
 
 class Uncertain(UncertainModes, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The table [uncertain]; what is left out is certain.
-    What is said of the modes holds for those that are kept."""
+    What is said of the modes holds for those that are kept.
+
+    Example:
+        >>> import beamchain as bc
+        >>> tenth = bc.spec.Uncertainty(relative=0.1, distribution="uniform")
+        >>> bc.spec.Uncertain(frequency=tenth, density=tenth).structural
+        ('density',)
+    """
 
     stiffness: Annotated[
         Uncertainty | None, field("elastic stiffness of all segments (EI, GJ, EA); relative only")

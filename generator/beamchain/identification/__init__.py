@@ -1,0 +1,5 @@
+"""Modes of an appendage from logs of its spacecraft's motion: `identification.identify(logs)`."""
+
+from beamchain.late import attach
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

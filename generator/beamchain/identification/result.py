@@ -105,6 +105,7 @@ class Identification:
 
     Example:
         >>> import beamchain as bc
+        >>> from beamchain import identification
         >>> import numpy as np
         >>> craft = '''<mujoco><worldbody><body name="bus"><freejoint/>
         ... <inertial pos="0 0 0" mass="300" diaginertia="90 90 90"/>
@@ -117,7 +118,7 @@ class Identification:
         ... }
         >>> beam = bc.Equivalent(bending_stiffness_xy=750.0, linear_mass=0.25)
         >>> prior = bc.Spec(segment=(bc.Segment(length=8.0, section=beam),))
-        >>> found = bc.identify(log, craft, "mount", prior=prior)
+        >>> found = identification.identify(log, craft, "mount", prior=prior)
         >>> [mode.determined for mode in found.modes]
         [True]
         >>> found.data().participation.shape  # of the modes, as [imported] and bc.embed take them
@@ -153,16 +154,16 @@ class Identification:
         )
 
     def _repr_html_(self) -> str:
-        from beamchain import report
+        from beamchain import identification
 
-        return report.identification_html(self)
+        return identification.page.identification_html(self)
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """Measured, modelled and remaining spectrum of the first channel, drawn into `ax`.
         Returns the axes; shows nothing."""
-        from beamchain import report
+        from beamchain import identification
 
-        return report.plot_identification(self, ax)
+        return identification.page.plot_identification(self, ax)
 
     @property
     def punctual(self) -> bool:
@@ -273,12 +274,14 @@ class Identification:
         Raises:
             OutputError: a file exists, is one that was read, or the folder cannot be written.
         """
-        from beamchain import report
+        from beamchain import identification
 
         place = Path(path)
         files: dict[Path, str | bytes] = {
             beside(place, ".json"): to_json(self.as_dict()),
-            beside(place, "_report.html"): report.identification_page(self, place.name),
+            beside(place, "_report.html"): identification.page.identification_page(
+                self, place.name
+            ),
             place: self.to_toml(),
         }
         write_files(files, force=force, inputs=self.inputs)

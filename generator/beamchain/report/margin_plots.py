@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
-    from beamchain.plants.margins import LoopMargins, Margins
+    from beamchain.control.margins import LoopMargins, Margins
 
 GROWING = "#b3261e"
 LOW, HIGH = -60.0, 60.0  # dB that are drawn

@@ -45,8 +45,9 @@ def capitalise(text: str, names: Iterable[str] = ()) -> str:
     return text if own else text[:1].upper() + text[1:]
 
 
-def page_text(template: str, **values: Any) -> str:
-    """The text of a page, made from a template and what it asks for by name."""
+def page_text(template: str, folder: Path | None = None, **values: Any) -> str:
+    """The text of a page, made from a template, of the report or in a folder, and what it asks for
+    by name."""
     common = {
         "titles": [],
         "zip": zip,
@@ -54,9 +55,8 @@ def page_text(template: str, **values: Any) -> str:
         "turn": math.tau,
         "spec_toml": spec_toml,
     }
-    return (
-        _environment().get_template(template).render({**common, "versions": _versions(), **values})
-    )
+    page = _environment(folder).get_template(template)
+    return page.render({**common, "versions": _versions(), **values})
 
 
 def _versions() -> str:
@@ -77,8 +77,9 @@ def _finalize(value: Any) -> Any:
 
 
 @cache
-def _environment() -> jinja2.Environment:
-    loader = jinja2.FileSystemLoader(Path(__file__).parent / "templates")
+def _environment(folder: Path | None) -> jinja2.Environment:
+    folders = [Path(__file__).parent / "templates", *([] if folder is None else [folder])]
+    loader = jinja2.FileSystemLoader(folders)
     made = jinja2.Environment(
         loader=loader, autoescape=True, undefined=jinja2.StrictUndefined, finalize=_finalize
     )

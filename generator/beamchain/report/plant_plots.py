@@ -11,9 +11,7 @@ from numpy.typing import NDArray
 from beamchain.ports.motions import Array
 from beamchain.report.plots import (
     BEAM,
-    DASHES,
     OURS,
-    RIVAL,
     WIDTH,
     drawing,
     in_hz,
@@ -29,14 +27,10 @@ from beamchain.report.pose_looks import pose_legend, pose_looks
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from beamchain.plants.bounds import GainBound
-    from beamchain.plants.pointing import Pointing
-    from beamchain.plants.realisation import Plant
-    from beamchain.plants.scheduled import ScheduledPlant
-    from beamchain.plants.uncertain_plant import WorstCase
+    from beamchain.control.realisation import Plant
+    from beamchain.control.scheduled import ScheduledPlant
 
 APART = 0.035  # of the height of a panel, between the names of modes
-DECADE = 10.0  # ratio of speeds, from which their axis is logarithmic
 PAIRS = 4  # of inputs and outputs that a Bode plot shows
 
 
@@ -100,99 +94,6 @@ def scheduled_figure(scheduled: "ScheduledPlant") -> Figure:
     return figure
 
 
-def plot_worst(worst: "WorstCase", ax: "Axes | None" = None) -> "Axes":
-    """Gains of a closed loop over frequency: worst sample, nominal plant, the peak in MuJoCo."""
-    ax = panel(3.6)[1] if ax is None else ax
-    ax.loglog(worst.omega, worst.worst, color=OURS, linewidth=1.4, label="worst sample found")
-    ax.loglog(worst.omega, worst.nominal, color=RIVAL, linewidth=1.0, label="nominal")
-    if worst.bound is not None:
-        plot_steps(worst.bound, ax)
-    if np.isfinite(worst.simulated):
-        ax.loglog(
-            [worst.frequency],
-            [worst.simulated],
-            "o",
-            color=BEAM,
-            fillstyle="none",
-            label="MuJoCo, worst sample",
-        )
-    _logarithmic(ax, worst.omega)
-    over_frequency(ax, f"{literal(worst.output)} per {literal(worst.input)}, {worst.unit}")
-    ax.legend(loc="best")
-    return ax
-
-
-def plot_pointing(pointing: "Pointing", ax: "Axes | None" = None) -> "Axes":
-    """Peaks of the error over the speed of the wheels; a dot at the largest of each curve."""
-    ax = panel(3.6)[1] if ax is None else ax
-    wheels = [source for source in pointing.sources if source.curve is not None]
-    for number, source in enumerate(wheels):
-        curve = source.curve
-        assert curve is not None
-        for output, name in enumerate(pointing.outputs):
-            peaks = curve.ape_peak[:, output]
-            if not peaks.any():
-                continue
-            label = f"{source.name}, {name}" if len(wheels) > 1 else name
-            (line,) = ax.plot(
-                curve.speed,
-                peaks,
-                linewidth=1.0,
-                linestyle=DASHES[number % len(DASHES)],
-                label=literal(label),
-            )
-            top = int(peaks.argmax())
-            ax.plot(curve.speed[top], peaks[top], "o", color=line.get_color(), markersize=4)
-    units = ", ".join(dict.fromkeys(pointing.units))
-    ax.set(yscale="log", xlabel="speed of the wheel, rad/s", ylabel=f"APE peak, {units}")
-    low, high = ax.dataLim.intervalx
-    if low > 0.0 and high > DECADE * low:
-        ax.set_xscale("log")
-        log_axis(ax.xaxis, (float(low), float(high)), plain)
-    ax.legend(loc="best")
-    return ax
-
-
-@drawing()
-def pointing_figure(pointing: "Pointing") -> Figure:
-    """The same as a figure of its own."""
-    figure, ax = panel(3.8)
-    plot_pointing(pointing, ax)
-    return figure
-
-
-def plot_steps(bound: "GainBound", ax: "Axes") -> None:
-    """An upper bound as steps: a level line per interval, risers where neighbours are finite."""
-    low, high = ax.get_xlim()
-    ends = np.clip(bound.edges, low, high)
-    level = np.where(np.isfinite(bound.gains), bound.gains, np.nan)
-    ax.stairs(level, ends, baseline=None, color=BEAM, linewidth=1.0, label="no value exceeds")
-    ax.set_xlim(low, high)
-
-
-@drawing()
-def worst_figure(several: "Sequence[WorstCase]") -> Figure:
-    """The same as a figure, one picture per angle."""
-    figure = Figure(figsize=(WIDTH, 3.4 * len(several)), layout="constrained")
-    for place, worst in enumerate(several, 1):
-        plot_worst(worst, figure.add_subplot(len(several), 1, place)).legend_ = None
-    figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside upper left", ncols=4)
-    return figure
-
-
-@drawing()
-def drawn_figure(several: "Sequence[WorstCase]") -> Figure:
-    """Peak gains of the draws, in order, with that of the worst sample."""
-    figure, ax = panel(2.8)
-    for worst in several:
-        peaks = np.sort(worst.drawn[np.isfinite(worst.drawn)])
-        ax.plot(peaks, np.arange(1, peaks.size + 1) / max(worst.drawn.size, 1), color=OURS)
-        if np.isfinite(worst.gain):
-            ax.axvline(worst.gain, color=OURS, linewidth=0.8, linestyle="dotted")
-    ax.set(xlabel=f"peak gain, {several[0].unit}", ylabel="share of samples below")
-    return figure
-
-
 def _grid(plants: "Sequence[Plant]") -> Array:
     """`(k,)` frequencies that resolve the modes [rad/s]; none is a mode's own,
     where an undamped plant is infinite."""
@@ -213,7 +114,7 @@ def _response(plant: "Plant", omega: Array) -> NDArray[np.complex128]:
     return out
 
 
-def _logarithmic(ax: "Axes", omega: Array) -> None:
+def logarithmic(ax: "Axes", omega: Array) -> None:
     """Logarithmic axes with plain numbers, their tops in Hz."""
     ax.set(xscale="log", yscale="log", xlim=(float(omega[0]), float(omega[-1])))
     log_axis(ax.xaxis, ax.get_xlim(), plain)
@@ -243,7 +144,7 @@ def bode_figure(plants: "Sequence[Plant]", labels: Sequence[str] = ()) -> Figure
         ax = figure.add_subplot(len(pairs), 1, place + 1)
         for response, look in zip(responses, looks, strict=True):
             ax.loglog(omega, np.abs(response[i, j]), label=look.label, **look.line())
-        _logarithmic(ax, omega)
+        logarithmic(ax, omega)
         ax.set_title(f"{literal(plant.output_names[i])} per {literal(plant.input_names[j])}")
         ax.set_ylabel(f"{plant.output_units[i]} per {plant.input_units[j]}")
         angle = ax.twinx()
@@ -266,7 +167,7 @@ def singular_figure(plants: "Sequence[Plant]") -> Figure:
     ax.loglog(
         omega, np.maximum(values, 1e-12 * values.max(initial=1e-300)), color=OURS, linewidth=1.0
     )
-    _logarithmic(ax, omega)
+    logarithmic(ax, omega)
     over_frequency(ax, "singular values")
     return figure
 

@@ -79,7 +79,7 @@ class Retimed:
         >>> section = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
         >>> spec = bc.Spec(
         ...     segment=(bc.Segment(length=8.0, section=section),),
-        ...     fit=bc.FitOptions(springs="modes"),
+        ...     fit=bc.spec.FitOptions(springs="modes"),
         ... )
         >>> model = mujoco.MjModel.from_xml_string(bc.fit(spec).scene_mjcf())
         >>> done = bc.retime(model, 2.0, "Euler")
@@ -217,7 +217,7 @@ def retime(
         >>> section = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
         >>> spec = bc.Spec(
         ...     segment=(bc.Segment(length=8.0, section=section),),
-        ...     fit=bc.FitOptions(springs="modes"),
+        ...     fit=bc.spec.FitOptions(springs="modes"),
         ... )
         >>> model = mujoco.MjModel.from_xml_string(bc.fit(spec).scene_mjcf())
         >>> done = bc.retime(model, 0.05, "Euler")

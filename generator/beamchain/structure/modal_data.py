@@ -44,7 +44,7 @@ class FurtherPoint(NamedTuple):
     Example:
         >>> import beamchain as bc
         >>> import numpy as np
-        >>> bc.FurtherPoint("mast", np.array([1.6, 0.0, 0.0]), np.zeros((3, 6))).name
+        >>> bc.spec.FurtherPoint("mast", np.array([1.6, 0.0, 0.0]), np.zeros((3, 6))).name
         'mast'
     """
 

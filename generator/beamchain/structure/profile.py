@@ -42,7 +42,7 @@ def section_from(
 
     Example:
         >>> import beamchain as bc
-        >>> bc.section_from("channel")
+        >>> bc.spec.section_from("channel")
         Traceback (most recent call last):
             ...
         beamchain.errors.InputError: section = 'channel' is a str; give a sectionproperties Section.

@@ -42,7 +42,9 @@ class RecoveryRows:
 
     Example:
         >>> import beamchain as bc
-        >>> rows = bc.RecoveryRows(names=("hinge moment",), modes=[[120.0, -35.0]], units=("N m",))
+        >>> rows = bc.spec.RecoveryRows(
+        ...     names=("hinge moment",), modes=[[120.0, -35.0]], units=("N m",)
+        ... )
         >>> rows
         <RecoveryRows, 1 quantity over 2 modes>
     """

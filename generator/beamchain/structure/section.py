@@ -435,7 +435,9 @@ class Draw(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     Example:
         >>> import beamchain as bc
         >>> bc.Equivalent(
-        ...     bending_stiffness_xy=2e3, linear_mass=4.0, draw=bc.Draw(width=1.2, thickness=0.03)
+        ...     bending_stiffness_xy=2e3,
+        ...     linear_mass=4.0,
+        ...     draw=bc.spec.Draw(width=1.2, thickness=0.03),
         ... ).depth("xz")
         1.2
     """

@@ -57,6 +57,19 @@ class Slosh(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
     In the appendage's own axes x is the axis of the tank, and an acceleration along +x presses the
     liquid onto the bottom; `axis` says which axis of the place that is.
+
+    Example:
+        >>> import beamchain as bc
+        >>> water = bc.spec.Slosh(
+        ...     shape="cylinder",
+        ...     radius=0.5,
+        ...     height=1.0,
+        ...     density=1000.0,
+        ...     ratio=0.005,
+        ...     acceleration=0.1,
+        ... )
+        >>> water.axis
+        'x'
     """
 
     shape: Annotated[Literal["cylinder"], field("shape of the tank")]
@@ -122,7 +135,11 @@ class Slosh(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         return float(np.pi * self.radius**2 * self.height * self.density)
 
     def pendulums(self, count: int = KNOWN) -> "Pendulums":
-        """The first lateral modes of a plane; as many as the reference has where left out."""
+        """The first lateral modes of a plane.
+
+        Args:
+            count: of modes; as many as the reference has where left out.
+        """
         radius, height = self.radius, self.height
         xi = _zeros()[:count]
         tilted = np.tanh(xi * height / radius)

@@ -11,17 +11,15 @@ from beamchain.report.table import Table
 from beamchain.report.tables.embed import coupled_table
 from beamchain.report.tables.fit import every_mode, mode_table
 from beamchain.report.tables.plant import closed_loop_table, margin_table
-from beamchain.report.tables.pointing import pointing_table
 from beamchain.report.tables.recovery import recovery_table
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+    from beamchain.control.margins import Margins
     from beamchain.craft.embedded import Embedded
     from beamchain.craft.recovery import Recovery
     from beamchain.fitting.result import Fit
-    from beamchain.plants.margins import Margins
-    from beamchain.plants.pointing import Pointing
 
 
 def fit_text(fit: "Fit") -> str:
@@ -78,11 +76,6 @@ def recovery_html(recovery: "Recovery") -> str:
     """The extremes inside an appendage."""
     table = recovery_table(recovery)
     return table_html(table, title=table.title)
-
-
-def pointing_html(pointing: "Pointing") -> str:
-    """The budget and its notes."""
-    return table_html(pointing_table(pointing), [f"note: {text}" for text in pointing.warnings])
 
 
 def table_html(table: Table, notes: "Iterable[str]" = (), title: str = "") -> str:

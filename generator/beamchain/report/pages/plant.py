@@ -3,29 +3,24 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from beamchain.plants.margins import Margins
-from beamchain.plants.realisation import Plant
-from beamchain.plants.uncertain_plant import WorstCase
-from beamchain.plants.verdicts import margin_warnings
+from beamchain.control.margins import Margins
+from beamchain.control.realisation import Plant
+from beamchain.control.verdicts import margin_warnings
 from beamchain.report import margin_plots, plant_plots
 from beamchain.report.page import Verdict, page_text
 from beamchain.report.svg import to_svg
 from beamchain.report.tables import plant as tables
 
 if TYPE_CHECKING:
-    from beamchain.plants.pointing import Pointing
-    from beamchain.plants.scheduled import ScheduledPlant
+    from beamchain.control.scheduled import ScheduledPlant
 
 
 def plant_report(
     found: "Plant | ScheduledPlant",
     of_loops: Sequence[Margins],
     name: str,
-    worst: Sequence[WorstCase] = (),
-    budget: "Pointing | None" = None,
 ) -> str:
-    """The text of one HTML file; `of_loops`, `worst`: margins and worst case per plant,
-    empty where there are none; `budget`: of its pointing."""
+    """The text of one HTML file; `of_loops`: margins per plant, empty where there are none."""
     plants = [found] if isinstance(found, Plant) else list(found.plants)
     labels = () if isinstance(found, Plant) else found.labels
     figures = {
@@ -40,17 +35,12 @@ def plant_report(
         figures["closed"] = margin_plots.closed_poles_figure(of_loops)
     if not isinstance(found, Plant):
         figures["angles"] = plant_plots.scheduled_figure(found)
-    if worst:
-        figures["worst"] = plant_plots.worst_figure(worst)
-        figures["drawn"] = plant_plots.drawn_figure(worst)
-    if budget is not None and any(source.curve is not None for source in budget.sources):
-        figures["pointing"] = plant_plots.pointing_figure(budget)
     return page_text(
         "plant.html",
         name=name,
         plant=plants[0],
         scheduled=None if isinstance(found, Plant) else found,
-        verdict=_verdict(plants[0], of_loops, worst),
+        verdict=_verdict(plants[0], of_loops),
         inputs=tables.signal_table("Inputs", plants[0].input_names, plants[0].input_units),
         outputs=tables.signal_table("Outputs", plants[0].output_names, plants[0].output_units),
         allocations=tables.allocation_tables(plants[0]),
@@ -61,15 +51,11 @@ def plant_report(
         margins=tables.margin_table(of_loops),
         limiting=tables.limiting_table(of_loops),
         closed_loops=tables.closed_loop_table(of_loops),
-        budget=budget,
-        worst=tables.worst_table(worst),
-        worst_values=[tables.worst_value_table(case) for case in worst],
-        bounds=[case.bound.sentence for case in worst if case.bound],
         drawn={key: to_svg(figure, key) for key, figure in figures.items()},
     )
 
 
-def _verdict(plant: Plant, of_loops: Sequence[Margins], of_samples: Sequence[WorstCase]) -> Verdict:
+def _verdict(plant: Plant, of_loops: Sequence[Margins]) -> Verdict:
     size = f"{plant.nstates} states, {len(plant.modes)} flexible modes"
     if not of_loops:
         return Verdict(True, f"{size}; no controller was given.")
@@ -80,11 +66,6 @@ def _verdict(plant: Plant, of_loops: Sequence[Margins], of_samples: Sequence[Wor
         if len(unstable) > 1 and why:
             why = f"At {unstable[0].pose}: {why}"
         return Verdict(False, f"{size}; the closed loop{where} is unstable. {why}".strip())
-    if not all(one.stable for one in of_samples):
-        return Verdict(
-            False,
-            f"{size}; the closed loop is unstable for some values of the uncertain quantities.",
-        )
     every = [(margins.pose, loop) for margins in of_loops for loop in margins.loops]
     pose, worst = min(every, key=lambda at: at[1].disk)
     where = f"{pose}, {worst.name}" if pose else worst.name

@@ -1,4 +1,4 @@
-"""The tables of a plant: signals, modes and their gains, margins, the worst case."""
+"""The tables of a plant: signals, modes and their gains and margins."""
 
 import math
 from collections.abc import Sequence
@@ -8,11 +8,9 @@ from beamchain.report.formats import digits, number
 from beamchain.report.table import Column, Place, Table
 
 if TYPE_CHECKING:
-    from beamchain.plants.margins import LoopMargins, Margins
-    from beamchain.plants.realisation import Plant
-    from beamchain.plants.scheduled import ScheduledPlant
-    from beamchain.plants.uncertain_plant import WorstCase
-    from beamchain.plants.worst_margins import WorstMargins
+    from beamchain.control.margins import LoopMargins, Margins
+    from beamchain.control.realisation import Plant
+    from beamchain.control.scheduled import ScheduledPlant
 
 LARGEST_PAIRS = 6  # pairs of input and output whose modal gains a page shows
 FEW = 4  # poses whose frequencies the terminal shows
@@ -95,11 +93,6 @@ def margin_text(value: float, count: int = 4) -> str:
     return "-" if math.isnan(value) else f"{value:.{count}g}"
 
 
-def _at_text(frequency: float) -> str:
-    """Where a margin is; an open loop's limit may be at infinite frequency."""
-    return "infinite" if math.isinf(frequency) else margin_text(frequency)
-
-
 def margin_at_text(pair: tuple[float, float]) -> str:
     """A margin and the frequency at which it is."""
     value, frequency = pair
@@ -107,14 +100,14 @@ def margin_at_text(pair: tuple[float, float]) -> str:
     return f"{margin_text(value, 3)}{at}"
 
 
-def _pose_columns(poses: Sequence[str]) -> tuple[Column, ...]:
+def pose_columns(poses: Sequence[str]) -> tuple[Column, ...]:
     """The pose of every row, a joint on each line; no column where there is one."""
     if len(set(poses)) < 2:
         return ()
     return (Column("pose", [pose.replace(", ", ",\n") for pose in poses]),)
 
 
-def _titled(title: str, poses: Sequence[str]) -> str:
+def titled(title: str, poses: Sequence[str]) -> str:
     """A title with the pose where there is one for all rows."""
     return f"{title}, {poses[0]}" if len(set(poses)) == 1 and poses[0] else title
 
@@ -137,7 +130,7 @@ def margin_table(several: "Sequence[Margins]") -> Table:
         return Column(name, pairs, unit, margin_at_text, place=place)
 
     columns = (
-        *_pose_columns([pose for pose, _ in loops]),
+        *pose_columns([pose for pose, _ in loops]),
         Column("input broken", [loop.input for _, loop in loops]),
         Column("measured", ["\n".join(loop.outputs) for _, loop in loops]),
         Column("closed loop", [_state(loop) for _, loop in loops]),
@@ -148,7 +141,7 @@ def margin_table(several: "Sequence[Margins]") -> Table:
         figures("disk (at rad/s)", "", "disk"),
         figures("modulus (at rad/s)", "", "modulus", "page"),
     )
-    title = _titled("Margins, the other loops closed", [margins.pose for margins in several])
+    title = titled("Margins, the other loops closed", [margins.pose for margins in several])
     return Table(title, columns, tuple(notes))
 
 
@@ -162,7 +155,7 @@ def limiting_table(several: "Sequence[Margins]") -> Table:
         if any(figure in loop.modes for figure in figures)
     ]
     columns = (
-        *_pose_columns([pose for pose, _ in loops]),
+        *pose_columns([pose for pose, _ in loops]),
         Column("input broken", [loop.input for _, loop in loops]),
         *(
             Column(figure, [loop.modes.get(figure) for _, loop in loops], missing="-")
@@ -181,7 +174,7 @@ def _state(loop: "LoopMargins") -> str:
 def closed_loop_table(several: "Sequence[Margins]") -> Table:
     """Disk margin of all inputs at once, and the peaks of S and T, pose by pose."""
     poses = [margins.pose for margins in several]
-    columns = list(_pose_columns(poses) or [Column("broken", ["all inputs"] * len(poses))])
+    columns = list(pose_columns(poses) or [Column("broken", ["all inputs"] * len(poses))])
     for name, field in (
         ("disk", "all_at_once"),
         ("peak of S", "peak_sensitivity"),
@@ -193,69 +186,3 @@ def closed_loop_table(several: "Sequence[Margins]") -> Table:
         ]
         columns.append(Column(f"{name} (at rad/s)", extrema, format=margin_at_text))
     return Table("All loops at once", tuple(columns))
-
-
-def _gain_text(value: float) -> str:
-    return f"{value:.5g}" if math.isfinite(value) else "none"
-
-
-def _sample_text(gain: float) -> str:
-    return "unstable" if math.isinf(gain) else _gain_text(gain)
-
-
-def worst_table(cases: "Sequence[WorstCase]") -> Table:
-    """The worst sample of the gain from a disturbance to an output, pose by pose."""
-    names = [f"{case.input} → {case.output}" for case in cases]
-    if len(cases) > 1:
-        names = [f"{case.pose}: {name}" for case, name in zip(cases, names, strict=True)]
-    predicted = [case.gain if case.stable else math.inf for case in cases]
-    drawn = [float(max(case.drawn, default=math.nan)) for case in cases]
-    columns = [
-        Column("disturbance → output", names),
-        Column("worst sample, predicted", predicted, format=_sample_text),
-        Column("worst sample, MuJoCo", [case.simulated for case in cases], format=_gain_text),
-        Column("at", [case.frequency for case in cases], "rad/s", _gain_text),
-        Column("worst of the draws", drawn, format=_gain_text),
-        Column("unit", [case.unit for case in cases]),
-    ]
-    if any(case.bound for case in cases):
-        bounds = [case.bound.gain if case.bound else math.inf for case in cases]
-        columns.insert(-1, Column("no value exceeds", bounds, format=_gain_text))
-    return Table("Worst case", tuple(columns))
-
-
-def worst_value_table(case: "WorstCase") -> Table:
-    """The worst values beside the nominal ones, and where they lie in their ranges."""
-    names = list(case.values)
-    percent = [case.percent[name] for name in names]
-    columns = (
-        Column("quantity", names, key="quantity"),
-        Column("nominal", [case.nominal_values[n] for n in names], format=number, key="nominal"),
-        Column("worst", [case.values[name] for name in names], format=number, key="worst"),
-        Column("unit", [case.value_units[name] for name in names], key="unit"),
-        Column("of its range", percent, "%", format=_percent, key="percent"),
-    )
-    where = f" at {case.pose}" if case.pose else ""
-    return Table(f"Values of the worst sample{where}", columns)
-
-
-def _percent(value: float) -> str:
-    return f"{value:+.0f}" if abs(value) >= 0.5 else "0"
-
-
-def worst_margin_table(several: "Sequence[WorstMargins]") -> Table:
-    """The least margins over all samples beside the nominal ones, pose by pose."""
-    poses = [margins.pose for margins in several for _ in margins]
-    rows = [row for margins in several for row in margins]
-    columns = (
-        *_pose_columns(poses),
-        Column("broken", [row.at for row in rows], key="at"),
-        Column("margin", [row.kind for row in rows], key="kind"),
-        Column("nominal", [row.nominal for row in rows], format=margin_text, key="nominal"),
-        Column("worst", [row.worst for row in rows], format=margin_text, key="worst"),
-        Column("unit", [row.unit for row in rows], key="unit"),
-        Column("at", [row.frequency for row in rows], "rad/s", _at_text, key="frequency"),
-        Column("proved", [row.proved for row in rows], format=margin_text, key="proved"),
-    )
-    shown = columns if any(row.proved for row in rows) else columns[:-1]
-    return Table(_titled("Least margins over all samples", poses), shown)

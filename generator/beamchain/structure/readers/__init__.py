@@ -131,7 +131,7 @@ def read_op4(path: str | Path, names: Sequence[str]) -> dict[str, Array]:
         >>> import beamchain as bc
         >>> from importlib.resources import files
         >>> delivery = files("beamchain") / "examples" / "wing" / "wing.op4"
-        >>> bc.read_op4(delivery, ["MUG1"])["MUG1"].shape
+        >>> bc.spec.read_op4(delivery, ["MUG1"])["MUG1"].shape
         (3, 20)
     """
     path = path_of("path", path, "the path of an .op4 file")

@@ -43,7 +43,13 @@ class Units(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
 
 class Imported(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Modes from a finite-element program, in place of [[segment]]."""
+    """Modes from a finite-element program, in place of [[segment]].
+
+    Example:
+        >>> import beamchain as bc
+        >>> bc.spec.Imported(file="wing.op4", reference=(0.2, 0.0, 0.0)).file
+        'wing.op4'
+    """
 
     file: Annotated[
         str,

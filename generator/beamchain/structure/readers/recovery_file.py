@@ -43,7 +43,7 @@ def read_recovery(path: str | Path) -> RecoveryRows:
     if kind == ".op4":
         raise InputError(
             f"file {str(path)!r} holds matrices, not rows; take MUG1 or MEF1 out of it with "
-            "bc.read_op4, and give rows made of them (RecoveryRows, or a .npz)."
+            "bc.spec.read_op4, and give rows made of them (RecoveryRows, or a .npz)."
         )
     if kind not in ENDINGS:
         raise InputError(

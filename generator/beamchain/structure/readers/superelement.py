@@ -49,7 +49,7 @@ class InterfaceGrid(Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 
     Example:
         >>> import beamchain as bc
-        >>> bc.InterfaceGrid(id=3, at=(600.0, 0.0, 300.0)).components
+        >>> bc.spec.InterfaceGrid(id=3, at=(600.0, 0.0, 300.0)).components
         '123456'
     """
 

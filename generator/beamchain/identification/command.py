@@ -1,0 +1,108 @@
+"""`beamchain identify`: modes of an appendage from logs of a test or a flight."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from beamchain.cli.common import Force, Json, Quiet, console
+from beamchain.cli.output import print_table, print_warnings, spinner, tell
+from beamchain.errors import InputError
+
+if TYPE_CHECKING:
+    from beamchain.identification.result import Identification
+
+
+def identify(
+    logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="Logs: .csv, .npz.")],
+    craft: Annotated[
+        Path, typer.Option("--craft", metavar="CRAFT.xml", help="The bare spacecraft.")
+    ],
+    at: Annotated[
+        str,
+        typer.Option("--at", metavar="NAME", help="Its site or body that carries the appendage."),
+    ],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="MODES.toml", help="File for the modes.")
+    ],
+    prior: Annotated[
+        Path | None,
+        typer.Option(
+            "--prior",
+            metavar="SPEC.toml",
+            help="What is believed of the appendage; \\[uncertain] gives its widths.",
+        ),
+    ] = None,
+    modes: Annotated[
+        int | None, typer.Option(min=1, help="Number of modes; default: as the criterion says.")
+    ] = None,
+    axes: Annotated[
+        str | None,
+        typer.Option(metavar="XYZ", help="Axes of the hub that are used, for example z."),
+    ] = None,
+    names: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--map", metavar="COLUMN=NAME", help="What a column of the log is. Repeatable."
+        ),
+    ] = None,
+    held_out: Annotated[
+        float, typer.Option(help="Last part of each log that is predicted first.")
+    ] = 0.2,
+    as_json: Json = False,
+    force: Force = False,
+    quiet: Quiet = False,
+) -> None:
+    """Identify an appendage's modes from logs of the spacecraft's motion, with their covariance.
+
+    Writes MODES.toml, which \\[imported] of a specification reads,
+    its report MODES_report.html and record MODES.json. Exit status 3: the files were written, but
+    \\[imported] refuses the modes.
+
+    Example: beamchain identify log.csv --craft craft.xml --at mount --prior
+    array.toml -o modes.toml
+    """
+    from beamchain.files import beside, check_outputs
+    from beamchain.identification.request import identify as find
+
+    renamed = _column_names(names)
+    if output.suffix.lower() != ".toml":
+        raise InputError(f"-o {str(output)!r} must end in .toml, for [imported] to read it.")
+    outputs = [output, beside(output, "_report.html"), beside(output, ".json")]
+    inputs = [*logs, craft, *([] if prior is None else [prior])]
+    check_outputs(outputs, force=force, inputs=inputs)
+    with spinner("identifying", quiet or as_json):
+        found = find(
+            list(logs),
+            craft,
+            at,
+            prior=prior,
+            modes=modes,
+            axes=axes,
+            map=renamed,
+            held_out=held_out,
+        )
+        files = found.write(output, force=force)
+    tell(found.as_dict, lambda: _show(found), files, as_json, quiet)
+    if found.refused:
+        raise typer.Exit(3)
+
+
+def _column_names(names: list[str] | None) -> dict[str, str]:
+    renamed = dict[str, str]()
+    for text in names or ():
+        column, equal, name = text.rpartition("=")
+        if not equal or not column or not name:
+            raise InputError(f"--map {text!r} is not COLUMN=NAME; for example --map gyro3=rate_z.")
+        renamed[column] = name
+    return renamed
+
+
+def _show(found: "Identification") -> None:
+    from beamchain.identification.tables import mode_table
+
+    print_table(mode_table(found))
+    console().print(found.timing)
+    for sentence in found.undetermined:
+        console().print(f"not determined: {sentence}")
+    print_warnings(found.warnings)

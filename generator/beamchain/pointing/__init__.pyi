@@ -1,0 +1,10 @@
+from . import plots as plots
+from . import tables as tables
+from .jitter_sources import Disturbances as Disturbances
+from .jitter_sources import NoiseDisturbance as NoiseDisturbance
+from .jitter_sources import StepperDisturbance as StepperDisturbance
+from .jitter_sources import ThermalSnap as ThermalSnap
+from .jitter_sources import WheelDisturbance as WheelDisturbance
+from .jitter_sources import WheelHarmonic as WheelHarmonic
+from .pointing import Pointing as Pointing
+from .pointing import budget as budget

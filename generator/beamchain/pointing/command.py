@@ -1,0 +1,73 @@
+"""`beamchain pointing`: the jitter budget of a spacecraft."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from beamchain.cli.common import Force, Json, Quiet
+from beamchain.cli.output import print_table, print_warnings, spinner, tell
+from beamchain.cli.plant_options import Keyframe, Model, Outputs
+
+if TYPE_CHECKING:
+    from beamchain.pointing.pointing import Pointing
+
+Output = Annotated[Path, typer.Option("-o", "--file", metavar="OUT.html", help="Its page.")]
+Sources = Annotated[
+    Path,
+    typer.Option("--disturbances", metavar="DISTURBANCES.toml", help="What disturbs the pointing."),
+]
+Pose = Annotated[
+    str | None,
+    typer.Option(
+        "--pose",
+        metavar="JOINT=45,...",
+        help="Pose to linearise in: joints in degrees (slides in m), or the name of a keyframe; "
+        "default: rest.",
+    ),
+]
+Window = Annotated[
+    float, typer.Option(metavar="TIME", help="Window of the relative pointing error in s.")
+]
+
+
+def pointing(
+    model: Model,
+    output: Output,
+    disturbances: Sources,
+    outputs: Outputs = None,
+    pose: Pose = None,
+    at: Keyframe = None,
+    window: Window = 1.0,
+    as_json: Json = False,
+    force: Force = False,
+    quiet: Quiet = False,
+) -> None:
+    """Compute the pointing errors that disturbances make, source by source.
+
+    Writes its page.
+
+    Example: beamchain pointing flexible.xml --disturbances jitter.toml -o jitter.html
+    """
+    from beamchain.cli.plant_options import place_of
+    from beamchain.craft.source import compiled_model
+    from beamchain.files import check_outputs, write_files
+    from beamchain.pointing.jitter_sources import read_disturbances
+    from beamchain.pointing.page import pointing_page
+    from beamchain.pointing.pointing import budget
+
+    check_outputs([output], force=force, inputs=[model, disturbances])
+    sources = read_disturbances(disturbances)
+    with spinner("pointing", quiet or as_json):
+        compiled = compiled_model(model)
+        place = place_of(compiled, [] if pose is None else [pose], at, None)
+        found = budget(compiled, sources, outputs or None, place, window=window)
+        page = pointing_page(found, model.name)
+        write_files({output: page}, force=force, inputs=[model, disturbances])
+    tell(found.as_dict, lambda: _show(found), [output], as_json, quiet)
+
+
+def _show(found: "Pointing") -> None:
+    print_table(found.table)
+    print_table(found.mode_table)
+    print_warnings(found.warnings, "note")

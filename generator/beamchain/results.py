@@ -1,0 +1,5 @@
+"""What functions return, for annotations: `bc.margins` returns a `results.Margins`."""
+
+from beamchain.late import attach
+
+__getattr__, __dir__, __all__ = attach("beamchain", __file__)

@@ -1,0 +1,11 @@
+from . import plots as plots
+from . import tables as tables
+from .bounds import GainBound as GainBound
+from .least_margins import WorstMargins as WorstMargins
+from .least_margins import WorstMarginsOfPoses as WorstMarginsOfPoses
+from .poses import uncertain as uncertain
+from .poses import worst_case as worst_case
+from .poses import worst_margins as worst_margins
+from .uncertain_plant import UncertainPlant as UncertainPlant
+from .uncertain_plant import WorstCase as WorstCase
+from .uncertain_plant import WorstCases as WorstCases

@@ -1,0 +1,120 @@
+"""`beamchain worst-case`: the worst gain of a controlled spacecraft with uncertain properties."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from beamchain.caution import warnings_record
+from beamchain.cli.common import Force, Json, Quiet, console
+from beamchain.cli.output import print_table, print_warnings, spinner, tell
+from beamchain.cli.plant_options import Angle, Inputs, Keyframe, Model, Outputs, Poses
+from beamchain.errors import InputError
+
+if TYPE_CHECKING:
+    from beamchain.robust.uncertain_plant import WorstCase
+
+Loops = Annotated[
+    Path,
+    typer.Option("--controller", metavar="LOOPS.toml", help="The loops that are closed."),
+]
+Uncertain = Annotated[
+    Path, typer.Option("--uncertain", metavar="CRAFT.toml", help="What is uncertain.")
+]
+Output = Annotated[Path, typer.Option("-o", "--file", metavar="OUT.html", help="Its page.")]
+Between = Annotated[
+    str | None,
+    typer.Option(
+        "--between",
+        metavar="INPUT:OUTPUT",
+        help="Signals of the plant between which the worst gain is sought; default: those of the "
+        "first loop.",
+    ),
+]
+Bound = Annotated[
+    bool,
+    typer.Option("--bound", help="Prove what no value exceeds as well (the extra robust)."),
+]
+
+
+def worst_case(
+    model: Model,
+    output: Output,
+    controller: Loops,
+    uncertain: Uncertain,
+    inputs: Inputs = None,
+    outputs: Outputs = None,
+    poses: Poses = None,
+    at: Keyframe = None,
+    angle: Angle = None,
+    between: Between = None,
+    bound: Bound = False,
+    as_json: Json = False,
+    force: Force = False,
+    quiet: Quiet = False,
+) -> None:
+    """Search the worst that a controller meets in a spacecraft with uncertain properties, and run
+    it in MuJoCo.
+
+    Writes its page. Exit status 3: the loop is unstable for some values.
+
+    Example: beamchain worst-case flexible.xml --input torque:bus --controller loops.toml
+    --uncertain craft.toml -o worst.html
+    """
+    from beamchain import robust
+    from beamchain.cli.plant_options import place_of
+    from beamchain.cli.poses import doubtful
+    from beamchain.control.controllers import read_controller, signals_with
+    from beamchain.control.plant import plant as linearise
+    from beamchain.control.realisation import Plant
+    from beamchain.craft.source import compiled_model
+    from beamchain.files import check_outputs, write_files
+    from beamchain.robust.page import worst_case_page
+
+    ends = _ends(between)
+    check_outputs([output], force=force, inputs=[model, controller, uncertain])
+    loops = read_controller(controller)
+    driven, seen = signals_with(loops, inputs or None, outputs or None)
+    with spinner("linearising", quiet or as_json) as say:
+        compiled = compiled_model(model)
+        place = place_of(compiled, poses or [], at, angle)
+        plant = linearise(compiled, driven, seen, place)
+        say("worst case")
+        if isinstance(plant, Plant):
+            cases = [robust.uncertain(plant, uncertain).worst_case(loops, *ends, bound=bound)]
+        else:
+            cases = [*robust.worst_case(plant, uncertain, loops, *ends, bound=bound)]
+        plants = [plant] if isinstance(plant, Plant) else plant.plants
+        told = dict.fromkeys(text for each in plants for text in each.warnings)
+        warnings = [*doubtful(compiled, poses or [], angle), *told]
+        page = worst_case_page(cases, model.name, warnings)
+        write_files({output: page}, force=force, inputs=[model, controller, uncertain])
+    tell(
+        lambda: {"worst": [case.as_dict() for case in cases], **warnings_record(warnings)},
+        lambda: _show(cases, warnings),
+        [output],
+        as_json,
+        quiet,
+    )
+    if not all(case.stable for case in cases):
+        raise typer.Exit(3)
+
+
+def _ends(between: str | None) -> tuple[str | None, str | None]:
+    """Input and output that --between names."""
+    if between is None:
+        return None, None
+    source, _, target = between.partition(":")
+    if not (source and target):
+        raise InputError(
+            f"--between {between!r} is INPUT:OUTPUT of the plant, for example torque_z:attitude_z."
+        )
+    return source, target
+
+
+def _show(cases: "list[WorstCase]", warnings: list[str]) -> None:
+    for case in cases:
+        console().print(f"worst case, {case.sentence}")
+    for case in cases:
+        print_table(case.table)
+    print_warnings(warnings, "note")

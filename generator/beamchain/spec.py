@@ -1,0 +1,5 @@
+"""What a SPEC and the files beside it are made of: their tables, and what makes one."""
+
+from beamchain.late import attach
+
+__getattr__, __dir__, __all__ = attach("beamchain", __file__)

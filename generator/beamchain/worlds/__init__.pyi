@@ -1,0 +1,2 @@
+from .worlds import Worlds as Worlds
+from .worlds import make as make

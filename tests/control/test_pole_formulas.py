@@ -1,0 +1,348 @@
+"""Closed forms beside single poles that are followed, and beside whose they are."""
+
+import numpy as np
+import pytest
+from scipy.linalg import eig
+
+import beamchain as bc
+from beamchain.control.closed_loop import ClosedLoop
+from beamchain.control.feedback import Feedback
+from beamchain.control.pole_paths import Pole, crossing, follow, open_pole, pole_of
+from formulas import (
+    StartOfPoles,
+    assigned_poles,
+    continued_poles,
+    instabilities,
+    number_of_pole,
+    own_direction,
+    owners_of_poles,
+    pole_moved,
+    pole_settled,
+    shift_of_pole,
+    start_of_poles,
+)
+
+RANDOM = np.random.default_rng(17)
+A, B = RANDOM.normal(size=(5, 5)), RANDOM.normal(size=(5, 5))
+
+
+def between(gain):
+    return A + gain * B
+
+
+def poles_at(closed, gain):
+    values, vectors = np.linalg.eig(closed(gain))
+    return [pole_of(closed, gain, complex(v), vectors[:, k]) for k, v in enumerate(values)]
+
+
+def growth(poles):
+    poles = np.asarray(poles)
+    return poles.real / (1e-9 * np.abs(poles)) - 1.0
+
+
+def second_order(middle, last):
+    """`s^2 + middle(g) s + last`."""
+    return lambda g: np.array([[0.0, 1.0], [-last, -middle(g)]])
+
+
+# -- steps -----------------------------------------------------------------------------------------
+def test_left_eigenvectors_and_first_order_shifts_are_those_of_the_matrix():
+    values, left, _ = eig(A, left=True)
+    for pole in poles_at(between, 0.0):
+        wanted = left[:, np.argmin(np.abs(values - pole.value))]
+        assert abs(np.vdot(wanted, pole.left)) == pytest.approx(1.0)
+        change = 1e-6 * B
+        moved = np.linalg.eigvals(A + change)
+        moved = moved[np.argmin(np.abs(moved - pole.value))] - pole.value
+        found = shift_of_pole(change, pole.right, pole.left)
+        assert abs(found - moved) < 1e-4 * abs(moved)
+
+
+def test_a_pole_settles_where_the_matrix_has_one():
+    for pole in poles_at(between, 0.3):
+        near = pole.value * (1.0 + 1e-3)
+        value, right, left = pole_settled(between(0.3), near, pole.right + 0.01, pole.left)
+        assert value == pytest.approx(pole.value, rel=1e-10)
+        assert abs(np.vdot(right, pole.right)) == pytest.approx(1.0)
+        assert abs(np.vdot(left, pole.left)) == pytest.approx(1.0)
+    assert pole_settled(A, complex("nan"), np.ones(5) + 0j, np.ones(5) + 0j) is None
+
+
+def test_a_pole_moves_by_small_steps_and_not_past_a_doubt():
+    for pole in poles_at(between, 0.3):
+        moved = pole_moved(between, pole, 0.303)
+        values = np.linalg.eigvals(between(0.303))
+        assert np.abs(values - moved.value).min() < 1e-9
+        assert moved.gain == 0.303
+        assert abs(moved.value - pole.value) < 0.1
+    # -g +- sqrt(g^2 - 1) meet at 1, where nothing is smooth
+    meeting = second_order(lambda g: 2.0 * g, 1.0)
+    one = poles_at(meeting, 0.99)[0]
+    assert pole_moved(meeting, one, 1.01) is None
+    real = poles_at(meeting, 1.5)[0]
+    assert pole_moved(meeting, real, 1.51).value.imag == 0.0
+    # a swap: the direction stays
+    crossed = [np.diag([1.0, 2.0]), np.diag([2.0, 1.0])]
+    pole = poles_at(lambda g: crossed[int(g)], 0.0)[0]
+    assert pole_moved(lambda g: crossed[int(g)], pole, 1.0).value == 2.0
+
+
+@pytest.mark.parametrize(("first", "last"), [(1.0, 0.0), (0.0, 1.0), (0.4, 0.9)])
+def test_a_path_holds_poles_of_the_matrix_without_a_jump(first, last):
+    every = [np.linalg.eigvals(between(g)) for g in np.linspace(first, last or 2.0**-20, 300)]
+    for pole in poles_at(between, first)[1:4]:
+        path = follow(between, pole, last)
+        gains = np.array([one.gain for one in path.poles])
+        assert gains[0] == first
+        assert gains[-1] == max(last, 2.0**-20 if first > last else 0.0)
+        assert np.all(np.diff(gains) * np.sign(last - first) > 0.0)
+        assert np.abs(np.diff(gains)).max() <= 0.05 * (1.0 + 1e-12)
+        for one in path.poles[1:]:
+            off = between(one.gain) @ one.right - one.value * one.right
+            assert np.linalg.norm(off) < 1e-8
+        value = pole.value
+        for values in every:
+            value = values[np.argmin(np.abs(values - value))]
+        if all(abs(one.value.imag) > 0.05 for one in path.poles):
+            assert path.poles[-1].value == pytest.approx(value, rel=1e-6)
+
+
+def test_a_pair_that_meets_on_the_real_axis_goes_two_ways():
+    """-g +- sqrt(g^2 - 1)."""
+    closed = second_order(lambda g: 2.0 * g, 1.0)
+    up = follow(closed, poles_at(closed, 0.2)[0], 3.0)
+    found = sorted([up.poles[-1].value, follow(closed, up.partner, 3.0).poles[-1].value], key=abs)
+    assert found == pytest.approx([-3.0 + np.sqrt(8.0), -3.0 - np.sqrt(8.0)])
+    down = follow(closed, poles_at(closed, 3.0)[0], 0.2)
+    assert down.partner is None
+    assert abs(down.poles[-1].value) == pytest.approx(1.0)
+    assert down.poles[-1].value.real == pytest.approx(-0.2)
+
+
+def test_the_open_pole_from_which_one_comes():
+    start = np.linalg.eig(A)
+    for pole in poles_at(between, 2.0**-20):
+        number = open_pole(between, pole, start)
+        assert start[0][number] == pytest.approx(pole.value, rel=1e-4)
+
+
+@pytest.mark.parametrize(("angle", "order"), [(48.0, [0, 1]), (51.0, [1, 0])])
+def test_poles_are_continued_by_distance_and_direction(angle, order):
+    """10 and 12 become 10 and 11, each 1 from the other: d / (d + 1) costs 1/2 straight and 2/3 +
+    1/2 crossed, 3 (1 - overlap) of each: even where sin - cos = 1/9, at 49.5 degrees."""
+    turn = np.radians(angle)
+    directions = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]) + 0j
+    poles, new = np.array([10.0, 12.0]) + 0j, np.array([10.0, 11.0]) + 0j
+    assert continued_poles(poles, np.eye(2) + 0j, new, directions).tolist() == order
+
+
+def test_poles_that_are_one_share_a_plane():
+    """By any directions in it: the third is told by its own."""
+    turned = np.linalg.qr(RANDOM.normal(size=(2, 2)))[0]
+    directions = np.eye(3) + 0j
+    directions[1:, 1:] = turned
+    poles, new = np.array([5.0, 7.0, 7.0]) + 0j, np.array([7.0, 5.0, 5.0 * (1.0 + 1e-7)]) + 0j
+    found = continued_poles(poles, np.eye(3) + 0j, new, directions)
+    assert found[0] == 0
+    apart = continued_poles(poles, np.eye(3) + 0j, np.array([5.001, 7.0, 7.0]) + 0j, directions)
+    assert apart[0] == 0
+
+
+def test_poles_that_pass_each_other_keep_their_directions():
+    """Two that swap places: by distance alone each would stay."""
+    turned = np.linalg.qr(RANDOM.normal(size=(2, 2)))[0]
+
+    def closed(gain):
+        return turned @ np.diag([1.0 + gain, 2.0 - gain]) @ turned.T
+
+    for pole in poles_at(closed, 0.49):
+        found, other = assigned_poles(closed, pole, 0.51)
+        assert abs(np.vdot(found.right, pole.right)) == pytest.approx(1.0)
+        assert other is None
+    values, vectors = np.linalg.eig(between(0.0))
+    for k, pole in enumerate(poles_at(between, 0.0)):
+        assert number_of_pole((values, vectors), pole) == k
+    # two at one place are told apart by their directions
+    same = np.array([2.0 + 0j, 2.0, 5.0]), np.eye(3, dtype=complex)
+    for k in range(3):
+        direction = np.eye(3)[k] + 0j
+        pole = Pole(1.0, complex(same[0][k]), direction, direction)
+        assert number_of_pole(same, pole) == k
+
+
+# -- where a pole crosses --------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("middle", "gain", "at"),
+    [
+        (lambda g: 0.4 - g, 0.4, 2j),
+        (lambda g: 3.0 * (g - 0.2) * (0.7 - g), 0.7, 2j),  # that from which on it grows
+        (lambda g: -g, 0.0, None),  # from the axis on
+    ],
+)
+def test_the_gain_from_which_on_a_pole_grows(middle, gain, at):
+    closed = second_order(middle, 4.0)
+    last = poles_at(closed, 1.0)[0]
+    path = follow(closed, last, 0.0)
+    first = min(poles_at(closed, 0.0), key=lambda one: abs(one.value - path.poles[-1].value))
+    poles = [first, *reversed(path.poles)]
+    found, there = crossing(closed, poles, growth)
+    assert found == pytest.approx(gain, abs=1e-9)
+    if at is not None:
+        assert abs(there.imag) == pytest.approx(2.0)
+        assert there.real == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_pole_that_comes_back_from_infinity():
+    """-1 / (1 - 2 g)."""
+
+    def closed(gain):
+        if gain == 0.5:
+            raise np.linalg.LinAlgError
+        return np.array([[-1.0 / (1.0 - 2.0 * gain)]])
+
+    poles = [poles_at(closed, gain)[0] for gain in (0.0, 0.2, 0.45, 0.6, 1.0)]
+    found, there = crossing(closed, poles, growth)
+    assert found == pytest.approx(0.5, abs=1e-9)
+    assert np.isinf(there)
+
+
+# -- whose they are --------------------------------------------------------------------------------
+def modal_loop(modes, gains, extra=None, names=None):
+    """Modes `(w, ratio, of inputs, of rates)`, every input fed from a rate with minus a gain."""
+    n = 2 * len(modes)
+    a, b = np.zeros((n, n)), np.zeros((n, len(gains)))
+    c = np.zeros((len(gains), n))
+    for i, (w, ratio, drives, shows) in enumerate(modes):
+        a[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = [[0.0, 1.0], [-(w**2), -2.0 * ratio * w]]
+        b[2 * i + 1], c[:, 2 * i + 1] = drives, shows
+    names = names or tuple(f"m{i}" for i in range(len(modes)))
+    states = tuple(word for name in names for word in (name, f"{name}_rate"))
+    count = len(gains)
+    law = (np.zeros((0, 0)), np.zeros((0, count)), np.zeros((count, 0)), np.diag(gains))
+    law = law if extra is None else extra
+    every = list(range(count))
+    fed = Feedback(every, every, lambda _: law, lambda _: law[3], 0.0, (0.0,) * count)
+    inputs = tuple("uvw"[:count])
+    modes = tuple(name for name in names if name.startswith("m"))
+    plant = (a, b, c, np.zeros((count, count)))
+    return ClosedLoop(plant, law, fed, inputs, ((),) * count, states, modes, 0.0)
+
+
+def test_a_loop_that_takes_more_damping_than_a_mode_has():
+    """s^2 + (2 r w - k) s + w^2 grows from k = 2 r w on."""
+    closed = modal_loop([(3.0, 0.05, [1.0], [1.0]), (8.0, 0.3, [0.2], [0.1])], [-0.9])
+    (found,) = instabilities(closed)
+    assert (found.origin, found.kind) == ("m0", "mode")
+    assert found.gain == pytest.approx(0.3 / 0.9, rel=3e-2)
+    assert found.crossing == pytest.approx(3.0, rel=1e-2)
+    assert found.alone == {"u": pytest.approx(found.gain)}
+    assert found.stable_without == ("u",)
+    assert found.pole.real == pytest.approx(0.3, rel=3e-2)
+    assert found.pole.imag > 0.0
+
+
+def test_no_loop_alone_makes_it_grow_but_both_together():
+    """Two that take 0.2 and 0.25 of a damping of 0.3."""
+    closed = modal_loop([(3.0, 0.05, [1.0, 1.0], [1.0, 1.0])], [-0.2, -0.25])
+    (found,) = instabilities(closed)
+    assert found.alone == {}
+    assert found.stable_without == ("u", "v")
+    assert found.gain == pytest.approx(0.3 / 0.45)
+    assert found.crossing == pytest.approx(3.0)
+    assert found.pole == pytest.approx(0.075 + 1j * np.sqrt(9.0 - 0.075**2))
+
+
+def test_axes_of_one_design_have_each_their_own_pole():
+    modes = [(3.0, 0.05, [1.0, 0.0], [1.0, 0.0]), (3.01, 0.05, [0.0, 1.0], [0.0, 1.0])]
+    found = instabilities(modal_loop(modes, [-0.8, -0.6]))
+    assert [one.origin for one in found] == ["m0", "m1"]
+    assert [list(one.alone) for one in found] == [["u"], ["v"]]
+    assert [one.gain for one in found] == pytest.approx([0.3 / 0.8, 0.301 / 0.6])
+    assert [one.crossing for one in found] == pytest.approx([3.0, 3.01])
+    # two of one frequency and growth: both grow without either loop
+    assert [one.stable_without for one in found] == [("u",), ("v",)]
+
+
+@pytest.mark.parametrize(("second", "told"), [(30.3, True), (33.0, False)])
+def test_poles_that_lie_together_are_those_of_the_loops_that_have_them_alone(second, told):
+    """Within a twentieth of each other; s^2 + (2 r w - k) s + w^2 of each."""
+    modes = [(30.0, 0.05, [1.0, 0.0], [1.0, 0.0]), (second, 0.05, [0.0, 1.0], [0.0, 1.0])]
+    closed = modal_loop(modes, [-5.0, -4.0])
+    growth_of = np.array([(5.0 - 3.0) / 2.0, (4.0 - 0.1 * second) / 2.0])
+    w = np.array([30.0, second])
+    poles = growth_of + 1j * np.sqrt(w**2 - growth_of**2)
+    found = owners_of_poles(closed, poles, start_of_poles(closed))
+    if told:
+        assert [(one.input, one.is_same, one.ends_without) for one in found] == [
+            ("u", True, True),
+            ("v", True, True),
+        ]
+    else:
+        assert found == [None, None]
+
+
+def test_told_of_progress_the_fastest_first():
+    modes = [(3.0, 0.05, [1.0, 0.0], [1.0, 0.0]), (7.0, 0.05, [0.0, 1.0], [0.0, 1.0])]
+    told = []
+    found = instabilities(modal_loop(modes, [-0.5, -1.5]), lambda *done: told.append(done))
+    assert told == [(0, 2), (1, 2)]
+    assert [one.origin for one in found] == ["m1", "m0"]
+    assert found[0].pole.real > found[1].pole.real
+    assert [one.alone for one in found] == [
+        {"v": pytest.approx(0.7 / 1.5)},
+        {"u": pytest.approx(0.3 / 0.5)},
+    ]
+
+
+def test_open_poles_belong_to_states_of_the_plant_or_to_the_controller():
+    law = (np.array([[-5.0]]), np.ones((1, 1)), np.ones((1, 1)), np.zeros((1, 1)))
+    modes = [(3.0, 0.05, [1.0], [1.0]), (8.0, 0.3, [0.2], [0.1]), (1.0, 0.1, [1.0], [1.0])]
+    names = ("m0", "rigid_x", "lag")
+    found = start_of_poles(modal_loop(modes, [1.0], law, names))
+    of = {
+        round(abs(pole), 6): (origin.name, origin.kind)
+        for pole, origin in zip(found.poles, found.origins, strict=True)
+    }
+    assert of[3.0] == ("m0", "mode")
+    assert of[8.0] in (("x", "rigid"), ("x_rate", "rigid"))
+    assert of[1.0][1] == "state"
+    assert of[5.0] == ("the controller", "controller")
+    assert found.vectors.shape == (7, 7)
+    assert np.abs(found.vectors[:6, 6]).max() == 0.0
+
+
+def test_of_rigid_motions_at_rest_the_one_in_whose_direction_a_pole_leaves():
+    origins = start_of_poles(modal_loop([(3.0, 0.05, [1.0], [1.0])] * 2, [1.0])).origins
+    start = StartOfPoles(np.array([0, 1e-9, 7.0, 0]) + 0j, np.eye(4) + 0j, [origins[0]] * 4)
+    for direction, number in ((0, 0), (1, 1), (2, 0), (3, 3)):
+        leaving = 0.9 * np.eye(4)[direction] + 0.1 * np.eye(4)[0] + 0j
+        pole = Pole(1e-6, 0j, leaving, leaving)
+        assert own_direction(start, 0, pole) == number
+    other = start._replace(
+        origins=[origins[0], origins[0]._replace(kind="rigid"), *[origins[0]] * 2]
+    )
+    leaving = np.array([0.1, 0.9, 0.0, 0.05]) + 0j
+    assert own_direction(other, 0, Pole(1e-6, 0j, leaving, leaving)) == 0
+
+
+# -- words -----------------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("pole", "alone", "words", "pushed"),
+    [
+        (0.3 + 4.0j, {"u": 0.5}, "0.638 Hz, 4.011 rad/s", False),
+        (0.3 + 0j, {"u": 0.0}, "without oscillation", True),
+        (0.3 + 0j, {"u": 0.2}, "without oscillation", False),
+        (0.3 + 2e-10j, {"u": 0.0}, "without oscillation", True),
+        (0.3 + 4e-10j, {"u": 0.0}, "Hz", False),
+    ],
+)
+def test_a_growing_pole_in_words(pole, alone, words, pushed):
+    made = bc.results.Instability(pole, "m1", "mode", 0.5, 4.0, alone, ("v",), 0.0)
+    assert words in made.finding
+    assert "time constant 3.33 s" in made.finding
+    assert made.pushed == pushed
+    assert made.time_constant == pytest.approx(1.0 / 0.3)
+    assert made.damping_ratio == pytest.approx(-0.3 / abs(pole))
+    assert made.hertz == pytest.approx(abs(pole) / (2.0 * np.pi))
+    assert made.causes == ("u",)
+    assert ("at any part of its gain" in made.finding) == (alone["u"] == 0.0)

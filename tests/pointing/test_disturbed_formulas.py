@@ -1,0 +1,389 @@
+"""Closed forms beside crafts that are disturbed: inputs of wheels and drives, their runs, what a
+budget says of them, and channels of uncertain quantities."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.linalg import block_diag
+
+import beamchain as bc
+from beamchain import pointing
+from beamchain.craft.modal_form import ModalForm
+from beamchain.engine.linear import Linear
+from beamchain.engine.operating_point import operating_point
+from beamchain.pointing.wheel_run import Acting, WheelRun
+from beamchain.robust.delta_channels import Channels
+from formulas import (
+    amplitudes_in_record,
+    beyond_modes_kept,
+    check_linear_in_speed,
+    check_stable_craft,
+    disturbed_craft,
+    imbalances_of_wheels,
+    nutation_of_craft,
+    place_of_output,
+    run_wheel,
+    settling_of_modes,
+    torque_of_drive,
+    wheel_inputs,
+)
+
+SPUN = """<mujoco><option gravity="0 0 0"/><worldbody><body name="bus"><freejoint name="free"/>
+<inertial pos="0.1 0 0.05" mass="50" diaginertia="9 8 7"/>
+<body name="rotor" pos="0.2 -0.1 0.4" euler="20 35 0"><joint name="rw" axis="0 0 1" damping="0.01"/>
+<inertial pos="0 0 0" mass="5" diaginertia="0.1 0.1 0.2"/></body>
+<body name="panel" pos="0 1 0"><joint name="drive" axis="0 1 0" stiffness="60" damping="0.9"/>
+<inertial pos="0.2 0 0" mass="4" diaginertia="0.4 0.6 0.7"/></body></body></worldbody>
+<sensor><subtreeangmom name="momentum" body="bus"/></sensor></mujoco>"""
+
+
+def compiled(text=SPUN):
+    return mujoco.MjModel.from_xml_string(text)
+
+
+# -- what a file states ----------------------------------------------------------------------------
+def harmonic(order, **given):
+    return pointing.WheelHarmonic(order=order, **{"radial_force": 1.0} | given)
+
+
+def test_equal_orders_add_up_and_what_does_nothing_is_left_out():
+    wheel = pointing.WheelDisturbance(
+        joint="rw", speeds=(1.0, 2.0), static=2.0, dynamic=3.0,
+        harmonic=(
+            harmonic(1.0, radial_force=5.0, radial_torque=7.0, axial_force=11.0),
+            harmonic(2.0, radial_force=0.0, axial_force=13.0),
+            harmonic(3.0, radial_force=0.0),
+        ),
+    )  # fmt: skip
+    found = [(o.order, o.radial_force, o.radial_torque, o.axial_force) for o in wheel.orders]
+    assert found == [(1.0, 7.0, 10.0, 11.0), (2.0, 0.0, 0.0, 13.0)]
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"speeds": (2.0, 2.0)}, ""),
+        ({"speeds": (2.1, 2.0)}, "is no range"),
+        ({"speeds": (0.0, 0.0)}, "is no range"),
+        ({"speeds": (-1.0, 0.0)}, ""),
+        ({"speeds": (1.0, 2.0, 3.0)}, "is no range"),
+        ({"harmonic": tuple(harmonic(1.0 + k) for k in range(40))}, ""),
+        ({"harmonic": tuple(harmonic(1.0 + k) for k in range(41))}, "41 harmonics"),
+        ({"static": 0.0}, "disturbs nothing"),
+    ],
+)
+def test_ranges_and_orders_of_a_wheel(given, words):
+    given = {"joint": "rw", "speeds": (1.0, 2.0), "static": 1.0} | given
+    if words:
+        with pytest.raises(bc.InputError, match=words):
+            pointing.WheelDisturbance(**given)
+    else:
+        pointing.WheelDisturbance(**given)
+
+
+@pytest.mark.parametrize(
+    ("given", "kept"),
+    [
+        ({"step": 0.1}, True),
+        ({"step": 0.1, "torque": 1.0, "width": 0.1}, False),
+        ({"torque": 1.0}, False),
+        ({"width": 0.1, "step": 0.1}, False),
+        ({"torque": 1.0, "width": 0.5}, False),  # as long as the time between steps
+        ({"torque": 1.0, "width": 0.499}, True),
+    ],
+)
+def test_a_drive_has_steps_or_pulses_shorter_than_their_distance(given, kept):
+    if kept:
+        pointing.StepperDisturbance(joint="drive", rate=2.0, **given)
+    else:
+        with pytest.raises(bc.InputError, match="drive"):
+            pointing.StepperDisturbance(joint="drive", rate=2.0, **given)
+
+
+@pytest.mark.parametrize(
+    ("frequency", "density", "words"),
+    [
+        ((1.0, 2.0), (1.0, 1e-12), ""),
+        ((1.0,), (1.0,), "1 frequencies and 1 densities"),
+        ((1.0, 2.0, 3.0), (1.0, 1.0), "3 frequencies and 2 densities"),
+        ((1.0, 1.0), (1.0, 1.0), "goes from 1 to 1 Hz"),
+        ((1.0, 2.0), (1.0, 0.0), "density = 0"),
+    ],
+)
+def test_a_density_is_positive_at_ascending_frequencies(frequency, density, words):
+    def made():
+        return pointing.NoiseDisturbance(input="torque:bus", frequency=frequency, density=density)
+
+    if words:
+        with pytest.raises(bc.InputError, match=words):
+            made()
+    else:
+        assert made().density == density
+
+
+def test_sources_of_one_name_are_numbered():
+    noise = pointing.NoiseDisturbance(input="torque:bus", frequency=(1.0, 2.0), density=(1.0, 1.0))
+    drive = pointing.StepperDisturbance(joint="drive", rate=2.0, step=0.1)
+    made = pointing.Disturbances(psd=(noise, noise), stepper=(drive,))
+    assert [name for name, _ in made.named] == [
+        "stepper drive", "psd torque:bus 1", "psd torque:bus 2",
+    ]  # fmt: skip
+
+
+# -- a craft with a wheel at any speed -------------------------------------------------------------
+def test_inputs_of_a_wheel_push_its_mass_centre_along_its_axis_and_across():
+    point = operating_point(compiled(), None, None)
+    found = wheel_inputs(point, "rw")
+    data = point.data()
+    body, axis = point.model.body("rotor").id, data.xaxis[1]
+    forces, torques = (np.array([one.wrench for one in part]) for part in (found[:3], found[3:]))
+    lines = forces[:, :3]
+    np.testing.assert_allclose(lines @ lines.T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(lines) == pytest.approx(1.0)
+    np.testing.assert_allclose(lines[2], axis, atol=1e-12)
+    arm = data.subtree_com[body] - data.xipos[body]
+    np.testing.assert_allclose(forces[:, 3:], np.cross(arm, lines), atol=1e-12)
+    np.testing.assert_allclose(torques[:, 3:], lines, atol=1e-12)
+    assert not torques[:, :3].any()
+    assert all(one.body == body for one in found)
+    slide = SPUN.replace('name="rw" axis', 'name="rw" type="slide" axis')
+    point = operating_point(compiled(slide), None, None)
+    with pytest.raises(bc.InputError, match="no hinge"):
+        wheel_inputs(point, "rw")
+    with pytest.raises(bc.InputError, match="unknown"):
+        wheel_inputs(point, "free")
+
+
+def test_a_craft_is_linear_in_the_speed_of_its_wheel():
+    """Against the craft linearised at that speed."""
+    model = compiled()
+    wheel = pointing.WheelDisturbance(joint="rw", speeds=(-30.0, 20.0), static=1.0)
+    drive = pointing.StepperDisturbance(joint="drive", rate=2.0, step=0.1)
+    sources = pointing.Disturbances(wheel=(wheel,), stepper=(drive,))
+    outputs = ["attitude", "momentum"]
+    whole = disturbed_craft(model, sources, outputs, None, {"rw": 4.0})
+    assert whole.faster == {"rw": -30.0}
+    assert whole.drives == ((0, 1, 2, 3, 4, 5), (6,))
+    spinning = whole.spinning(0, "rw")
+    for speed in (11.0, -7.0):
+        craft = whole.of_wheel(0, "rw", speed)
+        truth = Linear.of(model, [], outputs, rates={"rw": speed})
+        np.testing.assert_allclose(craft.linear.damping, truth.damping, atol=1e-7)
+        np.testing.assert_allclose(craft.linear.outputs.rate, truth.outputs.rate, atol=1e-7)
+        np.testing.assert_allclose(craft.linear.outputs.position, truth.outputs.position, atol=1e-6)
+        dof = int(model.joint("rw").dofadr[0])
+        assert craft.point.qvel[dof] == speed
+        a, b, c, d = craft.linear.first_order()
+        (a0, b0, c0, d0), (a1, c1) = spinning
+        s = 0.4 + 2.0j
+        eye = np.eye(len(a))
+        wanted = c @ np.linalg.solve(s * eye - a, b) + d
+        states = np.linalg.solve(s * eye - a0 - speed * a1, b0)
+        np.testing.assert_allclose((c0 + speed * c1) @ states + d0, wanted, rtol=1e-6, atol=1e-9)
+    alone = whole.of_source(1).linear.inputs
+    assert [signal.name for signal in alone.signals] == ["drive_torque"]
+    wanted = np.zeros((model.nv, 1))
+    wanted[int(model.joint("drive").dofadr[0])] = 60.0
+    np.testing.assert_allclose(alone.force, wanted)
+
+
+def test_pulses_push_a_joint_and_steps_its_spring():
+    point = operating_point(compiled(), None, None)
+    dof = int(point.model.joint("drive").dofadr[0])
+    for given, size in (({"step": 0.1}, 60.0), ({"torque": 2.0, "width": 0.1}, 1.0)):
+        source = pointing.StepperDisturbance(joint="drive", rate=2.0, **given)
+        signal, force = torque_of_drive(point, source)
+        assert signal.name == "drive_torque"
+        assert force[dof] == size
+        assert np.count_nonzero(force) == 1
+    with pytest.raises(bc.InputError, match="neither"):
+        torque_of_drive(point, pointing.StepperDisturbance(joint="rw", rate=2.0, step=0.1))
+
+
+@pytest.mark.parametrize(("off", "refused"), [(0.9e-6, False), (1.1e-6, True)])
+def test_outputs_that_do_not_grow_with_a_wheel_s_speed_are_refused(off, refused):
+    """By 1e-6 of the output's largest slope."""
+    one = Linear.of(compiled(), outputs=["attitude"])
+
+    def at(rate):
+        outputs = one.outputs._replace(rate=rate, acceleration=np.zeros_like(rate))
+        return SimpleNamespace(outputs=outputs)
+
+    still = np.ones((3, 8))
+    middle = 2.0 * still
+    middle[1, 2] += 2.0 * off
+    crafts = [replace(one, outputs=at(rate).outputs) for rate in (still, 3.0 * still, middle)]
+    if refused:
+        with pytest.raises(bc.InputError, match="attitude_y"):
+            check_linear_in_speed("rw", *crafts)
+    else:
+        check_linear_in_speed("rw", *crafts)
+
+
+# -- what a budget says ----------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("static", "dynamic", "count"), [(4.9e-4, 1.9e-4, 0), (5.1e-4, 0.0, 1), (0.0, 2.1e-4, 1)]
+)
+def test_a_wheel_is_no_farther_off_than_wheels_are(static, dynamic, count):
+    """1e-4 m of its 5 kg, and 1e-3 rad of its 0.2 kg m^2."""
+    wheel = pointing.WheelDisturbance(joint="rw", speeds=(1.0, 2.0), static=static, dynamic=dynamic)
+    found = imbalances_of_wheels(compiled(), SimpleNamespace(wheel=(wheel,)))
+    assert len(found) == count
+    if static > 5e-4:
+        assert "its 5 kg 0.0001 m off" in found[0]
+    if dynamic > 2e-4:
+        assert "by 0.0011 rad" in found[0] or "by 0.001 rad" in found[0]
+
+
+@pytest.mark.parametrize(
+    ("speed", "top", "words"),
+    [
+        (-3.3, 0.1, ""),
+        (-3.4, 0.1, "reach 10.2 rad/s, the modes kept end at 10 rad/s"),
+        (1.0, 1.6, "reach 10.05 rad/s"),
+        (1.0, 1.59, ""),
+    ],
+)
+def test_what_disturbs_above_the_modes_kept_is_told(speed, top, words):
+    """Three times the speed; fillers are no modes that were kept."""
+    craft = SimpleNamespace(
+        mode_names=("a_mode1_xy", "a_mode2_xy", "a_filler1_xy"),
+        modes=SimpleNamespace(frequency=np.array([4.0, 10.0, 99.0])),
+    )
+    orders = (SimpleNamespace(order=1.0), SimpleNamespace(order=3.0))
+    wheel = SimpleNamespace(speeds=(speed, 0.5), orders=orders)
+    noise = SimpleNamespace(frequency=(0.1, top))
+    given = SimpleNamespace(wheel=(wheel,), psd=(noise,))
+    found = beyond_modes_kept(SimpleNamespace(craft=craft), given)
+    assert len(found) == bool(words)
+    assert not words or words in found[0]
+
+
+@pytest.mark.parametrize(
+    ("real", "size", "refused"),
+    [(1.1e-6, 1.0, True), (0.9e-6, 1.0, False), (0.5, 1.1e-6, True), (0.5, 0.85e-6, False)],
+)
+def test_a_craft_whose_motion_grows_has_no_budget(real, size, refused):
+    """By 1e-6 of its frequency, unless it is rigid: below 1e-6 of the fastest."""
+    slow = size * np.array([[real, 1.0], [-1.0, real]])
+    a = block_diag(slow, [[-1.0]])
+    linear = SimpleNamespace(first_order=lambda: (a, None, None, None))
+    whole = SimpleNamespace(craft=SimpleNamespace(linear=linear))
+    if refused:
+        with pytest.raises(bc.InputError, match="unstable"):
+            check_stable_craft(whole)
+    else:
+        check_stable_craft(whole)
+
+
+def craft_of(modes):
+    a = block_diag(*([[0.0, 1.0], [-(w**2), -2.0 * ratio * w]] for _, w, ratio in modes))
+    names = tuple(word for name, *_ in modes for word in (name, f"{name}_rate"))
+    n = len(names)
+    ones = np.ones((n, 1)), np.ones((1, n)), np.zeros((1, 1))
+    form = ModalForm(a, *ones, names, ("",) * n, np.ones(n), (0, 0))
+    return SimpleNamespace(form=lambda: form)
+
+
+def test_a_run_waits_for_the_mode_that_has_the_largest_share():
+    """1 / (zeta w); of those that decay, the slowest, where no share has one."""
+    craft = craft_of([("one", 4.0, 0.05), ("two", 9.0, 0.01), ("three", 3.0, 0.0)])
+    assert settling_of_modes(craft, {"one": 0.7, "two": 0.3}) == pytest.approx(1.0 / 0.2)
+    assert settling_of_modes(craft, {"three": 0.7, "two": 0.3}) == pytest.approx(1.0 / 0.09)
+    assert settling_of_modes(craft, {"rigid motion": 1.0}) == pytest.approx(1.0 / 0.09)
+    assert settling_of_modes(craft_of([("three", 3.0, 0.0)]), {"three": 1.0}) == 0.0
+
+
+# -- runs ------------------------------------------------------------------------------------------
+def test_amplitudes_of_driven_frequencies_in_a_record_that_drifts():
+    t = 3.0 + np.linspace(0.0, 40.0, 3000)
+    record = 0.3 * np.cos(2.0 * t) - 0.4 * np.sin(2.0 * t) + 1.2 * np.sin(5.0 * t)
+    record += 7.0 - 0.3 * t + 2.0 * np.cos(3.3 * t)
+    assert amplitudes_in_record(t, record, [2.0, 5.0], [3.3]) == pytest.approx([0.5, 1.2])
+
+
+def test_places_of_outputs_and_nutation():
+    craft = SimpleNamespace(
+        outputs=[SimpleNamespace(labels=range(3)), SimpleNamespace(labels="ab")]
+    )
+    assert [place_of_output(craft, k) for k in range(5)] == [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1)]
+    with pytest.raises(IndexError):
+        place_of_output(craft, 5)
+    turning = craft_of([("one", 4.0, 0.05), ("nutation_1", 0.7, 0.1)])
+    assert nutation_of_craft(turning) == pytest.approx([0.7])
+    assert WheelRun("", "", 1.0, 2.0, 2.5, (), None, None, 0.1).difference == 0.25
+    assert np.isnan(WheelRun("", "", 1.0, 0.0, 2.5, (), None, None, 0.1).difference)
+
+
+SPRING = """<mujoco><option gravity="0 0 0"/><worldbody><body name="mass">
+<joint name="slide" type="slide" axis="1 0 0" stiffness="32" damping="0.8"/>
+<inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/></body></worldbody></mujoco>"""
+
+
+def test_a_run_of_two_orders_measures_their_amplitudes():
+    """F / |k - m w^2 + j d w| of each, from rest; forty steps of the shortest period."""
+    model = compiled(SPRING)
+    point = operating_point(model, None, None)
+
+    def push(data, value):
+        data.xfrc_applied[1, 0] += value
+
+    craft = craft_of([("a", 1.0, 0.1)])
+    craft.point, craft.linear, force = point, Linear.of(model), SimpleNamespace(apply=push)
+    craft.outputs = [SimpleNamespace(labels=("x",), read=lambda data: data.qpos.copy())]
+    acting = [Acting(3.0, np.array([0.4 - 0.3j]), 0.0), Acting(9.0, np.array([2.0j]), 0.0)]
+    times, values, found, step = run_wheel(craft, [force], acting, 0, 5.0)
+    assert step == pytest.approx(2.0 * np.pi / 360.0)
+    assert times.size == values.size == int(np.ceil(40.0 * np.pi / 3.0 / step))
+    assert times[0] == pytest.approx(step * (int(np.ceil(25.0 / step)) + 1))
+    wanted = [size / abs(32.0 - 2.0 * w**2 + 0.8j * w) for size, w in ((0.5, 3.0), (2.0, 9.0))]
+    assert found == pytest.approx(wanted, rel=5e-3)
+    slow = [Acting(1e-3, np.array([1.0]), 0.0)]
+    count = int(np.ceil(5e7 / 0.5)) + int(np.ceil(40.0 * np.pi / 1e-3 / 0.5))
+    with pytest.raises(bc.InputError, match=f"take {count} steps of 0.5 s"):
+        run_wheel(craft, [force], slow, 0, 1e7)
+
+
+# -- channels of uncertain quantities --------------------------------------------------------------
+def test_channels_act_as_changes_of_the_equations_of_motion():
+    """M q'' + D q' + K q = B u + sum of f w, w = delta z, z of motion, inputs and other w."""
+    random = np.random.default_rng(6)
+    model = compiled(SPUN)
+    linear = Linear.of(model, ["torque:bus"], ["attitude"])
+    nv, m = model.nv, 3
+    made = Channels(nv, m)
+    rows = [
+        {word: random.normal(size=nv) for word in ("position", "rate", "acceleration")}
+        | {"input": random.normal(size=m)}
+        for _ in range(3)
+    ]
+    forces = random.normal(size=(3, nv))
+    assert made.add(1, forces[0], **rows[0]) == 0
+    assert made.add(0, forces[1], {0: 0.7}, feedback=-0.4, **rows[1]) == 1
+    assert made.add(1, forces[2], {0: 0.2, 1: -1.1}, rate=rows[2]["rate"]) == 2
+    assert made.of == [1, 0, 1]
+    rows[2] = {"rate": rows[2]["rate"]}
+    order, reach = [2, 0, 1], np.array([0.5, 2.0, 0.3])
+    wider = made.add_to(linear, order, reach)
+    a, b, c, d = wider.first_order()
+    s = 0.3 + 1.7j
+    found = c @ np.linalg.solve(s * np.eye(len(a)) - a, b) + d
+    through = np.array([[0, 0, 0], [0.7, -0.4, 0], [0.2, -1.1, 0]])
+    zero = np.zeros(nv)
+    powers = {"position": 1.0, "rate": s, "acceleration": s**2}
+    motion = np.array([sum(powers[k] * row.get(k, zero) for k in powers) for row in rows])
+    direct = np.array([row.get("input", np.zeros(m)) for row in rows])
+    inverse = np.linalg.inv(s**2 * linear.mass + s * linear.damping + linear.stiffness)
+    # channels in their order, then the plant's own inputs and outputs
+    pushed = np.hstack([forces.T, linear.inputs.force])
+    q = inverse @ pushed
+    z = motion @ q + np.hstack([through, direct])
+    y = (linear.outputs.position + s * linear.outputs.rate + s**2 * linear.outputs.acceleration) @ q
+    y[:, 3:] += linear.outputs.feedthrough
+    wanted = np.vstack([(reach[:, None] * z)[order], y])[:, [*order, 3, 4, 5]]
+    np.testing.assert_allclose(found, wanted, rtol=1e-8, atol=1e-10)
+    assert [signal.name for signal in wider.inputs.signals[:3]] == ["w1", "w2", "w3"]
+    assert [signal.name for signal in wider.outputs.signals[:3]] == ["z1", "z2", "z3"]

@@ -1,0 +1,396 @@
+"""Closed forms beside searches of worst samples, their slopes, and a controller that is stepped."""
+
+from itertools import product
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import beamchain as bc
+from beamchain.robust.least_margins import LeastMargin, WorstMargins
+from beamchain.robust.search import Peak, Resonances
+from formulas import (
+    LoopsOfSamples,
+    SampleLoops,
+    SteppedController,
+    ascent,
+    plan_of_run,
+    reaches_output,
+    simulated_gain,
+    stability_limit,
+    whole_count,
+    worst_sample,
+)
+
+RANDOM = np.random.default_rng(33)
+# two modes, three deltas of which the second stands twice, two inputs and two outputs
+PLANT = (
+    np.array([[0, 1, 0, 0], [-4, -1.0, 0.1, 0], [0, 0, 0, 1], [0.2, 0, -16, -1.6]]),
+    0.6 * RANDOM.normal(size=(4, 6)),
+    0.6 * RANDOM.normal(size=(6, 4)),
+    0.05 * RANDOM.normal(size=(6, 6)),
+)
+BLOCKS = [0, 1, 2, 1]
+LAW = bc.spec.Controller(
+    loop=(
+        bc.spec.Loop(
+            input="u", output="y", numerator=[0.3, 0.5], denominator=[0.1, 1.0], delay=0.15
+        ),
+        bc.spec.Loop(input="v", output="x", numerator=[0.4], denominator=[0.2, 1.0]),
+    )
+)
+DELTAS = np.array([0.3, -0.6, 0.5])
+
+
+def value(system, s):
+    a, b, c, d = system
+    return c @ np.linalg.solve(s * np.eye(len(a)) - a, b) + d
+
+
+def closed_at(deltas, w):
+    """S at the inputs, and the plant: u = -K y, the first loop from y to u."""
+    m = value(PLANT, 1j * w)
+    delta = np.diag(deltas[BLOCKS])
+    g = m[4:, 4:] + m[4:, :4] @ delta @ np.linalg.solve(np.eye(4) - m[:4, :4] @ delta, m[:4, 4:])
+    s = 1j * w
+    first = (0.3 * s + 0.5) / (0.1 * s + 1.0) * np.exp(-0.15 * s)
+    k = np.array([[0.0, first], [0.4 / (0.2 * s + 1.0), 0.0]])
+    return np.linalg.inv(np.eye(2) + k @ g), g
+
+
+def slopes(function, deltas, size=1e-6):
+    steps = size * np.eye(deltas.size)
+    return np.array([(function(deltas + h) - function(deltas - h)) / (2.0 * size) for h in steps])
+
+
+# -- gains of samples ------------------------------------------------------------------------------
+def test_gain_of_a_sample_of_deltas_that_repeat():
+    """From v to x + 0.25: G S, and its slope."""
+    loops = LoopsOfSamples(PLANT, BLOCKS, ["u", "v"], ["x", "y"], LAW, ("v", "x"), offset=0.25)
+
+    def gain(deltas, w):
+        s, g = closed_at(deltas, w)
+        return abs((g @ s)[0, 1] + 0.25)
+
+    omega = np.array([0.3, 2.2, 5.0])
+    assert loops.gain(DELTAS, omega) == pytest.approx([gain(DELTAS, w) for w in omega])
+    for w in omega:
+        wanted = slopes(lambda at, w=w: np.log(gain(at, w)), DELTAS)
+        assert loops.slope(DELTAS, w) == pytest.approx(wanted, rel=1e-5, abs=1e-9)
+    grid = loops.frequencies(DELTAS)
+    assert np.all(np.diff(grid) > 0.0)
+    # from a hundredth of a tenth of the slowest nominal pole to twice the fastest
+    sizes = np.abs(loops.poles)
+    assert grid[0] == pytest.approx(1e-3 * sizes.min())
+    assert grid[1] == pytest.approx(0.1 * sizes.min())
+    assert np.isclose(grid, 2.0 * sizes.max(), rtol=1e-9).any()
+
+
+def test_an_input_that_moves_nothing_has_no_worst_gain():
+    still = PLANT[0], PLANT[1].copy(), PLANT[2], PLANT[3].copy()
+    still[1][:, 5] = still[3][:, 5] = 0.0
+    LoopsOfSamples(still, BLOCKS, ["u", "v"], ["x", "y"], LAW, ("u", "x"))
+    with pytest.raises(bc.InputError, match="'v' does not move output 'x'"):
+        LoopsOfSamples(still, BLOCKS, ["u", "v"], ["x", "y"], LAW, ("v", "x"))
+
+
+@pytest.mark.parametrize(("size", "kept"), [(1e-7, True), (1e-3, False)])
+def test_an_undamped_motion_takes_part_where_it_is_more_than_rounding(size, kept):
+    """Of 1e-14 of the gain, or of 1e-6; 3 rad/s."""
+    a = np.zeros((6, 6))
+    a[:4, :4], a[4:, 4:] = PLANT[0], [[0.0, 3.0], [-3.0, 0.0]]
+    b, c = np.zeros((6, 6)), np.zeros((6, 6))
+    b[:4], c[:, :4] = PLANT[1], PLANT[2]
+    b[5, 5], c[4, 4] = size, size  # from v to x
+    whole = a, b, c, PLANT[3]
+    if kept:
+        loops = LoopsOfSamples(whole, BLOCKS, ["u", "v"], ["x", "y"], LAW, ("v", "x"))
+        assert np.abs(loops.poles - 3j).min() > 0.1
+        other = LoopsOfSamples(PLANT, BLOCKS, ["u", "v"], ["x", "y"], LAW, ("v", "x"))
+        assert loops.peak(DELTAS).gain == pytest.approx(other.peak(DELTAS).gain, rel=1e-6)
+    else:
+        with pytest.raises(bc.InputError, match="not stable"):
+            LoopsOfSamples(whole, BLOCKS, ["u", "v"], ["x", "y"], LAW, ("v", "x"))
+
+
+def test_a_gain_as_partial_fractions():
+    made = Resonances(np.array([-1.0 + 2j, -1.0 - 2j]), np.array([0.5j, -0.5j]), 0.3)
+    w = np.array([0.7, 3.0])
+    s = 1j * w
+    wanted = 0.5j / (s + 1.0 - 2j) - 0.5j / (s + 1.0 + 2j) + 0.3
+    assert made.size(w) == pytest.approx(np.abs(wanted))
+
+
+@pytest.mark.parametrize(("through", "wanted"), [(0.0, False), (1e-9, True), (1e-13, False)])
+def test_whether_an_input_reaches_an_output(through, wanted):
+    """Two systems side by side, or one of them driven a little by the other's input."""
+    a = np.diag([-1.0, -2.0])
+    b, c = (
+        np.array([[0.1, 1.0, through], [0.0, 0.0, 1.0]]),
+        np.array([[0.2, 0], [1.0, 0], [0, 1.0]]),
+    )
+    whole = (a, b, 1e3 * c, np.zeros((3, 3)))
+    assert reaches_output(whole, np.array([0]), 2, 1) == wanted
+
+
+class Hill(SimpleNamespace):
+    """log gain = -(delta - top)^2 weighted, unstable beyond a sum of deltas."""
+
+    def peak(self, deltas):
+        if deltas.sum() > self.end:
+            return Peak(np.inf, 10.0 * deltas.sum())
+        return Peak(float(np.exp(-(self.weight @ (deltas - self.top) ** 2))), 5.0)
+
+    def slope(self, deltas, omega):
+        assert omega == 5.0
+        return -2.0 * self.weight * (deltas - self.top)
+
+
+def hill(top, end=np.inf):
+    return Hill(top=np.array(top), weight=np.array([1.0, 3.0]), end=end)
+
+
+def test_a_search_climbs_to_a_top_inside_and_to_a_corner():
+    tried = ascent(hill((0.3, -0.4)), np.zeros(2))
+    best = max(tried, key=lambda one: one.peak.gain)
+    np.testing.assert_allclose(best.deltas, [0.3, -0.4], atol=1e-4)
+    outside = ascent(hill((2.0, -3.0)), np.zeros(2))
+    assert outside[-1].deltas.tolist() == [1.0, -1.0]
+    assert all(np.abs(one.deltas).max() <= 1.0 for one in outside)
+    deltas, peak, peaks = worst_sample(hill((0.3, -0.4)), np.array([[0.9, 0.9], [-1.0, 0.2]]))
+    np.testing.assert_allclose(deltas, [0.3, -0.4], atol=1e-4)
+    assert peak.gain == pytest.approx(1.0)
+    wanted = [np.exp(-(0.36 + 3.0 * 1.69)), np.exp(-(1.69 + 3.0 * 0.36))]
+    assert [one.gain for one in peaks] == pytest.approx(wanted)
+
+
+def test_an_unstable_sample_ends_a_search_where_stability_does():
+    loops = hill((0.9, 0.9), end=0.7)
+    assert not ascent(loops, np.zeros(2))[-1].peak.stable
+    deltas, peak, _ = worst_sample(loops, np.array([[0.0, 0.0]]))
+    assert deltas.sum() > 0.7
+    assert peak.omega == pytest.approx(7.0)
+    limit = stability_limit(loops, SimpleNamespace(deltas=np.ones(2), peak=Peak(np.inf, 20.0)))
+    assert limit.omega == pytest.approx(7.0, abs=1e-7)
+    assert not limit.stable
+
+
+# -- margins of samples ----------------------------------------------------------------------------
+def sample_loops():
+    return SampleLoops(PLANT, BLOCKS, ["u", "v"], ["x", "y"], LAW)
+
+
+def test_the_middle_of_s_and_minus_t_of_a_sample_and_its_slopes():
+    """E = S - 1/2; dE / d(delta_c) is a column times a row."""
+    made = sample_loops()
+    omega = np.array([0.7, 3.0])
+    m, law = made._responses(omega)
+    deltas = np.array([DELTAS, -0.4 * DELTAS])
+    e, left, right = made._middles(m, law, deltas)
+    for k, w in enumerate(omega):
+        np.testing.assert_allclose(e[k], closed_at(deltas[k], w)[0] - np.eye(2) / 2.0, rtol=1e-9)
+        wanted = slopes(lambda at, w=w: closed_at(at, w)[0], deltas[k])
+        found = np.zeros((3, 2, 2), dtype=complex)
+        for channel, block in enumerate(BLOCKS):
+            found[block] += np.outer(left[k][:, channel], right[k][channel])
+        np.testing.assert_allclose(found, wanted, rtol=1e-5, atol=1e-8)
+
+
+def test_figures_of_every_input_and_of_all():
+    made = sample_loops()
+    assert made.names == ["u", "v"]
+    kinds = ("disk", "gain up, factor", "gain down, factor", "phase")
+    singles = [(at, kind) for at in ("u", "v") for kind in kinds]
+    assert list(made.figures) == [*singles, ("all loops at once", "disk")]
+    assert made.rows[:2] == [("u", "disk"), ("v", "disk")]
+    assert made.rows[-1] == ("all loops at once", "disk")
+    assert sorted(made.rows) == sorted(made.figures)
+
+
+def test_the_disk_of_an_input_is_the_peak_of_its_middle():
+    loops = sample_loops().disk("v")
+    omega = np.array([0.5, 2.0])
+    wanted = [abs(closed_at(DELTAS, w)[0][1, 1] - 0.5) for w in omega]
+    assert loops.gain(DELTAS, omega) == pytest.approx(wanted)
+
+
+def test_how_far_a_locus_reaches_along_each_ray():
+    """One input: straight lines between points."""
+    law = bc.spec.Controller(loop=LAW.loop[:1])
+    made = SampleLoops(PLANT, BLOCKS, ["u", "v"], ["x", "y"], law)
+    points = np.array([0.1 + 0.3j, 0.9 - 0.1j, -0.6 - 0.5j, -0.5 + 0.3j, -0.1 + 0.7j, 0.2 + 0.2j])
+    sizes, at = made._farthest(points[:, None, None])
+    # right between the first two, left between the third and fourth; up and down at 0.34 and more
+    up = points[4] + (points[5] - points[4]) / 3.0
+    assert sizes[0] == pytest.approx(abs(0.9 - 0.1j))
+    assert sizes[1] == pytest.approx(0.7)
+    assert sizes[2] == pytest.approx(0.6 - 0.1 * 5.0 / 8.0)
+    assert sizes[3] == pytest.approx(up.imag)
+    assert at.tolist() == [1, 0, 2, 4]
+    none = np.full((3, 1, 1), 0.3 + 0.2j)
+    assert made._farthest(none)[0] == pytest.approx([abs(0.3 + 0.2j), 1e-9, 1e-9, 1e-9])
+
+
+def test_of_all_inputs_the_reach_is_the_structured_value():
+    """Diagonal: the larger element; of rank one: the sum of the sizes."""
+    made = sample_loops()
+    e = np.zeros((4, 2, 2), dtype=complex)
+    e[0], e[1] = np.diag([0.3, 0.4j]), np.diag([0.9, 0.1])
+    e[2] = np.outer([2.0, 0.5], [0.2j, 1.0])  # 0.4 and 0.5
+    e[3] = np.diag([0.2, 0.3])
+    sizes, at = made._farthest(e)
+    assert sizes[-1] == pytest.approx(0.9, rel=1e-4)
+    assert at[-1] in (1, 2)
+    e[2] *= 1.2
+    sizes, at = made._farthest(e)
+    assert (sizes[-1], at[-1]) == (pytest.approx(1.08, rel=1e-4), 2)
+
+
+def test_slopes_of_a_reach_are_those_of_its_logarithm():
+    made = sample_loops()
+    sizes, omega = made.reach(DELTAS)
+    wanted = slopes(lambda at: np.log(made.reach(at).sizes), DELTAS, 1e-2)
+    limited = np.flatnonzero(np.isfinite(omega) & (sizes > 0.1))
+    assert limited.size >= 6
+    for figure in limited:
+        found = made.slope(figure, DELTAS, omega[figure])
+        assert found == pytest.approx(wanted[:, figure], rel=2e-2, abs=2e-3)
+
+
+def test_corners_to_which_slopes_point():
+    """Every corner is tried whose middle reaches farther than its neighbours, in any direction."""
+    made = sample_loops()
+    found = made._corners()
+    assert found
+    # or the middle, from which they start
+    assert all(np.all(np.abs(corner) == np.abs(corner[0])) for corner in found)
+    assert len({corner.tobytes() for corner in found}) == len(found)
+    worst = made.search([np.zeros(3)])
+    best = np.max([made.reach(deltas).sizes for deltas in worst], axis=0)
+    sides = [-1.0, 1.0]
+    for corner in np.array([[a, b, c] for a in sides for b in sides for c in sides]):
+        assert np.all(made.reach(corner).sizes <= best * (1.0 + 2e-3))
+
+
+def test_one_turn_of_slopes_goes_to_the_corner_that_reaches_farther(monkeypatch):
+    """By differences, at every frequency and along every ray: tops above 1/2 are tried."""
+    monkeypatch.setattr("beamchain.robust.least_margins.TURNS", 2)
+    monkeypatch.setattr("beamchain.robust.least_margins.SPARSE", (5, np.zeros(1)))
+    made = sample_loops()
+    omega = made.closed(np.zeros(3)).frequencies(5, np.zeros(1))
+    middles, steep = [], []
+    for w in omega:
+        middles.append({(0.0, 0.0, 0.0): closed_at(np.zeros(3), w)[0] - np.eye(2) / 2.0})
+        steep.append(slopes(lambda at, w=w: closed_at(at, w)[0], np.zeros(3)))
+        for corner in product((-1.0, 1.0), repeat=3):
+            middles[-1][corner] = closed_at(np.array(corner), w)[0] - np.eye(2) / 2.0
+    wanted = set()
+    for i, ray in product(range(2), (None, 1.0, -1.0, 1j, -1j)):
+        best, farthest = [], []
+        for middle, slope in zip(middles, steep, strict=True):
+            nominal = middle[0.0, 0.0, 0.0][i, i]
+            along = np.conj(nominal / abs(nominal) if ray is None else ray)
+            rising = (slope[:, i, i] * along).real
+            corner = tuple(np.where(rising < 0.0, -1.0, 1.0))
+            there = middle[corner][i, i]
+            reached = abs(there) if ray is None else (there * along).real
+            before = (nominal * along).real
+            best.append(corner if reached > before else (0.0, 0.0, 0.0))
+            farthest.append(max(before, reached))
+        ends = np.concatenate([[-np.inf], farthest, [-np.inf]])
+        for k, far in enumerate(farthest):
+            if far >= ends[k] and far >= ends[k + 2] and far > 0.5:
+                wanted.add(best[k])
+    assert {tuple(corner) for corner in made._corners()} == wanted
+    assert len(wanted) > 1
+
+
+def margin(at, kind, worst):
+    return LeastMargin(at, kind, "", 1.0, worst, 2.0, {}, None, {})
+
+
+def test_the_least_of_margins_is_that_which_leaves_the_least():
+    rows = (
+        margin("u", "disk", 0.9), margin("v", "disk", 0.7),
+        margin("all loops at once", "disk", 0.4),
+        margin("u", "phase", -30.0), margin("v", "phase", 40.0),
+        margin("u", "gain down, factor", 0.3), margin("v", "gain down, factor", 0.6),
+        margin("u", "gain up, factor", 2.0), margin("v", "gain up, factor", 1.5),
+    )  # fmt: skip
+    found = WorstMargins(rows, True, {})
+    assert found.least().at == "v"
+    assert found.least("phase").worst == -30.0
+    assert found.least("gain down, factor").worst == 0.6
+    assert found.least("gain up, factor").worst == 1.5
+    assert found.all_at_once.worst == 0.4
+    assert (len(found), found[1].at) == (9, "v")
+    with pytest.raises(bc.InputError, match="delay"):
+        found.least("delay")
+
+
+# -- a controller that is stepped ------------------------------------------------------------------
+def test_loops_are_stepped_by_the_trapezoidal_rule():
+    random = np.random.default_rng(2)
+    a, b, c, d = (random.normal(size=shape) for shape in ((3, 3), (3, 2), (2, 3), (2, 2)))
+    h, x, y = 0.13, random.normal(size=3), random.normal(size=(5, 2))
+    made = SteppedController((a, b, c, d), h, x, y[0])
+    for now, following in zip(y, y[1:], strict=False):
+        assert made.free + made.gain @ now == pytest.approx(c @ x + d @ now)
+        made.advance(now)
+        right = (np.eye(3) + h / 2.0 * a) @ x + h / 2.0 * b @ (now + following)
+        x = np.linalg.solve(np.eye(3) - h / 2.0 * a, right)
+
+
+def craft_with(fastest):
+    a = np.array([[0.0, 1.0], [-(fastest**2), 0.0]])
+    return SimpleNamespace(linear=SimpleNamespace(first_order=lambda: (a, None, None, None)))
+
+
+@pytest.mark.parametrize(
+    ("fastest", "omega", "settling", "window", "span", "still"),
+    [
+        (10.0, 2.0, 7.0, 400, np.pi, False),
+        (1000.0, 2.0, 7.0, 1571, np.pi, False),  # ceil(500 pi)
+        (1000.0, 1e-3, 7.0, 3500, 7.0, True),
+        (10.0, 2e-3, 7.0, 15708, 1000.0 * np.pi, False),  # 0.014 rad: not still
+        (10.0, 0.0, 7.0, None, None, None),
+    ],
+)
+def test_how_a_run_goes(fastest, omega, settling, window, span, still):
+    if window is None:
+        with np.errstate(all="ignore"), pytest.raises(ZeroDivisionError):
+            plan_of_run(craft_with(fastest), omega, settling)
+        return
+    run = plan_of_run(craft_with(fastest), omega, settling)
+    assert (run.window, run.still) == (window, still)
+    assert run.timestep == pytest.approx(span / window)
+    assert run.steps == int(np.ceil(settling / run.timestep)) + window
+    assert whole_count(2.1) == 3
+    assert whole_count(1e9) == 300_001
+
+
+def test_the_amplitude_of_a_run(monkeypatch):
+    """A sine beside what drifts, and a mean of what hardly turns."""
+
+    def measured(omega):
+        def measure(_, __, ___, run):
+            t = run.timestep * np.arange(run.steps - run.window, run.steps)
+            return t, 0.3 * np.cos(omega * t) - 0.4 * np.sin(omega * t) + 5.0 - 0.2 * t
+
+        return measure
+
+    monkeypatch.setattr("beamchain.robust.simulated_gain._measure", measured(2.0))
+    assert simulated_gain(craft_with(10.0), None, ("u", "y"), 2.0, 7.0) == pytest.approx(0.5)
+    assert np.isnan(simulated_gain(craft_with(10.0), None, ("u", "y"), 2.0, 3000.0))
+    assert np.isfinite(simulated_gain(craft_with(10.0), None, ("u", "y"), 2.0, 2350.0))
+
+    def still(_, __, ___, run):
+        t = run.timestep * np.arange(run.window)
+        return t, -0.7 * np.cos(1e-3 * t)
+
+    monkeypatch.setattr("beamchain.robust.simulated_gain._measure", still)
+    assert simulated_gain(craft_with(10.0), None, ("u", "y"), 1e-3, 7.0) == pytest.approx(0.7)
+    monkeypatch.setattr(
+        "beamchain.robust.simulated_gain._measure", lambda *_: (np.ones(3), np.full(3, np.nan))
+    )
+    assert np.isnan(simulated_gain(craft_with(10.0), None, ("u", "y"), 2.0, 7.0))

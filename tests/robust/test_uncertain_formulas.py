@@ -1,0 +1,272 @@
+"""Closed forms beside uncertain plants and poses: deltas and values, frequencies of curves, modes
+that are followed, scaled bounds, words on what grows."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import beamchain as bc
+from beamchain.control.instability import sentences
+from beamchain.control.scheduled import ScheduledPlant, in_one_order, reduced_alike
+from beamchain.craft.modal_form import ModalForm
+from beamchain.engine.normal_modes import NormalModes
+from beamchain.robust.lft import Lft
+from beamchain.robust.search import Peak, Resonances
+from beamchain.robust.uncertain_plant import UncertainPlant
+from formulas import (
+    follow_modes,
+    frequencies_of_curves,
+    power_sum,
+    structured_bound,
+    with_frequency_of_peak,
+)
+
+
+# -- deltas and values -----------------------------------------------------------------------------
+def uncertain(of=UncertainPlant):
+    """Three quantities of two deltas: `a` alone, `b` and `c` together."""
+    made = of.__new__(of)
+    made.quantities = tuple(
+        SimpleNamespace(name=name, nominal=nominal, reach=reach, unit="kg", key=key)
+        for name, nominal, reach, key in (
+            ("b", 10.0, 2.0, "pair"), ("a", 5.0, 0.5, "a"), ("c", -4.0, 1.0, "pair"),
+        )
+    )  # fmt: skip
+    made._group = np.array([0, 1, 0])
+    made._of = np.array([0, 2, 2, 1])
+    made.blocks = (made._block(0), made._block(1))
+    return made
+
+
+def test_values_of_deltas_and_deltas_of_values():
+    made = uncertain()
+    assert [block.name for block in made.blocks] == ["pair", "a"]
+    assert [block.repetitions for block in made.blocks] == [3, 1]
+    assert made.blocks[0].quantities == ("b", "c")
+    assert made.blocks[0].nominal.tolist() == [10.0, -4.0]
+    assert made.values([0.5, -0.2]) == pytest.approx({"b": 11.0, "a": 4.9, "c": -3.5})
+    assert made.percent(np.array([0.5, -0.2])) == {"b": 50.0, "a": -20.0, "c": 50.0}
+    found = made._deltas({"b": 9.0, "c": -3.4})
+    assert found == pytest.approx([-0.5, 0.0, 0.6])
+    assert made._deltas([0.5, -0.2]).tolist() == [0.5, -0.2, 0.5]
+    assert made._block_deltas({"b": 9.0, "c": -3.4}) == pytest.approx([-0.5, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("value", "kept"), [(12.00005, True), (12.0001, False), (7.99997, True), (7.9999, False)]
+)
+def test_values_outside_their_range_are_refused_beyond_what_tables_print(value, kept):
+    made = uncertain(Lft)
+    if kept:
+        assert abs(made._deltas({"b": value})[0]) == 1.0
+    else:
+        with pytest.raises(bc.InputError, match="outside its range, 8 to 12"):
+            made._deltas({"b": value})
+
+
+@pytest.mark.parametrize(
+    ("deltas", "kept"),
+    [
+        ([1.0, -1.0], True),
+        ([1.0 + 0.9e-10, 0.0], True),
+        ([1.0 + 2e-10, 0.0], False),
+        ([1.0], False),
+    ],
+)
+def test_deltas_are_between_minus_one_and_one(deltas, kept):
+    made = uncertain(Lft)
+    if kept:
+        assert made._deltas(deltas).shape == (3,)
+    else:
+        with pytest.raises(bc.InputError, match="2 blocks"):
+            made._deltas(deltas)
+
+
+# -- frequencies of curves -------------------------------------------------------------------------
+def test_curves_hold_the_worst_frequency_unless_the_loop_drifts():
+    omega = np.array([1.0, 3.0])
+    assert with_frequency_of_peak(omega, Peak(2.0, 2.0)).tolist() == [1.0, 2.0, 3.0]
+    assert with_frequency_of_peak(omega, Peak(np.inf, 0.0)).tolist() == [1.0, 3.0]
+    unstable = frequencies_of_curves(None, Peak(np.inf, 4.0), [], [])
+    assert (unstable[0], unstable[-1], unstable.size) == (2.0, 8.0, 301)
+    assert 4.0 in unstable
+
+
+def test_curves_draw_together_about_light_resonances():
+    poles = np.array([-0.2 + 4.0j, -0.2 - 4.0j, -3.0 + 3.0j, -8.0])
+    loops = SimpleNamespace(_resonances=lambda _: Resonances(poles, poles, 0.0))
+    found = frequencies_of_curves(loops, Peak(2.0, 5.0), [np.zeros(1)], [Peak(1.0, 0.3)])
+    for offset in np.sinh(np.linspace(-3.0, 3.0, 13)):
+        w = 4.0 + 0.2 * offset
+        if found[0] < w < found[-1]:
+            assert np.abs(found - w).min() < 1e-9
+    # from 0.3 of the lowest peak to 1.5 of the highest resonance or the worst one
+    assert (found[0], found[-1]) == pytest.approx((0.09, 7.5))
+    assert 5.0 in found
+    lower = frequencies_of_curves(loops, Peak(2.0, 0.2), [np.zeros(1)], [Peak(1.0, 0.3)])
+    assert (lower[0], lower[-1]) == pytest.approx((0.06, 1.5 * np.hypot(0.2, 4.0)))
+    assert np.all(np.diff(found) > 0.0)
+
+
+# -- poses -----------------------------------------------------------------------------------------
+def test_modes_are_followed_from_pose_to_pose():
+    """Two modes of unit mass that change places and turn by 90 degrees in all."""
+
+    def at(angle, mass=1.0):
+        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        order = [0, 1] if angle < 0.7 else [1, 0]
+        frequency = np.array([1.0 + angle, 2.4 - angle])[order]
+        sign = 1.0 if angle < 1.2 else -1.0
+        return NormalModes(
+            np.zeros((2, 0)), (), sign * turn[:, order] / np.sqrt(mass), frequency, mass * np.eye(2)
+        )
+
+    asked = []
+
+    def between(share):
+        asked.append(share)
+        return at(share * np.pi / 2.0, 1.0 + share)
+
+    for length, most in ((1.5, np.inf), (0.015, 0)):
+        asked.clear()
+        way = SimpleNamespace(length=length, at=lambda share: share)
+        found = follow_modes(way, between, at(0.0), at(np.pi / 2.0, 2.0), (0.0, 1.0))
+        assert len(asked) <= most
+        if length > 1.0:
+            assert found.frequency == pytest.approx([1.0 + np.pi / 2.0, 2.4 - np.pi / 2.0])
+            wanted = np.array([[0.0, -1.0], [1.0, 0.0]]) / np.sqrt(2.0)
+            np.testing.assert_allclose(found.shapes, wanted, atol=1e-12)
+            assert np.diff(np.sort([0.0, *asked, 1.0])).max() * length <= 0.1
+        else:  # too short to look between: alike by the overlap alone
+            assert found.frequency == pytest.approx([2.4 - np.pi / 2.0, 1.0 + np.pi / 2.0])
+
+
+@pytest.mark.parametrize(("length", "middles"), [(0.099, 0), (0.101, 1), (0.25, 3)])
+def test_poses_between_are_no_farther_apart_than_a_tenth(length, middles):
+    modes = NormalModes(np.zeros((2, 0)), (), np.eye(2), np.array([1.0, 2.0]), np.eye(2))
+    asked = []
+    way = SimpleNamespace(length=length, at=lambda share: share)
+    follow_modes(way, lambda share: asked.append(share) or modes, modes, modes, (0.0, 1.0))
+    assert len(asked) == middles
+    assert sorted(asked) == [k / (middles + 1.0) for k in range(1, middles + 1)]
+
+
+@pytest.mark.parametrize(("overlap", "looked"), [(0.94, True), (0.955, False)])
+def test_modes_that_are_unlike_are_looked_at_between(overlap, looked):
+    """Their overlap squared is below 0.9."""
+    turn = np.array([[overlap, -np.sqrt(1.0 - overlap**2)], [np.sqrt(1.0 - overlap**2), overlap]])
+    first = NormalModes(np.zeros((2, 0)), (), np.eye(2), np.array([1.0, 2.0]), np.eye(2))
+    last = NormalModes(np.zeros((2, 0)), (), turn, np.array([1.0, 2.0]), np.eye(2))
+    asked = []
+    way = SimpleNamespace(length=0.05, at=lambda share: share)
+    follow_modes(way, lambda share: asked.append(share) or last, first, last, (0.0, 1.0))
+    assert bool(asked) == looked
+
+
+def form_of(names, b, c):
+    n = len(names)
+    a = np.diag(np.arange(1.0, n + 1.0))
+    return ModalForm(a, np.array(b)[:, None], np.array(c)[None], np.zeros((1, 1)), names,
+                     ("",) * n, np.ones(n), (0, 0))  # fmt: skip
+
+
+def test_forms_in_one_order_and_with_the_states_that_any_needs():
+    one, other = (
+        form_of(("x", "y", "z"), [1, 0, 1], [1, 1, 0]),
+        form_of(("z", "x", "y"), [0, 1, 1], [0, 1, 0]),
+    )
+    first, second = in_one_order([one, other])
+    assert first.names == second.names == ("x", "y", "z")
+    assert np.diag(second.a).tolist() == [2.0, 3.0, 1.0]
+    assert in_one_order([one, form_of(("x", "y"), [1, 1], [1, 1])]) is None
+    kept = reduced_alike([first, second])
+    assert [form.names for form in kept] == [("x",), ("x",)]
+    more = form_of(("x", "y", "z"), [0, 1, 0], [0, 1, 0])
+    assert [form.names for form in reduced_alike([first, more])] == [("x", "y")] * 2
+
+
+def test_figures_of_poses_stand_by_mode():
+    def plant(modes, frequency):
+        return SimpleNamespace(
+            modes=modes,
+            frequency=np.array(frequency),
+            gain=np.array(frequency)[:, None, None] * np.array([[1.0, -2.0]]),
+        )
+
+    plants = (plant(("a", "b"), [1.0, 2.0]), plant(("c", "a"), [3.0, 4.0]))
+    values = np.array([[0.1, 0.5], [0.2, 1.0]])
+    made = ScheduledPlant(plants, ("p", "q"), ("slide", "drive"), ("m", "rad"), values, "drive")
+    assert made.modes == ("a", "b", "c")
+    np.testing.assert_array_equal(made.frequency, [[1.0, 2.0, np.nan], [4.0, np.nan, 3.0]])
+    assert made.gain[1, :, 0, 1].tolist() == [-8.0, 0.0, -6.0]
+    assert made.grid[1] == "degrees"
+    np.testing.assert_allclose(made.grid[0], np.degrees([0.5, 1.0]))
+    slide = ScheduledPlant(plants, ("p", "q"), ("slide", "drive"), ("m", "rad"), values, "slide")
+    assert (slide.grid[0].tolist(), slide.grid[1]) == ([0.1, 0.2], "m")
+    assert ScheduledPlant(plants, ("p", "q"), (), (), values).grid is None
+
+
+# -- scaled bounds ---------------------------------------------------------------------------------
+def test_the_sum_that_stands_for_the_largest_singular_value_and_its_slope():
+    random = np.random.default_rng(13)
+    m = random.normal(size=(4, 4)) + 1j * random.normal(size=(4, 4))
+    logs = np.array([0.4, -0.7, 0.2])
+
+    def wanted(at):
+        d = np.exp(np.append(0.0, at))
+        sigma = np.linalg.svd(m * d[:, None] / d, compute_uv=False)
+        return np.log(np.sum(sigma**6.0)) / 6.0
+
+    value, slope = power_sum(logs, m, 6.0)
+    assert value == pytest.approx(wanted(logs))
+    steps = 1e-6 * np.eye(3)
+    assert slope == pytest.approx([(wanted(logs + h) - wanted(logs - h)) / 2e-6 for h in steps])
+    assert structured_bound(np.zeros((3, 3))) == 0.0
+    assert structured_bound(np.array([[3.0 - 4.0j]])) == 5.0
+
+
+# -- words -----------------------------------------------------------------------------------------
+def growing(pole=0.3 + 4.0j, gain=0.5, crossing=4.0, alone=(), without=()):
+    return bc.results.Instability(
+        pole, "m1", "mode", gain, crossing, dict(alone), tuple(without), 0.0
+    )
+
+
+def test_who_is_to_blame_in_words():
+    one = growing(alone={"u": 0.123})
+    assert one.sentence.endswith(
+        "the loop u alone makes it so, at gains above 0.12 of the nominal."
+    )
+    both = growing(alone={"u": 0.5, "v": 0.5})
+    assert "each of the loops u, v alone makes it so, at gains above 0.5" in both.sentence
+    apart = growing(alone={"u": 0.5, "v": 0.0})
+    assert (
+        "u (at gains above 0.5 of the nominal), v (at any part of its gain) alone" in apart.sentence
+    )
+    none = growing(without=("u", "v"))
+    assert "no loop alone makes it so, all together do, at gains above 0.5" in none.sentence
+    assert none.sentence.endswith("and not without u or v.")
+    assert none.causes == ("u", "v")
+    assert growing().causes == ()
+    endless = growing(crossing=np.inf, gain=0.25)
+    assert (
+        "at 0.25 of the gains of all loops their direct parts have no solution" in endless.finding
+    )
+    assert endless.as_dict()["crossing"] is None
+    assert "no solution" not in one.finding
+    assert one.as_dict()["crossing"] == 4.0
+
+
+def test_several_poles_ask_for_the_sign_once_and_first():
+    pushed = [growing(0.3 + 0j, 0.0, 0.0, {name: 0.0}) for name in "vuw"]
+    assert sentences(pushed[:1]) == [pushed[0].sentence]
+    assert pushed[0].sentence.endswith("is the sign of the numerators right?")
+    question, *others = sentences([*pushed, growing()])
+    assert question.startswith("Is the sign of the numerators on u, v and w right? 3 poles grow")
+    assert len(others) == 4
+    assert others[0] == f"{pushed[0].finding}."
+    two = sentences(pushed[:2])[0]
+    assert "on u and v right? 2 poles" in two
+    whole = sentences([growing(0.3 + 0j, 0.0)] * 2)[0]
+    assert whole.startswith("Is the sign of the numerators right?")

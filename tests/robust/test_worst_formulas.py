@@ -1,0 +1,154 @@
+"""Closed forms beside the gains and margins of uncertain loops: a body on a spring and a damper,
+both uncertain, under a PD controller with a dead time."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+
+import beamchain as bc
+from formulas import LoopsOfSamples, SampleLoops, balanced_bounds, structured_bound, worst_sample
+
+MASS, SPRING, DAMPER = 2.0, 18.0, 0.5
+SOFTER, WEAKER = 0.3, 0.5  # relative uncertainty
+P, D, DELAY = 6.0, 2.0, 0.04
+# x'' = (u - k x - d v - w1 - w2) / m;  z1 = 0.3 k x, z2 = 0.5 d v
+SYSTEM = (
+    np.array([[0.0, 1.0], [-SPRING / MASS, -DAMPER / MASS]]),
+    np.array([[0.0, 0.0, 0.0], [-1.0, -1.0, 1.0]]) / MASS,
+    np.array([[SOFTER * SPRING, 0.0], [0.0, WEAKER * DAMPER], [1.0, 0.0]]),
+    np.zeros((3, 3)),
+)
+CONTROLLER = bc.spec.Controller(
+    loop=(
+        bc.spec.Loop(
+            input="torque", output="angle", numerator=[D, P], denominator=[0.05, 1.0], delay=DELAY
+        ),
+    )
+)
+DELTAS = np.array([-0.4, 0.7])
+
+
+def plant_at(deltas, s):
+    k, d = SPRING * (1.0 + SOFTER * deltas[0]), DAMPER * (1.0 + WEAKER * deltas[1])
+    return 1.0 / (MASS * s**2 + d * s + k)
+
+
+def law_at(s):
+    return (D * s + P) / (0.05 * s + 1.0) * np.exp(-DELAY * s)
+
+
+def closed_at(deltas, omega):
+    """From a torque on the body to its angle."""
+    s = 1j * omega
+    return plant_at(deltas, s) / (1.0 + law_at(s) * plant_at(deltas, s))
+
+
+def middle_at(deltas, omega):
+    """E = S - 1/2."""
+    s = 1j * omega
+    return 1.0 / (1.0 + law_at(s) * plant_at(deltas, s)) - 0.5
+
+
+def loops():
+    return LoopsOfSamples(SYSTEM, [0, 1], ["torque"], ["angle"], CONTROLLER, ("torque", "angle"))
+
+
+def quotient(function, deltas, k, size=1e-6):
+    change = size * np.eye(2)[k]
+    return (function(deltas + change) - function(deltas - change)) / (2.0 * size)
+
+
+def test_gain_of_a_sample_its_slopes_and_its_peak():
+    made, omega = loops(), np.array([0.5, 3.0, 9.0])
+    assert made.gain(DELTAS, omega) == pytest.approx(np.abs(closed_at(DELTAS, omega)), rel=1e-9)
+    for w in omega:
+        slope = made.slope(DELTAS, w)
+        for k in range(2):
+            wanted = quotient(lambda at, w=w: np.log(np.abs(closed_at(at, w))), DELTAS, k)
+            assert slope[k] == pytest.approx(wanted, rel=1e-6)
+    fine = np.linspace(0.1, 8.0, 100_001)
+    sizes = np.abs(closed_at(DELTAS, fine))
+    found = made.peak(DELTAS)
+    assert found.stable
+    assert found.gain == pytest.approx(sizes.max(), rel=1e-6)
+    assert found.omega == pytest.approx(fine[sizes.argmax()], abs=1e-2)
+
+
+def test_the_worst_sample_is_the_worst_of_a_grid():
+    fine = np.linspace(0.1, 8.0, 4001)
+    sides = np.linspace(-1.0, 1.0, 9)
+    every = {at: np.abs(closed_at(np.array(at), fine)).max() for at in product(sides, sides)}
+    deltas, peak, peaks = worst_sample(loops(), np.array([DELTAS, np.zeros(2)]))
+    assert peak.gain == pytest.approx(max(every.values()), rel=1e-5)
+    assert tuple(deltas) == pytest.approx(max(every, key=every.get))
+    assert len(peaks) == 2
+
+
+def test_a_start_is_felt_for_as_long_as_the_slowest_pole_needs():
+    """One pole after the other of a loop without a dead time, by its exponentials."""
+    without = bc.spec.Controller(
+        loop=(
+            bc.spec.Loop(input="torque", output="angle", numerator=[D, P], denominator=[0.05, 1.0]),
+        )
+    )
+    made = LoopsOfSamples(SYSTEM, [0, 1], ["torque"], ["angle"], without, ("torque", "angle"))
+    k, d = SPRING * (1.0 + SOFTER * DELTAS[0]), DAMPER * (1.0 + WEAKER * DELTAS[1])
+    top = np.poly1d([0.05, 1.0])
+    bottom = np.poly1d([MASS, d, k]) * top + np.poly1d([D, P])
+    poles = bottom.roots
+    omega, share = 2.0, 1e-3
+    left = np.abs(top(poles) / bottom.deriv()(poles) / (1j * omega - poles))
+    gain = abs(top(1j * omega) / bottom(1j * omega))
+    time = made.settling(DELTAS, omega, share)
+    assert left @ np.exp(poles.real * time) == pytest.approx(share * gain, rel=1e-6)
+    assert made.settling(DELTAS, omega, 1e3) == 0.0
+
+
+def test_margins_of_a_sample_reach_as_far_as_the_sensitivity_does():
+    made = SampleLoops(SYSTEM, [0, 1], ["torque"], ["angle"], CONTROLLER)
+    fine = np.geomspace(0.05, 500.0, 400_001)
+    e = middle_at(DELTAS, fine)
+
+    def crossings(turned):
+        at = np.flatnonzero(turned[:-1].imag * turned[1:].imag <= 0.0)
+        return turned[at].real
+
+    wanted = {
+        "disk": np.abs(e).max(),
+        "gain up, factor": crossings(e).max(),
+        "gain down, factor": crossings(-e).max(),
+        "phase": np.abs(crossings(e / 1j)).max(),
+    }
+    sizes, omega = made.reach(DELTAS)
+    for (at, kind), size in zip(made.figures, sizes, strict=True):
+        assert at == "torque"
+        assert size == pytest.approx(max(wanted[kind], 0.0), rel=1e-3, abs=1e-6), kind
+    for figure in range(len(made.figures)):
+        if not np.isfinite(omega[figure]) or sizes[figure] < 0.1:
+            continue
+        slope = made.slope(figure, DELTAS, omega[figure])
+        for k in range(2):
+            by_reach = quotient(
+                lambda at, f=figure: np.log(made.reach(at).sizes[f]), DELTAS, k, 1e-2
+            )
+            assert slope[k] == pytest.approx(by_reach, rel=5e-3, abs=1e-4)
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 5])
+def test_bound_of_a_matrix_of_rank_one_is_the_sum_of_its_diagonal_s_sizes(size):
+    """mu of u v^H is sum |u_i v_i|, and scaling reaches it."""
+    random = np.random.default_rng(size)
+    u, v = random.normal(size=(2, size)) + 1j * random.normal(size=(2, size))
+    scale = 10.0 ** random.uniform(-2.0, 2.0, size)
+    m = np.outer(scale * u, v.conj() / scale)
+    wanted = np.sum(np.abs(u * v))
+    assert structured_bound(m) == pytest.approx(wanted, rel=1e-5)
+    assert balanced_bounds(m[None])[0] == pytest.approx(wanted, rel=1e-3)
+
+
+def test_bound_of_a_matrix_without_its_diagonal():
+    """Two channels in a ring: mu is the root of the product."""
+    m = np.array([[0.0, 8.0j], [0.5, 0.0]])
+    assert structured_bound(m) == pytest.approx(2.0, rel=1e-6)
+    assert balanced_bounds(np.array([m, 3.0 * m])) == pytest.approx([2.0, 6.0], rel=1e-3)

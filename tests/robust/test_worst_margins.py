@@ -1,0 +1,103 @@
+"""Least margins of uncertain loops against equations of motion written here: the limits at rest and
+at infinite frequency, the sign of a phase, the worst of all corners of a box, tables that do not
+contradict themselves, and unstable values.
+
+`FOUND`: relative, of what is stated beside the least that is found here on grids.
+"""
+
+from itertools import product
+
+import mujoco
+import numpy as np
+import pytest
+
+import beamchain as bc
+from beamchain import robust
+
+FOUND = 1e-3
+MASS, DAMPING, STIFFNESS, PUSH = 5.0, 0.6, 20.0, 2.0
+SPRUNG = f"""<mujoco><option gravity="0 0 0"/><worldbody><body name="bus">
+<joint name="drive" axis="0 0 1" stiffness="{STIFFNESS}" damping="{DAMPING}"/>
+<inertial pos="0 0 0" mass="1" diaginertia="{MASS} {MASS} {MASS}"/></body></worldbody></mujoco>"""
+SLIDING = f"""<mujoco><option gravity="0 0 0"/><worldbody><body name="bus">
+<joint name="drive" type="slide" axis="1 0 0" stiffness="{STIFFNESS}" damping="{DAMPING}"/>
+<inertial pos="0 0 0" mass="{MASS}" diaginertia="1 1 1"/><site name="felt"/></body></worldbody>
+<sensor><accelerometer name="felt" site="felt"/></sensor></mujoco>"""
+
+
+def uniform(relative):
+    return bc.spec.Uncertainty(relative=relative, distribution="uniform")
+
+
+def loop(at, seen, top, bottom=(1.0,), delay=0.0):
+    return bc.spec.Loop(input=at, output=seen, numerator=top, denominator=bottom, delay=delay)
+
+
+def rows(found, at):
+    return {row.kind: row for row in found if row.at == at}
+
+
+def pushed(mass, stiffness, power):
+    """Least gain up, disk and signed phase [degrees] of `L = -PUSH s^power/(m s^2 + d s + k)`."""
+
+    def opened(omega):
+        s = 1j * omega
+        return -PUSH * s**power / (mass * s**2 + DAMPING * s + stiffness)
+
+    # |L| = 1 with x = omega^2: (k - m x)^2 + d^2 x = PUSH^2 x^power
+    squares = np.array([mass**2, DAMPING**2 - 2.0 * mass * stiffness, stiffness**2])
+    squares[2 - power] -= PUSH**2
+    x = np.roots(squares)
+    phases = np.degrees(np.angle(-opened(np.sqrt(x[x.imag == 0.0].real))))
+    values = opened(np.geomspace(1e-2, 1e3, 20_000))
+    disk = 2.0 / np.abs((1.0 - values) / (1.0 + values)).max()
+    return [stiffness, None, mass][power] / PUSH, disk, phases[np.argmin(np.abs(phases))]
+
+
+@pytest.mark.parametrize(
+    ("model", "ends", "power", "where"),
+    [
+        (SPRUNG, ("torque:bus", "attitude", "torque_z", "attitude_z"), 0, 0.0),
+        (SLIDING, ("force:bus", "felt", "force_x", "felt_x"), 2, np.inf),
+    ],
+)
+def test_limits_at_rest_and_at_infinite_frequency_and_signs_of_phases_count(
+    model, ends, power, where
+):
+    """A push along, which a spring holds at rest, or an inertia at high frequency."""
+    plant = bc.plant(mujoco.MjModel.from_xml_string(model), [ends[0]], [ends[1]])
+    body = {"bus": bc.spec.UncertainBody(mass=uniform(0.2))} if power else {}
+    uncertain = robust.uncertain(
+        plant,
+        bc.spec.UncertainCraft(
+            joint={"drive": bc.spec.UncertainJoint(stiffness=uniform(0.2))}, body=body
+        ),
+    )
+    controller = bc.spec.Controller(loop=(loop(*ends[2:], (-PUSH,)),))
+    found = rows(uncertain.worst_margins(controller, samples=3), ends[2])
+    shares = np.linspace(0.8, 1.2, 9)
+    masses = MASS * (shares if power else np.ones(1))
+    every = [pushed(m, STIFFNESS * k, power) for m, k in product(masses, shares)]
+    gain, disk, phase = zip(*every, strict=True)
+    nominal = pushed(MASS, STIFFNESS, power)
+    assert found["gain up, factor"].nominal == pytest.approx(nominal[0], rel=FOUND)
+    assert found["gain up, factor"].worst == pytest.approx(min(gain), rel=FOUND)
+    assert found["gain up, factor"].frequency == where
+    assert found["disk"].worst == pytest.approx(min(disk), rel=FOUND)
+    assert found["phase"].nominal == pytest.approx(nominal[2], rel=FOUND)
+    assert found["phase"].worst == pytest.approx(min(phase, key=abs), rel=FOUND)
+
+
+def test_no_bound_is_sought_where_an_unstable_sample_is_found():
+    """The push is stronger than the softest spring."""
+    plant = bc.plant(mujoco.MjModel.from_xml_string(SPRUNG), ["torque:bus"], ["attitude"])
+    joint = {"drive": bc.spec.UncertainJoint(stiffness=uniform(0.2))}
+    uncertain = robust.uncertain(plant, bc.spec.UncertainCraft(joint=joint))
+    push = bc.spec.Controller(loop=(loop("torque_z", "attitude_z", (-0.9 * STIFFNESS,)),))
+    found = uncertain.worst_margins(push, samples=3, bound=True, seconds=1.0)
+    assert not found.stable
+    assert found.bounds == {}
+    rest = rows(found, "torque_z")
+    assert rest["disk"].worst == rest["disk"].proved == rest["phase"].worst == 0.0
+    assert rest["gain up, factor"].worst == 1.0
+    assert rest["disk"].values["drive.stiffness"] < 0.9 * STIFFNESS
