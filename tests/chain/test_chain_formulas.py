@@ -7,6 +7,7 @@ import pytest
 
 import beamchain as bc
 from beamchain import PortModel
+from beamchain.chain.seed import SeedRow
 from formulas import (
     Chain,
     Hinge,
@@ -177,3 +178,8 @@ def test_how_much_roll_inertia_is_raised(polar, least, mass, raised):
     found = raise_polar_inertia(chain, least)[0]
     expected = least if raised else polar
     assert [one.inertia for one in found.links] == [(expected, 1.0, 1.0)] * 2
+
+
+def test_a_row_of_the_paper_s_table_is_off_by_a_share_of_what_is_printed():
+    row = SeedRow("k1", 4.0, 4.5)
+    assert row.difference == pytest.approx(0.125)

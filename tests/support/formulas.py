@@ -202,6 +202,7 @@ from beamchain.engine.slew import _on_hub as drive_on_hub
 from beamchain.engine.slew import _run as run_of_push
 from beamchain.engine.slew import _without_actuators as without_actuators
 from beamchain.engine.slew import simulate as simulate_slew
+from beamchain.fitting.choose import _modes_below as half_waves
 from beamchain.fitting.fewest import weights as weights_of_modes
 from beamchain.fitting.hub import assumed_hub, default_hub, port_hub_mass
 from beamchain.fitting.imported import ImportedCase, imported_case, same_planes
@@ -599,6 +600,7 @@ __all__ = [
     "growing_poses",
     "growth",
     "growth_of_poles",
+    "half_waves",
     "halves_of_box",
     "hanging_liquid",
     "hanging_notes",
