@@ -1,33 +1,31 @@
 """Change formulas of the package one at a time, and say which changes the quick tests notice.
 
 `python tests/mutants.py --seed n` draws 200 changes of constants, signs, operators, indices and
-comparisons inside functions of FOLDERS. Each goes into a temporary copy of the package, on which
-those quick tests of the same folder run that call the function, the shortest first. Which these are
-is found by running all of them once unchanged; tests that fail then are left out.
+comparisons inside functions of FOLDERS. The quick tests of a folder are collected once and run once
+unchanged, to learn which of them call which function; those that fail then are left out. For each
+change a fork of that process swaps the code of the changed function and runs the tests that call
+it, the shortest first. What a module computes when it is imported stays as it was.
 """
 
 import argparse
 import ast
-import multiprocessing
+import gc
 import os
+import pickle
 import random
-import shutil
+import signal
 import sys
-import tempfile
-import threading
+import time
 from collections import Counter, defaultdict
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
-from types import FrameType
-from typing import Self
+from types import CodeType, FrameType, FunctionType
 
 import pytest
-
-# imported once for all the processes
-import mujoco  # noqa: F401  # isort: skip
-import scipy.optimize  # noqa: F401  # isort: skip
+from _pytest.runner import runtestprotocol
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "generator" / "beamchain"
@@ -147,51 +145,22 @@ def _is_words(node: ast.AST) -> bool:
     )
 
 
-class _Tests:
-    """Plugin of pytest: keeps what failed, how long each test took and which functions it called.
+class _Calls:
+    """Plugin of pytest: which functions of the package each test calls, and how long it takes.
 
-    Args:
-        only: tests to run, in this order; None: all, with their calls recorded.
+    What a fixture calls is called by every test that asks for it, not by the first alone.
     """
 
-    def __init__(self, generator: Path, only: list[str] | None) -> None:
-        self.package, self.only = str(generator / "beamchain"), only
-        self.failed, self.seconds = set[str](), defaultdict[str, float](float)
-        self.calls, self.fixtures = dict[str, set[Place]](), defaultdict[str, set[Place]](set)
+    def __init__(self) -> None:
         self.now = set[Place]()  # called by the test or the fixture that runs
+        self.fixtures = defaultdict[str, set[Place]](set)
 
-    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
-        if self.only is not None:
-            named = {item.nodeid: item for item in items}
-            items[:] = [named[test] for test in self.only if test in named]
-
-    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
-        self.seconds[report.nodeid] += report.duration
-        if report.failed:
-            self.failed.add(report.nodeid)
-
-    def _profile(self, frame: FrameType, event: str, _: object) -> None:
-        code = frame.f_code
-        if event == "call" and code.co_filename.startswith(self.package):
-            self.now.add((code.co_filename, code.co_firstlineno))
-
-    @pytest.hookimpl(wrapper=True)
-    def pytest_runtest_protocol(self, item: pytest.Item):
-        if self.only is not None:
-            return (yield)
-        self.now = set()
-        threading.setprofile(self._profile)
-        sys.setprofile(self._profile)
-        try:
-            return (yield)
-        finally:
-            sys.setprofile(None)
-            names = getattr(item, "fixturenames", ())
-            self.calls[item.nodeid] = self.now.union(*(self.fixtures[name] for name in names))
+    def profile(self, frame: FrameType, event: str, _: object) -> None:
+        if event == "call" and frame.f_code.co_filename.startswith(str(PACKAGE)):
+            self.now.add((frame.f_code.co_filename, frame.f_code.co_firstlineno))
 
     @pytest.hookimpl(wrapper=True)
     def pytest_fixture_setup(self, fixturedef: pytest.FixtureDef):
-        """What a fixture calls is called by every test that asks for it, not by the first alone."""
         before, self.now = self.now, set()
         try:
             return (yield)
@@ -200,86 +169,158 @@ class _Tests:
             self.now |= before
 
 
-def _run(generator: Path, folder: str, only: list[str] | None, pipe) -> None:
-    """In a process of its own: send status of a folder's tests, and what is kept of them."""
-    sys.path.insert(0, str(generator))
-    os.environ["PYTHONPATH"] = str(generator)  # for the commands that tests start
-    os.chdir(ROOT)
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, 1)
-    os.dup2(nowhere, 2)
-    tests = _Tests(generator, only)
-    files = [f"tests/{folder}"] if only is None else sorted({t.split("::")[0] for t in only})
-    words = ["-x"] if only is not None else []
-    words += ["-m", "not slow and not host", "-p", "no:cacheprovider"]
-    status = pytest.main([*files, *words], plugins=[tests])
-    passed = {test: kept for test, kept in tests.calls.items() if test not in tests.failed}
-    pipe.send((int(status), sorted(tests.failed), passed, dict(tests.seconds)))
+def _fails(item: pytest.Item, following: pytest.Item | None) -> bool:
+    reports = runtestprotocol(item, log=False, nextitem=following)
+    return any(report.failed for report in reports)
 
 
-def _tests(generator: Path, folder: str, only: list[str] | None, limit: float):
-    """What `_run` sends; status -1: a crash, or past `limit` seconds."""
-    processes = multiprocessing.get_context("fork")  # with the libraries already imported
-    here, there = processes.Pipe(duplex=False)
-    process = processes.Process(target=_run, args=(generator, folder, only, there))
-    process.start()
-    there.close()
-    try:
-        return here.recv() if here.poll(limit) else (-1, [], {}, {})
-    except EOFError:
-        return -1, [], {}, {}
-    finally:
-        process.kill()
-        process.join()
+def _in_a_fork(work) -> int:
+    """Status of a function that runs in a fork; negative where it was killed."""
+    if not (pid := os.fork()):
+        os._exit(work())
+    return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
 
 
-@dataclass(frozen=True)
-class Reached:
-    """Which quick tests of a folder call which functions of the package, and how long they take."""
+class _Folder:
+    """Plugin of pytest: instead of running a folder's tests once, run them for every change.
 
-    calls: dict[str, set[Place]]
-    seconds: dict[str, float]
+    Args:
+        changes: of the folder.
+        limit: seconds for each.
+        send: takes what is said.
+    """
 
-    @classmethod
-    def of(cls, folder: str) -> Self:
-        """Run them unchanged; those that fail are printed and left out."""
-        status, failed, calls, seconds = _tests(PACKAGE.parent, folder, None, 1800.0)
+    def __init__(self, changes: list[Change], limit: float, send) -> None:
+        self.changes, self.limit, self.send = changes, limit, send
+        self.known = _Calls()
+
+    def pytest_runtestloop(self, session: pytest.Session) -> bool:
+        items, following = session.items, [*session.items[1:], None]
+        session.config.pluginmanager.register(self.known)
+        reader, writer = os.pipe()
+
+        def learn() -> int:
+            found = list[tuple[bool, set[Place], float]]()
+            for item, after in zip(items, following, strict=True):
+                self.known.now, start = set(), time.process_time()
+                sys.setprofile(self.known.profile)
+                fails = _fails(item, after)
+                sys.setprofile(None)
+                found.append((fails, self.known.now, time.process_time() - start))
+            for item, (_, places, _) in zip(items, found, strict=True):
+                for name in getattr(item, "fixturenames", ()):
+                    places |= self.known.fixtures[name]
+            with os.fdopen(writer, "wb") as stream:
+                pickle.dump(found, stream)
+            return 0
+
+        if not (pid := os.fork()):
+            os._exit(learn())
+        os.close(writer)
+        with os.fdopen(reader, "rb") as stream:
+            learnt: list[tuple[bool, set[Place], float]] = pickle.load(stream)
+        os.waitpid(pid, 0)
+        for item, (fails, *_) in zip(items, learnt, strict=True):
+            if fails:
+                self.send(f"fails unchanged, and is left out: {item.nodeid}")
+        for change in self.changes:
+            where = _places(change)
+            calling = [
+                (seconds, number)
+                for number, (fails, places, seconds) in enumerate(learnt)
+                if not fails and places & where
+            ]
+            tests = [items[number] for _, number in sorted(calling)]
+            self.send((change, self._said_of(change, tests)))
+        return True
+
+    def _said_of(self, change: Change, tests: list[pytest.Item]) -> str:
+        def run() -> int:
+            signal.setitimer(signal.ITIMER_REAL, self.limit)
+            if not _swap(change):
+                return 2
+            pairs = zip(tests, [*tests[1:], None], strict=True)
+            return int(any(_fails(item, after) for item, after in pairs))
+
+        if not tests:
+            return "no test calls it"
+        status = _in_a_fork(run)
         if status < 0:
-            raise SystemExit(f"the quick tests of {folder} do not end")
-        for test in failed:
-            print(f"fails unchanged, and is left out: {test}")
-        return cls(calls, seconds)
-
-    def by(self, change: Change) -> list[str]:
-        """Those that call the function of a change, the shortest first."""
-        file = PACKAGE / change.file
-        functions = [
-            (min([node.lineno, *(name.lineno for name in node.decorator_list)]), node.end_lineno)
-            for node in ast.walk(ast.parse(file.read_bytes()))
-            if isinstance(node, ast.FunctionDef)
-        ]
-        # the innermost, with the comprehensions and lambdas in it
-        first, last = max(span for span in functions if span[0] <= change.line <= (span[1] or 0))
-        of = {(str(file), line) for line in range(first, (last or first) + 1)}
-        found = [test for test, places in self.calls.items() if places & of]
-        return sorted(found, key=lambda test: self.seconds[test])
+            return "takes too long"
+        return ("survived", "noticed", "not changed")[status]
 
 
-def noticed(change: Change, reached: Reached, limit: float) -> str:
-    """What the quick tests of its folder say of a change, given `limit` seconds."""
-    tests = reached.by(change)
-    if not tests:
-        return "no test calls it"
-    with tempfile.TemporaryDirectory() as place:
-        copy = Path(place, "generator")
-        shutil.copytree(PACKAGE, copy / "beamchain", ignore=shutil.ignore_patterns("__pycache__"))
-        Path(place, "mjcf_templates").symlink_to(ROOT / "mjcf_templates")
-        file = copy / "beamchain" / change.file
-        file.write_bytes(change.within(file.read_bytes()))
-        status = _tests(copy, change.folder, tests, limit)[0]
-        if status > pytest.ExitCode.INTERRUPTED:
-            raise SystemExit(f"pytest ends with {status} on {change}")
-        return "noticed" if status else "survived"
+def _places(change: Change) -> set[Place]:
+    """Where the function of a change may begin, with the comprehensions and lambdas in it."""
+    file = PACKAGE / change.file
+    functions = [
+        (min([node.lineno, *(name.lineno for name in node.decorator_list)]), node.end_lineno or 0)
+        for node in ast.walk(ast.parse(file.read_bytes()))
+        if isinstance(node, ast.FunctionDef)
+    ]
+    first, last = max(span for span in functions if span[0] <= change.line <= span[1])
+    return {(str(file), line) for line in range(first, last + 1)}
+
+
+def _swap(change: Change) -> int:
+    """Give the functions of a file the code that they have with a change; how many it is."""
+    file = PACKAGE / change.file
+    import_module(".".join(["beamchain", *Path(change.file).with_suffix("").parts]))
+    table = defaultdict[tuple[str, int], list[CodeType]](list)
+
+    def collect(code: CodeType) -> None:
+        for inner in code.co_consts:
+            if isinstance(inner, CodeType):
+                table[inner.co_qualname, inner.co_firstlineno].append(inner)
+                collect(inner)
+
+    collect(compile(change.within(file.read_bytes()), str(file), "exec", dont_inherit=True))
+    count = 0
+    for function in gc.get_objects():
+        if isinstance(function, FunctionType) and function.__code__.co_filename == str(file):
+            old = function.__code__
+            new = table[old.co_qualname, old.co_firstlineno]
+            if len(new) == 1 and new[0] != old and new[0].co_freevars == old.co_freevars:
+                function.__code__ = new[0]
+                count += 1
+    return count
+
+
+def _of_folder(folder: str, changes: list[Change], limit: float) -> list[tuple[Change, str]]:
+    """What the quick tests of a folder say of its changes, in a process of its own."""
+    reader, writer = os.pipe()
+    if not (pid := os.fork()):
+        os.close(reader)
+        stream = os.fdopen(writer, "wb")
+
+        def send(said: object) -> None:
+            pickle.dump(said, stream)
+            stream.flush()
+
+        os.chdir(ROOT)
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, 1)
+        os.dup2(nowhere, 2)
+        words = [f"tests/{folder}", "-s", "-m", "not slow and not host", "-p", "no:cacheprovider"]
+        pytest.main(words, plugins=[_Folder(changes, limit, send)])
+        os._exit(0)
+    os.close(writer)
+    out = list[tuple[Change, str]]()
+    with os.fdopen(reader, "rb") as stream:
+        while True:
+            try:
+                said = pickle.load(stream)
+            except EOFError:
+                break
+            if isinstance(said, str):
+                print(said, flush=True)
+                continue
+            change, word = said
+            place = f"{change.file}:{change.line}:{change.column + 1}"
+            print(f"{word:16} {place}  {change.old} -> {change.new or 'nothing'}", flush=True)
+            out.append((change, word))
+    os.waitpid(pid, 0)
+    return out
 
 
 def _every(folders: tuple[str, ...]) -> Iterator[Change]:
@@ -307,14 +348,12 @@ def main() -> None:
     drawn = random.Random(given.seed).sample(list(_every(FOLDERS)), given.count)
     drawn = given.changes or [change for change in drawn if change.folder in given.folders]
     drawn.sort(key=lambda change: (change.file, change.line, change.column))
-    seen, total = Counter[str](), Counter(change.folder for change in drawn)
+    total = Counter(change.folder for change in drawn)
+    by_folder = {name: [one for one in drawn if one.folder == name] for name in total}
     with ThreadPoolExecutor(given.workers) as pool:
-        reached = dict(zip(total, pool.map(Reached.of, total), strict=True))
-        results = pool.map(lambda c: noticed(c, reached[c.folder], given.limit), drawn)
-        for change, result in zip(drawn, results, strict=True):
-            seen[change.folder] += result == "noticed"
-            place = f"{change.file}:{change.line}:{change.column + 1}"
-            print(f"{result:16} {place}  {change.old} -> {change.new or 'nothing'}", flush=True)
+        limits = [given.limit] * len(total)
+        results = list(pool.map(_of_folder, by_folder, by_folder.values(), limits))
+    seen = Counter(change.folder for each in results for change, word in each if word == "noticed")
     for folder, count in total.items():
         print(f"{folder}: {seen[folder]} of {count} noticed")
     print(f"together: {seen.total()} of {total.total()} noticed")
