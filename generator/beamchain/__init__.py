@@ -7,5 +7,5 @@ from importlib.metadata import version
 
 from beamchain.late import attach
 
-__getattr__, __dir__, __all__ = attach("beamchain", __file__)
+__getattr__, __dir__, __all__ = attach(__name__, __file__)
 __version__ = version("beamchain")

@@ -2,4 +2,4 @@
 
 from beamchain.late import attach
 
-__getattr__, __dir__, __all__ = attach("beamchain", __file__)
+__getattr__, __dir__, __all__ = attach(__name__, __file__)
