@@ -8,7 +8,7 @@ import typer
 from beamchain.caution import warnings_record
 from beamchain.cli.common import Force, Json, Quiet, console
 from beamchain.cli.output import print_table, print_warnings, spinner, tell
-from beamchain.cli.plant_options import Angle, Inputs, Keyframe, Loops, Model, Outputs, Poses
+from beamchain.cli.plant_options import Angle, Inputs, Keyframe, Model, Outputs, Poses
 from beamchain.errors import InputError
 
 if TYPE_CHECKING:
@@ -32,6 +32,14 @@ Loaded = Annotated[
     ),
 ]
 Discrete = Annotated[float | None, typer.Option(metavar="STEP", help="Sampled at this step in s.")]
+Loops = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="LOOPS.toml",
+        help="Loops whose margins are computed, and signals that are combined for them "
+        "(\\[allocation], \\[alignment]).",
+    ),
+]
 Report = Annotated[bool, typer.Option(help="Write OUT_report.html as well.")]
 
 
@@ -218,7 +226,6 @@ def _show(
 ) -> None:
     """What the terminal shows before the names of the files; `is_shown`: the plants and the margins
     have been, so that only the reasons of unstable loops are left."""
-
     if is_shown:
         _show_reasons(margins_by_plant)
     else:

@@ -1,4 +1,4 @@
-"""What commands on a linear spacecraft share: its file, signals, poses and loops."""
+"""What commands on a linear spacecraft share: its file, signals and poses."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -46,14 +46,6 @@ Angle = Annotated[
     str | None,
     typer.Option(
         metavar="JOINT=0,45,90", help="Positions of one joint, as a --pose JOINT=... of each."
-    ),
-]
-Loops = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="LOOPS.toml",
-        help="Loops whose margins are computed, and signals that are combined for them "
-        "(\\[allocation], \\[alignment]).",
     ),
 ]
 

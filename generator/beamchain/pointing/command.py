@@ -7,7 +7,7 @@ import typer
 
 from beamchain.cli.common import Force, Json, Quiet
 from beamchain.cli.output import print_table, print_warnings, spinner, tell
-from beamchain.cli.plant_options import Keyframe, Model, Outputs
+from beamchain.cli.plant_options import Keyframe, Model
 
 if TYPE_CHECKING:
     from beamchain.pointing.pointing import Pointing
@@ -16,6 +16,14 @@ Output = Annotated[Path, typer.Option("-o", "--file", metavar="OUT.html", help="
 Sources = Annotated[
     Path,
     typer.Option("--disturbances", metavar="DISTURBANCES.toml", help="What disturbs the pointing."),
+]
+Outputs = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--output",
+        metavar="NAME",
+        help="A sensor, attitude, rate or motion:SITE. Repeatable; default: attitude.",
+    ),
 ]
 Pose = Annotated[
     str | None,
