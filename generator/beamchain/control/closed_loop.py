@@ -217,7 +217,7 @@ def closed_around(
     """The same from a plant's state space at a step [s], dead times not yet counted."""
     a, b, c, d = plant
     step = plant_step if fed.step is None else fed.step
-    system = a, b[:, fed.columns], c[fed.rows], d[fed.rows][:, fed.columns]
+    system = a, b[:, fed.columns], c[fed.rows], d[np.ix_(fed.rows, fed.columns)]
     keep = linking(system)
     # motion at rest that no loop touches stays at rest, and is no part of what is closed
     system, among = touched(with_states(system, keep), 1.0 if plant_step else 0.0)

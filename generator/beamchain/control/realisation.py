@@ -136,7 +136,7 @@ class Plant(StateSpace):
         out: list[complex] = []
         for name in self.modes:
             at = self._oscillators.states_of(name)
-            pole = np.linalg.eigvals(self._oscillators.a[at][:, at]).astype(np.complex128)
+            pole = np.linalg.eigvals(self._oscillators.a[np.ix_(at, at)]).astype(np.complex128)
             pole = np.log(pole) / self.dt if self.dt else pole
             out.append(complex(pole[np.argmax(pole.imag)]))
         return np.array(out, dtype=np.complex128)
@@ -168,7 +168,7 @@ class Plant(StateSpace):
             at = self._oscillators.states_of(name)
             s = 1j * self.frequency[k]
             z = np.exp(s * self.dt) if self.dt else s
-            block = a[at][:, at]
+            block = a[np.ix_(at, at)]
             driven = b[at] + a[at][:, holding] @ b[holding] / z
             # (z - a)^-1 = adj(z - a) / det(z - a)
             adjugate = np.array([[z - block[1, 1], block[0, 1]], [block[1, 0], z - block[0, 0]]])

@@ -78,14 +78,14 @@ def linking(system: System) -> list[int]:
 def picked(system: System, outputs: list[int], inputs: list[int]) -> System:
     """Some of the signals, and the states that link them."""
     a, b, c, d = system
-    some = a, b[:, inputs], c[outputs], d[outputs][:, inputs]
+    some = a, b[:, inputs], c[outputs], d[np.ix_(outputs, inputs)]
     return with_states(some, linking(some))
 
 
 def with_states(system: System, keep: list[int]) -> System:
     """Only some of the states."""
     a, b, c, d = system
-    return a[keep][:, keep], b[keep], c[:, keep], d
+    return a[np.ix_(keep, keep)], b[keep], c[:, keep], d
 
 
 def touched(system: System, rest: float = 0.0) -> tuple[System, list[int]]:

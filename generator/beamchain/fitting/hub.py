@@ -62,12 +62,12 @@ class Hub(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
                 "offset (m), mass (kg) and inertia (kg m^2)."
             )
         if self.apparent is not None:
+            sizes = [len(row) for row in self.apparent]
             matrix = np.array(
                 [[number("apparent", v, "") for v in row] for row in self.apparent if len(row) == 6]
             )
             if (
-                len(self.apparent) != 6  # rows that are not of six are not in `matrix`
-                or matrix.shape != (6, 6)
+                sizes != [6] * 6
                 or float(np.linalg.eigvalsh(matrix)[0]) <= 0.0
                 or np.any(matrix != matrix.T)
             ):

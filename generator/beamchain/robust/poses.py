@@ -147,30 +147,17 @@ def worst_margins(
         >>> import beamchain as bc
         >>> from beamchain import robust
         >>> craft = '''<mujoco><worldbody><body name="bus"><freejoint/>
-        ... <inertial pos="0 0 0" mass="300" diaginertia="90 90 90"/>
-        ... <body name="yoke" pos="0.5 0 0"><joint name="drive" axis="1 0 0" stiffness="1e4"/>
-        ... <inertial pos="0 0 0" mass="5" diaginertia="1 1 1"/><site name="mount"/></body></body>
+        ... <inertial pos="0 0 0" mass="10" diaginertia="5 6 7"/><body name="rotor">
+        ... <joint name="drive" axis="0 0 1" stiffness="12" damping="0.04"/>
+        ... <inertial pos="0 0 0" mass="1" diaginertia="1 1 2"/></body></body>
         ... </worldbody></mujoco>'''
-        >>> section = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
-        >>> boom = bc.Spec(
-        ...     segment=(bc.Segment(length=8.0, section=section),),
-        ...     modes=bc.Modes(xy=1, xz=0),
-        ...     damping=bc.Damping(ratio=0.01),
-        ... )
-        >>> poses = {"drive": [0.0, 1.5]}
-        >>> plant = bc.plant(
-        ...     bc.embed(craft, {"mount": boom}), ["torque:bus"], ["attitude"], at=poses
-        ... )
-        >>> tenth = bc.spec.Uncertainty(relative=0.1, distribution="uniform")
-        >>> bus = bc.spec.UncertainCraft(body={"bus": bc.spec.UncertainBody(mass=tenth)})
-        >>> loop = bc.spec.Loop(
-        ...     input="torque_z",
-        ...     output="attitude_z",
-        ...     numerator=(600.0, 60.0),
-        ...     denominator=(0.05, 1.0),
-        ... )
+        >>> plant = bc.plant(craft, ["torque:bus"], ["attitude"], at={"drive": [0.0, 0.3]})
+        >>> third = bc.spec.Uncertainty(relative=0.3)
+        >>> drive = bc.spec.UncertainCraft(joint={"drive": bc.spec.UncertainJoint(stiffness=third)})
+        >>> law = {"numerator": (8.0, 3.0), "denominator": (0.1, 1.0)}
+        >>> loop = bc.spec.Loop(input="torque_z", output="attitude_z", **law)
         >>> loops = bc.spec.Controller(loop=(loop,))
-        >>> robust.worst_margins(plant, bus, loops, samples=2).labels[0]
+        >>> robust.worst_margins(plant, drive, loops, samples=2).labels[0]
         'drive 0°'
     """
     margins = (
