@@ -1,6 +1,7 @@
 """Every notebook runs as it stands, and what is committed is an executed, small one."""
 
 import base64
+import importlib
 import json
 import re
 import sys
@@ -102,3 +103,6 @@ def test_notebook_uses_the_public_list_only(path):
     names = set(re.findall(r"\bbc\.(\w+)", code))
     assert names
     assert names <= set(beamchain.__all__)
+    for module in ("spec", "results", *products):
+        typed = set(re.findall(rf"(?<![\w/.])(?:bc\.)?{module}\.([A-Za-z]\w*)\(", code))
+        assert typed <= set(importlib.import_module(f"beamchain.{module}").__all__), module
