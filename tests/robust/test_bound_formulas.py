@@ -9,6 +9,7 @@ import pytest
 import beamchain as bc
 from beamchain.robust.bounds import Bounder, Box, GainBound, Interval
 from beamchain.robust.multipliers import ComplexSystem, Multipliers
+from complex_systems import complex_system, gains_of, hermitian, value
 from formulas import (
     LocalLoop,
     LoopsOfSamples,
@@ -21,39 +22,6 @@ from formulas import (
     middle_of,
     unknown_behind,
 )
-
-
-def gaussian(random, *shape):
-    return random.normal(size=shape) + 1j * random.normal(size=shape)
-
-
-SIZE = 0.2
-
-
-def complex_system(states, signals, seed):
-    random = np.random.default_rng(seed)
-    a = 0.4 * gaussian(random, states, states) - np.eye(states)
-    shapes = (states, signals), (signals, states), (signals, signals)
-    return ComplexSystem(a, *(SIZE * gaussian(random, *shape) for shape in shapes))
-
-
-def hermitian(seed, size, scale=1.0):
-    half = gaussian(np.random.default_rng(seed), size, size)
-    return scale * (half + half.conj().T) / 2.0
-
-
-def value(system, omega):
-    a, b, c, d = system
-    return c @ np.linalg.solve(1j * omega * np.eye(len(a)) - a, b) + d
-
-
-def gains_of(n, deltas):
-    """|e / d| with `w = delta z` of every channel."""
-    delta = np.diag(deltas)
-    size = len(deltas)
-    inner = np.linalg.solve(np.eye(size) - n[:size, :size] @ delta, n[:size, size])
-    return abs(n[size, size] + n[size, :size] @ delta @ inner)
-
 
 D, G = hermitian(1, 2), hermitian(2, 2)
 

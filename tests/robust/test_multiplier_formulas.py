@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from beamchain.robust.multipliers import ComplexSystem, Delta, Multipliers
+from complex_systems import complex_system, gains_of, gaussian, hermitian, value
 from formulas import (
     balanced_channels,
     basis_of_hermitian,
@@ -18,31 +19,6 @@ from formulas import (
     solve_program,
     zero_crossings,
 )
-
-
-def gaussian(random, *shape):
-    return random.normal(size=shape) + 1j * random.normal(size=shape)
-
-
-SIZE = 0.2
-
-
-def complex_system(states, signals, seed):
-    random = np.random.default_rng(seed)
-    a = 0.4 * gaussian(random, states, states) - np.eye(states)
-    shapes = (states, signals), (signals, states), (signals, signals)
-    return ComplexSystem(a, *(SIZE * gaussian(random, *shape) for shape in shapes))
-
-
-def hermitian(seed, size, scale=1.0):
-    half = gaussian(np.random.default_rng(seed), size, size)
-    return scale * (half + half.conj().T) / 2.0
-
-
-def value(system, omega):
-    a, b, c, d = system
-    return c @ np.linalg.solve(1j * omega * np.eye(len(a)) - a, b) + d
-
 
 SYSTEM = complex_system(4, 3, 5)
 D = hermitian(1, 2, 0.2) + 2.0 * np.eye(2)
@@ -209,14 +185,6 @@ def test_mean_and_variance_of_a_delta_in_the_worst_case():
     assert unsure > 0.0
     none = moments_of_delta(slice(0, 2), 0.0 * n, worst, d.astype(complex))
     assert none == (0.0, 0.0)
-
-
-def gains_of(n, deltas):
-    """|e / d| with `w = delta z` of every channel."""
-    delta = np.diag(deltas)
-    size = len(deltas)
-    inner = np.linalg.solve(np.eye(size) - n[:size, :size] @ delta, n[:size, size])
-    return abs(n[size, size] + n[size, :size] @ delta @ inner)
 
 
 @pytest.mark.parametrize("kind", ["one", "twice", "two"])
