@@ -5,6 +5,7 @@ Environments stay under build/hosts/NAME, so that a second run starts at once. A
 installed is said and skipped: its package may not exist for this platform.
 """
 
+import os
 import re
 import subprocess
 import sys
@@ -107,6 +108,9 @@ HOSTS = {
 #: what must import there, extra of beamchain, the script, which takes the folder of the files
 WRITERS = {"newton": ("mujoco_usd_converter", "[usd]", "tests/hosts/write_usd.py")}
 
+#: host: libraries that its package brings along and does not find by itself, in its environment
+LIBRARIES = {"opensees": "lib/python*/site-packages/openseespylinux/lib"}
+
 
 def main(name: str) -> int:
     if name not in HOSTS:
@@ -148,7 +152,11 @@ def run(name: str, module: str, extra: str, wanted: list[str], words: list[str])
             )
             return None
         ready.write_text(asked)
-    if subprocess.run([str(python), "-c", f"import {module}"], check=False).returncode:
+    surroundings = dict(os.environ)
+    if name in LIBRARIES:
+        surroundings["LD_LIBRARY_PATH"] = str(next(folder.resolve().glob(LIBRARIES[name])))
+    imports = [str(python), "-c", f"import {module}"]
+    if subprocess.run(imports, check=False, env=surroundings).returncode:
         sys.stderr.write(
             f"host {name}: installed, but `import {module}` fails; its tests would be skipped "
             "unseen.\n"
@@ -156,7 +164,7 @@ def run(name: str, module: str, extra: str, wanted: list[str], words: list[str])
         return 1
     sys.stdout.write(f"host {name}:\n")
     sys.stdout.flush()
-    return subprocess.run([str(python), *words], check=False).returncode
+    return subprocess.run([str(python), *words], check=False, env=surroundings).returncode
 
 
 if __name__ == "__main__":
