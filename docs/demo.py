@@ -25,7 +25,7 @@ def demo(folder: Path) -> list[Path]:
     run("fit", SHIPPED["seed_boom.toml"], "-o", folder)
     flexible = folder / "satellite.xml"
     array = SHIPPED["array.toml"]
-    places = ["--at", f"left={array}", "--at", f"right={array}"]
+    places = ["--mount", f"left={array}", "--mount", f"right={array}"]
     run("embed", SHIPPED["craft.xml"], *places, "-o", flexible)
     made = [folder / "report.html", folder / "satellite_report.html", flexible]
     try:

@@ -64,7 +64,7 @@ RESULTS = {
     "Recovery": "embedded.recover(data, place)",
     "Pointing": "pointing.budget(craft, disturbances)",
     "Retimed": "bc.retime(model, timestep)",
-    "ScheduledPlant": 'bc.plant(model, inputs, outputs, at={"drive": angles})',
+    "ScheduledPlant": 'bc.plant(model, inputs, outputs, pose={"drive": angles})',
     "StabilityStudy": "bc.stability(source)",
     "Study": "bc.study(spec)",
     "Sweep": "bc.sweep(source, samples)",

@@ -70,7 +70,7 @@ def embed_times():
     outside = []
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "flexible.xml"
-        words = [word for place, file in at.items() for word in ("--at", f"{place}={file}")]
+        words = [word for place, file in at.items() for word in ("--mount", f"{place}={file}")]
         for options in ([], ["--no-report"]):
             command = [sys.executable, "-m", "beamchain", "embed", str(SHIPPED / "arm.xml"), *words]
             times = []

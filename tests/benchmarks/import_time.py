@@ -36,7 +36,7 @@ def told(label: str, spec: Spec) -> None:
     scale = np.sqrt(np.diag(space.target.rigid_mass))
     residual = np.linalg.eigvalsh(space.target.residual_mass / np.outer(scale, scale))[0]
     print(
-        f"{label}: {space.form}, {space.target.modes} modes, {1e3 * best:.0f} ms; through MuJoCo: "
+        f"{label}: {space.target.modes} modes, {1e3 * best:.0f} ms; through MuJoCo: "
         f"frequencies {error.frequency:.1e}, participation {error.participation:.1e}, rigid mass "
         f"{error.mass_error:.1e}, in-band error in six motions {error.accelerance_in_band:.1e}; "
         f"least residual mass {residual:.1e}"
@@ -57,8 +57,8 @@ def main() -> None:
             imported = Imported(file=str(path), units=units)
             told(label, Spec(imported=imported, damping=Damping(ratio=0.005)))
             for modes in (1, 2):
-                spec = Spec(imported=imported, modes=Modes(xz=modes), fit=FitOptions(form="chain"))
-                told(f"{label}, {modes} in xz as a chain", spec)
+                spec = Spec(imported=imported, modes=Modes(xz=modes))
+                told(f"{label}, {modes} in xz", spec)
         cbars = Imported(file=str(place / "cbars.f06"), length=1.0)
         told("two lumped CBARs", Spec(imported=cbars))
         told(

@@ -28,7 +28,7 @@ def test_a_number_that_is_none(name, command, tmp_path, capsys, monkeypatch):
     path = tmp_path / "craft.xml"
     out = tmp_path / "out" / "flexible.xml"
     path.write_text(text)
-    more = ["--at", f"mount={spec('rod')}", "-o", str(out)] if command == "embed" else []
+    more = ["--mount", f"mount={spec('rod')}", "-o", str(out)] if command == "embed" else []
     code, _, error = run([command, str(path), *more], capsys, monkeypatch)
     one_sentence(code, error, word)
     assert not out.parent.exists()
@@ -89,4 +89,4 @@ def test_logs_far_out(column):
     log = {"time": np.arange(200.0), "torque_z": np.ones(200), "rate_z": np.ones(200)}
     log[column] = log[column] * 1e300
     with pytest.raises(bc.InputError, match=f"{column} = .*1e.300 in sample .*at most 1e.12"):
-        identification.identify(log, craft(), at="mount")
+        identification.identify(log, craft(), mount="mount")

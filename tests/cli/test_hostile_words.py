@@ -62,7 +62,7 @@ def test_names_at_random(tmp_path, capsys, monkeypatch):
         calls = [
             ["inspect", "craft.xml"],
             ["inspect", name],
-            ["plant", "craft.xml", "--at", name, "-o", f"{name[:40]}.npz"],
+            ["plant", "craft.xml", "--pose", name, "-o", f"{name[:40]}.npz"],
         ]
         write_files(folder, name)
         for arguments in commands(name) if number % WHOLE == WHOLE // 2 else calls:

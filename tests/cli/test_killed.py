@@ -40,7 +40,7 @@ COMMANDS = {
         [
             "embed",
             str(CRAFTS / "planar.xml"),
-            "--at",
+            "--mount",
             f"mount={spec('rod')}",
             "-o",
             "OUT/x.xml",

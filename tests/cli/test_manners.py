@@ -149,7 +149,7 @@ def test_no_color_on_a_terminal(no_color):
     [
         (["fit", "no.toml", "-o", "out"], "InputError", "spec 'no.toml' does not exist"),
         (["fit", "good.toml", "-o", "taken"], "OutputError", "--force"),
-        (["embed", "no.xml", "--at", "a=good.toml", "-o", "o.xml"], "InputError", "no.xml"),
+        (["embed", "no.xml", "--mount", "a=good.toml", "-o", "o.xml"], "InputError", "no.xml"),
         (["inspect", "broken.xml"], "EngineError", "MuJoCo refuses"),
         (["init", "booom"], "InputError", "did you mean 'boom'"),
         (["fit", "good.toml"], "MissingParameter", "-o"),
@@ -218,7 +218,7 @@ def test_init_writes_a_spacecraft_to_embed_into(at, tmp_path, capsys, monkeypatc
         [
             "embed",
             "craft.xml",
-            "--at",
+            "--mount",
             f"{at}=array.toml",
             "-o",
             "flexible.xml",

@@ -118,7 +118,7 @@ def test_a_terminal_without_the_letters(tmp_path):
             "beamchain",
             "embed",
             "craft.xml",
-            "--at",
+            "--mount",
             "site:帆板=rod.toml",
             "-o",
             "out.xml",

@@ -47,7 +47,7 @@ def refused(arguments, place, capsys, monkeypatch):
     return sentence
 
 
-EMBED = ["embed", "craft.xml", "--at", "mount=rod.toml", "--force"]
+EMBED = ["embed", "craft.xml", "--mount", "mount=rod.toml", "--force"]
 
 
 @pytest.mark.parametrize(
@@ -74,7 +74,7 @@ EMBED = ["embed", "craft.xml", "--at", "mount=rod.toml", "--force"]
                 "log.csv",
                 "--craft",
                 "craft.xml",
-                "--at",
+                "--mount",
                 "mount",
                 "--prior",
                 "rod.toml",
@@ -149,7 +149,7 @@ COMMANDS = [
     EMBED,
     ["retime", "craft.xml", "--timestep", "0.1", "--force"],
     ["plant", "craft.xml", "--force"],
-    ["identify", "log.csv", "--craft", "craft.xml", "--at", "mount", "--force"],
+    ["identify", "log.csv", "--craft", "craft.xml", "--mount", "mount", "--force"],
     ["init", "boom", "--force"],
 ]
 

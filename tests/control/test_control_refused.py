@@ -52,8 +52,8 @@ def asked(**arguments):
     bc.plant(bare(SENSOR, CUT, LIMITED), **arguments)
 
 
-def posed(at):
-    bc.plant(mujoco.MjModel.from_xml_string(CRAFT), [*TORQUE, "spin"], at=at)
+def posed(pose):
+    bc.plant(mujoco.MjModel.from_xml_string(CRAFT), [*TORQUE, "spin"], pose=pose)
 
 
 SIGNALS = {
@@ -95,16 +95,16 @@ SIGNALS = {
 }
 
 POSES = {
-    "keyframe": (lambda: asked(at="ran"), ("at = 'ran'", "did you mean 'run'")),
-    "keyframe 7": (lambda: asked(at=7), ("at = 7 is no keyframe", "has 1")),
-    "two numbers": (lambda: asked(at=[0.0, 1.0]), ("at has the shape (2,)", "shape (9,)")),
-    "joint": (lambda: asked(at={"driv": 0.1}), ("'driv'", "did you mean 'drive'")),
+    "keyframe": (lambda: asked(pose="ran"), ("pose = 'ran'", "did you mean 'run'")),
+    "keyframe 7": (lambda: asked(pose=7), ("pose = 7 is no keyframe", "has 1")),
+    "two numbers": (lambda: asked(pose=[0.0, 1.0]), ("pose has the shape (2,)", "shape (9,)")),
+    "joint": (lambda: asked(pose={"driv": 0.1}), ("'driv'", "did you mean 'drive'")),
     "degrees": (
-        lambda: asked(at={"drive": 45.0}),
+        lambda: asked(pose={"drive": 45.0}),
         ("'drive' = 45", "range [-1, 1]", "angles are in rad"),
     ),
     "angles of two joints": (
-        lambda: asked(at={"drive": [0.1], "spin": [0.2]}),
+        lambda: asked(pose={"drive": [0.1], "spin": [0.2]}),
         ("only one joint", "list of angles"),
     ),
     "joint of the second": (
@@ -136,7 +136,7 @@ POSES = {
         lambda: posed([{"drive": 0.1}, [0.0, 1.0]]),
         ("at[1] has the shape (2,)", "give qpos"),
     ),
-    "a joint's name": (lambda: posed("turn"), ("at = 'turn'", "by joint, {'turn': 0.5}")),
+    "a joint's name": (lambda: posed("turn"), ("pose = 'turn'", "by joint, {'turn': 0.5}")),
     "lists of two joints": (
         lambda: posed({"drive": [0.1], "turn": [0.2]}),
         ("several joints", "a list of poses"),

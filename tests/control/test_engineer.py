@@ -167,7 +167,7 @@ def test_wheels_at_speed():
 def test_modes_are_followed_through_the_list_in_its_order():
     """As the modes of finite elements, followed in small steps by their shapes."""
     for poses, crosses in ((POSES, False), (TOGETHER, True)):
-        plants = bc.plant(embedded(), ["torque:bus"], at=[angles(*pose) for pose in poses])
+        plants = bc.plant(embedded(), ["torque:bus"], pose=[angles(*pose) for pose in poses])
         for true, row in zip(followed(poses), plants.frequency, strict=True):
             np.testing.assert_allclose(row[:FOLLOWED], true[:FOLLOWED], rtol=NEAR)
         assert bool(np.any(np.diff(plants.frequency[-1][:FOLLOWED]) < 0.0)) == crosses

@@ -997,7 +997,7 @@ def test_poses_give_one_result_each():
         '<site name="mount"/></body>',
     )
     made = bc.embed(turning, {"mount": BOOM.replace(modes=1)})
-    scheduled = bc.plant(made, ["torque:bus"], ["attitude"], at={"drive": [0.0, np.pi / 2.0]})
+    scheduled = bc.plant(made, ["torque:bus"], ["attitude"], pose={"drive": [0.0, np.pi / 2.0]})
     found = bc.margins(scheduled, each(LAG))
     assert [one.pose for one in found] == ["drive 0°", "drive 90°"]
     # turned by 90 degrees the bending planes change places: the least margins are not the same

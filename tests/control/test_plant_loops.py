@@ -282,7 +282,7 @@ def test_the_command_takes_keyframes_and_tells_what_is_unstable(place, capsys, m
         "flexible.xml",
         "--input",
         "torque:bus",
-        "--at",
+        "--pose",
         "parked",
         "--controller",
         "loops.toml",
@@ -299,9 +299,9 @@ def test_the_command_takes_keyframes_and_tells_what_is_unstable(place, capsys, m
         (["--input", "weel"], "weel"),
         (["--angle", "drive"], "is not JOINT=ANGLES"),
         pytest.param(["--angle", "drive=0,x"], "is not JOINT=ANGLES", marks=pytest.mark.slow),
-        (["--angle", "drive=0,1", "--at", "parked"], "leave one out"),
+        (["--angle", "drive=0,1", "--pose", "parked"], "leave one out"),
         (["--controller", "nothing.toml"], "does not exist"),
-        (["--at", "nowhere"], "nowhere"),
+        (["--pose", "nowhere"], "nowhere"),
     ],
 )
 def test_wrong_calls_write_nothing(more, words, place, capsys, monkeypatch):

@@ -122,7 +122,7 @@ def channels(found, true):
 @pytest.mark.slow
 @pytest.mark.parametrize("pose", EACH)
 def test_the_exact_plant_of_an_arm_is_that_of_finite_elements(made, pose):
-    plant = bc.plant(made, INPUTS, OUTPUTS, at=None if pose == "rest" else pose)
+    plant = bc.plant(made, INPUTS, OUTPUTS, pose=None if pose == "rest" else pose)
     truth = Truth(POSES[pose])
     omega = np.geomspace(0.05, BAND, 25)
     s = omega * (OFF + 1j)
@@ -153,7 +153,7 @@ def polished(plant, zeros):
 
 @pytest.mark.parametrize("pose", EACH)
 def test_poles_and_zeros_from_the_elbow_are_those_of_finite_elements(made, pose):
-    plant = bc.plant(made, ["elbow"], ["angle"], at=None if pose == "rest" else pose).exact
+    plant = bc.plant(made, ["elbow"], ["angle"], pose=None if pose == "rest" else pose).exact
     truth = Truth(POSES[pose])
     # with the elbow held nothing moves it: zeros of the torque in it to its angle
     for true, found in (
@@ -174,7 +174,7 @@ def test_poles_and_zeros_from_the_elbow_are_those_of_finite_elements(made, pose)
 @pytest.mark.parametrize("pose", POSES)
 def test_the_sampled_plant_is_the_arm_under_a_held_torque(made, pose):
     at = None if pose == "rest" else pose
-    plant = bc.plant(made, ["elbow"], ["angle"], at=at, discrete=STEP)
+    plant = bc.plant(made, ["elbow"], ["angle"], pose=at, discrete=STEP)
     s = np.geomspace(0.05, BAND, 25) * (OFF + 1j)
     true = Truth(POSES[pose]).held(s, STEP)[:1, :1]
     found = np.abs(plant(np.exp(s * STEP), squeeze=False) - true).max() / np.abs(true).max()
@@ -185,7 +185,7 @@ def test_the_sampled_plant_is_the_arm_under_a_held_torque(made, pose):
 
 @pytest.mark.slow
 def test_the_sampled_plant_of_an_arm_is_what_mujoco_runs(made):
-    plant = bc.plant(made, ["elbow"], ["angle", "rate"], at="square", discrete=STEP)
+    plant = bc.plant(made, ["elbow"], ["angle", "rate"], pose="square", discrete=STEP)
     model = copy.copy(made.model)
     bc.retime(model, STEP)
     data = mujoco.MjData(model)

@@ -204,11 +204,11 @@ def test_a_wheel_turns_the_hub_the_other_way():
 def test_keyframes_bring_angles_and_speeds():
     made = embedded(NAME)
     rates = {n: w["rate"] for n, w in CRAFTS[NAME]["wheels"].items()}
-    by_key = bc.plant(made, at="run")
-    by_hand = bc.plant(made, at={}, rates=rates)
+    by_key = bc.plant(made, pose="run")
+    by_hand = bc.plant(made, pose={}, rates=rates)
     assert error(by_key(S, squeeze=False), by_hand(S, squeeze=False)) < SAME
-    assert bc.plant(made, at=0).state_labels == by_key.state_labels
-    still = bc.plant(made, at=np.array(made.model.key_qpos[0]))  # positions bring no speeds
+    assert bc.plant(made, pose=0).state_labels == by_key.state_labels
+    still = bc.plant(made, pose=np.array(made.model.key_qpos[0]))  # positions bring no speeds
     assert ["nutation" in " ".join(p.state_labels) for p in (still, by_key)] == [False, True]
 
 
@@ -243,7 +243,7 @@ def test_a_lag_of_an_actuator_is_a_state():
 def test_a_plant_per_angle_keeps_its_states_and_modes():
     angles = np.radians([0.0, 30.0, 60.0, 90.0])
     made = embedded(NAME)
-    grid = bc.plant(made, ["torque:hub"], at={"left_drive": angles, "right_drive": 0.5})
+    grid = bc.plant(made, ["torque:hub"], pose={"left_drive": angles, "right_drive": 0.5})
     assert len(grid) == 4
     assert {plant.state_labels.__repr__() for plant in grid.plants} == {
         grid[0].state_labels.__repr__()
@@ -254,12 +254,12 @@ def test_a_plant_per_angle_keeps_its_states_and_modes():
     assert grid.frequency.shape == grid.damping_ratio.shape == (4, len(grid.modes))
     assert grid.gain.shape == (4, len(grid.modes), 6, 3)
     for angle, plant in zip(angles, grid.plants, strict=True):
-        alone = bc.plant(made, ["torque:hub"], at={"left_drive": angle, "right_drive": 0.5})
+        alone = bc.plant(made, ["torque:hub"], pose={"left_drive": angle, "right_drive": 0.5})
         assert error(plant(S, squeeze=False), alone(S, squeeze=False)) < AGREE
     fine = bc.plant(
         made,
         ["torque:hub"],
-        at={"left_drive": np.radians(np.arange(0.0, 91.0, 5.0)), "right_drive": 0.5},
+        pose={"left_drive": np.radians(np.arange(0.0, 91.0, 5.0)), "right_drive": 0.5},
     )
     assert np.allclose(
         fine.frequency[[0, 6, 12, 18]][:, [fine.modes.index(m) for m in grid.modes]],
@@ -274,7 +274,7 @@ def test_a_plant_per_angle_keeps_its_states_and_modes():
 # -- files -----------------------------------------------------------------------------------------
 def test_files_hold_the_plant_and_are_not_overwritten(tmp_path):
     plant = bc.plant(embedded("one undamped boom"))
-    grid = bc.plant(bare(), ["torque:hub"], at={"drive": [0.0, 0.1]})
+    grid = bc.plant(bare(), ["torque:hub"], pose={"drive": [0.0, 0.1]})
     matlab = loadmat(plant.write(tmp_path / "p.mat"))
     plain = np.load(plant.write(tmp_path / "p.npz"))
     words = json.loads(plant.write(tmp_path / "p.json").read_text())

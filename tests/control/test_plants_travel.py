@@ -88,5 +88,5 @@ def test_a_tree_travels_whatever_was_computed_of_it(tmp_path):
     other = pickled(arm)
     assert other.promise.poses == arm.promise.poses
     assert other.headline == arm.headline
-    plant = bc.plant(arm, ["elbow_motor"], ["attitude"], at="square")
+    plant = bc.plant(arm, ["elbow_motor"], ["attitude"], pose="square")
     np.testing.assert_array_equal(pickled(plant).truncation(OMEGA), plant.truncation(OMEGA))

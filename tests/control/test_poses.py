@@ -1,5 +1,5 @@
-"""A plant per pose: what `at` may list, what poses are called, which files say so, and the poses of
-the command line."""
+"""A plant per pose: what `pose` may list, what poses are called, which files say so, and the poses
+of the command line."""
 
 import json
 
@@ -45,7 +45,7 @@ def test_poses_are_joints_keyframes_and_positions(made):
         {},
         np.int64(1),
     ]
-    scheduled = bc.plant(made, ["torque:bus"], at=poses)
+    scheduled = bc.plant(made, ["torque:bus"], pose=poses)
     assert scheduled.labels == (
         "drive 45°, turn -30°",
         "drive",
@@ -62,7 +62,7 @@ def test_poses_are_joints_keyframes_and_positions(made):
     assert len(scheduled) == len(list(scheduled)) == 6
     assert len({plant.state_names for plant in scheduled}) == 1
     for pose, plant in zip(poses, scheduled, strict=True):
-        alone = bc.plant(made, ["torque:bus"], at=pose)(S, squeeze=False)
+        alone = bc.plant(made, ["torque:bus"], pose=pose)(S, squeeze=False)
         size = np.abs(alone).max((1, 2), keepdims=True)
         assert np.max(np.abs(plant(S, squeeze=False) - alone) / size) < AGREE
     assert [m.shape for m in scheduled.matrices()] == [
@@ -74,8 +74,8 @@ def test_poses_are_joints_keyframes_and_positions(made):
 
 
 def test_a_grid_of_one_joint_stays(made):
-    grid = bc.plant(made, ["torque:bus"], at={"drive": [0.0, 0.5], "turn": 0.25})
-    listed = bc.plant(made, ["torque:bus"], at=[{"drive": a, "turn": 0.25} for a in (0.0, 0.5)])
+    grid = bc.plant(made, ["torque:bus"], pose={"drive": [0.0, 0.5], "turn": 0.25})
+    listed = bc.plant(made, ["torque:bus"], pose=[{"drive": a, "turn": 0.25} for a in (0.0, 0.5)])
     assert grid.joint == "drive"
     np.testing.assert_allclose(grid.angles, [0.0, 0.5])
     np.testing.assert_allclose(grid.grid[0], np.degrees([0.0, 0.5]))
@@ -83,7 +83,7 @@ def test_a_grid_of_one_joint_stays(made):
         grid.labels == listed.labels == ("drive 0°, turn 14.3239°", "drive 28.6479°, turn 14.3239°")
     )
     assert np.array_equal(grid.matrices()[0], listed.matrices()[0])
-    slid = bc.plant(made, ["torque:bus"], at={"reach": [0.0, 0.5]})
+    slid = bc.plant(made, ["torque:bus"], pose={"reach": [0.0, 0.5]})
     assert slid.labels == ("reach 0 m", "reach 0.5 m")
     assert slid.grid[1] == "m"
     assert slid.plot().get_xlabel() == "reach, m"
@@ -93,7 +93,7 @@ def test_a_grid_of_one_joint_stays(made):
 def test_all_joints_move_together_between_two_poses(made):
     """Through a contact too, which no plant holds: the order is that of a fine grid of poses."""
     start, end = {"drive": 0.0, "turn": 0.0}, {"drive": 1.9, "turn": 1.2}
-    coarse = bc.plant(made, ["torque:bus"], at=[start, end])
+    coarse = bc.plant(made, ["torque:bus"], pose=[start, end])
     path = [
         {name: (1.0 - share) * start[name] + share * end[name] for name in start}
         for share in np.linspace(0.0, 1.0, 21)
@@ -102,10 +102,10 @@ def test_all_joints_move_together_between_two_poses(made):
         CRAFT.replace('name="wall"', 'name="wall" contype="0" conaffinity="0"'),
         {a.at: a.spec for a in made.appendages},
     )
-    fine = bc.plant(open_craft, ["torque:bus"], at=path)
+    fine = bc.plant(open_craft, ["torque:bus"], pose=path)
     np.testing.assert_allclose(coarse.frequency[-1], fine.frequency[-1], rtol=1e-9)
     with pytest.raises(bc.InputError, match=r"at\[14\]: '(wall|arm)' touches"):
-        bc.plant(made, ["torque:bus"], at=path)
+        bc.plant(made, ["torque:bus"], pose=path)
 
 
 # an arm whose elbow is damped or held by a servo: what oscillates stretched does not when bent
@@ -142,14 +142,14 @@ def test_what_oscillates_in_one_pose_and_not_in_another(damping, kp, tmp_path):
     theirs."""
     angles = np.array([0.0, 1.5, 1.55, 1.6])
     craft = ARM.format(damping=damping, kp=kp)
-    scheduled = bc.plant(craft, ["elbow"], ["attitude"], at={"elbow": angles})
+    scheduled = bc.plant(craft, ["elbow"], ["attitude"], pose={"elbow": angles})
     assert len({plant.state_names for plant in scheduled}) == 1
     assert len({plant.modes for plant in scheduled}) > 1
     for angle, plant in zip(angles, scheduled, strict=True):
         true = attitude_of_arm(damping, kp, angle)
         found = plant(S, squeeze=False)[2, 0]
         assert np.max(np.abs(found / true - 1.0)) < 1e-9
-        alone = bc.plant(craft, ["elbow"], ["attitude"], at={"elbow": float(angle)})
+        alone = bc.plant(craft, ["elbow"], ["attitude"], pose={"elbow": float(angle)})
         assert plant.modes == alone.modes
         np.testing.assert_allclose(plant.frequency, alone.frequency, rtol=1e-12)
     oscillates = [[name in plant.modes for name in scheduled.modes] for plant in scheduled]
@@ -165,16 +165,16 @@ def test_what_oscillates_in_one_pose_and_not_in_another(damping, kp, tmp_path):
 
 def test_a_wheel_that_turns_in_one_pose_alone(made):
     inputs = ["torque:bus", "spin"]
-    scheduled = bc.plant(made, inputs, at=["drive", "fast"])
+    scheduled = bc.plant(made, inputs, pose=["drive", "fast"])
     for pose, plant in zip(["drive", "fast"], scheduled, strict=True):
-        alone = bc.plant(made, inputs, at=pose)(S, squeeze=False)
+        alone = bc.plant(made, inputs, pose=pose)(S, squeeze=False)
         size = np.abs(alone).max((1, 2), keepdims=True)
         assert np.max(np.abs(plant(S, squeeze=False) - alone) / size) < AGREE
 
 
 def test_files_hold_the_poses(made, tmp_path):
     poses = [{"drive": 0.5}, "drive"]
-    scheduled = bc.plant(made, ["torque:bus"], at=poses)
+    scheduled = bc.plant(made, ["torque:bus"], pose=poses)
     matlab = loadmat(scheduled.write(tmp_path / "p.mat"))
     plain = np.load(scheduled.write(tmp_path / "p.npz"))
     words = json.loads(scheduled.write(tmp_path / "p.json").read_text())
@@ -237,7 +237,7 @@ def test_radians_typed_for_degrees_are_noted(place, capsys, monkeypatch):
     assert noted("--pose", "drive", "--pose", "turn=45") == []
 
 
-def test_angle_and_at_are_other_words_for_it(place, capsys, monkeypatch):
+def test_angle_is_another_word_for_it(place, capsys, monkeypatch):
     code, out, _ = asked(place, capsys, monkeypatch, "--angle", "drive=0,45", "--json")
     record = json.loads(out)
     assert code == 0
@@ -248,11 +248,10 @@ def test_angle_and_at_are_other_words_for_it(place, capsys, monkeypatch):
     assert code == 0
     assert json.loads(out)["poses"] == record["poses"] == ["drive 0°", "drive 45°"]
     assert np.array_equal(np.load(place / "p.npz")["A"], by_angle)
-    plants = []
-    for words in (["--at", "drive"], ["--pose", "drive"]):
-        assert asked(place, capsys, monkeypatch, *words)[0] == 0
-        plants.append(np.load(place / "p.npz")["A"])
-    assert np.array_equal(*plants)
+    assert asked(place, capsys, monkeypatch, "--pose", "drive")[0] == 0
+    model = mujoco.MjModel.from_xml_path(str(place / "flexible.xml"))
+    at_key = bc.plant(model, ["torque:bus"], pose="drive")
+    assert np.array_equal(np.load(place / "p.npz")["A"], at_key.A)
     # of a slide in metres
     code, out, _ = asked(place, capsys, monkeypatch, "--angle", "reach=0,0.5", "--json")
     assert code == 0
@@ -276,8 +275,6 @@ def test_angle_and_at_are_other_words_for_it(place, capsys, monkeypatch):
         (["--pose", "drive=nan"], "drive = nan cannot be used"),
         (["--pose", "drive=180"], "its range, -114.592 to 114.592 degrees"),
         (["--pose", "reach=3"], "joint 'reach' = 3 is outside its range, -1 to 1 m"),
-        (["--pose", "drive=1", "--at", "drive"], "--pose and --at are given together"),
-        (["--angle", "drive=1", "--at", "drive"], "--at and --angle are given together"),
         (["--angle", "drive=1", "--pose", "drive"], "--pose and --angle are given together"),
         (["--angle", "drive"], "--angle 'drive' is not JOINT=ANGLES"),
         (["--angle", "drive=180"], "its range, -114.592 to 114.592 degrees"),

@@ -152,7 +152,7 @@ def winged():
 def test_flexible_craft_in_a_pose_keep_their_margins(winged, axes, rates):
     """Every least disk margin is the one that `bc.margins` states at its values."""
     pose = {"north": np.pi / 4.0, "south": -np.pi / 4.0}
-    plant = bc.plant(winged, ["torque:bus"], ["attitude"], at=pose, rates=rates)
+    plant = bc.plant(winged, ["torque:bus"], ["attitude"], pose=pose, rates=rates)
     scaled = Controller(
         loop=tuple(
             Loop(

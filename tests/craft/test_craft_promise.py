@@ -157,7 +157,7 @@ def test_exit_status_and_json_say_whether_the_promise_is_kept(tmp_path):
         words = [
             "embed",
             tmp_path / "craft.xml",
-            "--at",
+            "--mount",
             f"place={tmp_path / name}.toml",
             "-o",
             tmp_path / f"{name}.xml",
@@ -185,7 +185,7 @@ def test_everything_shown_is_of_the_band_and_the_axes_asked_for(tmp_path):
     assert max(abs(m.error) for m in beyond) > 10 * assembly.worst
     words = [
         tmp_path / "craft.xml",
-        "--at",
+        "--mount",
         f"place={tmp_path / 'boom.toml'}",
         "-o",
         tmp_path / "out.xml",

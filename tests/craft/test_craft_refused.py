@@ -51,24 +51,23 @@ ARGUMENTS = {
         lambda: bc.sweep(CRAFT, gains="torque:bus=attitude"),
         ("gains = 'torque:bus=attitude'", "a list of names"),
     ),
-    "at a list": (
-        lambda: bc.sweep(CRAFT, at=[1]),
-        ("at = [1] is a list", 'by place: {"mount": "array.toml"}'),
+    "mounts a list": (
+        lambda: bc.sweep(CRAFT, mounts=[1]),
+        ("mounts = [1] is a list", 'by place: {"mount": "array.toml"}'),
     ),
-    "at a number": (
-        lambda: identification.identify({}, CRAFT, at=5),
-        ("at = 5 is a int", "spacecraft's site or body"),
+    "mount a number": (
+        lambda: identification.identify({}, CRAFT, mount=5),
+        ("mount = 5 is a int", "site or body"),
     ),
     "map": (
         lambda: identification.identify({}, CRAFT, "mount", map=5),
         ("map = 5 is a int", "by column"),
     ),
-    "place": (lambda: bc.embed(CRAFT, {5: "array.toml"}), ("at = 5 is a int", "a site or body")),
-    "craft": (embedded_in_five, ("craft = 5 is a int", "path or the text")),
-    "form": (
-        lambda: bc.embed(CRAFT, ARRAY, form=np.zeros(2)),
-        ("form = array([0., 0.])", "choose one of inline, attach"),
+    "place": (
+        lambda: bc.embed(CRAFT, {5: "array.toml"}),
+        ("a place in mounts = 5 is a int", "a site or body"),
     ),
+    "craft": (embedded_in_five, ("craft = 5 is a int", "path or the text")),
     "prefixes": (
         lambda: bc.embed(CRAFT, ARRAY, prefixes="a_"),
         ("prefixes = 'a_'", "a list of names"),
@@ -82,8 +81,8 @@ ARGUMENTS = {
         ("rigid = 'no' is a str", "True or False"),
     ),
     "ragged pose": (
-        lambda: bc.plant(CRAFT, TORQUE, at=[[1, 2], [3]]),
-        ("at[0] has the shape (2,)", "shape (7,)"),
+        lambda: bc.plant(CRAFT, TORQUE, pose=[[1, 2], [3]]),
+        ("pose[0] has the shape (2,)", "shape (7,)"),
     ),
     "model": (lambda: bc.plant(5), ("model = 5 is a int", "MJCF file")),
     "data": (lambda: bc.linearise(CRAFT, data="now"), ("data = 'now' is a str", "mujoco.MjData")),
@@ -124,7 +123,7 @@ ARGUMENTS = {
     ),
     **{
         f"timestep {wrong}": (
-            lambda wrong=wrong: bc.fit(PLANAR, timestep=wrong),
+            lambda wrong=wrong: bc.retime(made().model, wrong),
             ("timestep = ", "is not a number"),
         )
         for wrong in (np.zeros((2, 2)), [[1, 2], [3]], ())
@@ -150,8 +149,8 @@ CRAFTS = {
     "inputs": (lambda: bc.plant(made(), 5), ("inputs = 5", "a list of names")),
     "rates": (lambda: bc.plant(made(), rates=5), ("rates = 5 is a int", "speeds by joint")),
     "pose of nan": (
-        lambda: bc.plant(made(), TORQUE, at=nans("nq")),
-        ("at[0] is nan", "finite numbers"),
+        lambda: bc.plant(made(), TORQUE, pose=nans("nq")),
+        ("pose[0] is nan", "finite numbers"),
     ),
     "omega nan": (
         lambda: bc.plant(made(), TORQUE).truncation([1.0, NAN]),

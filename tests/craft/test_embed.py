@@ -38,11 +38,11 @@ def embedded(crafts):
     """Each style with its appendages, made once, when first asked for."""
     made = {}
 
-    def get(style, form="inline"):
-        if (style, form) not in made:
-            file, at = STYLES[style]
-            made[style, form] = bc.embed(crafts / file, at, form=form)
-        return made[style, form]
+    def get(style):
+        if style not in made:
+            file, mounts = STYLES[style]
+            made[style] = bc.embed(crafts / file, mounts)
+        return made[style]
 
     return get
 
@@ -81,7 +81,6 @@ def bare(path: Path, folder: Path) -> Path:
 
 
 #: styles whose appendages are also written as files of their own in the quick half
-ATTACHED = ("planar hub on slides and a hinge", "nested bodies behind a solar-array drive")
 
 
 DRIVEN = "nested bodies behind a solar-array drive"
@@ -108,19 +107,11 @@ class TestStyles:
         # a frequency off by e moves a 0.5 % peak by e / 0.01
         assert assembly.in_band < 10 * COUPLED
 
-    @pytest.mark.parametrize(
-        "style", [s if s in ATTACHED else pytest.param(s, marks=pytest.mark.slow) for s in STYLES]
-    )
-    def test_attach_is_the_same(self, style, embedded, crafts, tmp_path):
-        inline = embedded(style)
-        attached = embedded(style, "attach")
-        files = attached.write(tmp_path / "sub" / "out.xml")
-        assert len(files) == 1 + len(STYLES[style][1])
-        model = mujoco.MjModel.from_xml_path(str(files[-1]))
-        np.testing.assert_allclose(frequencies(model), frequencies(inline.model), rtol=SAME)
-        np.testing.assert_array_equal(model.key_qpos, inline.model.key_qpos)
-        np.testing.assert_array_equal(model.key_qvel, inline.model.key_qvel)
-        assert bare(files[-1], crafts).read_bytes() == (CRAFTS / STYLES[style][0]).read_bytes()
+    @pytest.mark.parametrize("style", STYLES)
+    def test_taken_out_again(self, style, embedded, crafts, tmp_path):
+        """Written into another folder, and the spacecraft's own bytes after that."""
+        (file,) = embedded(style).write(tmp_path / "sub" / "out.xml")
+        assert bare(file, crafts).read_bytes() == (CRAFTS / STYLES[style][0]).read_bytes()
 
 
 class TestTheUsersFile:
@@ -249,12 +240,12 @@ class TestTheUsersFile:
             tmp_path / "left.xml",
             "--no-report",
             "--json",
-            "--at",
+            "--mount",
         ]
         answer = call(*words, "left")
         assert [a["at"] for a in answer.record["appendages"]] == ["right", "boom_mount"]
         assert [path.name for path in tmp_path.iterdir()] == ["left.xml"]  # in one piece, as it was
-        answer = call(*words[:-2], "--force", "--at", "nowhere")
+        answer = call(*words[:-2], "--force", "--mount", "nowhere")
         assert answer.status == 2
         assert "no appendage at 'nowhere'" in answer.err
 
@@ -308,11 +299,11 @@ USER_DATA = {
             case,
             form,
             marks=[]
-            if case == "everywhere" or (case, form) == ("room only", "inline")
+            if case == "everywhere" or (case, form) == ("room only", "file")
             else [pytest.mark.slow],
         )
         for case in USER_DATA
-        for form in ("inline", "attach", "spec")
+        for form in ("file", "spec")
     ],
 )
 def test_user_data_stays(case, form, tmp_path):
@@ -327,7 +318,7 @@ def test_user_data_stays(case, form, tmp_path):
     if form == "spec":
         model = bc.embed(mujoco.MjSpec.from_string(text), {"mount": rod}).model
     else:
-        path = bc.embed(text, {"mount": rod}, form=form).write(tmp_path / "out.xml")[-1]
+        path = bc.embed(text, {"mount": rod}).write(tmp_path / "out.xml")[-1]
         model = mujoco.MjModel.from_xml_path(str(path))
     assert model.nv > plain.nv
     for kind, name in (("body", "hub"), ("joint", "wheel")):
@@ -576,7 +567,7 @@ class TestCommand:
         words = [
             "embed",
             str(CRAFTS / "planar.xml"),
-            "--at",
+            "--mount",
             f"mount={spec('rod')}",
             "-o",
             str(out),
@@ -600,12 +591,11 @@ class TestCommand:
         ("words", "message"),
         [
             ([], "nothing to embed"),
-            (["--at", "mount"], "NAME=SPEC.toml"),
-            (["--at", "=x.toml"], "NAME=SPEC.toml"),
-            (["--at", "mount=none.toml"], "does not exist"),
+            (["--mount", "mount"], "NAME=SPEC.toml"),
+            (["--mount", "=x.toml"], "NAME=SPEC.toml"),
+            (["--mount", "mount=none.toml"], "does not exist"),
             (["--remove"], "no appendage"),
-            (["--at", f"mount={spec('rod')}", "--form", "weld"], "form = 'weld'"),
-            (["--at", f"mount={spec('rod')}", "--at", f"mount={spec('rod')}"], "twice"),
+            (["--mount", f"mount={spec('rod')}", "--mount", f"mount={spec('rod')}"], "twice"),
         ],
     )
     def test_bad_words(self, words, message, tmp_path, capsys, monkeypatch):

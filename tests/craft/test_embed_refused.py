@@ -34,11 +34,7 @@ FIELD = (
     'hfield="f"/></default>'
 )
 ONE_PIECE = '<default><geom type="capsule" size="0.1" fromto="0 0 0 1 0 0"/></default>'
-BESIDE = (
-    'appendage\'s too; use form "attach", which no default of the spacecraft reaches, or '
-    "take "
-    "{} out of it"
-)
+BESIDE = "appendage's too; take {} out of it"
 REFUSED = {
     "unknown name": (craft(), "mounts", "did you mean 'mount'"),
     "quaternion not unit": (
@@ -92,10 +88,9 @@ REFUSED = {
     "shapes turned by default": (
         craft(before='<default><geom euler="0 0 30"/></default>'),
         "mount",
-        "attach",
+        BESIDE.format("euler"),
     ),
-    "a default nothing overrules": (craft(before=MESHED), "mount", "attach"),
-    "a mesh by default": (craft(before=MESHED), "mount", "or take mesh out of them"),
+    "a mesh by default": (craft(before=MESHED), "mount", "take mesh out of them"),
     "a height field by default": (craft(before=FIELD), "mount", BESIDE.format("hfield")),
     "ends by default": (craft(before=ONE_PIECE), "mount", BESIDE.format("fromto")),
     "sites with ends": (
@@ -135,7 +130,7 @@ class TestRefused:
         out = tmp_path / "sub" / "out.xml"
         path.write_text(text)
         code, _, error = run(
-            ["embed", str(path), "--at", f"{at}={spec('rod_in_boxes')}", "-o", str(out)],
+            ["embed", str(path), "--mount", f"{at}={spec('rod_in_boxes')}", "-o", str(out)],
             capsys,
             monkeypatch,
         )
@@ -160,10 +155,9 @@ class TestRefused:
             bc.embed(text, {"mount": bc.Spec(segment=(panel,))})
         assert bc.embed(text, {"mount": spec("rod")}).model.nskin == 1
 
-    @pytest.mark.parametrize("form", ["inline", "attach"])
-    def test_the_other_way_out_of_dropped_shapes_leads_out(self, form):
+    def test_the_other_way_out_of_dropped_shapes_leads_out(self):
         text = craft(before='<compiler discardvisual="false"/>')
-        assert bc.embed(text, {"mount": spec("rod_in_boxes")}, form=form).model.ngeom > 0
+        assert bc.embed(text, {"mount": spec("rod_in_boxes")}).model.ngeom > 0
 
     @pytest.mark.parametrize(
         "default",
@@ -176,21 +170,18 @@ class TestRefused:
             '<default><site euler="0 0 30"/></default>',
         ],
     )
-    def test_the_ways_out_of_a_default_lead_out(self, default, clean):
-        """The form "attach", and the attribute that the sentence names taken out; on a body, which
-        a site's default does not move."""
+    def test_the_way_out_of_a_default_leads_out(self, default, clean):
+        """The attribute that the sentence names taken out; on a body, which a site's default does
+        not move."""
         with pytest.raises(bc.BeamchainError) as refused:
             bc.embed(craft(before=default), {"hub": spec("rod_in_boxes")})
-        word = re.search(r"or take (\w+) out of", str(refused.value)).group(1)
+        word = re.search(r"; take (\w+) out of", str(refused.value)).group(1)
         without = re.sub(rf'(<(?:geom|site)[^>]*?) {word}="[^"]*"', r"\1", default)
         assert without != default
-        for done in (
-            bc.embed(craft(before=default), {"hub": spec("rod_in_boxes")}, form="attach"),
-            bc.embed(craft(before=without), {"hub": spec("rod_in_boxes")}),
-        ):
-            assert done.model.ngeom == clean.ngeom
-            np.testing.assert_allclose(done.model.geom_size, clean.geom_size)
-            np.testing.assert_allclose(frequencies(done.model), frequencies(clean), rtol=SAME)
+        done = bc.embed(craft(before=without), {"hub": spec("rod_in_boxes")})
+        assert done.model.ngeom == clean.ngeom
+        np.testing.assert_allclose(done.model.geom_size, clean.geom_size)
+        np.testing.assert_allclose(frequencies(done.model), frequencies(clean), rtol=SAME)
 
     @pytest.mark.parametrize(
         "default", [FIELD, ONE_PIECE, '<default><geom euler="0 0 30"/></default>']
@@ -234,9 +225,8 @@ class TestHostile:
         hostile = craft(before=f'<compiler angle="radian"/>{self.DEFAULTS}').replace(
             'name="hub"', 'name="hub" childclass="near"'
         )
-        for form in ("inline", "attach"):
-            made = bc.embed(hostile, {"mount": spec("array_left")}, form=form)
-            np.testing.assert_allclose(frequencies(made.model), frequencies(done.model), rtol=SAME)
+        made = bc.embed(hostile, {"mount": spec("array_left")})
+        np.testing.assert_allclose(frequencies(made.model), frequencies(done.model), rtol=SAME)
 
     @pytest.mark.slow
     def test_warnings_carry_figure_and_cure(self):

@@ -179,7 +179,7 @@ def test_no_more_modes_than_the_bound(kind, tmp_path, capsys, monkeypatch):
     words += [
         word
         for site, spec in case.at.items()
-        for word in ("--at", f"{site}={spec}", "--prefix", f"{site}_")
+        for word in ("--mount", f"{site}={spec}", "--prefix", f"{site}_")
     ]
     code, _, _ = run([*words, "--max-modes", str(most)], capsys, monkeypatch)
     assert code == 3

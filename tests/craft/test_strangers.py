@@ -276,7 +276,13 @@ def test_places_that_mujoco_makes(kind, tmp_path):
             mujoco.MjSpec.from_string(RING).to_zip(archive)
     else:
         (tmp_path / name).write_text(text)
-    words = ("embed", tmp_path / name, "--at", f"{place}={tmp_path / 'boom.toml'}", "--no-report")
+    words = (
+        "embed",
+        tmp_path / name,
+        "--mount",
+        f"{place}={tmp_path / 'boom.toml'}",
+        "--no-report",
+    )
     answer = call(*words, "--no-retime", "-o", tmp_path / "out.xml")
     assert answer.status in (0, 3), answer.err
     assert "written out by MuJoCo" in " ".join((answer.out + answer.err).split())

@@ -156,7 +156,7 @@ class TestPlant:
     @pytest.mark.parametrize("acceleration", [0.05, 9.80665])
     def test_attitude_by_torque_is_that_of_the_flow(self, tmp_path, acceleration):
         result = embedded(tmp_path, acceleration)
-        plant = bc.plant(result, ["torque:bus"], ["attitude"], at="burn", loaded=True)
+        plant = bc.plant(result, ["torque:bus"], ["attitude"], pose="burn", loaded=True)
         truth, whole = (OnBus(acceleration, modes) for modes in (2, 12))
         omega = np.sqrt(acceleration) * np.array([0.3, 1.2, 2.5, 4.0, 6.0])
         for w in omega:
@@ -173,7 +173,7 @@ class TestPlant:
         file = bc.plant(
             tmp_path / "flexible.xml", ["torque:bus"], ["attitude"], "burn", loaded=True
         )
-        same = bc.plant(result, ["torque:bus"], ["attitude"], at="burn", loaded=True)
+        same = bc.plant(result, ["torque:bus"], ["attitude"], pose="burn", loaded=True)
         assert np.allclose(file.frequency, same.frequency, rtol=1e-12)
         assert set(file.modes) == {f"tank_mode{k}_{p}" for k in (1, 2) for p in ("xy", "xz")}
 
@@ -239,7 +239,7 @@ class TestSaid:
         fit = under.appendages[0].fit
         assert [w.code for w in fit.warnings] == ["slosh-weightless"]
         limp = bc.plant(
-            embedded(tmp_path, 0.05, arrays=BOTH), ["torque:bus"], ["attitude"], at="burn"
+            embedded(tmp_path, 0.05, arrays=BOTH), ["torque:bus"], ["attitude"], pose="burn"
         )
         assert [w.code for w in limp.warnings] == ["slosh-weightless"]
 
@@ -311,12 +311,12 @@ class TestSaid:
         mujoco.mj_subtreeVel(model, data)
         gained = np.linalg.norm(data.subtree_angmom[model.body("bus").id]) / model.opt.timestep
         assert gained == pytest.approx(moment, rel=1e-3)
-        plant = bc.plant(result, ["torque:bus"], ["attitude"], at="burn", loaded=True)
+        plant = bc.plant(result, ["torque:bus"], ["attitude"], pose="burn", loaded=True)
         assert said in plant.warnings
 
     def test_thrust_through_the_centre_of_mass(self, tmp_path):
         result = embedded(tmp_path, 0.05)
-        plant = bc.plant(result, ["torque:bus"], ["attitude"], at="burn", loaded=True)
+        plant = bc.plant(result, ["torque:bus"], ["attitude"], pose="burn", loaded=True)
         said = [*result.warnings, *plant.warnings]
         assert "thrust-offset" not in {w.code for w in said}
 
@@ -333,7 +333,7 @@ class TestSaid:
         embedded(tmp_path, 0.05)
         (tmp_path / "craft.xml").write_text(craft(BURN))
         told = call(
-            *("embed", tmp_path / "craft.xml", "--at", f"tank={tmp_path / 'tank.toml'}"),
+            *("embed", tmp_path / "craft.xml", "--mount", f"tank={tmp_path / 'tank.toml'}"),
             *(
                 "--loaded",
                 "--key",
@@ -363,9 +363,9 @@ ROUNDING = 1e-12  # relative
 SWUNG = 0.1  # rad
 
 
-#: axes and forms of the whole walk through a file in the quick half; each axis is also attached
-#: by MuJoCo there
-WALKED = (("-x", "inline"), ("y", "attach"), ("z", "inline"))
+#: axes of the whole walk through a file in the quick half; each axis is also attached by MuJoCo
+#: there
+WALKED = ("-x", "z")
 
 
 def spec_along(folder, axis, scene=""):
@@ -387,7 +387,7 @@ def along(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def plant_along(along):
-    return bc.plant(along, ["torque:bus"], ["attitude"], at="burn", loaded=True)
+    return bc.plant(along, ["torque:bus"], ["attitude"], pose="burn", loaded=True)
 
 
 class TestAxis:
@@ -432,22 +432,18 @@ class TestAxis:
         assert found[-1] == pytest.approx(np.repeat(np.sqrt(0.05 * kappa), 2), rel=1e-9)
 
     @pytest.mark.parametrize(
-        ("axis", "form"),
-        [
-            pytest.param(axis, form, marks=() if (axis, form) in WALKED else pytest.mark.slow)
-            for axis in PLACES
-            for form in ("inline", "attach")
-        ],
+        "axis",
+        [pytest.param(a, marks=() if a in WALKED else pytest.mark.slow) for a in PLACES],
     )
-    def test_embedded_in_a_file(self, tmp_path, along, plant_along, axis, form):
+    def test_embedded_in_a_file(self, tmp_path, along, plant_along, axis):
         at = {"tank": spec_along(tmp_path, axis)}
-        result = bc.embed(craft_on(PLACES[axis]), at, form=form, loaded=True, retime=False)
+        result = bc.embed(craft_on(PLACES[axis]), at, loaded=True, retime=False)
         assert result.craft_error == pytest.approx(along.craft_error, rel=ROUNDING)
         result.write(tmp_path / "flexible.xml")
         self.assert_same(mujoco.MjModel.from_xml_path(str(tmp_path / "flexible.xml")), along.model)
         proof = bc.prove(tmp_path / "flexible.xml", loaded=True)
         assert proof.craft_error == pytest.approx(along.craft_error, rel=ROUNDING)
-        plant = bc.plant(result, ["torque:bus"], ["attitude"], at="burn", loaded=True)
+        plant = bc.plant(result, ["torque:bus"], ["attitude"], pose="burn", loaded=True)
         for response in ("__call__", "exact"):
             one, other = (getattr(p, response)(0.3j)[0, 0] for p in (plant, plant_along))
             assert one == pytest.approx(other, rel=SAME)
@@ -539,13 +535,12 @@ class TestAxis:
         assert force == pytest.approx([0.05 * LIQUID, 0.0, 0.0], rel=1e-9, abs=1e-9)
 
     @pytest.mark.slow
-    @pytest.mark.parametrize("form", ["inline", "attach"])
-    def test_commands(self, tmp_path, monkeypatch, form):
+    def test_commands(self, tmp_path, monkeypatch):
         monkeypatch.chdir(tmp_path)
         (tmp_path / "craft.xml").write_text(craft_on(PLACES["z"]))
         before = (tmp_path / "craft.xml").read_bytes()
         spec_along(tmp_path, "z")
-        at = ("--at", "tank=z.toml", "--form", form, "--loaded", "--no-report")
+        at = ("--mount", "tank=z.toml", "--loaded", "--no-report")
         assert call("embed", "craft.xml", *at, "-o", "flexible.xml").status == 0
         assert call("inspect", "flexible.xml", "--prove", "--loaded").status == 0
         told = call("embed", "flexible.xml", "--remove", "-o", "back.xml")
@@ -560,7 +555,7 @@ def test_commands(tmp_path, monkeypatch):
     (tmp_path / "craft.xml").write_text(craft((BUS + LIQUID) * 0.05, axes=PLACES["z"]))
     assert call("init", "tank").status == 0
     assert call("fit", "tank.toml", "-o", "out").status == 0
-    at = ("--at", "tank=tank.toml")
+    at = ("--mount", "tank=tank.toml")
     assert call("embed", "craft.xml", *at, "--loaded", "-o", "flexible.xml").status == 0
     at = ("--pose", "burn", "--loaded")
     told = call("plant", "flexible.xml", "--input", "torque:bus", *at, "-o", "plant.mat")

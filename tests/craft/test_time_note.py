@@ -41,7 +41,7 @@ def test_a_step_that_misses_is_told_of_springs_on_hinges_too(
         "bending_stiffness_xy = 2e3, linear_mass = 4.0 }\n[damping]\nratio = 0.0\n"
         '[scene]\nbandwidth = 2.0\ntolerance = 0.02\naxes = ["z"]\n'
     )
-    words = ["embed", "craft.xml", "--at", "left=wing.toml", "-o", "flexible.xml", "--json"]
+    words = ["embed", "craft.xml", "--mount", "left=wing.toml", "-o", "flexible.xml", "--json"]
     code, out, _ = run([*words, "--no-report"], capsys, monkeypatch)
     record = json.loads(out)
     assert (code, record["met"]) == (3, False)

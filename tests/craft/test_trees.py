@@ -236,7 +236,7 @@ def test_the_command_line_carries_too_and_refuses_without_writing(tmp_path):
     for spec in at.values():
         lines = spec.read_text().splitlines()
         spec.write_text("\n".join(line for line in lines if "carries" not in line))
-    words = [word for place, spec in at.items() for word in ("--at", f"{place}={spec}")]
+    words = [word for place, spec in at.items() for word in ("--mount", f"{place}={spec}")]
     out = tmp_path / "flexible.xml"
     carry = ["--carry", "place_upper:end=joint_fore", "--carry", "place_fore:end=hand"]
     assert call("embed", craft, *words, *carry, "-o", out).status == 0

@@ -153,7 +153,7 @@ def test_a_thrust_on_what_an_appendage_carries_is_refused(tmp_path):
 def test_the_command_proves_under_the_load_and_says_so(tmp_path):
     (tmp_path / "arm.xml").write_text(mjcf(ONE, base=STAND, quaternion=DOWN))
     (tmp_path / "upper.toml").write_text(toml(ONE, UPPER, BAND, 0.05, MODES))
-    words = ["embed", tmp_path / "arm.xml", "--at", f"place_upper={tmp_path / 'upper.toml'}"]
+    words = ["embed", tmp_path / "arm.xml", "--mount", f"place_upper={tmp_path / 'upper.toml'}"]
     out = tmp_path / "flexible.xml"
     answer = call(*words, "--loaded", "--json", "-o", out)
     assert answer.status == 3
@@ -311,7 +311,7 @@ def test_a_rod_that_its_weight_buckles_is_called_unstable(tmp_path, share, grows
     warning where it is in the proof."""
     (tmp_path / "stand.xml").write_text(UPRIGHT.format(share * 7.837 * 1277.4 / 10.0**3))
     (tmp_path / "rod.toml").write_text(ROD)
-    words = ["embed", tmp_path / "stand.xml", "--at", f"mount={tmp_path / 'rod.toml'}"]
+    words = ["embed", tmp_path / "stand.xml", "--mount", f"mount={tmp_path / 'rod.toml'}"]
     answer = call(*words, "--loaded", "--json", "-o", tmp_path / "flexible.xml")
     assert (answer.status, answer.record["met"]) == ((3, False) if grows else (0, None))
     assert bool(answer.record["growth"]) is grows

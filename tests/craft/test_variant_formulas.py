@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import beamchain as bc
-from beamchain.steps.retime import retime
+from beamchain.steps.retime import retime_by
 from formulas import Quantity, VariantMaker, apply_draw
 
 # of the arm with its root held; two modes of unit mass, turned into each other
@@ -100,7 +100,7 @@ def test_a_variant_is_timed_as_a_tree_of_its_own_is():
 
 def timed_alike(by, step, form):
     nominal = model()
-    retime(nominal, step, by, form=form)
+    retime_by(form, nominal, step, by)
     maker = VariantMaker(nominal, refitted=False)
     assert (maker.mark.timestep, maker.mark.form) == (step, form)
     untimed = model()
@@ -109,7 +109,7 @@ def timed_alike(by, step, form):
     variant = varied(maker, 0.8)
     alone = varied(maker, 0.8)
     maker.time(variant, maker.mass(variant))
-    retime(alone, step, by, form=form)
+    retime_by(form, alone, step, by)
     for name in ("tendon_stiffness", "tendon_damping", "tendon_armature", "tendon_solimp_lim"):
         found, wanted = getattr(variant, name), getattr(alone, name)
         np.testing.assert_allclose(found, wanted, rtol=1e-8, atol=1e-12, err_msg=name)

@@ -18,6 +18,7 @@ from msgspec import structs
 from scipy.linalg import eigh
 
 import beamchain as bc
+from beamchain.steps.retime import retime_by
 from command import call
 from mechanics import mass_matrix as mass_of
 from mechanics import stiffness_matrix as stiffness_of
@@ -121,7 +122,7 @@ def swept(folder):
         "plate": imported(folder),
     }
     given = folder / "given.toml"
-    found = bc.sweep(folder / "craft.xml", SAMPLES, at=at, uncertain=given, seed=5, retime=True)
+    found = bc.sweep(folder / "craft.xml", SAMPLES, mounts=at, uncertain=given, seed=5, retime=True)
     found.write(folder / "out")
     return found
 
@@ -244,7 +245,7 @@ def test_rows_are_models_built_one_by_one(swept, arrays, folder, count):
         np.testing.assert_allclose(
             frequencies(truth), arrays["coupled_frequencies"][row], rtol=ONE_BY_ONE
         )
-        bc.retime(truth, truth.opt.timestep, form=4)
+        retime_by(4, truth, truth.opt.timestep)
         assert far(mass_of(model), mass_of(truth)) < ONE_BY_ONE
         assert far(stiffness_of(model), stiffness_of(truth)) < ONE_BY_ONE
         np.testing.assert_allclose(step_of(model), step_of(truth), atol=STEP)
@@ -456,7 +457,7 @@ def test_the_command(folder, swept, tmp_path):
     arguments = [
         "sweep",
         folder / "craft.xml",
-        "--at",
+        "--mount",
         f"plate={folder / 'plate.toml'}",
         "--workers",
         1,

@@ -206,7 +206,7 @@ def test_the_command_tells_it(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "craft.xml").write_text(CRAFT)
     run(["init", "boom"], capsys, monkeypatch)
-    at = ["embed", "craft.xml", "--at", "+y=boom.toml", "--no-report"]
+    at = ["embed", "craft.xml", "--mount", "+y=boom.toml", "--no-report"]
     code, told, _ = run(
         [*at, "-o", "flexible.xml", "--key", "turned", "--json"], capsys, monkeypatch
     )

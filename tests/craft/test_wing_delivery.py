@@ -118,7 +118,7 @@ def test_effective_masses_of_kept_modes_and_of_all(folder):
 def test_embed_says_which_modes_are_kept_and_where_the_mass_stands(folder):
     Path("craft.xml").write_text(CRAFT)
     wing(modes=list(KEPT))
-    status, out, _ = call("embed", "craft.xml", "--at", "mount=spec.toml", "-o", "f.xml")
+    status, out, _ = call("embed", "craft.xml", "--mount", "mount=spec.toml", "-o", "f.xml")
     assert status == 3  # mode 3 is left out, and lies below those kept
     assert "kept: modes 1, 2, 4, 7 of the 8 of the file." in " ".join(out.split())
     flexible = bc.embed("craft.xml", {"mount": "spec.toml"})
@@ -340,7 +340,7 @@ def test_fit_names_a_mode_that_is_left_out_in_the_band(folder):
 def test_embed_counts_modes_that_are_left_out_in_the_band(folder):
     Path("craft.xml").write_text(CRAFT.replace('timestep="0.001"', 'timestep="0.02"'))
     wing(modes=[1, 2, 3, 4, 6])
-    words = ("embed", "craft.xml", "--at", "mount=spec.toml", "-o", "f.xml", "--no-report")
+    words = ("embed", "craft.xml", "--mount", "mount=spec.toml", "-o", "f.xml", "--no-report")
     status, out, _ = call(*words, "--retime")
     said = " ".join(out.split())
     assert status == 0

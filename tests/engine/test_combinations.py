@@ -63,12 +63,12 @@ ON_BUS = -(AXES * np.array([[1.0], [1.0], [-2.0], [0.5]])).T
 @pytest.mark.parametrize("at", [None, "turned"])
 def test_torque_is_shared_out_by_the_pseudo_inverse(made, at):
     """With gears, gains, a turned wheel and one on a bracket; whatever the attitude."""
-    plant = bc.plant(made, {"torque": bc.allocate(WHEELS, axes="bus")}, at=at)
+    plant = bc.plant(made, {"torque": bc.allocate(WHEELS, axes="bus")}, pose=at)
     allocated = plant.allocations["torque"]
     np.testing.assert_allclose(allocated.torque, ON_BUS, atol=1e-12)
     shares = ON_BUS.T @ np.linalg.inv(ON_BUS @ ON_BUS.T)
     np.testing.assert_allclose(allocated.commands, shares, atol=1e-12)
-    motors = columns(made, WHEELS, at=at)
+    motors = columns(made, WHEELS, pose=at)
     true = np.einsum("pnk,na->pak", motors, shares)
     assert off(response(plant), true) < ROUNDING
     (direction,) = allocated.without_torque

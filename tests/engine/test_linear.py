@@ -106,7 +106,7 @@ def test_mujocos_own_linearisation_proves_it(angle):
     </body></body></worldbody></mujoco>"""
     model = bc.embed(craft, {"mount": spec}).model
     model.qpos_spring[model.joint("drive").qposadr[0]] = angle
-    linear = bc.Linear.of(model, at={"drive": angle})
+    linear = bc.Linear.of(model, pose={"drive": angle})
     data = mujoco.MjData(model)
     data.qpos[model.joint("drive").qposadr[0]] = angle
     proof = bc.linearise(model, data)

@@ -289,11 +289,11 @@ class TestFiles:
                 "fit": ["fit", good, "-o", str(out)],
                 "stability": ["stability", good, "-o", str(out)],
                 "init": ["init", "boom", "-o", str(at)],
-                "embed": ["embed", str(craft), "--at", f"hub={good}", "-o", str(at)],
+                "embed": ["embed", str(craft), "--mount", f"hub={good}", "-o", str(at)],
                 "embed --plot": [
                     "embed",
                     str(craft),
-                    "--at",
+                    "--mount",
                     f"hub={good}",
                     "-o",
                     str(out / "o"),

@@ -420,7 +420,7 @@ def test_a_plane_left_rigid_is_no_error_of_the_step():
         segment=tube().segments,
         modes=bc.Modes(xy=2, xz=0),
         root=bc.spec.Root(target="hub", hub=bc.Hub(mass=100.0, inertia=(50.0, 50.0, 50.0))),
-        fit=bc.spec.FitOptions(timestep=1e-4),
+        scene=bc.Scene(timestep=1e-4),
     )
     result = bc.fit(spec)
     assert result.sampled_error == pytest.approx(result.in_band_error, rel=0.02)

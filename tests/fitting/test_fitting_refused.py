@@ -102,10 +102,6 @@ PYTHON = {
     ),
     "no axes": (lambda: bc.Scene(bandwidth=1.0, axes=()), ("axes",)),
     "target auto": (lambda: bc.fit(ROD, root=bc.spec.Root(target="auto")), ("auto",)),
-    "oscillators": (
-        lambda: bc.spec.FitOptions(form="oscillators"),
-        ('form = "oscillators"', "a chain with a tendon per mode"),
-    ),
     "amplitudes of hinges": (
         lambda: spec_of(
             {**table_of(ROD), "sensors": {"modes": True}, "fit": {"springs": "hinges"}}
@@ -210,7 +206,7 @@ def boom():
 
 def backwards():
     data = boom()[1].moved((0.0, 0.0, 0.0), np.diag([-1.0, -1.0, 1.0]))
-    bc.fit(data, options=bc.spec.FitOptions(form="chain"))
+    bc.fit(data)
 
 
 IMPORTED = {

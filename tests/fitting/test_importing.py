@@ -20,7 +20,6 @@ from beamchain import (
     Damping,
     Equivalent,
     Hub,
-    InputError,
     ModalData,
     PortModel,
     Segment,
@@ -49,9 +48,9 @@ def printed_cantilever(turn: float = 0.0, **more) -> ModalData:
 
 
 # -- a printed cantilever --------------------------------------------------------------------------
-@pytest.mark.parametrize(("form", "turn"), [(None, 0.6), ("chain", 0.0)])
-def test_a_printed_cantilever_comes_back_through_mujoco(form, turn):
-    result = fit(printed_cantilever(turn), options=FitOptions(form=form))
+@pytest.mark.parametrize("turn", [0.0, 0.6])
+def test_a_printed_cantilever_comes_back_through_mujoco(turn):
+    result = fit(printed_cantilever(turn))
     assert result.status.ok
     truth = cantilever()
     space = result.space.achieved
@@ -71,7 +70,6 @@ def test_a_printed_cantilever_comes_back_through_mujoco(form, turn):
 
 def test_a_printed_cantilever_is_a_chain_with_its_hinge_at_the_root():
     result = fit(printed_cantilever())
-    assert result.space.form == "chain"
     assert result.chain.hinges[0].x == 0.0
     assert result.chain.links[0].length == 0.0
     assert result.chain.mass == pytest.approx(21.20575, rel=1e-9)
@@ -123,7 +121,6 @@ def test_all_21_modes_of_the_plate_through_mujoco(print_of_the_plate):
     result = fit(
         spec_of({"name": "plate", "imported": print_of_the_plate, "damping": {"ratio": 0.005}})
     )
-    assert result.space.form == "chain"
     assert result.status.ok
     assert [t.label for t in result.chain.tendons if t.is_mode] == [
         f"mode{k}" for k in range(1, 22)
@@ -165,7 +162,6 @@ def test_the_first_modes_of_the_plate_are_exact_as_a_chain(print_of_the_plate, c
 
 def test_modes_counted_per_port_are_exact_too(print_of_the_plate):
     result = fit(spec_of({"name": "plate", "imported": print_of_the_plate, "modes": {"xz": 1}}))
-    assert result.space.form == "chain"
     assert result.status.ok
     assert result.space.target.modes == 1
     assert result.space.error.frequency < 1e-9
@@ -218,7 +214,7 @@ def test_a_beam_comes_back_as_the_same_chain(tmp_path, name):
     make, modes = BEAMS[name]
     path = tmp_path / "modes.toml"
     path.write_text(modes_text(make(), modes))
-    imported = fit(spec_of({"imported": {"file": str(path)}, "fit": {"form": "chain"}}))
+    imported = fit(spec_of({"imported": {"file": str(path)}}))
     direct = fit(make(), modes=modes)
     assert imported.status.ok == direct.status.ok
     for port in direct.achieved:
@@ -269,8 +265,6 @@ def test_with_a_hub_damping_and_free_target():
     assert result.status.ok
     assert result.hub_mass is not None
     assert result.target["xy"].modes == 2
-    with pytest.raises(InputError, match="oscillators"):
-        fit(data, root=Root(target="hub", hub=hub), options=FitOptions(form="oscillators"))
     clamped = fit(data, modes={"xy": 2}, damping=Damping(ratio={"xy": (0.004, 0.002)}))
     assert clamped.achieved["xy"].damping[:2] == pytest.approx([0.004, 0.002], rel=1e-5)
 
@@ -307,7 +301,6 @@ def test_the_files_run_in_mujoco(array_of_modes):
 
 
 def assert_found(record):
-    assert record["form"] == "chain"
     assert record["space"]["error"]["frequency"] < MUJOCO
 
 

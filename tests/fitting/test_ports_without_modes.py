@@ -150,7 +150,7 @@ def checked(case, folder, *more):
     (folder / "bus.xml").write_text(BUS)
     for words in (
         ("fit", path, "-o", folder / "out"),
-        ("embed", folder / "bus.xml", "--at", f"mount={path}", "-o", folder / "x.xml", *more),
+        ("embed", folder / "bus.xml", "--mount", f"mount={path}", "-o", folder / "x.xml", *more),
     ):
         answer = call(*words, "--force", "--json")
         assert answer.status in (0, 2, 3)

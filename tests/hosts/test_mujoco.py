@@ -53,12 +53,8 @@ def forms(folder: Path) -> dict[str, mujoco.MjModel]:
     fit = done.appendages[0].fit
     appendage = fit.to_mjcf()
     (folder / "array.xml").write_text(appendage)
-    out = {
-        "inline by embed": mujoco.MjModel.from_xml_path(str(done.write(folder / "inline.xml")[-1])),
-        "<attach> by embed": mujoco.MjModel.from_xml_path(
-            str(bc.embed(craft, {"mount": spec}, form="attach").write(folder / "attach.xml")[-1])
-        ),
-    }
+    (embedded,) = done.write(folder / "embedded.xml")
+    out = {"by embed": mujoco.MjModel.from_xml_path(str(embedded))}
     by_hand = hub(
         asset='<asset><model name="array" file="array.xml"/></asset>',
         body=f'<frame pos="{numbers(SITE)}" quat="{numbers(TURN)}">'
@@ -98,7 +94,7 @@ def test_all_forms(models):
 
 
 def test_frequencies(models):
-    reference = frequencies(models["inline by embed"])
+    reference = frequencies(models["by embed"])
     (nv,) = {model.nv for model in models.values()}
     assert reference.size == nv - 6 >= 4  # every hinge of the appendage, on a free hub
     for name, model in models.items():
@@ -107,7 +103,7 @@ def test_frequencies(models):
 
 @pytest.mark.slow
 def test_free_motion(models):
-    reference = response(models["inline by embed"])
+    reference = response(models["by embed"])
     peak = np.abs(reference - reference[0]).max(axis=0)
     assert np.all(peak > 0.0)
     for name, model in models.items():
@@ -119,6 +115,6 @@ def test_compiled_through_a_string(models, tmp_path):
     text = (bc.embed(hub(), {"mount": APPENDAGES / "array_left.toml"})).to_mjcf()
     np.testing.assert_allclose(
         frequencies(mujoco.MjModel.from_xml_string(text)),
-        frequencies(models["inline by embed"]),
+        frequencies(models["by embed"]),
         rtol=FREQUENCY,
     )

@@ -168,7 +168,7 @@ def test_the_command_and_the_record_state_the_delay(tmp_path, capsys, monkeypatc
     monkeypatch.chdir(tmp_path)
     (tmp_path / "craft.xml").write_text(HUB.xml)
     np.savez(tmp_path / "log.npz", **late(1))
-    words = ["identify", "log.npz", "--craft", "craft.xml", "--at", "mount", "-o", "modes.toml"]
+    words = ["identify", "log.npz", "--craft", "craft.xml", "--mount", "mount", "-o", "modes.toml"]
     code, shown, errors = run(words, capsys, monkeypatch)
     assert code == 0, errors
     assert "not zero within its interval" in " ".join((shown + errors).split())

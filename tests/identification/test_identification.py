@@ -394,5 +394,5 @@ def test_the_written_modes_make_a_chain_and_variants(tmp_path):
     fit = bc.fit(bc.read_spec(tmp_path / "wings.toml"))
     achieved = sorted(mode.achieved_rad_s for mode in fit.modes)
     assert relative(achieved, [m.frequency for m in found.modes]) < EXACT
-    swept = bc.sweep(HUB.xml, 2, at={"mount": tmp_path / "wings.toml"}, seed=1)
+    swept = bc.sweep(HUB.xml, 2, mounts={"mount": tmp_path / "wings.toml"}, seed=1)
     assert swept is not None

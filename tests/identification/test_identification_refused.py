@@ -23,8 +23,8 @@ OMEGA = np.linspace(1.0, 5.0, 20)
 HALF = {"omega": OMEGA, "rate_z/torque_z re": OMEGA}
 
 
-def identified(log=LOG, at="mount", **more):
-    identification.identify(log, CRAFT, at, **more)
+def identified(log=LOG, mount="mount", **more):
+    identification.identify(log, CRAFT, mount, **more)
 
 
 def changed(**columns):
@@ -77,7 +77,7 @@ REFUSED = {
     "held out": (lambda: identified(held_out=0.9), ("held_out = 0.9",)),
     "modes": (lambda: identified(modes=0), ("modes = 0",)),
     "axes": (lambda: identified(axes="q"), ("axes = 'q' is unknown",)),
-    "place": (lambda: identified(at="mout"), ("at = 'mout'", "did you mean 'mount'")),
+    "place": (lambda: identified(mount="mout"), ("mount = 'mout'", "did you mean 'mount'")),
     **{
         f"file {number}, {name}": (partial(of_file, name, content), words)
         for number, (name, content, words) in enumerate(

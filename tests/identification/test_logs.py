@@ -124,7 +124,7 @@ def test_the_command_refuses_with_status_2_and_writes_nothing(tmp_path, capsys, 
     (tmp_path / "craft.xml").write_text(CRAFT)
     monkeypatch.chdir(tmp_path)
     status, _, said = run(
-        ["identify", "log.csv", "--craft", "craft.xml", "--at", "mount", "-o", "modes.toml"],
+        ["identify", "log.csv", "--craft", "craft.xml", "--mount", "mount", "-o", "modes.toml"],
         capsys,
         monkeypatch,
     )

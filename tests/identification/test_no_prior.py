@@ -29,7 +29,7 @@ def written(tmp_path_factory):
     (folder / "craft.xml").write_text(HUB.xml)
     log = record(HUB, ONE, TIME, {"z": steps_at(TIME, 1.0, 3.0)})
     np.savez(folder / "log.npz", **log)
-    words = ["identify", folder / "log.npz", "--craft", folder / "craft.xml", "--at", "mount"]
+    words = ["identify", folder / "log.npz", "--craft", folder / "craft.xml", "--mount", "mount"]
     answer = call(*words, "--modes", 1, "-o", folder / "modes.toml")
     assert answer.status == 0, answer.err
     (folder / "wing.toml").write_text('name = "wing"\n[imported]\nfile = "modes.toml"\n')

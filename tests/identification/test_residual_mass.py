@@ -93,7 +93,7 @@ def test_a_file_that_is_refused_is_said_to_be(tmp_path, monkeypatch):
         names["log.csv"],
         "--craft",
         names["craft.xml"],
-        "--at",
+        "--mount",
         "mount",
         "--prior",
         names["prior.toml"],

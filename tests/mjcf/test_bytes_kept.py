@@ -111,13 +111,13 @@ def embed_and_remove(command, folder, content, places=("mount", "other")):
     Returns the file in between as text."""
     (folder / "craft.xml").write_bytes(content)
     bare = mujoco.MjModel.from_xml_path(str(folder / "craft.xml"))
-    words = [word for place in places for word in ("--at", f"{place}=rod.toml")]
+    words = [word for place in places for word in ("--mount", f"{place}=rod.toml")]
     command("embed", "craft.xml", *words, "-o", "flexible.xml", "--no-report")
     model = step(folder / "flexible.xml")
     assert model.nv > bare.nv
     assert model.nkey == bare.nkey
     command(
-        "embed", "flexible.xml", "--remove", "--at", places[0], "-o", "fewer.xml", "--no-report"
+        "embed", "flexible.xml", "--remove", "--mount", places[0], "-o", "fewer.xml", "--no-report"
     )
     assert bare.nv < step(folder / "fewer.xml").nv < model.nv
     for file in ("flexible.xml", "fewer.xml"):
@@ -174,7 +174,7 @@ def test_what_the_user_adds_beside_an_appendage_stays(command, tmp_path):
     he writes a site into it before he takes the appendage out."""
     content = ODD["a place without content"]
     (tmp_path / "craft.xml").write_text(content)
-    command("embed", "craft.xml", "--at", "arm=rod.toml", "-o", "flexible.xml", "--no-report")
+    command("embed", "craft.xml", "--mount", "arm=rod.toml", "-o", "flexible.xml", "--no-report")
     flexible = (tmp_path / "flexible.xml").read_text()
     place = flexible.index(">", flexible.index('"arm" pos')) + 1
     (tmp_path / "flexible.xml").write_text(
@@ -195,7 +195,7 @@ def test_other_encodings_are_refused_with_their_cure(declared, tmp_path, capsys,
     (tmp_path / "craft.xml").write_bytes(text.encode(declared))
     (tmp_path / "rod.toml").write_text(ROD)
     code, _, error = run(
-        ["embed", "craft.xml", "--at", "mount=rod.toml", "-o", "out.xml"], capsys, monkeypatch
+        ["embed", "craft.xml", "--mount", "mount=rod.toml", "-o", "out.xml"], capsys, monkeypatch
     )
     assert code == 2
     assert "is not UTF-8" in error
@@ -205,12 +205,11 @@ def test_other_encodings_are_refused_with_their_cure(declared, tmp_path, capsys,
 
 def test_a_mark_changed_by_hand_is_one_sentence(command, tmp_path, capsys, monkeypatch):
     (tmp_path / "craft.xml").write_text(PLAIN)
-    command("embed", "craft.xml", "--at", "mount=rod.toml", "-o", "flexible.xml", "--no-report")
+    command("embed", "craft.xml", "--mount", "mount=rod.toml", "-o", "flexible.xml", "--no-report")
     flexible = (tmp_path / "flexible.xml").read_text()
     spoilt = {
         "a missing key": ('"prefix": "rod_", ', ""),
         "a wrong type": ('"prefix": "rod_"', '"prefix": 3'),
-        "a wrong form": ('"form": "inline"', '"form": "weld"'),
         "an unknown piece": ('"piece": "appendage"', '"piece": "wing"'),
         "an unknown key": ('"piece": "appendage"', '"piece": "appendage", "colour": 1'),
         "no JSON": ('{"piece": "appendage"', '{"piece": '),
@@ -328,7 +327,7 @@ def test_a_place_in_an_included_file(end, content, command, tmp_path):
     (tmp_path / "craft.xml").write_text(original)
     (tmp_path / "sub").mkdir()
     for out in ("flexible.xml", "sub/flexible.xml"):
-        command("embed", "craft.xml", "--at", "inside=rod.toml", "-o", out, "--no-report")
+        command("embed", "craft.xml", "--mount", "inside=rod.toml", "-o", out, "--no-report")
         assert step(tmp_path / out).nkey == 1
         command("embed", out, "--remove", "-o", "back.xml", "--force")
         assert (tmp_path / "back.xml").read_text() == original

@@ -68,7 +68,7 @@ def test_every_damaged_mark_is_one_sentence(count, tmp_path):
     files = ["flexible.xml"]
     if count == MANY:
         docking = CRAFTS / "strangers" / "docking.xml"
-        attached = bc.embed(docking, {"wing_root": rod}, form="attach", retime=False)
+        attached = bc.embed(docking, {"wing_root": rod}, retime=False)
         attached.write(tmp_path / "docking.xml")
         files.append("docking.xml")
     refused = 0

@@ -429,8 +429,7 @@ def test_a_rigid_tube_beside_a_bending_one_is_not_taken_for_changed():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("form", [pytest.param("inline", marks=pytest.mark.slow), "attach"])
-def test_embedded_twice_and_taken_out_again(form, tmp_path, capsys, monkeypatch):
+def test_embedded_twice_and_taken_out_again(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "wing.toml").write_text(spec_toml(msgspec.convert(WING, bc.Spec)))
     (tmp_path / "craft.xml").write_text(CRAFT)
@@ -439,14 +438,14 @@ def test_embedded_twice_and_taken_out_again(form, tmp_path, capsys, monkeypatch)
         code, _, error = run([*words, "--quiet"], capsys, monkeypatch)
         assert (code, error) == (0, "")
 
-    sides = ["--at", "left=wing.toml", "--at", "right=wing.toml"]
-    beamchain("embed", "craft.xml", *sides, "--form", form, "-o", "two.xml", "--no-report")
+    sides = ["--mount", "left=wing.toml", "--mount", "right=wing.toml"]
+    beamchain("embed", "craft.xml", *sides, "-o", "two.xml", "--no-report")
     model = mujoco.MjModel.from_xml_path("two.xml")
     assert (model.nskin, model.nmat) == (4, 2)
     half = model.nskinvert // 2
     np.testing.assert_allclose(on_site(model, "left")[:half], model.skin_vert[:half], atol=3e-4)
     np.testing.assert_allclose(on_site(model, "right")[half:], model.skin_vert[half:], atol=3e-4)
-    beamchain("embed", "two.xml", "--remove", "--at", "left", "-o", "one.xml", "--no-report")
+    beamchain("embed", "two.xml", "--remove", "--mount", "left", "-o", "one.xml", "--no-report")
     assert mujoco.MjModel.from_xml_path("one.xml").nskin == 2
     for file in ("two.xml", "one.xml"):
         beamchain("embed", file, "--remove", "-o", f"back_{file}")

@@ -91,7 +91,7 @@ POINTING = {
     "window": (lambda: budget(window=0.0), ("window = 0.0", "above zero")),
     "output": (lambda: budget(outputs=["gyro"]), ("'gyro' is unknown",)),
     "no output": (lambda: budget(outputs=[]), ("outputs is empty",)),
-    "joint": (lambda: budget(at={"drive": 1.0}), ("joint of at = 'drive' is unknown",)),
+    "joint": (lambda: budget(pose={"drive": 1.0}), ("joint of pose = 'drive' is unknown",)),
     "rates": (lambda: budget(rates={"lopsided": 1.0}), ("only balanced wheels may turn",)),
     "no disturbance": (pointing.Disturbances, ("the disturbances are empty",)),
     "psd a word": (

@@ -126,7 +126,7 @@ def test_commands_of_the_embed_page_make_the_same_file(pages, observer, tmp_path
 
 
 def test_no_report_where_none_is_wanted(tmp_path):
-    words = ["embed", str(CRAFTS / "planar.xml"), "--at", f"mount={spec('rod')}", "-q"]
+    words = ["embed", str(CRAFTS / "planar.xml"), "--mount", f"mount={spec('rod')}", "-q"]
     assert call(*words, "-o", tmp_path / "out.xml", "--no-report").status == 0
     assert [path.name for path in tmp_path.iterdir()] == ["out.xml"]
 

@@ -555,7 +555,7 @@ def turning(tmp_path):
 
 
 def test_a_worst_case_per_pose_and_the_worst_of_them(turning):
-    scheduled = bc.plant(turning.embedded, ["torque:bus"], at={"drive": [0.0, 1.2]})
+    scheduled = bc.plant(turning.embedded, ["torque:bus"], pose={"drive": [0.0, 1.2]})
     files = turning.folder / "uncertain.toml", turning.folder / "loops.toml"
     cases = robust.worst_case(
         scheduled, *files, "torque_x", "attitude_x", samples=3, simulate=False

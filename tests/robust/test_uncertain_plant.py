@@ -387,7 +387,7 @@ def test_loops_on_one_input_add_up(small, file_of):
 
 
 def test_a_plant_per_angle(embedded, file_of):
-    scheduled = bc.plant(embedded, ["torque:bus"], at={"drive": [0.0, 0.5]})
+    scheduled = bc.plant(embedded, ["torque:bus"], pose={"drive": [0.0, 0.5]})
     for one, uncertain in zip(
         scheduled.plants, robust.uncertain(scheduled, file_of(SINGLE)), strict=True
     ):

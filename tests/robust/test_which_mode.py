@@ -145,7 +145,7 @@ def test_modes_that_oppose_each_other_are_listed_as_left_out(embedded, plant, tm
 
 def test_a_pose_of_several_stands_in_a_column(embedded):
     poses = [{"north": np.radians(a), "south": np.radians(-a)} for a in (0.0, 45.0)]
-    plants = bc.plant(embedded, ["torque:bus"], ["attitude"], at=poses)
+    plants = bc.plant(embedded, ["torque:bus"], ["attitude"], pose=poses)
     rows = margin_table(bc.margins(plants, controller(x=1.0, z=1.0))).rows
     assert [row[:2] for row in rows] == [
         (f"north {a}°,\nsouth {b}°", f"torque_{axis}")
@@ -188,7 +188,7 @@ def test_all_loops_at_once_are_never_better_than_one(plant, gains):
 
 def test_worst_margins_of_poses_name_the_worst(embedded):
     poses = [{"north": np.radians(a), "south": np.radians(-a)} for a in (0.0, 60.0)]
-    plants = bc.plant(embedded, ["torque:bus"], ["attitude"], at=poses)
+    plants = bc.plant(embedded, ["torque:bus"], ["attitude"], pose=poses)
     uncertain = bc.spec.UncertainCraft(
         body={"bus": bc.spec.UncertainBody(mass=bc.spec.Uncertainty(relative=0.05))}
     )
@@ -269,7 +269,7 @@ def test_a_place_in_other_units_is_noted(place, noted):
 
 
 def test_a_single_pose_is_called_by_its_joints(embedded, tmp_path):
-    made = bc.plant(embedded, ["torque:bus"], ["attitude"], at={"north": np.radians(45.0)})
+    made = bc.plant(embedded, ["torque:bus"], ["attitude"], pose={"north": np.radians(45.0)})
     assert made.pose == "north 45°"
     found = bc.margins(made, controller(x=1.0))
     assert found.pose == "north 45°"

@@ -71,7 +71,7 @@ def test_a_step_that_ruins_the_motion_is_no_success_and_the_cure_comes_first(tmp
     def embedded(one):
         (tmp_path / "craft.xml").write_text(one.text)
         out = tmp_path / "out.xml"
-        given = [tmp_path / "craft.xml", "--at", f"first={tmp_path}/boom.toml", "-o", out]
+        given = [tmp_path / "craft.xml", "--mount", f"first={tmp_path}/boom.toml", "-o", out]
         more = [] if "leave out" in said else words
         answer = call("embed", *given, "--no-report", "--force", *more)
         band = float(re.search(r"up to ([\d.]+) rad/s", answer.out)[1])
@@ -116,14 +116,14 @@ HUB = "[root]\nhub = { mass = 100.0, inertia = [30.0, 40.0, 50.0], offset = [0.0
 def test_a_fit_whose_step_ruins_the_motion_begins_with_the_cure(tmp_path):
     def fitted(step):
         file = tmp_path / "boom.toml"
-        file.write_text(TEXT + HUB + f"[fit]\ntimestep = {step}\n")
+        file.write_text(TEXT + HUB + f"[scene]\ntimestep = {step}\n")
         return fit_error(file)
 
     made, found = fitted(0.3)
     assert (made.status.ok, found > 0.1) == (False, True)
     words = made.status.message
     step = re.match(
-        r"Write (?:scene.integrator = \"\w+\" and write )?fit.timestep = ([\d.]+)", words
+        r"Write (?:scene.integrator = \"\w+\" and write )?scene.timestep = ([\d.]+)", words
     )
     made, found = fitted(float(step[1]))
     assert (made.status.ok, found < 0.1) == (True, True)

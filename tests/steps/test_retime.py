@@ -12,6 +12,7 @@ from scipy.optimize import linear_sum_assignment
 import beamchain as bc
 import finite_elements as fe
 import solver
+from beamchain.steps.retime import retime_by
 from command import call
 from mechanics import (
     INTEGRATORS,
@@ -87,7 +88,7 @@ def test_form_4_places_every_pole_of_one_appendage(ratio, integrator):
     fastest = made.frequencies()[-1]
     for x in (0.3, 1.0, 2.1, 2.5):
         model = made.model(x / fastest, integrator)
-        done = bc.retime(model, model.opt.timestep, form=4)
+        done = retime_by(4, model, model.opt.timestep)
         errors = pole_errors(made, model)
         clamped = np.array([mode.clamped for mode in done.modes])
         assert not np.any([mode.slowed for mode in done.modes])
@@ -115,7 +116,7 @@ def test_form_2_is_fourth_order_and_the_better_the_heavier_the_hub(hub):
     assert errors[0] < FORM_2[hub]
     assert errors[0] / errors[1] == pytest.approx(16.0, rel=0.15)
     model = made.model(h)
-    bc.retime(model, h, form=4)
+    retime_by(4, model, h)
     assert np.max(pole_errors(made, model)) < 1e-10
 
 
@@ -147,7 +148,7 @@ def test_damping_of_several_appendages():
     h = 1.0 / made.frequencies()[-1]
     for form, bound in ((2, 6e-5), (4, 1e-8)):
         model = made.model(h)
-        bc.retime(model, h, form=form)
+        retime_by(form, model, h)
         errors = pole_errors(made, model)
         assert len(errors) == 7
         assert np.max(errors) < bound
@@ -161,7 +162,7 @@ def test_form_4_places_every_pole_of_any_craft(parts, hub, ratio):
     for x in (0.1, 0.5, 1.0):
         h = x / made.frequencies()[-1]
         model = made.model(h)
-        bc.retime(model, h, form=4)
+        retime_by(4, model, h)
         assert np.max(pole_errors(made, model)) < 1e-9
         assert largest_growth(model) < 1 + 1e-9
         assert np.array_equal(model.tendon_stiffness, made.model(h).tendon_stiffness)
@@ -174,7 +175,7 @@ def test_form_4_of_twins_is_no_worse_than_form_2():
     errors = {}
     for form in (2, 4):
         model = made.model(h)
-        bc.retime(model, h, form=form)
+        retime_by(form, model, h)
         errors[form] = np.max(pole_errors(made, model))
     assert errors[4] < 0.6 * errors[2]
     assert errors[4] < 2e-4
@@ -190,7 +191,7 @@ def test_samples_with_the_averaged_input(x):
     made = craft(BOOM, 500.0, 500.0)
     h = x / made.frequencies()[-1]
     model = made.model(h)
-    bc.retime(model, h, form=4)
+    retime_by(4, model, h)
     data = mujoco.MjData(model)
     a, b = made.stepper(h)
     rng = np.random.default_rng(1)
@@ -218,7 +219,7 @@ def test_damped_response(ratio, bound):
     made = craft(BOOM, 500.0, 500.0, ratio=ratio)
     h = 2.1 / made.frequencies()[-1]
     model = made.model(h)
-    bc.retime(model, h, form=4)
+    retime_by(4, model, h)
     data = mujoco.MjData(model)
     a, b = made.stepper(h)
     state = np.zeros(12)
@@ -271,7 +272,7 @@ def test_the_2008_boom_as_simulated(n, h, bound):
     errors = {}
     for form in (2, 4):
         model = made.model(h)
-        bc.retime(model, h, form=form)
+        retime_by(form, model, h)
         data = mujoco.MjData(model)
         held = bc.HeldInput()
         out = []
@@ -311,7 +312,7 @@ def test_nothing_grows_at_any_step(parts, hub, integrator):
             h = factor * limit
             for form in (2, 4):
                 model = made.model(h, integrator)
-                done = bc.retime(model, h, form=form)
+                done = retime_by(form, model, h)
                 assert done.lambda_max <= (3.8 if integrator == "Euler" else 7.6)
                 assert largest_growth(model) < 1 + 1e-9
 
@@ -365,7 +366,7 @@ def test_retime_step_undo_is_bit_for_bit():
         (0.5, "implicitfast", 4),
         (0.25, "Euler", 4),
     ):
-        bc.retime(model, h, integrator, form=form)
+        retime_by(form, model, h, integrator)
         mujoco.mj_step(model, mujoco.MjData(model))
         assert made_for(model) == [(h, integrator or "Euler", form)]
         changed = same(before, arrays(model))
@@ -379,7 +380,7 @@ def test_undo_is_bit_for_bit():
     made = craft(THREE, 20.0, 20.0, ratio=0.005)
     model = made.model(0.1)
     before = arrays(model)
-    done = bc.retime(model, 0.1, form=4)
+    done = retime_by(4, model, 0.1)
     assert set(same(before, arrays(model))) <= ARRAYS
     done.undo(model)
     assert same(before, arrays(model)) == []
@@ -484,7 +485,7 @@ def test_the_first_lines_of_a_timed_file_name_its_step(change, tmp_path):
     spec, bus, file = (tmp_path / name for name in ("rod.toml", "bus.xml", "file.xml"))
     spec.write_text(ROD)
     bus.write_bytes(BUS.replace(*change).encode())
-    words = ("embed", bus, "--at", f"mount={spec}", "-o", file, "--no-report", "--force")
+    words = ("embed", bus, "--mount", f"mount={spec}", "-o", file, "--no-report", "--force")
     assert call(*words, "--no-retime").status == 0
     assert said_step(file) == []
     assert call(*words, "--retime").status == 0
@@ -517,7 +518,16 @@ def test_the_first_lines_of_a_fit_name_its_step(springs, form, tmp_path):
         before = scene.read_bytes()
         (tmp_path / "rod2.toml").write_text(ROD.replace('"rod"', '"rod2"'))
         at = f"hub={tmp_path / 'rod2.toml'}"
-        words = ("embed", scene, "--at", at, "-o", tmp_path / "two.xml", "--no-report", "--retime")
+        words = (
+            "embed",
+            scene,
+            "--mount",
+            at,
+            "-o",
+            tmp_path / "two.xml",
+            "--no-report",
+            "--retime",
+        )
         assert call(*words).status == 0
         assert (
             call("embed", tmp_path / "two.xml", "--remove", "-o", tmp_path / "one.xml").status == 0
@@ -581,7 +591,7 @@ def test_a_start_in_motion(form):
     made = craft(BOOM, 500.0, 500.0)
     h = 0.79 / made.frequencies()[-1]
     model = made.model(h)
-    bc.retime(model, h, form=form)
+    retime_by(form, model, h)
     rng = np.random.default_rng(5)
     qpos = np.zeros(6)
     qvel = 1e-6 * rng.normal(size=6)

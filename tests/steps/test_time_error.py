@@ -105,11 +105,13 @@ def test_imported_modes_with_a_step_state_what_the_file_does(ratio, integrator):
         "modes": {"xy": 3, "xz": 2, "torsion": 1},
         "root": bc.spec.Root(hub=bc.Hub(mass=60.0, inertia=(20.0, 25.0, 30.0))),
         "damping": ratio,
-        "scene": bc.Scene(integrator=integrator),
     }
-    timed = bc.fit(modes, timestep=0.004, **options)
+    timed, other = (
+        bc.fit(modes, scene=bc.Scene(integrator=integrator, timestep=step), **options)
+        for step in (0.004, None)
+    )
     model = mujoco.MjModel.from_xml_string(timed.scene_mjcf())
-    plain = mujoco.MjModel.from_xml_string(bc.fit(modes, **options).scene_mjcf())
+    plain = mujoco.MjModel.from_xml_string(other.scene_mjcf())
     plain.opt.timestep = model.opt.timestep
     error, frequency = stepped.time_error(model, plain, np.inf)
     assert model.opt.timestep == 0.004

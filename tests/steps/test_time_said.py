@@ -10,6 +10,7 @@ import pytest
 
 import beamchain as bc
 import stepped
+from beamchain.steps.retime import retime_by
 from command import call, run
 
 TUBE = bc.Tube(outer_diameter=0.05, wall=0.002)
@@ -53,7 +54,7 @@ def test_slowed_modes_are_named_by_the_coupled_frequency_from_which_on_they_are_
     model = bc.embed(
         bus(0.02), {"a": boom("one", 0.01), "b": boom("two", 0.01)}, retime=False
     ).model
-    done = bc.retime(model, 0.1, "Euler", form=4)
+    done = retime_by(4, model, 0.1, "Euler")
     (said,) = done.slowed
     first = float(re.search(r"0.1 % stands at ([\d.]+) rad/s", said)[1])
     plain = mujoco.MjModel.from_xml_string(
@@ -71,7 +72,7 @@ def test_retime_prints_both_errors_and_exits_with_3(tmp_path, capsys, monkeypatc
     (tmp_path / "boom.toml").write_text(
         "name = 'boom'\n" + PART.format(8.0, 0.01) + SCENE.format(1e-3)
     )
-    at = ["--at", f"a={tmp_path}/boom.toml", "--at", f"b={tmp_path}/boom.toml"]
+    at = ["--mount", f"a={tmp_path}/boom.toml", "--mount", f"b={tmp_path}/boom.toml"]
     run(
         ["embed", f"{tmp_path}/bus.xml", *at, "-o", f"{tmp_path}/out.xml", "-q", "--no-report"],
         capsys,
@@ -129,7 +130,7 @@ def test_a_step_is_judged_without_timing_too_and_the_resonance_it_shifts_is_name
     (tmp_path / "bus.xml").write_text(bus(0.01))
     text = "name = 'boom'\n" + PART.format(8.0, 0.005) + SCENE.format(1e-3)
     (tmp_path / "boom.toml").write_text(text)
-    at = ["--at", f"a={tmp_path}/boom.toml", "--at", f"b={tmp_path}/boom.toml"]
+    at = ["--mount", f"a={tmp_path}/boom.toml", "--mount", f"b={tmp_path}/boom.toml"]
     words = ["embed", tmp_path / "bus.xml", *at, "-o", tmp_path / "out.xml", "--no-report"]
     answer = call(*words, "--no-retime")
     assert answer.status == 3
@@ -231,7 +232,7 @@ def test_a_step_that_does_not_represent_the_band_does_not_meet_it(tmp_path):
     stiff = bc.Spec(name="boom", segment=(part,), scene=scene, modes=bc.Modes(xy=1, xz=1))
     made = bc.embed(bus(step), {"a": stiff})
     made.write(tmp_path / "out.xml")
-    fitted = bc.fit(stiff, timestep=step)
+    fitted = bc.fit(stiff, scene=bc.Scene(bandwidth=band, tolerance=0.2, timestep=step))
     words = ["retime", tmp_path / "out.xml", "--timestep", step / 2, "-o", tmp_path / "half.xml"]
     retimed = call(*words)
     assert (made.met, fitted.met, fitted.status.ok, retimed.status) == (False, False, False, 3)

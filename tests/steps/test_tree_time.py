@@ -206,7 +206,7 @@ def test_the_command_times_joints_and_takes_it_out_again(tmp_path, first):
     out = tmp_path / "out.xml"
     at = f"mount={tmp_path / 'boom.toml'}"
     # its modes reach beyond what 0.01 s can represent
-    assert call("embed", craft, "--at", at, *first, "-o", out).status == 3
+    assert call("embed", craft, "--mount", at, *first, "-o", out).status == 3
     timed = mujoco.MjModel.from_xml_path(str(out)).joint("drive").armature[0]
     again = tmp_path / "again.xml"
     words = ("retime", out, "--timestep", "0.004", "--retime-joints", "-o", again)

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import beamchain as bc
+from beamchain.steps.retime import retime_by
 from command import run
 from stepped import stepped, time_error
 
@@ -70,9 +71,9 @@ def test_what_grows_is_not_kept(integrator, step, damper, spring, tmp_path, caps
     words = [
         "embed",
         "craft.xml",
-        "--at",
+        "--mount",
         "m0=b0.toml",
-        "--at",
+        "--mount",
         "m1=b1.toml",
         "--no-report",
         "--json",
@@ -150,7 +151,7 @@ def test_a_step_that_one_keyframe_does_not_bear_is_warned_of_or_timed(integrator
 def test_retime_keeps_every_keyframe_stable(form):
     model = bc.embed(free_arm(0.001, "Euler"), {"mount": LIGHT}, retime=True).model
     model.opt.timestep = 0.06  # twice what the tendons alone allow
-    done = bc.retime(model, 0.06, form=form)
+    done = retime_by(form, model, 0.06)
     assert max(growth(model)) < GROWS
     plain = bc.embed(free_arm(0.001, "Euler"), {"mount": LIGHT}, retime=False).model
     band = 1.001 * done.time_error.frequency

@@ -351,13 +351,13 @@ def test_draws_are_of_what_the_nominal_tree_was_given(monkeypatch, integrator, l
         index=np.array([2, 0]), stiffness=np.array([80.0, 50.0]), damping=np.array([0.4, 0.0])
     )
 
-    def retime(timed, *asked, **named):
-        assert (asked, named) == ((H, integrator), {"form": 5, "band": 7.0})
+    def retime_by(form, timed, *asked, **named):
+        assert (form, asked, named) == (5, (H, integrator), {"band": 7.0})
         timed.tendon_armature = np.array([0.03, 0.1, 0.25])
         timed.tendon_stiffness = np.array([51.0, 9.0, 78.0])
         timed.tendon_damping = np.array([0.0, 9.0, 0.44])
 
-    monkeypatch.setattr("beamchain.steps.tree_draws.retime", retime)
+    monkeypatch.setattr("beamchain.steps.tree_draws.retime_by", retime_by)
     monkeypatch.setattr("beamchain.steps.tree_draws.appendages_alone", lambda *_: ["alone"])
     found = TreeDraws.of(model, modal, integrator, H, 7.0)
     assert (found.late, found.limit, found.timestep) == (late, limit, H)

@@ -98,7 +98,7 @@ CRAFT = {
 
 
 def angles(north, south):
-    """The drives' angles [rad] from degrees, as `at` takes them."""
+    """The drives' angles [rad] from degrees, as `pose` takes them."""
     return {"north": np.radians(north), "south": np.radians(south)}
 
 

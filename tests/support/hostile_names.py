@@ -148,7 +148,7 @@ def commands(name: str) -> list[list[str]]:
         [
             "embed",
             "craft.xml",
-            "--at",
+            "--mount",
             f"site:{name}=rod.toml",
             "-o",
             "flexible.xml",
@@ -160,7 +160,7 @@ def commands(name: str) -> list[list[str]]:
         ],
         ["inspect", "flexible.xml"],
         ["plant", "flexible.xml", *both, "--controller", "loops.toml", "-o", "plant.mat"],
-        ["plant", "flexible.xml", *both, "--at", name, "-o", "at.npz"],
+        ["plant", "flexible.xml", *both, "--pose", name, "-o", "pose.npz"],
         [
             "sweep",
             "flexible.xml",

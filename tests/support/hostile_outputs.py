@@ -12,10 +12,13 @@ from spacecraft import CRAFTS, spec
 #: what may be written where, `{}` is the place: by what a call reads,
 #: which therefore must stay as it is
 CALLS = (
-    (["embed", "craft.xml", "--at", "mount=rod.toml", "-o", "{}"], ("rod.toml",)),
-    (["embed", "craft.xml", "--at", "mount=rod.toml", "-o", "{}", "--plot", "{}"], ("rod.toml",)),
+    (["embed", "craft.xml", "--mount", "mount=rod.toml", "-o", "{}"], ("rod.toml",)),
     (
-        ["embed", "craft.xml", "--at", "mount=rod.toml", "-o", "out.xml", "--plot", "{}"],
+        ["embed", "craft.xml", "--mount", "mount=rod.toml", "-o", "{}", "--plot", "{}"],
+        ("rod.toml",),
+    ),
+    (
+        ["embed", "craft.xml", "--mount", "mount=rod.toml", "-o", "out.xml", "--plot", "{}"],
         ("rod.toml", "craft.xml"),
     ),
     (["embed", "flexible.xml", "--remove", "-o", "{}", "--plot", "{}"], ()),
@@ -34,7 +37,7 @@ CALLS = (
             "log.csv",
             "--craft",
             "craft.xml",
-            "--at",
+            "--mount",
             "mount",
             "--prior",
             "rod.toml",

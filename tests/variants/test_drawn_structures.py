@@ -136,7 +136,9 @@ def test_structures_are_fitted_again_in_the_craft(tmp_path):
         "left": beam("left", uncertain=table, xy=2, xz=1, torsion=1),
         "right": beam("right", 5.0, xy=2),
     }
-    found = bc.sweep(tmp_path / "craft.xml", 2, at=at, uncertain=tmp_path / "given.toml", seed=2)
+    found = bc.sweep(
+        tmp_path / "craft.xml", 2, mounts=at, uncertain=tmp_path / "given.toml", seed=2
+    )
     assert not found.left_out
     for i in range(2):
         left = bc.Spec(

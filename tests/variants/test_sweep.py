@@ -166,7 +166,7 @@ def test_a_kept_mode_above_a_filler_is_counted_and_the_filler_is_not(tmp_path):
     at = {"left": on_tendons("left", 6.0, spread, xy=1, torsion=2)}
     at["right"] = on_tendons("right", 1.5, xy=3, xz=1)
     (tmp_path / "craft.xml").write_text(FILLED)
-    found = bc.sweep(tmp_path / "craft.xml", 3, at=at, seed=1)
+    found = bc.sweep(tmp_path / "craft.xml", 3, mounts=at, seed=1)
     found.write(tmp_path / "out")
     arrays = np.load(tmp_path / "out" / "variants.npz")
     for row in range(3):

@@ -334,7 +334,7 @@ def test_a_sweep_of_bodies_on_a_craft_that_is_exact_in_time(quantity, option, tm
     many.retime(0.1)  # each for its own mass
     one = many.model_of(1)
     bc.retime(one, 0.0)
-    bc.retime(one, 0.1, form=2)
+    bc.retime(one, 0.1)
     np.testing.assert_allclose(
         many.model_of(1).tendon_armature, one.tendon_armature, rtol=1e-9, atol=DRAWN
     )
@@ -585,7 +585,7 @@ def test_drawn_rows_are_those_of_the_sweep(tmp_path):
             ),
         )
     )
-    swept = bc.sweep(CRAFT.format(""), 3, at={"mount": spec}, uncertain=toml)
+    swept = bc.sweep(CRAFT.format(""), 3, mounts={"mount": spec}, uncertain=toml)
     made = bc.embed(CRAFT.format(""), {"mount": spec})
     many = worlds.make(made, swept, count=5)
     bus = made.model.body("bus").id

@@ -20,9 +20,10 @@ if TYPE_CHECKING:
 
 CraftFile = Annotated[Path, typer.Argument(metavar="CRAFT.xml", help="The spacecraft's MJCF file.")]
 Output = Annotated[Path, typer.Option("-o", "--output", metavar="OUT.xml", help="Output file.")]
-At = Annotated[
+Mounts = Annotated[
     list[str] | None,
     typer.Option(
+        "--mount",
         metavar="NAME=SPEC.toml",
         help="Site or body of the spacecraft (its x axis outwards) and the appendage to attach "
         "there. Repeatable. With --remove, NAME only.",
@@ -40,15 +41,11 @@ Carry = Annotated[
 Prefix = Annotated[
     list[str] | None,
     typer.Option(
-        help="Prefix of the appendage's elements; default: its name and `_`. One per --at."
+        help="Prefix of the appendage's elements; default: its name and `_`. One per --mount."
     ),
 ]
-Form = Annotated[
-    str,
-    typer.Option(help='"inline": one self-contained file; "attach": separate appendage files.'),
-]
 Remove = Annotated[
-    bool, typer.Option("--remove", help="Remove appendages: those of --at NAME, or all.")
+    bool, typer.Option("--remove", help="Remove appendages: those of --mount NAME, or all.")
 ]
 Plot = Annotated[
     Path | None,
@@ -90,10 +87,9 @@ Explain = Annotated[
 def embed(
     craft: CraftFile,
     output: Output,
-    at: At = None,
+    mount: Mounts = None,
     carry: Carry = None,
     prefix: Prefix = None,
-    form: Form = "inline",
     remove: Remove = False,
     plot: Plot = None,
     retime: Retime = None,
@@ -114,13 +110,13 @@ def embed(
     Running the command again replaces an appendage; --remove restores the original.
     OUT_report.html compares the assembled model with exact appendages.
 
-    Example: beamchain embed craft.xml --at panel_mount=array.toml -o flexible.xml
+    Example: beamchain embed craft.xml --mount panel_mount=array.toml -o flexible.xml
     """
     from beamchain.craft.embedding import embed as attach
     from beamchain.files import beside, check_outputs
 
     silent = quiet or as_json
-    names = [_split(word, remove)[0] for word in at or []]
+    names = [_split(word, remove)[0] for word in mount or []]
     page = beside(output, "_report.html") if report and not rigid else None
     at_key: Sequence[Mode] = ()
     if remove:
@@ -129,7 +125,7 @@ def embed(
             return
         key = None  # the spacecraft is shown as it is left
     else:
-        appendages = places(at or [])
+        appendages = places(mount or [])
         outputs = [output, *(place for place in (plot, page) if place is not None)]
         inputs = [craft, *map(Path, appendages.values())]
         check_outputs(outputs, force=force, inputs=inputs, update=(craft, output))
@@ -137,7 +133,6 @@ def embed(
             result = attach(
                 craft,
                 appendages,
-                form=form,
                 prefixes=prefix,
                 retime=retime,
                 max_modes=max_modes,
@@ -197,13 +192,13 @@ def _is_good(result: "Embedded") -> bool:
     return not result.ruined and all(a.fit.status.ok for a in result.appendages)
 
 
-def places(at: "Sequence[str]") -> dict[str, str]:
-    """The specification for each place that --at names, each once."""
-    pairs = [_split(word, False) for word in at]
+def places(mounts: "Sequence[str]") -> dict[str, str]:
+    """The specification for each place that --mount names, each once."""
+    pairs = [_split(word, False) for word in mounts]
     names = [name for name, _ in pairs]
     if len(set(names)) < len(names):
         raise InputError(
-            f"--at names {max(names, key=names.count)!r} twice; one place carries one appendage."
+            f"--mount names {max(names, key=names.count)!r} twice; one place carries one appendage."
         )
     return dict(pairs)
 
@@ -222,14 +217,14 @@ def _carried(carry: "Sequence[str]") -> dict[str, list[str]]:
 
 
 def _split(word: str, remove: bool) -> tuple[str, str]:
-    """Place and specification of one --at."""
+    """Place and specification of one --mount."""
     name, sign, spec = word.partition("=")
     if not name or (not remove and not spec):
         raise InputError(
-            f"--at {word!r} is not NAME=SPEC.toml; for example --at panel_mount=array.toml."
+            f"--mount {word!r} is not NAME=SPEC.toml; for example --mount panel_mount=array.toml."
         )
     if remove and sign:
-        raise InputError(f"--at {word!r}: --remove takes the name only, --at {name}.")
+        raise InputError(f"--mount {word!r}: --remove takes the name only, --mount {name}.")
     return name, spec
 
 

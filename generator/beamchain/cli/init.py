@@ -93,10 +93,10 @@ def init(
 
 #: of the shipped spacecraft, with what is shipped for them
 _PLACES = {
-    "craft": "--at mount=array.toml",
-    "arm": "--at shoulder=upper.toml --at forearm=fore.toml",
+    "craft": "--mount mount=array.toml",
+    "arm": "--mount shoulder=upper.toml --mount forearm=fore.toml",
     "wing_unfolds": " ".join(
-        [f"--at panel{k}_{side}=panel.toml" for side in ("right", "left") for k in (1, 2, 3)]
+        [f"--mount panel{k}_{side}=panel.toml" for side in ("right", "left") for k in (1, 2, 3)]
         + [
             f"--carry panel{k}_{side}:end=hinge{k + 1}_{side}"
             for side in ("right", "left")

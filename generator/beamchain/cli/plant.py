@@ -8,7 +8,7 @@ import typer
 from beamchain.caution import warnings_record
 from beamchain.cli.common import Force, Json, Quiet, console
 from beamchain.cli.output import print_table, print_warnings, spinner, tell
-from beamchain.cli.plant_options import Angle, Inputs, Keyframe, Model, Outputs, Poses
+from beamchain.cli.plant_options import Angle, Inputs, Model, Outputs, Poses
 from beamchain.errors import InputError
 
 if TYPE_CHECKING:
@@ -49,7 +49,6 @@ def plant(
     inputs: Inputs = None,
     outputs: Outputs = None,
     poses: Poses = None,
-    at: Keyframe = None,
     angle: Angle = None,
     discrete: Discrete = None,
     loaded: Loaded = False,
@@ -69,8 +68,7 @@ def plant(
     Example: beamchain plant flexible.xml --pose north=45,south=-45 --pose north=0,south=90 -o
     plant.mat
     """
-    from beamchain.cli.plant_options import place_of
-    from beamchain.cli.poses import doubtful
+    from beamchain.cli.poses import doubtful, poses_given
     from beamchain.control.controllers import read_controller, signals_with, takes_time
     from beamchain.control.plant import plant as linearise
     from beamchain.control.realisation import Plant
@@ -95,8 +93,8 @@ def plant(
     silent = quiet or as_json
     with spinner("linearising", silent) as say:
         compiled = compiled_model(model)
-        place = place_of(compiled, poses or [], at, angle)
-        result = linearise(compiled, driven, seen, place, discrete=discrete, loaded=loaded)
+        pose = poses_given(compiled, poses or [], angle)
+        result = linearise(compiled, driven, seen, pose, discrete=discrete, loaded=loaded)
         plants = [result] if isinstance(result, Plant) else list(result.plants)
         say("margins")
         closed_loops = [] if loops is None else loop_verdicts(result, loops)

@@ -11,7 +11,7 @@ from beamchain.engine.operating_point import is_slide, keyframe_names, single_jo
 from beamchain.errors import InputError
 
 if TYPE_CHECKING:
-    from beamchain.engine.operating_point import At
+    from beamchain.engine.operating_point import Pose
 
 # 30, 45, 90 and 180 degrees [rad], and how near to them a pose in degrees is doubtful
 COMMON = (math.pi / 6.0, math.pi / 4.0, math.pi / 2.0, math.pi)
@@ -23,8 +23,8 @@ FORMS = {
 }
 
 
-def pose_of(model: "mujoco.MjModel", text: str) -> "At":
-    """What `at` of `bc.plant` takes for the text of one --pose."""
+def pose_of(model: "mujoco.MjModel", text: str) -> "Pose":
+    """What `pose` of `bc.plant` takes for the text of one --pose."""
     keyframes = keyframe_names(model)
     if text in keyframes:
         return text
@@ -45,10 +45,29 @@ def pose_of(model: "mujoco.MjModel", text: str) -> "At":
     return out
 
 
-def grid_of(model: "mujoco.MjModel", text: str) -> "At":
-    """What `at` of `bc.plant` takes for the text of --angle: a joint and its positions."""
+def grid_of(model: "mujoco.MjModel", text: str) -> "Pose":
+    """What `pose` of `bc.plant` takes for the text of --angle: a joint and its positions."""
     joint, _, words = text.partition("=")
     return {joint: _positions(model, "--angle", text, joint, words.split(","))}
+
+
+def poses_given(model: "mujoco.MjModel", poses: list[str], angle: str | None) -> "Pose":
+    """What `pose` of `bc.plant` takes for the options: one pose, or several.
+
+    Raises:
+        InputError: options that do not go together, or a pose that is given twice.
+    """
+    if poses and angle is not None:
+        raise InputError(
+            "--pose and --angle are given together; leave one out, or give every pose as a --pose."
+        )
+    if angle is not None:
+        return grid_of(model, angle)
+    each = [pose_of(model, text) for text in poses]
+    for i, (text, one) in enumerate(zip(poses, each, strict=True)):
+        if one in each[:i]:
+            raise InputError(f"--pose {text!r} is given twice; give each pose once.")
+    return each if len(each) > 1 else each[0] if each else None
 
 
 def doubtful(model: "mujoco.MjModel", poses: list[str], angle: str | None) -> list[str]:

@@ -17,14 +17,14 @@ Source = Annotated[
     Path,
     typer.Argument(
         metavar="SPEC.toml|CRAFT.xml",
-        help="An appendage with \\[uncertain], or a spacecraft: bare with --at, or as `beamchain "
-        "embed` wrote it.",
+        help="An appendage with \\[uncertain], or a spacecraft: bare with --mount, or as "
+        "`beamchain embed` wrote it.",
     ),
 ]
-At = Annotated[
+Mounts = Annotated[
     list[str] | None,
     typer.Option(
-        "--at",
+        "--mount",
         metavar="NAME=SPEC.toml",
         help="Site or body of the spacecraft and its appendage, as for `embed`. Repeatable.",
     ),
@@ -32,7 +32,7 @@ At = Annotated[
 Prefixes = Annotated[
     list[str] | None,
     typer.Option(
-        "--prefix", help="Prefix of the appendage's elements, as for `embed`. One per --at."
+        "--prefix", help="Prefix of the appendage's elements, as for `embed`. One per --mount."
     ),
 ]
 Retime = Annotated[
@@ -70,7 +70,7 @@ Workers = Annotated[int, typer.Option(min=1, max=256, help="Local processes.")]
 def sweep(
     source: Source,
     output: Folder,
-    at: At = None,
+    mount: Mounts = None,
     prefix: Prefixes = None,
     uncertain: Known = None,
     retime: Retime = None,
@@ -89,18 +89,18 @@ def sweep(
     DIR. Uncertain modes, masses and drives only change numbers; an uncertain structure is fitted
     again for every sample.
 
-    Example: beamchain sweep craft.xml --at mount=array.toml --uncertain craft.toml -o variants
+    Example: beamchain sweep craft.xml --mount mount=array.toml --uncertain craft.toml -o variants
     """
     from beamchain.files import check_free
     from beamchain.variants.sweep import sweep as draw
 
-    wanted = places(at) if at else None
+    wanted = places(mount) if mount else None
     check_free(output / "sweep.json", force=force)
     with job_bar("making variants", quiet or as_json) as progress:
         result = draw(
             source,
             samples,
-            at=wanted,
+            mounts=wanted,
             uncertain=uncertain,
             prefixes=prefix,
             retime=retime,

@@ -16,7 +16,7 @@ from beamchain.ports.motions import Array
 from beamchain.steps.culprit import culprit, stable_step
 from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.modal import modal_tendons
-from beamchain.steps.retime import retime, time_sentence, without_timing
+from beamchain.steps.retime import retime_by, time_sentence, without_timing
 from beamchain.steps.step_map import GROWN, TimeError, motion_at, time_error
 
 
@@ -61,7 +61,7 @@ def retime_at(
             None if mark is None else (mark.timestep, mark.integrator) for mark in modal.made_for
         }
         right = made == {(timestep, name)}
-        return out, retime(copy(out) if right else out, timestep, name, form=4, qpos=qpos).slowed
+        return out, retime_by(4, copy(out) if right else out, timestep, name, qpos=qpos).slowed
     why = (
         f"{name} cannot be made exact in time"
         if modal.names

@@ -29,7 +29,7 @@ from beamchain.engine.library import mujoco, one_thread
 from beamchain.engine.linear import linear_at
 from beamchain.engine.linearise import NUMBERS
 from beamchain.engine.normal_modes import NormalModes
-from beamchain.engine.operating_point import At, Rates, operating_point, quiet_copy, rest_point
+from beamchain.engine.operating_point import Pose, Rates, operating_point, quiet_copy, rest_point
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
 from beamchain.steps.modal import FILLER
@@ -45,7 +45,7 @@ def plant(
     model: "Embedded | mujoco.MjSpec | mujoco.MjModel | str | Path",
     inputs: InputNames = None,
     outputs: OutputNames = None,
-    at: At = None,
+    pose: Pose = None,
     *,
     rates: Mapping[str, float] | None = None,
     discrete: float | None = None,
@@ -54,14 +54,14 @@ def plant(
     """The spacecraft as a control engineer's plant:
     a `control.StateSpace` with names and units, in modal form.
 
-    Linear about the pose `at`, in free fall: gravity, contacts and constraints are left out, and
+    Linear about `pose`, in free fall: gravity, contacts and constraints are left out, and
     what holds the pose (springs' and servos' set points) is taken as in balance. Servos are part of
     the plant, their inputs are set points. Continuous plants are without the armature that makes
     appendages exact in time for a step.
 
     Signs: a torque on a body is in the body's own axes, a positive input of a wheel's or
     drive's motor accelerates it about its joint's axis, so that the hub turns the other way.
-    Attitude is the small rotation vector [rad] from the body's axes at `at` to its axes now
+    Attitude is the small rotation vector [rad] from the body's axes in `pose` to its axes now
     (twice a quaternion's vector part), rate is in the body's axes. Gyroscopic moments of
     turning wheels are included.
 
@@ -83,20 +83,20 @@ def plant(
             `"motion:SITE"` (displacement and rotation of a site, in its axes). Attitude and
             rate where left out. Or a mapping: `bc.align(...)` gives a sensor in the axes of a body,
             `{name: weight}` the sum of several.
-        at: name or number of a keyframe, `qpos`, or `{joint: position}` [rad, m]; the pose of rest
-            where left out. A list of such poses, or `{joint: [angles]}`: a plant per pose, modes
-            followed by their shapes through the list in its order, all joints moving together from
-            one pose to the next; a `ScheduledPlant`.
+        pose: name or number of a keyframe, `qpos`, or `{joint: position}` [rad, m]; the pose of
+            rest where left out. A list of such poses, or `{joint: [angles]}`: a plant per pose,
+            modes followed by their shapes through the list in its order, all joints moving together
+            from one pose to the next; a `ScheduledPlant`.
         rates: `{joint: rad/s}` of wheels; those of the keyframe where left out.
         discrete: a step [s]: the sampled plant that MuJoCo runs at that step with the model's own
             integrator, exact in time, its input the mean of this and the last one (`bc.HeldInput`),
             which adds a state per input. None: continuous.
-        loaded: whether the craft is linear under its own load at `at`: the gravity of its
-            `<option>`, where its base is held, and the `ctrl` of the keyframe that `at` names, such
-            as a constant thrust that accelerates a free base. Appendages are bent and stiffened by
-            it, and the liquids of tanks swing by it; attitude and rate are expressed in axes that
-            accelerate with the craft. Without it the pendulums of a liquid have no restoring
-            force. The moment of the thrust about the centre of mass is taken as balanced.
+        loaded: whether the craft is linear under its own load in `pose`: the gravity of its
+            `<option>`, where its base is held, and the `ctrl` of the keyframe that `pose` names,
+            such as a constant thrust that accelerates a free base. Appendages are bent and
+            stiffened by it, and the liquids of tanks swing by it; attitude and rate are expressed
+            in axes that accelerate with the craft. Without it the pendulums of a liquid have no
+            restoring force. The moment of the thrust about the centre of mass is taken as balanced.
 
     Returns:
         A `Plant`: `frequency`, `damping_ratio`, `gain` of its modes, `exact`,
@@ -104,7 +104,7 @@ def plant(
 
     Raises:
         InputError: an unknown name, a sensor without a linear part, torque that the actuators of
-            an allocation do not give, a pose in contact or out of range, a body that moves at `at`
+            an allocation do not give, a pose in contact or out of range, a body that moves there
             and is not a balanced wheel, nothing flexible, a step that is unstable.
         EngineError: MuJoCo refuses the model.
 
@@ -128,19 +128,19 @@ def plant(
     given = _Given(
         model if isinstance(model, Embedded) else None, whole, rates, inputs, outputs, step, loaded
     )
-    poses = poses_of(whole, at)
+    poses = poses_of(whole, pose)
     if loaded and (poses is not None or step is not None):
         raise InputError(
             f"loaded: a plant under a load is {'of one pose' if step is None else 'continuous'}; "
             f"{'give one keyframe' if step is None else 'leave discrete out'}."
         )
     if poses is None:
-        craft, said = given.craft(at)
+        craft, said = given.craft(pose)
         form = craft.form(step is not None)
         said = [*given.left_out, *said]
-        label = pose_label(whole, at)
+        label = pose_label(whole, pose)
         kept = form.minimal()
-        return given.plant(craft, form, kept, kept, craft.mode_names, said, label, at)
+        return given.plant(craft, form, kept, kept, craft.mode_names, said, label, pose)
     return given.scheduled(poses)
 
 
@@ -167,7 +167,7 @@ class _Given:
 
     def scheduled(self, poses: Poses) -> ScheduledPlant:
         """The plants of several poses, with one order of states."""
-        crafts = [self.craft(pose.at)[0] for pose in poses.each]
+        crafts = [self.craft(one.given)[0] for one in poses.each]
         names = crafts[0].mode_names
         said = self.left_out
         sampled = self.step is not None
@@ -194,18 +194,18 @@ class _Given:
             model, _ = retime_at(self.model, self.step, qpos)
         return linear_at(rest_point(quiet_copy(model), qpos)).modes()
 
-    def craft(self, at: At) -> tuple[LinearCraft, list[str]]:
+    def craft(self, pose: Pose) -> tuple[LinearCraft, list[str]]:
         """The craft at a pose, without time or at its step, and sentences on that step."""
         model = without_timing(self.model)
         said = list[str]()
         if self.step is not None:
             model, said = at_step(
-                self.model, self.step, operating_point(model, at, self.rates).qpos, self.embedded
+                self.model, self.step, operating_point(model, pose, self.rates).qpos, self.embedded
             )
-        craft = linear_craft(model, at, self.rates, self.inputs, self.outputs)
+        craft = linear_craft(model, pose, self.rates, self.inputs, self.outputs)
         if self.loaded:
-            craft, _ = under_load(craft, model, at)
-            said = [*said, *thrust_cautions(model, at)]
+            craft, _ = under_load(craft, model, pose)
+            said = [*said, *thrust_cautions(model, pose)]
         if not craft.modes.frequency.size:
             raise InputError(
                 "the model has no flexible mode, for no spring holds anything in it; put "
@@ -221,8 +221,8 @@ class _Given:
         own: ModalForm,
         names: Sequence[str],
         said: Sequence[str],
-        pose: str,
-        at: At = None,
+        label: str,
+        pose: Pose = None,
     ) -> Plant:
         """The plant of what is kept, `form`, of a craft's whole modal form in a pose; in `own` each
         mode is two states."""
@@ -257,12 +257,12 @@ class _Given:
             modes,
             said,
             self.step,
-            NO_EXACT if embedded is None else partial(_exact_plant, source, at),
+            NO_EXACT if embedded is None else partial(_exact_plant, source, pose),
             source,
             errors,
             allocations,
             unreached,
-            pose,
+            label,
             own,
         )
 
@@ -305,12 +305,12 @@ def _growing(form: ModalForm, step: float) -> list[str]:
     return said
 
 
-def _exact_plant(source: PlantSource, at: At, omega: float) -> Plant:
+def _exact_plant(source: PlantSource, pose: Pose, omega: float) -> Plant:
     """The plant with all modes of the appendages up to `omega` [rad/s]; a function of the module,
     so that it pickles."""
     craft, inputs, outputs, embedded, loaded = source
     assert embedded is not None
-    true = exact_craft(embedded, craft.point, inputs, outputs, omega, at, loaded=loaded)
+    true = exact_craft(embedded, craft.point, inputs, outputs, omega, pose, loaded=loaded)
     kept = true.form().minimal()
     return Plant(kept, craft.signals, kept.oscillators(true.mode_names))
 

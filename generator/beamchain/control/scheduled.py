@@ -38,7 +38,7 @@ class ScheduledPlant:
         joints: names of the joints that the poses name or that move between them.
         units: of their positions, `rad` or `m`.
         values: `(k, joints)` positions of these joints [rad, m].
-        joint: the one joint of a grid `at={joint: [angles]}`; None of a list of poses.
+        joint: the one joint of a grid `pose={joint: [angles]}`; None of a list of poses.
 
     Example:
         >>> import beamchain as bc
@@ -52,7 +52,7 @@ class ScheduledPlant:
         ...     segment=(bc.Segment(length=8.0, section=section),), modes=bc.Modes(xy=1, xz=0)
         ... )
         >>> scheduled = bc.plant(
-        ...     bc.embed(craft, {"mount": spec}), ["torque:bus"], at={"drive": [0.0, 0.8, 1.6]}
+        ...     bc.embed(craft, {"mount": spec}), ["torque:bus"], pose={"drive": [0.0, 0.8, 1.6]}
         ... )
         >>> len(scheduled), scheduled.matrices()[0].shape[0], scheduled[1].dt
         (3, 3, 0)

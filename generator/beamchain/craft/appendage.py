@@ -269,8 +269,7 @@ def _refuse(
     word = ", ".join(left) or field  # a mesh by default shows in aabb, rbound, ...
     raise InputError(
         "the spacecraft's defaults or compiler would change the appendage: "
-        f'{_difference_sentence(found)}; use form "attach", which no default of the spacecraft '
-        f"reaches, or take {word} out of them."
+        f"{_difference_sentence(found)}; take {word} out of them."
     )
 
 

@@ -2,7 +2,6 @@
 its keyframes laid out anew."""
 
 import os
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from io import BytesIO
@@ -41,17 +40,17 @@ class Wish(NamedTuple):
     carries: Carries = MappingProxyType({})
 
 
-def read_bare(craft: str | Path) -> tuple[Craft, dict[str, Wish], str]:
-    """The bare spacecraft, what was embedded in it by place, and in which form."""
+def read_bare(craft: str | Path) -> tuple[Craft, dict[str, Wish]]:
+    """The bare spacecraft, and what was embedded in it by place."""
     if is_foreign(craft):
-        return flattened(Path(craft)), {}, "inline"
+        return flattened(Path(craft)), {}
     read = craft_from_text(craft) if is_mjcf_text(craft) else read_craft(craft)
     marks = undo.appendage_marks(read)
     before = {
         mark.at: Wish(spec_from_dict(mark.spec, f"mark of {mark.at}"), mark.prefix, mark.carries)
         for mark in marks
     }
-    return spacecraft_before(read), before, marks[0].form if marks else "inline"
+    return spacecraft_before(read), before
 
 
 def is_foreign(craft: str | Path) -> bool:
@@ -122,28 +121,21 @@ def without_keys(craft: Craft) -> Craft:
 def compile_document(
     original: Craft,
     appendages: Sequence[Appendage],
-    form: str,
     layout: dict[str, Any] | None,
     change: Callable[[Craft], Craft] | None = None,
 ) -> "mujoco.MjModel":
     """The document with its appendages, compiled; `change` edits it before."""
-    with tempfile.TemporaryDirectory() as folder:
-        out, beside = assemble(original, appendages, form, None, "craft", layout, Path(folder))
-        for name, text in beside.items():
-            (Path(folder) / name).write_text(text, encoding="utf-8")
-        return compile_model((out if change is None else change(out)).text)
+    out = assemble(original, appendages, None, layout)
+    return compile_model((out if change is None else change(out)).text)
 
 
 def assemble(
     original: Craft,
     appendages: Sequence[Appendage],
-    form: str,
     folder: Path | None,
-    stem: str,
     layout: dict[str, Any] | None,
-    beside: Path | None = None,
-) -> tuple[Craft, dict[str, str]]:
-    """The document with its appendages for a folder, and the files of the attached ones."""
+) -> Craft:
+    """The document with its appendages for a folder; with absolute paths where that is None."""
     at = [a.at for a in appendages]
     named = [base_place(place, at) for place in at] + [
         f"body:{name}" for name in moved_bodies(appendages)
@@ -164,11 +156,7 @@ def assemble(
         )
         for a in appendages
     ]
-    files = {a.prefix: f"{stem}_{a.prefix.rstrip('_.-')}.xml" for a in appendages}
-    absolute = {
-        p: str((beside or Path.cwd()) / n) if folder is None else n for p, n in files.items()
-    }
-    out = insert.insert_appendages(out, items, form, absolute)
+    out = insert.insert_appendages(out, items)
     for a in appendages:
         for port, bodies in a.carries.items():
             for body in bodies:
@@ -186,17 +174,15 @@ def assemble(
             for element, attributes in joints.items()
         )
         out = undo.mark_step(out, timed_words(timed))
-    return out, {
-        files[i.prefix]: insert.attached_file(i) for i in items
-    } if form == "attach" else {}
+    return out
 
 
 def layout_of(
-    original: Craft, appendages: Sequence[Appendage], craft: "mujoco.MjModel", form: str
+    original: Craft, appendages: Sequence[Appendage], craft: "mujoco.MjModel"
 ) -> dict[str, Any]:
     """Which old position and velocity every new one is: compiled without keyframes,
     compared by bodies' order."""
-    model = compile_document(original, appendages, form, None, without_keys)
+    model = compile_document(original, appendages, None, without_keys)
     old = craft_elements(craft, model, appendages)["jnt"]
     if len(old) != craft.njnt:
         raise EngineError(

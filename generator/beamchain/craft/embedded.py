@@ -77,7 +77,6 @@ class Embedded:
         model: with its appendages, compiled.
         warnings: conditions that would falsify the motion, and decisions that were taken.
         document: the bare spacecraft's document; None for an `MjSpec`.
-        form: "inline" or "attach".
         steps: modes that were added to meet the tolerance of the whole craft, one line each.
         source: file of the spacecraft, if it was given as one.
         inputs: that file and all others that were read, which `write` does not replace.
@@ -107,7 +106,6 @@ class Embedded:
     model: "mujoco.MjModel"
     warnings: tuple[str, ...]
     document: Craft | None = None
-    form: str = "inline"
     steps: tuple[str, ...] = ()
     _layout: dict[str, Any] = field(default_factory=dict)
     source: Path | None = None
@@ -399,7 +397,7 @@ class Embedded:
         """The spacecraft with other appendages; None where it has no document."""
         if self.document is None:
             return None
-        return compile_document(self.document, appendages, self.form, self._layout)
+        return compile_document(self.document, appendages, self._layout)
 
     @property
     def blamed(self) -> str:
@@ -544,12 +542,12 @@ class Embedded:
             InputError: the spacecraft was given as an `MjSpec`, which has its own `to_xml`.
         """
         place = None if folder is None else path_of("folder", folder, "the path of a folder")
-        return self._files(place, "craft")[0].text
+        return self._file(place).text
 
     def write(
         self, path: str | Path, *, force: bool = False, also: Mapping[Path, str] | None = None
     ) -> list[Path]:
-        """Write the file (and, for "attach", the appendages' files beside it); all or none.
+        """Write the file, and what goes with it; all or none.
 
         Args:
             path: path of the MJCF file.
@@ -562,11 +560,8 @@ class Embedded:
         """
         path = path_of("path", path)
         check_name(path)
-        out, beside = self._files(path.parent, path.stem)
-        files: list[tuple[Path, str | bytes]] = [
-            (path.parent / name, text) for name, text in beside.items()
-        ]
-        files += [*dict(also or {}).items(), (path, out.content)]
+        content = self._file(path.parent).content
+        files: list[tuple[Path, str | bytes]] = [*dict(also or {}).items(), (path, content)]
         update = None if self.source is None else (self.source, path)
         write_files(files, force=force, inputs=self.inputs, update=update)
         return [place for place, _ in files]
@@ -670,13 +665,13 @@ class Embedded:
         """
         return report.embed_report(self, craft, output)
 
-    def _files(self, folder: Path | None, stem: str) -> tuple[Craft, dict[str, str]]:
+    def _file(self, folder: Path | None) -> Craft:
         if self.document is None:
             raise InputError(
                 "this was made from an MjSpec, which was changed in place (use its own to_xml()), "
                 "or proves a file, which is there already."
             )
-        return assemble(self.document, self.appendages, self.form, folder, stem, self._layout)
+        return assemble(self.document, self.appendages, folder, self._layout)
 
 
 def _pushes(names: Sequence[str]) -> str:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from beamchain.caution import Caution
-from beamchain.checks import is_mjcf_text, list_of_names, of_type, one_of, true_or_false
+from beamchain.checks import is_mjcf_text, list_of_names, of_type, true_or_false
 from beamchain.checks import whole_number as checked_int
 from beamchain.craft.appendage import (
     PROBE,
@@ -84,9 +84,8 @@ from beamchain.structure.readers.imported import with_length
 @one_thread()
 def embed(
     craft: "str | Path | mujoco.MjSpec",
-    at: Mapping[str, Spec | Beam | ModalData | Fit | str | Path],
+    mounts: Mapping[str, Spec | Beam | ModalData | Fit | str | Path],
     *,
-    form: str = "inline",
     prefixes: Sequence[str] | None = None,
     retime: bool | None = None,
     max_modes: int = MOST_MODES,
@@ -97,19 +96,17 @@ def embed(
 ) -> Embedded:
     """Attach appendages to a spacecraft and verify the assembled model.
 
-    Appendages of an earlier run are kept, except that those at a place named in `at` are replaced.
+    Appendages of an earlier run are kept, except that those at a place in `mounts` are replaced.
 
     Args:
         craft: path or text of an MJCF file, or an `MjSpec`, which is then changed in place.
-        at: the appendage for each named site or body of the spacecraft (x axis of its frame
+        mounts: the appendage for each named site or body of the spacecraft (x axis of its frame
             outwards): a spec, the path of a SPEC.toml, a beam, imported modes, or a fit. A fit is
             used as it is if its hub is that of the spacecraft, and otherwise repeated. If a site
             and a body share a name, write `site:NAME` or `body:NAME`; `PLACE:PORT` is the port
             `PORT` of the appendage at another `PLACE`. Imported modes without a file
             are not available when the written file is given to `embed` again.
-        form: "inline": one self-contained file; "attach": separate appendage files beside it,
-            included by `<attach>`.
-        prefixes: one per entry of `at`; default: `NAME_` of the appendage,
+        prefixes: one per entry of `mounts`; default: `NAME_` of the appendage,
             or `NAME_PLACE_` if two would have the same, `PLACE_` where that begins with `NAME`.
         retime: whether to make the appendages exact in time for the spacecraft's own step and
             integrator; default: only if the step's error would exceed a tenth of the scenes'
@@ -150,7 +147,7 @@ def embed(
     """
     loaded = true_or_false("loaded", loaded)
     with noted_inputs() as inputs:
-        result = _embed(craft, at, form, prefixes, retime, max_modes, rigid, carry, retime_joints)
+        result = _embed(craft, mounts, prefixes, retime, max_modes, rigid, carry, retime_joints)
     is_file = (
         isinstance(craft, str | Path) and result.document is not None and not is_mjcf_text(craft)
     )
@@ -160,7 +157,6 @@ def embed(
         call = partial(
             embed,
             craft,
-            form=form,
             prefixes=prefixes,
             retime=retime,
             max_modes=max_modes,
@@ -174,7 +170,7 @@ def embed(
         inputs=tuple(inputs),
         loaded=loaded,
         call=call,
-        given=at,
+        given=mounts,
         retime=True if retime_joints else retime,
         joints=retime_joints,
         most=max_modes,
@@ -234,8 +230,7 @@ def _left_out_cautions(result: Embedded, items: Sequence[Carried]) -> list[str]:
 
 def _embed(
     craft: "str | Path | mujoco.MjSpec",
-    at: Mapping[str, Spec | Beam | ModalData | Fit | str | Path],
-    form: str,
+    mounts: Mapping[str, Spec | Beam | ModalData | Fit | str | Path],
     prefixes: Sequence[str] | None,
     retime: bool | None,
     max_modes: int,
@@ -245,8 +240,7 @@ def _embed(
 ) -> Embedded:
     """Do the work of `embed`."""
     hung = checked_carry(carry)
-    one_of("form", form, insert.FORMS)
-    check_places(at)
+    check_places(mounts)
     rigid = true_or_false("rigid", rigid)
     retime = None if retime is None else true_or_false("retime", retime)
     joints = true_or_false("retime_joints", retime_joints)
@@ -258,19 +252,21 @@ def _embed(
         )
     if joints and retime is False:
         raise InputError("retime_joints needs timing; leave out retime=False (--no-retime).")
-    if not at:
-        raise InputError("nothing to embed: give at least one place and spec, --at NAME=SPEC.toml.")
-    given = [] if prefixes is None else list_of_names("prefixes", prefixes)
-    if given and len(given) != len(at):
+    if not mounts:
         raise InputError(
-            f"{len(given)} prefixes are given for {len(at)} appendages; give one --prefix per "
-            "--at, or none."
+            "nothing to embed: give at least one place and spec, --mount NAME=SPEC.toml."
+        )
+    given = [] if prefixes is None else list_of_names("prefixes", prefixes)
+    if given and len(given) != len(mounts):
+        raise InputError(
+            f"{len(given)} prefixes are given for {len(mounts)} appendages; give one --prefix per "
+            "--mount, or none."
         )
     wanted: dict[str, Wish] = {}
     ready: dict[str, Fit] = {}
     held: dict[str, ModalData] = {}
     most = checked_int("max_modes", max_modes, 0, 1000)
-    for i, (name, one) in enumerate(at.items()):
+    for i, (name, one) in enumerate(mounts.items()):
         made = one if isinstance(one, Fit) else None
         data = made.space.data if made is not None and made.space is not None else one
         if isinstance(data, ModalData):
@@ -291,16 +287,14 @@ def _embed(
                 f"{', '.join(wanted)}."
             )
     carries = any(wish.carries or split_port(at, wanted) for at, wish in wanted.items())
-    if carries and (form == "attach" or isinstance(craft, mujoco.MjSpec)):
-        what = 'form = "attach"' if form == "attach" else "an MjSpec"
+    if carries and isinstance(craft, mujoco.MjSpec):
         raise InputError(
-            f"{what} holds no bodies on ports; give the path of the spacecraft's file and "
-            'form = "inline".'
+            "an MjSpec holds no bodies on ports; give the path of the spacecraft's file."
         )
     fits = Fits(ready, held)
     if isinstance(craft, mujoco.MjSpec):
         return _embed_in_spec(craft, _assign_prefixes({}, wanted), retime, most, fits, rigid)
-    original, before, _ = read_bare(craft)
+    original, before = read_bare(craft)
     wanted = _assign_prefixes(before, wanted)
     flat = is_foreign(craft)
     hanging = [
@@ -309,7 +303,7 @@ def _embed(
     places = [*(base_place(at, wanted) for at in wanted), *(f"body:{name}" for name in hanging)]
     if not all(is_written_out(original, place) for place in places):
         original, flat = flattened(original), True
-    made = _embed_in_document(original, wanted, form, retime, most, fits, rigid, joints)
+    made = _embed_in_document(original, wanted, retime, most, fits, rigid, joints)
     if not flat:
         return made
     note = Caution(
@@ -320,12 +314,12 @@ def _embed(
     return replace(made, warnings=(*made.warnings, note))
 
 
-def check_places(at: object) -> None:
+def check_places(mounts: object) -> None:
     """Appendages by place, as `embed` takes them."""
-    of_type("at", at, Mapping, 'appendages by place: {"mount": "array.toml"}')
-    assert isinstance(at, Mapping)
-    for name in at:
-        of_type("a place in at", name, str, "the name of a site or body of the spacecraft")
+    of_type("mounts", mounts, Mapping, 'appendages by place: {"mount": "array.toml"}')
+    assert isinstance(mounts, Mapping)
+    for name in mounts:
+        of_type("a place in mounts", name, str, "the name of a site or body of the spacecraft")
 
 
 def _assign_prefixes(before: dict[str, Wish], wanted: dict[str, Wish]) -> dict[str, Wish]:
@@ -365,7 +359,7 @@ def take_out(craft: str | Path, at: Sequence[str] = ()) -> "Craft | Embedded":
 
     `craft`: path or text of a file that `embed` wrote.
     """
-    original, before, form = read_bare(craft)
+    original, before = read_bare(craft)
     missing = [name for name in at if name not in before]
     if not before or missing:
         place = f"at {missing[0]!r} " if missing else ""
@@ -374,7 +368,7 @@ def take_out(craft: str | Path, at: Sequence[str] = ()) -> "Craft | Embedded":
             f"{', '.join(before) or 'none'}."
         )
     left = {name: entry for name, entry in before.items() if at and name not in at}
-    return _embed_in_document(original, left, form) if left else original
+    return _embed_in_document(original, left) if left else original
 
 
 # -- into a document -------------------------------------------------------------------------------
@@ -387,7 +381,7 @@ def marked_appendages(
     Raises:
         BeamchainError: modes that were imported are no longer where the marks say.
     """
-    original, marked, _ = read_bare(path)
+    original, marked = read_bare(path)
     return _fit_on_craft(original, marked, MOST_MODES, Fits(), rigid=False)[:2] if marked else None
 
 
@@ -398,13 +392,12 @@ class Marked(NamedTuple):
     original: Craft
     craft: "mujoco.MjModel"
     wanted: dict[str, Wish]
-    form: str
     appendages: tuple[Appendage, ...]
 
     def compiled(self) -> "mujoco.MjModel":
         """The spacecraft with the appendages, without timing."""
-        layout = layout_of(self.original, self.appendages, self.craft, self.form)
-        return compile_document(self.original, self.appendages, self.form, layout)
+        layout = layout_of(self.original, self.appendages, self.craft)
+        return compile_document(self.original, self.appendages, layout)
 
     def with_specs(self, specs: Mapping[str, Spec]) -> "Marked":
         """The same spacecraft with appendages of other specifications, by place."""
@@ -419,14 +412,14 @@ class Marked(NamedTuple):
         return self._replace(appendages=tuple(replace(a, rigid=True) for a in self.appendages))
 
 
-def marked_craft(original: Craft, wanted: dict[str, Wish], form: str) -> Marked:
+def marked_craft(original: Craft, wanted: dict[str, Wish]) -> Marked:
     """A file that `embed` wrote, as `read_bare` takes it apart, with its appendages.
 
     Raises:
         BeamchainError: modes that were imported are no longer where the marks say.
     """
     craft, appendages, *_ = _fit_on_craft(original, wanted, MOST_MODES, Fits(), rigid=False)
-    return Marked(original, craft, wanted, form, appendages)
+    return Marked(original, craft, wanted, appendages)
 
 
 def _fit_on_craft(
@@ -459,7 +452,6 @@ def _reach(at: str, wanted: Mapping[str, Wish]) -> float:
 def _embed_in_document(
     original: Craft,
     wanted: dict[str, Wish],
-    form: str,
     retime: bool | None = None,
     most: int = MOST_MODES,
     fits: "Fits | None" = None,
@@ -473,24 +465,23 @@ def _embed_in_document(
     check_flags(craft)
     check_names(craft, appendages)
     compatibility.check_compiler(original.parts(), *lightest(appendages))
-    layout = layout_of(original, appendages, craft, form)
+    layout = layout_of(original, appendages, craft)
     appendages, model, said = _time_and_check(
         craft,
         appendages,
-        lambda made: compile_document(original, made, form, layout),
+        lambda made: compile_document(original, made, layout),
         True if joints else retime,
         compatibility.default_attributes(original.parts()),
         joints=joints,
     )
     if joints:  # a joint that the file does not hold by name is refused before anything is written
-        assemble(original, appendages, form, None, "craft", layout)
+        assemble(original, appendages, None, layout)
     return Embedded(
         appendages,
         craft,
         model,
         (*warnings, *said),
         original,
-        form,
         steps,
         layout,
     )
@@ -513,8 +504,9 @@ def _embed_in_spec(
         if len(found) != 1:
             known = ", ".join(s.name for s in [*spec.sites, *spec.bodies] if s.name)
             raise InputError(
-                f"--at {at}: the spacecraft has {'both a site and a' if found else 'no site or'} "
-                f"body {name!r}; write site:{name} or body:{name}, or choose from: {known}."
+                f"--mount {at}: the spacecraft has "
+                f"{'both a site and a' if found else 'no site or'} body {name!r}; write "
+                f"site:{name} or body:{name}, or choose from: {known}."
             )
         places[at] = found[0], name
         _owner(probe, *places[at]).add_body(name=f"{PROBE}{len(places)}")

@@ -24,8 +24,8 @@ from beamchain.engine.linear import Linear, Signal, linear_at
 from beamchain.engine.loaded import Loading, load_at
 from beamchain.engine.normal_modes import NormalModes, normal_modes
 from beamchain.engine.operating_point import (
-    At,
     OperatingPoint,
+    Pose,
     Rates,
     base_body,
     operating_point,
@@ -112,10 +112,10 @@ class LinearCraft:
 
 
 def linear_craft(
-    model: "mujoco.MjModel", at: At, rates: Rates, inputs: InputNames, outputs: OutputNames
+    model: "mujoco.MjModel", pose: Pose, rates: Rates, inputs: InputNames, outputs: OutputNames
 ) -> LinearCraft:
     """A compiled model with its signals, linear at a point; arguments as in `plant`."""
-    point = operating_point(model, at, rates)
+    point = operating_point(model, pose, rates)
     return craft_with_signals(point, inputs_of(point, inputs), outputs_of(point, outputs))
 
 
@@ -134,7 +134,7 @@ def exact_craft(
     inputs: InputNames,
     outputs: OutputNames,
     omega: float,
-    at: At = None,
+    pose: Pose = None,
     *,
     loaded: bool = False,
 ) -> LinearCraft:
@@ -142,7 +142,7 @@ def exact_craft(
     at the pose and rates of a point of the whole model.
 
     `inputs` and `outputs` are names as in `plant`,
-    `omega` the highest frequency of interest [rad/s]; `loaded`: under what acts at the pose `at`.
+    `omega` the highest frequency of interest [rad/s]; `loaded`: under what acts in `pose`.
     """
     items = carried(embedded.model, embedded.appendages)
     new = {dof for item in items for dof in item.dofs}
@@ -184,7 +184,7 @@ def exact_craft(
         linear = alone.with_appendages(models, [root.motion for root in roots])
         coordinates = [*alone.coordinates, *modes]
         if loaded:
-            load = _load(embedded, items, at)
+            load = _load(embedded, items, pose)
             tree = LoadedTree(
                 bare.model, bare.qpos, roots, [item.mount for item in items], lines, load
             )
@@ -230,13 +230,13 @@ def _lines(items: Sequence[Carried], omega: float) -> list[BentLine | HangingLiq
     return [item.line(omega) for item in items if item.line is not None]
 
 
-def _load(embedded: Embedded, items: Sequence[Carried], at: At) -> Loading:
+def _load(embedded: Embedded, items: Sequence[Carried], pose: Pose) -> Loading:
     """What acts on the bare spacecraft at a pose."""
     craft = embedded.craft
     base = base_body(craft, items[0].mount.body)
     mass = float(craft.body_subtreemass[base])
     mass += sum(float(item.whole.rigid_mass[0, 0]) for item in items)
-    return load_at(craft, at, base, mass)
+    return load_at(craft, pose, base, mass)
 
 
 def _names(prefix: str, model: PortModel) -> list[str]:

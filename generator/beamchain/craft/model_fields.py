@@ -22,7 +22,7 @@ from beamchain.errors import InputError, RealisationError
 from beamchain.ports.motions import Array
 from beamchain.steps.forms import form2, form4
 from beamchain.steps.modal import MadeFor, Modal, condensed_mass, modal_tendons
-from beamchain.steps.retime import retime, write_values
+from beamchain.steps.retime import retime, retime_by, write_values
 from beamchain.steps.step_map import motion_for
 
 #: What `mj_setConst` derives from masses, places and lengths.
@@ -104,7 +104,7 @@ class Maker:
         """Make an untimed variant of that mass matrix at rest exact in time as the nominal
         model is, in place."""
         if self.mark is not None and self.mark.form == 5:
-            retime(model, self.mark.timestep, self.mark.integrator, form=5)
+            retime_by(5, model, self.mark.timestep, self.mark.integrator)
         elif self.mark is not None:  # what `retime` does, without reading the model anew
             modal = self._drawn(model)
             places = list(poses(model).values())

@@ -17,7 +17,7 @@ from beamchain.engine.loaded import (
     loaded_linear,
     offset_cautions,
 )
-from beamchain.engine.operating_point import At, base_body, keyframe_names
+from beamchain.engine.operating_point import Pose, base_body, keyframe_names
 from beamchain.errors import InputError
 from beamchain.fitting.slosh import weightless
 from beamchain.mjcf.write import HINGE
@@ -50,11 +50,13 @@ def limp_cautions(model: "mujoco.MjModel", why: str) -> list[str]:
     return [weightless(f"{', '.join(tanks)}: {why}")] if tanks else []
 
 
-def under_load(craft: LinearCraft, model: "mujoco.MjModel", at: At) -> tuple[LinearCraft, Loading]:
+def under_load(
+    craft: LinearCraft, model: "mujoco.MjModel", pose: Pose
+) -> tuple[LinearCraft, Loading]:
     """A craft of a compiled `model` at a pose under its own load, and that load."""
     dofs = hinge_dofs(model)
     base = _base(model, dofs)
-    load = load_at(model, at, base, float(model.body_subtreemass[base]))
+    load = load_at(model, pose, base, float(model.body_subtreemass[base]))
     linear = loaded_linear(craft.linear, craft.point.model, craft.point.qpos, dofs, load)
     internal = internal_stiffness(linear.stiffness, load)
     check_standing(internal, load)
@@ -63,9 +65,9 @@ def under_load(craft: LinearCraft, model: "mujoco.MjModel", at: At) -> tuple[Lin
     return changed, load
 
 
-def thrust_cautions(model: "mujoco.MjModel", at: At) -> list[str]:
+def thrust_cautions(model: "mujoco.MjModel", pose: Pose) -> list[str]:
     """That the thrust of a compiled `model` at a pose passes beside its centre of mass."""
-    key = key_number(model, at)
+    key = key_number(model, pose)
     if key is None:
         return []
     base = _base(model, hinge_dofs(model))

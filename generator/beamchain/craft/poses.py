@@ -1,5 +1,5 @@
-"""Poses of a craft: what `at` of `plant` may be, what each pose is called, and the way from one to
-the next."""
+"""Poses of a craft: what `pose` of `plant` may be, what each pose is called, and the way from one
+to the next."""
 
 from collections.abc import Mapping
 from numbers import Integral, Real
@@ -10,7 +10,7 @@ import numpy as np
 from beamchain.checks import finite_array, number
 from beamchain.engine.library import mujoco
 from beamchain.engine.operating_point import (
-    At,
+    Pose,
     check_pose,
     is_cyclic,
     is_slide,
@@ -25,11 +25,11 @@ MOVED = 1e-9  # [rad, m] below which a joint has not moved
 NAMED = 4  # joints that the label of bare positions may name
 
 
-class Pose(NamedTuple):
+class LabelledPose(NamedTuple):
     """A pose: its label, what `operating_point` takes for it, and its positions `(nq,)`."""
 
     label: str
-    at: At
+    given: Pose
     qpos: Array
 
 
@@ -44,7 +44,7 @@ class Poses(NamedTuple):
         joint: the one joint that a grid of its angles moves; None of a list of poses.
     """
 
-    each: tuple[Pose, ...]
+    each: tuple[LabelledPose, ...]
     joints: tuple[str, ...]
     units: tuple[str, ...]
     values: Array
@@ -96,40 +96,40 @@ class Way(NamedTuple):
         return out
 
 
-def poses_of(model: "mujoco.MjModel", at: At) -> Poses | None:
-    """The poses that `at` lists, or a grid of one joint's angles; None where it is one pose."""
-    grid = _angle_grid(at)
+def poses_of(model: "mujoco.MjModel", pose: Pose) -> Poses | None:
+    """The poses that `pose` lists, or a grid of one joint's angles; None where it is one pose."""
+    grid = _angle_grid(pose)
     if grid is not None:
         joint, angles = grid
-        each = [{**at, joint: float(angle)} for angle in angles]
-        return _made(model, each, ["at"] * len(each), joint)
-    if isinstance(at, list | tuple) and not at:
+        each = [{**pose, joint: float(angle)} for angle in angles]
+        return _made(model, each, ["pose"] * len(each), joint)
+    if isinstance(pose, list | tuple) and not pose:
         raise InputError(
-            "at is an empty list; give at least one pose, or leave at out for the pose that the "
+            "pose is an empty list; give at least one pose, or leave pose out for the one that the "
             "model has."
         )
-    if not _is_list_of_poses(at):
+    if not _is_list_of_poses(pose):
         return None
-    each = [{} if one is None else one for one in at]
-    return _made(model, each, [f"at[{i}]" for i in range(len(each))])
+    each = [{} if one is None else one for one in pose]
+    return _made(model, each, [f"pose[{i}]" for i in range(len(each))])
 
 
-def pose_label(model: "mujoco.MjModel", at: At) -> str:
+def pose_label(model: "mujoco.MjModel", pose: Pose) -> str:
     """What one pose is called; empty where none is asked for."""
-    return "" if at is None else _label(model, at, state_at(model, at)[0], 1)
+    return "" if pose is None else _label(model, pose, state_at(model, pose)[0], 1)
 
 
-def _is_list_of_poses(at: At) -> bool:
+def _is_list_of_poses(pose: Pose) -> bool:
     """Whether something in a list is no number: numbers alone are one pose's positions."""
-    listed = isinstance(at, list | tuple) or (isinstance(at, np.ndarray) and at.ndim > 0)
-    return listed and any(not isinstance(one, Real) for one in at)
+    listed = isinstance(pose, list | tuple) or (isinstance(pose, np.ndarray) and pose.ndim > 0)
+    return listed and any(not isinstance(one, Real) for one in pose)
 
 
-def _angle_grid(at: At) -> tuple[str, Array] | None:
-    """The joint and its angles where `at` is a grid; None where it is not."""
-    given = at.items() if isinstance(at, Mapping) else ()
+def _angle_grid(pose: Pose) -> tuple[str, Array] | None:
+    """The joint and its angles where `pose` is a grid; None where it is not."""
+    given = pose.items() if isinstance(pose, Mapping) else ()
     many = {
-        str(name): finite_array(f"at[{name!r}]", values, unit="rad")
+        str(name): finite_array(f"pose[{name!r}]", values, unit="rad")
         for name, values in given
         if np.ndim(values) > 0
     }
@@ -138,21 +138,21 @@ def _angle_grid(at: At) -> tuple[str, Array] | None:
     name, values = next(iter(many.items()))
     if len(many) > 1 or values.ndim != 1 or values.size == 0:
         raise InputError(
-            f"at = {at!r:.80} gives {', '.join(many)} more than one angle; only one joint can have "
-            f'a list of angles, at={{"{name}": [0.0, 0.5]}}; for several joints give a list of '
-            f'poses, at=[{{"{name}": 0.0, ...}}, ...].'
+            f"pose = {pose!r:.80} gives {', '.join(many)} more than one angle; only one joint "
+            f'can have a list of angles, pose={{"{name}": [0.0, 0.5]}}; for several joints give '
+            f'a list of poses, pose=[{{"{name}": 0.0, ...}}, ...].'
         )
-    return name, np.array([number(f"at[{name!r}]", float(value), "rad") for value in values])
+    return name, np.array([number(f"pose[{name!r}]", float(value), "rad") for value in values])
 
 
 def _made(
-    model: "mujoco.MjModel", each: list[At], fields: list[str], joint: str | None = None
+    model: "mujoco.MjModel", each: list[Pose], fields: list[str], joint: str | None = None
 ) -> Poses:
     singles = single_joints(model)
-    states = [state_at(model, at, field)[0] for at, field in zip(each, fields, strict=True)]
+    states = [state_at(model, pose, field)[0] for pose, field in zip(each, fields, strict=True)]
     for qpos, field in zip(states, fields, strict=True):
         check_pose(model, qpos, field)
-    named = {str(name) for at in each if isinstance(at, Mapping) for name in at}
+    named = {str(name) for pose in each if isinstance(pose, Mapping) for name in pose}
     moved = [
         name
         for name, number_of_joint in singles.items()
@@ -162,9 +162,10 @@ def _made(
         [[qpos[model.jnt_qposadr[singles[name]]] for name in moved] for qpos in states]
     ).reshape(len(each), len(moved))
     labels = [
-        _label(model, at, qpos, i) for i, (at, qpos) in enumerate(zip(each, states, strict=True), 1)
+        _label(model, pose, qpos, i)
+        for i, (pose, qpos) in enumerate(zip(each, states, strict=True), 1)
     ]
-    made = tuple(Pose(*row) for row in zip(labels, each, states, strict=True))
+    made = tuple(LabelledPose(*row) for row in zip(labels, each, states, strict=True))
     units = tuple("m" if is_slide(model, singles[name]) else "rad" for name in moved)
     return Poses(made, tuple(moved), units, locked(values), joint)
 
@@ -176,15 +177,15 @@ def _moves(model: "mujoco.MjModel", states: list[Array], joint: int) -> bool:
     return max(values) - min(values) > MOVED and not is_cyclic(model, states[0], joint)
 
 
-def _label(model: "mujoco.MjModel", at: At, qpos: Array, place: int) -> str:
+def _label(model: "mujoco.MjModel", pose: Pose, qpos: Array, place: int) -> str:
     """What a pose is called: joints with their values, or the keyframe's name."""
-    if isinstance(at, str):
-        return at
-    if isinstance(at, Integral):
-        return str(model.key(int(at)).name) or f"keyframe {at}"
+    if isinstance(pose, str):
+        return pose
+    if isinstance(pose, Integral):
+        return str(model.key(int(pose)).name) or f"keyframe {pose}"
     singles = single_joints(model)
-    if isinstance(at, Mapping):
-        joints = [str(name) for name in at]
+    if isinstance(pose, Mapping):
+        joints = [str(name) for name in pose]
     else:
         changed = np.abs(qpos - np.asarray(model.qpos0)) > MOVED
         joints = [

@@ -214,12 +214,12 @@ def slews(
         InputError: a name is none of a hinge that can be slewed.
     """
     try:
-        original, wanted, form = read_bare(path)
+        original, wanted = read_bare(path)
         if not wanted or not _drives(compile_model(relocate(original, None).text)):
             _wished(model, [], joints)
             return Slews()
         say("dividing the appendages finely")
-        marked = marked_craft(original, wanted, form)
+        marked = marked_craft(original, wanted)
         hinges = _hinges(marked)
         wished = _wished(marked.craft, hinges, joints)
         if not hinges:

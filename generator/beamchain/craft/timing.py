@@ -21,7 +21,7 @@ from beamchain.ports.compare import compared_ratios, keeps_tolerance
 from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.modal import modal_tendons
 from beamchain.steps.poles import pole_rows
-from beamchain.steps.retime import retime, time_reason
+from beamchain.steps.retime import retime_by, time_reason
 from beamchain.steps.step_map import TimeError, growing_poses, time_error
 from beamchain.steps.turn import turn_error
 
@@ -225,5 +225,5 @@ def with_timing(
     and what was slowed for it; `band`, `joints` as of `retime`."""
     model = copy.copy(model)
     integrator = NUMBERS[int(model.opt.integrator)]
-    plan = retime(model, float(model.opt.timestep), integrator, form=4, band=band, joints=joints)
+    plan = retime_by(4, model, float(model.opt.timestep), integrator, band=band, joints=joints)
     return model, plan.slowed

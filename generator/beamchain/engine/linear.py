@@ -20,7 +20,7 @@ from beamchain.engine.combinations import InputNames, OutputNames, inputs_of, ou
 from beamchain.engine.library import mujoco, one_thread
 from beamchain.engine.linearise import check_freedoms, compile_model, dense_mass
 from beamchain.engine.normal_modes import NormalModes, normal_modes
-from beamchain.engine.operating_point import At, OperatingPoint, Rates, operating_point
+from beamchain.engine.operating_point import OperatingPoint, Pose, Rates, operating_point
 from beamchain.engine.signals import Input, Output, actuator_names
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array, locked
@@ -184,7 +184,7 @@ class Linear:
         source: "mujoco.MjModel | str | Path",
         inputs: InputNames = (),
         outputs: OutputNames = (),
-        at: At = None,
+        pose: Pose = None,
         *,
         rates: Rates = None,
     ) -> "Linear":
@@ -196,18 +196,18 @@ class Linear:
         Args:
             source: a compiled model, MJCF text, or a path.
             inputs, outputs: as for `bc.plant`; none where left out.
-            at: name or number of a keyframe, `qpos`, or `{joint: angle}` [rad]; the pose of rest
+            pose: name or number of a keyframe, `qpos`, or `{joint: angle}` [rad]; the pose of rest
                 where left out.
             rates: `{joint: rad/s}` of wheels; those of the keyframe where left out.
 
         Raises:
             InputError: an unknown name, a sensor without a linear part, a pose in contact or out
-                of range, a body that moves at `at` and is not a balanced wheel.
+                of range, a body that moves in `pose` and is not a balanced wheel.
             EngineError: the model does not compile, or has no degree of freedom.
         """
         model = compile_model(source)
         check_freedoms(model)
-        point = operating_point(model, at, rates)
+        point = operating_point(model, pose, rates)
         driven = inputs_of(point, inputs) if inputs is None or len(inputs) else []
         seen = outputs_of(point, outputs) if outputs is None or len(outputs) else []
         return linear_at(point, driven, seen)

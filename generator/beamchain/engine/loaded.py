@@ -18,7 +18,7 @@ from beamchain.engine.forces import gravity_of
 from beamchain.engine.library import mujoco
 from beamchain.engine.linear import POSITION, Linear, slopes
 from beamchain.engine.linearise import dense_mass
-from beamchain.engine.operating_point import At, keyframe_names, still_copy
+from beamchain.engine.operating_point import Pose, keyframe_names, still_copy
 from beamchain.errors import EngineError, InputError
 from beamchain.ports.motions import Array
 
@@ -167,21 +167,21 @@ def offset_cautions(
     return [Caution("thrust-offset", text)]
 
 
-def key_number(model: "mujoco.MjModel", at: At) -> int | None:
-    """Number of the keyframe that `at` of `plant` names; None for none."""
-    if isinstance(at, str):
-        return keyframe_names(model).index(at) if at in keyframe_names(model) else None
-    return int(at) if isinstance(at, int | np.integer) and not isinstance(at, bool) else None
+def key_number(model: "mujoco.MjModel", pose: Pose) -> int | None:
+    """Number of the keyframe that `pose` of `plant` names; None for none."""
+    if isinstance(pose, str):
+        return keyframe_names(model).index(pose) if pose in keyframe_names(model) else None
+    return int(pose) if isinstance(pose, int | np.integer) and not isinstance(pose, bool) else None
 
 
-def load_at(model: "mujoco.MjModel", at: At, body: int, mass: float) -> Loading:
-    """What acts on a model at a pose that `at` of `plant` names.
+def load_at(model: "mujoco.MjModel", pose: Pose, body: int, mass: float) -> Loading:
+    """What acts on a model at a pose that `pose` of `plant` names.
 
     `body`: its base; `mass`: of all that moves with it [kg].
     """
-    found = loading_at(model, still_copy(model), key_number(model, at), body, mass)
+    found = loading_at(model, still_copy(model), key_number(model, pose), body, mass)
     if found is None:
-        where = "in the pose of rest" if at is None else f"at {at!r:.60}"
+        where = "in the pose of rest" if pose is None else f"at {pose!r:.60}"
         raise InputError(
             f"loaded: nothing acts on the spacecraft {where}: its gravity is zero or its base is "
             "free and falls with it, and no ctrl pushes it; hold its base, or name a keyframe with "

@@ -103,8 +103,8 @@ def mount(
     place = int(mujoco.mj_name2id(model, getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), name))
     if place < 0:
         raise InputError(
-            f"--at {at}: the compiled spacecraft has no {kind} {name!r}; name one that is written "
-            "out."
+            f"--mount {at}: the compiled spacecraft has no {kind} {name!r}; name one that is "
+            "written out."
         )
     if kind == "site":
         body = int(model.site_bodyid[place])
@@ -127,8 +127,9 @@ def mount(
     top = int(model.body_weldid[body])
     if top == 0:
         raise InputError(
-            f"--at {at}: {kind} {name!r} belongs to a body welded to the world, which no appendage "
-            "can move; give the spacecraft's body a <freejoint/>, or name a body that moves."
+            f"--mount {at}: {kind} {name!r} belongs to a body welded to the world, which no "
+            "appendage can move; give the spacecraft's body a <freejoint/>, or name a body that "
+            "moves."
         )
     return Mount(
         at,

@@ -26,7 +26,7 @@ LIMITS = (
     "tendon_actfrclimited",
 )
 
-At = Any  # str | int | array of positions | Mapping[str, float | array]
+Pose = Any  # str | int | array of positions | Mapping[str, float | array]
 Positions = Callable[[Any], dict[str, Array]]  # of a model by pose
 Rates = Mapping[str, float] | None  # of wheels, by joint [rad/s]
 
@@ -117,10 +117,12 @@ def quiet_copy(model: "mujoco.MjModel") -> "mujoco.MjModel":
     return out
 
 
-def operating_point(model: "mujoco.MjModel", at: At = None, rates: Rates = None) -> OperatingPoint:
-    """The point that `at` and `rates` of `plant` name, in a copy of the model without gravity,
+def operating_point(
+    model: "mujoco.MjModel", pose: Pose = None, rates: Rates = None
+) -> OperatingPoint:
+    """The point that `pose` and `rates` of `plant` name, in a copy of the model without gravity,
     medium and constraints."""
-    qpos, qvel = state_at(model, at)
+    qpos, qvel = state_at(model, pose)
     if rates is not None:
         of_type("rates", rates, Mapping, 'speeds by joint: {"wheel": 300.0} in rad/s')
     for name, value in (rates or {}).items():
@@ -140,22 +142,22 @@ def operating_point(model: "mujoco.MjModel", at: At = None, rates: Rates = None)
     return OperatingPoint(ready, qpos, qvel)
 
 
-def state_at(model: "mujoco.MjModel", at: At, field: str = "at") -> tuple[Array, Array]:
-    """Positions `(nq,)` and rates `(nv,)` that `at` of `plant`, here called `field`, names."""
+def state_at(model: "mujoco.MjModel", pose: Pose, field: str = "pose") -> tuple[Array, Array]:
+    """Positions `(nq,)` and rates `(nv,)` that `pose` of `plant`, here called `field`, names."""
     qpos = np.array(model.qpos0)
     qvel = np.zeros(model.nv)
-    if isinstance(at, str | int | np.integer):
-        key = _keyframe(model, at, field)
+    if isinstance(pose, str | int | np.integer):
+        key = _keyframe(model, pose, field)
         qpos = np.array(model.key_qpos[key])
         qvel = np.array(model.key_qvel[key])
-    elif isinstance(at, Mapping):
-        for name, value in at.items():
+    elif isinstance(pose, Mapping):
+        for name, value in pose.items():
             joint = _joint(model, field, str(name))
             unit = "m" if is_slide(model, joint) else "rad"
             qpos[model.jnt_qposadr[joint]] = number(f"{field}[{name!r}]", value, unit)
-    elif at is not None:
+    elif pose is not None:
         wanted = f"qpos with shape ({model.nq},), finite, a keyframe's name, or angles by joint"
-        given = as_array(field, at, wanted)
+        given = as_array(field, pose, wanted)
         if given.shape != (model.nq,):
             raise InputError(f"{field} has the shape {given.shape}; give {wanted}.")
         qpos = finite_array(field, given)
@@ -167,18 +169,18 @@ def keyframe_names(model: "mujoco.MjModel") -> list[str]:
     return [str(model.key(k).name) for k in range(model.nkey)]
 
 
-def _keyframe(model: "mujoco.MjModel", at: "str | int | np.integer[Any]", field: str) -> int:
+def _keyframe(model: "mujoco.MjModel", pose: "str | int | np.integer[Any]", field: str) -> int:
     names = keyframe_names(model)
-    if isinstance(at, str):
-        if at not in names:
-            joint = at if at in single_joints(model) else "joint"
-            raise unknown(field, at, names, f"Or give angles by joint, {{{joint!r}: 0.5}}.")
-        return names.index(at)
-    if isinstance(at, bool) or not 0 <= int(at) < model.nkey:
+    if isinstance(pose, str):
+        if pose not in names:
+            joint = pose if pose in single_joints(model) else "joint"
+            raise unknown(field, pose, names, f"Or give angles by joint, {{{joint!r}: 0.5}}.")
+        return names.index(pose)
+    if isinstance(pose, bool) or not 0 <= int(pose) < model.nkey:
         raise InputError(
-            f"{field} = {at!r} is no keyframe; the model has {model.nkey}, numbered from 0."
+            f"{field} = {pose!r} is no keyframe; the model has {model.nkey}, numbered from 0."
         )
-    return int(at)
+    return int(pose)
 
 
 def single_joints(model: "mujoco.MjModel") -> dict[str, int]:
@@ -221,7 +223,7 @@ def value_text(model: "mujoco.MjModel", joint: int, value: float) -> str:
     return f"{round(float(np.degrees(value)), ROUNDED) + 0.0:.6g}°"
 
 
-def check_pose(model: "mujoco.MjModel", qpos: Array, field: str = "at") -> None:
+def check_pose(model: "mujoco.MjModel", qpos: Array, field: str = "pose") -> None:
     """Refuse a pose, here called `field`, that is out of a joint's range or in contact."""
     for j in np.flatnonzero(
         np.asarray(model.jnt_limited, dtype=bool) & (np.asarray(model.jnt_type) >= 2)
@@ -251,7 +253,7 @@ def _check_rates(model: "mujoco.MjModel", qpos: Array, qvel: Array) -> None:
             continue
         name = model.joint(joint).name or f"joint {joint}"
         raise InputError(
-            f"at: joint {name!r} moves at {qvel[dof]:g} in this state, and the plant would change "
-            f"as it moves; only balanced wheels may turn; give rates={{{name!r}: 0.0}} to "
+            f"pose: joint {name!r} moves at {qvel[dof]:g} in this state, and the plant would "
+            f"change as it moves; only balanced wheels may turn; give rates={{{name!r}: 0.0}} to "
             "linearise at rest."
         )

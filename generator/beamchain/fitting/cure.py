@@ -80,10 +80,7 @@ def cure_of(made: Fit, again: Callable[[Spec], Fit]) -> Cure | None:
         at_step = replace(one, spec=_at_step(one.spec, setting))
         return float("inf") if at_step.decisive is None else at_step.decisive
 
-    typed = scene is not None and scene.timestep is not None
-    names = Names(
-        'write scene.integrator = "{}"', f"write {'scene' if typed else 'fit'}.timestep = {{}}"
-    )
+    names = Names('write scene.integrator = "{}"', "write scene.timestep = {}")
     return find_cure(now, error, wished, names, scene.tolerance if scene and judged else None)
 
 
@@ -105,4 +102,4 @@ def _at_step(spec: Spec, setting: Setting) -> Spec:
     """A specification with another integrator and step."""
     step = setting.timestep
     scene = structs.replace(spec.scene or Scene(), integrator=setting.integrator, timestep=step)
-    return structs.replace(spec, scene=scene, fit=structs.replace(spec.fit, timestep=step))
+    return structs.replace(spec, scene=scene)

@@ -14,7 +14,7 @@ from beamchain.mjcf.skin import Skin
 from beamchain.mjcf.tank import tank_shapes
 from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.limits import StepLimits
-from beamchain.steps.retime import retime
+from beamchain.steps.retime import retime_by
 from beamchain.steps.retime_file import put_hinge_armature, put_time
 from beamchain.structure.mass_line import MassLine
 
@@ -51,7 +51,7 @@ def put_timing(tree: Element, spec: Spec, *, sprung: bool, form: int) -> None:
         return
     if sprung:
         model = compile_model(write.document_text(tree))
-        retime(model, step, integrator, form=form)
+        retime_by(form, model, step, integrator)
         put_time(tree, model)
     elif spec.fit.springs == "hinges":
         put_hinge_armature(tree, step, integrator)

@@ -52,7 +52,6 @@ def fit(
     target: Target | None = None,
     damping: float | Mapping[str, Sequence[float]] | Damping | None = None,
     scene: Scene | None = None,
-    timestep: float | None = None,
     root: Root | None = None,
     options: FitOptions | None = None,
 ) -> Fit:
@@ -68,9 +67,8 @@ def fit(
         target: boundary condition of the root at which the modes are exact: "clamped", "free",
             "hub", or "auto" with a scene.
         damping: damping ratio of the cantilever modes, or lists of ratios by port.
-        scene: requirements of the simulation; if they include a bandwidth,
-            the modes are chosen for it.
-        timestep: step for which the files are made exact in time [s].
+        scene: requirements of the simulation: if they include a bandwidth, the modes are chosen for
+            it; if they include a step, the files are exact in time for it.
         root: hub and target in one.
         options: where the springs stand, hinges at prescribed places.
 
@@ -100,7 +98,6 @@ def fit(
         damping=damping,
         fit=options,
         scene=scene,
-        timestep=timestep,
     )
     data = appendage if isinstance(appendage, ModalData) else None
     return decide(fit_spec(spec, data), data)

@@ -217,7 +217,6 @@ class ImportedCase:
         )
         return InSpace(
             data=self.data,
-            form="chain",
             why=self.why,
             full=full,
             target=target,

@@ -256,19 +256,6 @@ class FitOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             least=0.0,
         ),
     ] = ()
-    form: Annotated[Literal["chain", "oscillators"] | None, field('"chain", the only form')] = None
-    timestep: Annotated[
-        float, field("if above 0, the written files are exact in time at this step", "s", least=0.0)
-    ] = 0.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.form == "oscillators":
-            raise InputError(
-                'form = "oscillators" is no longer written: a chain with a tendon per mode is '
-                "exact for any modes, "
-                "coupled ones included; leave fit.form out."
-            )
 
 
 class Scene(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

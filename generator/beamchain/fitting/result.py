@@ -90,7 +90,6 @@ class InSpace:
     """
 
     data: ModalData
-    form: str
     why: str
     full: PortModel
     target: PortModel
@@ -515,7 +514,7 @@ class Fit:
     def met(self) -> bool | None:
         """Whether 1.01 times the error is within the scene's tolerance; None without a bandwidth.
 
-        The error is `sampled_error` where a step is stated (`fit.timestep`, or a `scene.timestep`
+        The error is `sampled_error` where a step is stated (a `scene.timestep`
         that was typed), and `in_band_error` otherwise; both where the specification has no hub,
         since `sampled_error` is that of one hub. A step that does not represent the bandwidth
         (beyond 2.6 rad per step) does not meet it.

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import msgspec
 
-from beamchain.checks import Struct, field, number, path_of
+from beamchain.checks import Struct, field, path_of
 from beamchain.errors import InputError
 from beamchain.fitting.hub import Hub
 from beamchain.fitting.options import (
@@ -35,7 +35,7 @@ from beamchain.structure.segment import Joint, Lump, Segment, check_carried_body
 from beamchain.structure.slosh import Slosh
 
 #: Shorthands that `replace` and `fit` accept beside the fields.
-SHORT = ("hub", "target", "timestep")
+SHORT = ("hub", "target")
 #: Tables that are one object each: its class, and how it is made.
 TABLES: dict[str, tuple[type, str]] = {
     "imported": (Imported, 'Imported(file="wing.op4")'),
@@ -122,12 +122,6 @@ class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
                 'root.target = "auto" chooses for a scene; give scene.bandwidth, or target = '
                 '"clamped".'
             )
-        typed = None if self.scene is None else self.scene.timestep
-        if self.fit.timestep > 0.0 and typed is not None and self.fit.timestep != typed:
-            raise InputError(
-                f"fit.timestep = {self.fit.timestep!r} and scene.timestep = {typed!r} differ; "
-                "the chain is right at one step only: give the same, or leave fit.timestep out."
-            )
         if self.modes is not None and not self.modes.counts() and not self.chooses:
             raise InputError(
                 "[modes] keeps no mode at all; set xy, xz, torsion or axial to 1 or more, or "
@@ -142,7 +136,7 @@ class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         Args:
             changes: fields by name. `modes` may be a number (for both bending planes) or a mapping
                 by port, `damping` a ratio or lists by port. `hub` and `target` replace those of
-                `root`, `timestep` that of `fit`. A value of None leaves the field unchanged.
+                `root`. A value of None leaves the field unchanged.
 
         Raises:
             InputError: a field does not exist, or a value is not allowed.
@@ -172,10 +166,6 @@ class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         at = {key: given.pop(key) for key in ("hub", "target") if key in given}
         if at:
             given["root"] = msgspec.structs.replace(given.get("root", self.root), **at)
-        if "timestep" in given:
-            options = given.get("fit", self.fit)
-            step = number("timestep", given.pop("timestep"), "s")
-            given["fit"] = msgspec.structs.replace(options, timestep=step)
         return msgspec.structs.replace(self, **given) if given else self
 
     def _check_stiff(self) -> None:
@@ -260,8 +250,7 @@ class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     @property
     def exact_step(self) -> float:
         """Step for which the written files are exact in time [s]; 0 if they are not."""
-        typed = None if self.scene is None else self.scene.timestep
-        return self.fit.timestep or typed or 0.0
+        return (None if self.scene is None else self.scene.timestep) or 0.0
 
     @property
     def integrator(self) -> str:

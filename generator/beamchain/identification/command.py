@@ -18,9 +18,11 @@ def identify(
     craft: Annotated[
         Path, typer.Option("--craft", metavar="CRAFT.xml", help="The bare spacecraft.")
     ],
-    at: Annotated[
+    mount: Annotated[
         str,
-        typer.Option("--at", metavar="NAME", help="Its site or body that carries the appendage."),
+        typer.Option(
+            "--mount", metavar="NAME", help="Its site or body that carries the appendage."
+        ),
     ],
     output: Annotated[
         Path, typer.Option("-o", "--output", metavar="MODES.toml", help="File for the modes.")
@@ -59,7 +61,7 @@ def identify(
     its report MODES_report.html and record MODES.json. Exit status 3: the files were written, but
     \\[imported] refuses the modes.
 
-    Example: beamchain identify log.csv --craft craft.xml --at mount --prior
+    Example: beamchain identify log.csv --craft craft.xml --mount mount --prior
     array.toml -o modes.toml
     """
     from beamchain.files import beside, check_outputs
@@ -75,7 +77,7 @@ def identify(
         found = find(
             list(logs),
             craft,
-            at,
+            mount,
             prior=prior,
             modes=modes,
             axes=axes,

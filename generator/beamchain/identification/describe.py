@@ -88,8 +88,8 @@ class Estimate:
         """One warning more."""
         self.warnings.append(Caution(code, text))
 
-    def result(self, at: str) -> Identification:
-        """The result of the search, at the place `at` of the craft."""
+    def result(self, mount: str) -> Identification:
+        """The result of the search, at the place `mount` of the craft."""
         moments, sd_moments = self._moments()
         self._doubt_modes(moments, sd_moments)
         modes = self._shown_modes()
@@ -129,7 +129,7 @@ class Estimate:
             noise=self._by_channel(noise),
             spectra=self._spectra(),
             massive=self.prior is not None,
-            source=f"log at {at}",
+            source=f"log at {mount}",
             advice=self._advice(moments, sd_moments),
             delay=self.raw.delay,
             delay_std=sd_delay,

@@ -33,8 +33,8 @@ class Bare(NamedTuple):
     actuators: dict[str, Array]
 
 
-def bare(craft: "str | Path | mujoco.MjSpec | mujoco.MjModel", at: str) -> Bare:
-    """The spacecraft `craft`, at rest, seen from its site or body `at`.
+def bare(craft: "str | Path | mujoco.MjSpec | mujoco.MjModel", mount: str) -> Bare:
+    """The spacecraft `craft`, at rest, seen from its site or body `mount`.
 
     Raises:
         InputError: no such place, or the hub does not float free.
@@ -43,13 +43,13 @@ def bare(craft: "str | Path | mujoco.MjSpec | mujoco.MjModel", at: str) -> Bare:
     hub = base(model)
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    kinds, name = kinds_and_name(at)
+    kinds, name = kinds_and_name(mount)
     places = {kind: _names(model, kind) for kind in kinds}
     place = next((kind for kind, names in places.items() if name in names), None)
     if place is None:
         raise unknown(
-            "at",
-            at,
+            "mount",
+            mount,
             [n for names in places.values() for n in names],
             "It is the appendage's place on the craft.",
         )
@@ -63,7 +63,7 @@ def bare(craft: "str | Path | mujoco.MjSpec | mujoco.MjModel", at: str) -> Bare:
     )
     if own != hub or not free:
         raise InputError(
-            f"at = {at!r}: the log is one of a spacecraft in free flight, but "
+            f"mount = {mount!r}: the log is one of a spacecraft in free flight, but "
             f"{model.body(hub).name or 'its body'!r} has no <freejoint/> or does not carry that "
             "place; give the bare spacecraft with a free body."
         )

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 def identify(
     logs: Any,
     craft: "str | Path | mujoco.MjSpec | mujoco.MjModel",
-    at: str,
+    mount: str,
     *,
     prior: Any = None,
     modes: int | None = None,
@@ -54,7 +54,7 @@ def identify(
             as a rate-integrating gyro gives it (its increment of angle over the step). Frequency
             responses: `frequency` [Hz] or `omega` [rad/s], and `rate_z/torque_z re`, `... im`.
         craft: the bare rigid spacecraft: path or text of MJCF, MjSpec or MjModel.
-        at: its site or body that carries the appendage, whose x axis points outwards.
+        mount: its site or body that carries the appendage, whose x axis points outwards.
         prior: SPEC.toml, Spec, beam or modes.
         modes: how many; None: as the Bayesian information criterion says.
         axes: letters of the hub's axes that are used; all that were driven where left out.
@@ -86,16 +86,18 @@ def identify(
     """
     if map is not None:
         of_type("map", map, Mapping, 'names by column of the log: {"gyro z": "rate_z"}')
-    of_type("at", at, str, "the name of the spacecraft's site or body that carries the appendage")
+    of_type(
+        "mount", mount, str, "the name of the spacecraft's site or body that carries the appendage"
+    )
     with noted_inputs() as inputs:
-        result = _identify(logs, craft, at, prior, modes, axes, map, held_out)
+        result = _identify(logs, craft, mount, prior, modes, axes, map, held_out)
     return replace(result, inputs=tuple(inputs))
 
 
 def _identify(
     logs: Any,
     craft: "str | Path | mujoco.MjSpec | mujoco.MjModel",
-    at: str,
+    mount: str,
     prior: Any,
     modes: int | None,
     axes: str | Sequence[str] | None,
@@ -103,7 +105,7 @@ def _identify(
     held_out: float,
 ) -> Identification:
     """Do the work of `identify`."""
-    known = bare(craft, at)
+    known = bare(craft, mount)
     held = number(
         "held_out", held_out, "", cure="Give the part of the log that is predicted, 0 to 0.5."
     )
@@ -126,7 +128,7 @@ def _identify(
         if times
         else spectral_channels(spectra, known, wanted, before)
     )
-    return _with_refusal(Run(data, known, before, modes, held).result(at))
+    return _with_refusal(Run(data, known, before, modes, held).result(mount))
 
 
 def _with_refusal(found: Identification) -> Identification:

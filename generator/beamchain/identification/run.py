@@ -79,7 +79,7 @@ class Run:
         self.aliased: list[complex] = []
         self.rigid: Array = np.zeros((6, 6)) if self.prior is None else self.prior.parts.rigid
 
-    def result(self, at: str) -> Identification:
+    def result(self, mount: str) -> Identification:
         """Start, refine, judge."""
         data = self.data
         shown, hidden = self._split()
@@ -131,7 +131,7 @@ class Run:
             found = likelihood.best(found.theta, ITERATIONS)
         estimate = self._estimate(structure, likelihood, found, initial, pairs, predicted)
         return _doubt_all(
-            add_resolution(estimate.result(at), structure, found, likelihood), predicted
+            add_resolution(estimate.result(mount), structure, found, likelihood), predicted
         )
 
     def _warn(self, code: str, text: str) -> None:

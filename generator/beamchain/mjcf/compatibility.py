@@ -112,9 +112,8 @@ def shield_from_defaults(appendage: Element, defaults: Mapping[str, Mapping[str,
             word = min(refused)
             raise InputError(
                 f"a default class of the spacecraft sets {word} on every {tag}, which would "
-                f"{'turn' if word in TURNS else 'replace'} the appendage's too; use form "
-                '"attach", which no default of '
-                f"the spacecraft reaches, or take {word} out of it."
+                f"{'turn' if word in TURNS else 'replace'} the appendage's too; take {word} "
+                "out of it, or give it a class that no childclass around the place names."
             )
         for node in appendage.iter(tag):
             if node.get("name") is None:

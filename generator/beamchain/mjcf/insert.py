@@ -1,4 +1,4 @@
-"""Insertion of appendages into a spacecraft's document, inline or by `<attach>`.
+"""Insertion of appendages into a spacecraft's document.
 
 Keyframes are extended by the rest values of the new joints.
 """
@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from lxml import etree
 from lxml.etree import _Element as Element
 
 from beamchain.errors import InputError
@@ -20,8 +19,6 @@ from beamchain.mjcf.craft import Craft
 from beamchain.mjcf.place import Target
 from beamchain.mjcf.text import Edit
 from beamchain.ports.motions import Array
-
-FORMS = ("inline", "attach")
 
 #: Sections of an appendage's file beside its bodies, in the order in which they are put in.
 SECTIONS: Mapping[str, type[undo.SectionMark | undo.SensorMark | undo.LookMark]] = {
@@ -65,43 +62,26 @@ def check_prefix(prefix: str) -> None:
         )
 
 
-def insert_appendages(
-    craft: Craft, insertions: Sequence[Insertion], form: str, files: Mapping[str, str] | None = None
-) -> Craft:
-    """The document with appendages in it; keyframes are left to `extend_keys`.
-
-    `files`: for the form "attach", name of each appendage's file by prefix.
-    """
+def insert_appendages(craft: Craft, insertions: Sequence[Insertion]) -> Craft:
+    """The document with appendages in it; keyframes are left to `extend_keys`."""
     defaults = compatibility.default_attributes(craft.parts())
     pieces: dict[Element, list[tuple[undo.Put, Element]]] = {}
     at_end: list[tuple[undo.Put, Element]] = []
     for item in insertions:
         at = item.target.at
-        kind = "inline" if form == "inline" else "attach"
         mark = undo.AppendageMark(
-            at=at, form=kind, prefix=item.prefix, spec=item.spec, carries=dict(item.carries)
+            at=at, prefix=item.prefix, spec=item.spec, carries=dict(item.carries)
         )
         frame = {"pos": write.number(item.position), "quat": write.number(item.quaternion)}
-        here = pieces.setdefault(item.target.body, [])
-        if form == "inline":
-            tree = with_prefix(item.appendage, item.name, item.prefix)
-            compatibility.shield_from_defaults(tree, defaults)
-            body = write.find(tree, "worldbody/body")
-            _set_frame(body, frame)
-            here.append((mark, body))
-            for tag, of_section in SECTIONS.items():
-                section = tree.find(tag)
-                if section is not None:
-                    at_end.append((of_section(at=at), section))
-        else:
-            assert files is not None
-            label = item.prefix + "appendage"
-            holder = etree.Element("frame", frame)
-            etree.SubElement(holder, "attach", model=label, body="link1", prefix=item.prefix)
-            here.append((mark, holder))
-            asset = etree.Element("asset")
-            etree.SubElement(asset, "model", name=label, file=files[item.prefix])
-            at_end.append((undo.ModelMark(at=at), asset))
+        tree = with_prefix(item.appendage, item.name, item.prefix)
+        compatibility.shield_from_defaults(tree, defaults)
+        body = write.find(tree, "worldbody/body")
+        _set_frame(body, frame)
+        pieces.setdefault(item.target.body, []).append((mark, body))
+        for tag, of_section in SECTIONS.items():
+            section = tree.find(tag)
+            if section is not None:
+                at_end.append((of_section(at=at), section))
     if at_end:
         pieces[craft.root] = at_end
     return craft.edit(undo.append_marked(craft, parent, group) for parent, group in pieces.items())
@@ -145,13 +125,6 @@ def _set_frame(body: Element, frame: dict[str, str]) -> None:
     others = {key: value for key, value in attributes.items() if key not in frame}
     body.attrib.clear()
     body.attrib.update({"name": name, **frame, **others})
-
-
-def attached_file(item: Insertion) -> str:
-    """The file that `<attach>` brings in; its names have no prefix, the `<attach>` gives it."""
-    root = with_prefix(item.appendage, item.name, "")
-    root.set("model", item.name)
-    return write.document_text(root)
 
 
 def _has_numbers(key: Element) -> bool:

@@ -70,12 +70,12 @@ def find_target(craft: Craft, at: str) -> Target:
     matches = [(kind, node) for kind in kinds for node in _elements_named(craft.root, kind, name)]
     if not matches:
         hint = _names_hint(craft, name)
-        raise InputError(f"--at {at}: {craft.label} has no site or body {name!r}; {hint}")
+        raise InputError(f"--mount {at}: {craft.label} has no site or body {name!r}; {hint}")
     if len(matches) > 1:
         several = " and ".join(sorted({kind for kind, _ in matches}))
         raise InputError(
-            f"--at {at}: {craft.label} has more than one {several} {name!r}; write site:{name} or "
-            f"body:{name}, or give the one you mean a name of its own."
+            f"--mount {at}: {craft.label} has more than one {several} {name!r}; write site:{name} "
+            f"or body:{name}, or give the one you mean a name of its own."
         )
     kind, node = matches[0]
     body = node
@@ -89,13 +89,13 @@ def find_target(craft: Craft, at: str) -> Target:
     for ancestor in [node, *node.iterancestors()]:
         if ancestor.tag in MADE_OF_OTHERS:
             raise InputError(
-                f"--at {at}: {kind} {name!r} stands inside <{ancestor.tag}>, which makes several "
-                "of it; name a site of a body that is written out."
+                f"--mount {at}: {kind} {name!r} stands inside <{ancestor.tag}>, which makes "
+                "several of it; name a site of a body that is written out."
             )
     if body.tag == "worldbody":
         raise InputError(
-            f"--at {at}: site {name!r} belongs to the world, which does not move; put it into the "
-            "spacecraft's body."
+            f"--mount {at}: site {name!r} belongs to the world, which does not move; put it into "
+            "the spacecraft's body."
         )
     for element in chain:
         _check_frame(element, at)
@@ -140,7 +140,7 @@ def _check_frame(element: Element, at: str) -> None:
             v = [float(word) for word in text.split()]
         except ValueError:
             v = []
-        where = f"--at {at}: {element.tag} {element.get('name') or ''!r} has {name} = {text!r}"
+        where = f"--mount {at}: {element.tag} {element.get('name') or ''!r} has {name} = {text!r}"
         if len(v) != count or not all(math.isfinite(x) for x in v):
             raise InputError(
                 f"{where}, which is not {count} finite numbers; correct it in the spacecraft's "

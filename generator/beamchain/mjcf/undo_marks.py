@@ -7,7 +7,7 @@ through this module, so that `remove_marked_changes` gives back the original byt
 import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Literal, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import msgspec
 from lxml.etree import _Element as Element
@@ -36,11 +36,10 @@ class Put(
 
 
 class AppendageMark(Put, frozen=True, tag="appendage"):
-    """An appendage: its place, form, prefix and specification, and the bodies of the spacecraft
+    """An appendage: its place, prefix and specification, and the bodies of the spacecraft
     that its ports carry."""
 
     at: str
-    form: Literal["inline", "attach"]
     prefix: str
     spec: dict[str, Any]
     carries: dict[str, tuple[str, ...]] = {}
@@ -60,12 +59,6 @@ class SensorMark(Put, frozen=True, tag="sensor"):
 
 class LookMark(Put, frozen=True, tag="look"):
     """Surfaces of the appendage at a place, or the material that they are drawn with."""
-
-    at: str
-
-
-class ModelMark(Put, frozen=True, tag="model"):
-    """The `<model>` of an attached appendage."""
 
     at: str
 
@@ -153,7 +146,6 @@ Mark: TypeAlias = (
     | SectionMark
     | SensorMark
     | LookMark
-    | ModelMark
     | CompilerMark
     | KeyMark
     | JointMark

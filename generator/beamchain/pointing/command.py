@@ -7,7 +7,7 @@ import typer
 
 from beamchain.cli.common import Force, Json, Quiet
 from beamchain.cli.output import print_table, print_warnings, spinner, tell
-from beamchain.cli.plant_options import Keyframe, Model
+from beamchain.cli.plant_options import Model
 
 if TYPE_CHECKING:
     from beamchain.pointing.pointing import Pointing
@@ -45,7 +45,6 @@ def pointing(
     disturbances: Sources,
     outputs: Outputs = None,
     pose: Pose = None,
-    at: Keyframe = None,
     window: Window = 1.0,
     as_json: Json = False,
     force: Force = False,
@@ -57,7 +56,7 @@ def pointing(
 
     Example: beamchain pointing flexible.xml --disturbances jitter.toml -o jitter.html
     """
-    from beamchain.cli.plant_options import place_of
+    from beamchain.cli.poses import poses_given
     from beamchain.craft.source import compiled_model
     from beamchain.files import check_outputs, write_files
     from beamchain.pointing.jitter_sources import read_disturbances
@@ -68,7 +67,7 @@ def pointing(
     sources = read_disturbances(disturbances)
     with spinner("pointing", quiet or as_json):
         compiled = compiled_model(model)
-        place = place_of(compiled, [] if pose is None else [pose], at, None)
+        place = poses_given(compiled, [] if pose is None else [pose], None)
         found = budget(compiled, sources, outputs or None, place, window=window)
         page = pointing_page(found, model.name)
         write_files({output: page}, force=force, inputs=[model, disturbances])

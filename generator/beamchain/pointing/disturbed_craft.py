@@ -14,7 +14,7 @@ from beamchain.engine.combinations import OutputNames, inputs_of, outputs_of
 from beamchain.engine.library import mujoco
 from beamchain.engine.linear import Linear, Signal
 from beamchain.engine.mount import motion
-from beamchain.engine.operating_point import At, OperatingPoint, Rates, operating_point
+from beamchain.engine.operating_point import OperatingPoint, Pose, Rates, operating_point
 from beamchain.engine.signals import (
     AXES,
     Input,
@@ -99,7 +99,7 @@ def disturbed_craft(
     model: "mujoco.MjModel",
     disturbances: Disturbances,
     outputs: OutputNames,
-    at: At,
+    pose: Pose,
     rates: Rates,
     appendages: Sequence[Appendage] = (),
 ) -> DisturbedCraft:
@@ -110,7 +110,7 @@ def disturbed_craft(
     Raises:
         InputError: a joint, signal or appendage that is not there, or a wheel that is not balanced.
     """
-    point = operating_point(model, at, rates)
+    point = operating_point(model, pose, rates)
     seen = outputs_of(point, outputs)
     inputs: list[Input] = []
     forces: list[tuple[Signal, Array]] = []
@@ -142,17 +142,17 @@ def disturbed_craft(
         ends: list[Linear] = []
         for share in (1.0, 0.5):
             speeds = {**(rates or {}), wheel.joint: base + share * faster[wheel.joint]}
-            there = _turning_point(model, at, speeds, wheel.joint)
+            there = _turning_point(model, pose, speeds, wheel.joint)
             ends.append(craft_with_signals(there, inputs, outputs_of(there, outputs)).linear)
         _check_linear(wheel.joint, craft.linear, *ends)
         turning[wheel.joint] = _with_forces(ends[0], forces)
     return DisturbedCraft(whole, tuple(drives), turning, faster)
 
 
-def _turning_point(model: "mujoco.MjModel", at: At, rates: Rates, joint: str) -> OperatingPoint:
+def _turning_point(model: "mujoco.MjModel", pose: Pose, rates: Rates, joint: str) -> OperatingPoint:
     """The operating point with a wheel at a speed, which the point at rest allows but for it."""
     try:
-        return operating_point(model, at, rates)
+        return operating_point(model, pose, rates)
     except InputError:
         raise InputError(
             f"wheel.joint = {joint!r} is no balanced wheel, for the craft's mass changes as it "

@@ -17,7 +17,7 @@ from beamchain.craft.linear_craft import LinearCraft
 from beamchain.craft.source import compiled_model, linear_omissions
 from beamchain.engine.combinations import OutputNames
 from beamchain.engine.library import mujoco, one_thread
-from beamchain.engine.operating_point import At
+from beamchain.engine.operating_point import Pose
 from beamchain.errors import InputError
 from beamchain.pointing.disturbed_craft import DisturbedCraft, disturbed_craft
 from beamchain.pointing.error_indices import SIGMAS, ErrorIndex
@@ -225,7 +225,7 @@ def budget(
     craft: "Embedded | mujoco.MjSpec | mujoco.MjModel | str | Path",
     disturbances: "Disturbances | str | Path",
     outputs: OutputNames = None,
-    at: At = None,
+    pose: Pose = None,
     *,
     rates: Mapping[str, float] | None = None,
     window: float = 1.0,
@@ -248,7 +248,7 @@ def budget(
         craft: path or text of an MJCF file, MjSpec, MjModel, or what `bc.embed` returns.
         disturbances: `pointing.Disturbances`, or the path of its TOML file.
         outputs: as for `bc.plant`; the attitude of the base body where left out.
-        at: pose, as for `bc.plant`.
+        pose: as for `bc.plant`.
         rates: `{joint: rad/s}` of wheels that turn; those of the keyframe where left out.
         window: of RPE [s], such as the time of an exposure.
 
@@ -281,7 +281,7 @@ def budget(
     window = positive("window", window, "s")
     model = without_timing(compiled_model(craft))
     asked = ["attitude"] if outputs is None else outputs
-    whole = disturbed_craft(model, given, asked, at, rates, _appendages(craft, given))
+    whole = disturbed_craft(model, given, asked, pose, rates, _appendages(craft, given))
     _check_stable(whole)
     errors: list[SourceError] = []
     for number, (name, source) in enumerate(given.named):

@@ -8,7 +8,7 @@ import typer
 from beamchain.caution import warnings_record
 from beamchain.cli.common import Force, Json, Quiet, console
 from beamchain.cli.output import print_table, print_warnings, spinner, tell
-from beamchain.cli.plant_options import Angle, Inputs, Keyframe, Model, Outputs, Poses
+from beamchain.cli.plant_options import Angle, Inputs, Model, Outputs, Poses
 from beamchain.errors import InputError
 
 if TYPE_CHECKING:
@@ -45,7 +45,6 @@ def worst_case(
     inputs: Inputs = None,
     outputs: Outputs = None,
     poses: Poses = None,
-    at: Keyframe = None,
     angle: Angle = None,
     between: Between = None,
     bound: Bound = False,
@@ -62,8 +61,7 @@ def worst_case(
     --uncertain craft.toml -o worst.html
     """
     from beamchain import robust
-    from beamchain.cli.plant_options import place_of
-    from beamchain.cli.poses import doubtful
+    from beamchain.cli.poses import doubtful, poses_given
     from beamchain.control.controllers import read_controller, signals_with
     from beamchain.control.plant import plant as linearise
     from beamchain.control.realisation import Plant
@@ -77,8 +75,8 @@ def worst_case(
     driven, seen = signals_with(loops, inputs or None, outputs or None)
     with spinner("linearising", quiet or as_json) as say:
         compiled = compiled_model(model)
-        place = place_of(compiled, poses or [], at, angle)
-        plant = linearise(compiled, driven, seen, place)
+        pose = poses_given(compiled, poses or [], angle)
+        plant = linearise(compiled, driven, seen, pose)
         say("worst case")
         if isinstance(plant, Plant):
             cases = [robust.uncertain(plant, uncertain).worst_case(loops, *ends, bound=bound)]

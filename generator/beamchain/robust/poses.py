@@ -106,7 +106,7 @@ def worst_case(
         ... )
         >>> poses = {"drive": [0.0, 1.5]}
         >>> plant = bc.plant(
-        ...     bc.embed(craft, {"mount": boom}), ["torque:bus"], ["attitude"], at=poses
+        ...     bc.embed(craft, {"mount": boom}), ["torque:bus"], ["attitude"], pose=poses
         ... )
         >>> tenth = bc.spec.Uncertainty(relative=0.1, distribution="uniform")
         >>> bus = bc.spec.UncertainCraft(body={"bus": bc.spec.UncertainBody(mass=tenth)})
@@ -151,7 +151,7 @@ def worst_margins(
         ... <joint name="drive" axis="0 0 1" stiffness="12" damping="0.04"/>
         ... <inertial pos="0 0 0" mass="1" diaginertia="1 1 2"/></body></body>
         ... </worldbody></mujoco>'''
-        >>> plant = bc.plant(craft, ["torque:bus"], ["attitude"], at={"drive": [0.0, 0.3]})
+        >>> plant = bc.plant(craft, ["torque:bus"], ["attitude"], pose={"drive": [0.0, 0.3]})
         >>> third = bc.spec.Uncertainty(relative=0.3)
         >>> drive = bc.spec.UncertainCraft(joint={"drive": bc.spec.UncertainJoint(stiffness=third)})
         >>> law = {"numerator": (8.0, 3.0), "denominator": (0.1, 1.0)}

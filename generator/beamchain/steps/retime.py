@@ -22,10 +22,10 @@ from types import MappingProxyType
 import numpy as np
 
 from beamchain.caution import Caution
-from beamchain.checks import finite_array, not_negative, of_type, one_of, positive, true_or_false
+from beamchain.checks import not_negative, of_type, one_of, positive, true_or_false
 from beamchain.engine.library import mujoco, one_thread
 from beamchain.engine.linearise import INTEGRATORS, NUMBERS, mass_matrix
-from beamchain.engine.operating_point import poses
+from beamchain.engine.operating_point import Pose, poses, state_at
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
 from beamchain.steps.forms import ModeTime, TendonValues, appendage_poles, form2, form4
@@ -33,7 +33,6 @@ from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.joint_time import joint_armature, take_out_joints, write_joints
 from beamchain.steps.latch import is_raised, latch_armature
 from beamchain.steps.modal import (
-    FORMS,
     TREE,
     UNMARKED,
     MadeFor,
@@ -180,15 +179,16 @@ def retime(
     timestep: float,
     integrator: str | None = None,
     *,
-    form: int = 2,
-    qpos: Array | None = None,
+    pose: Pose = None,
     band: float | None = None,
     joints: bool = False,
 ) -> Retimed:
     """Make the appendages of a model exact in time for a step, in place.
 
-    Any earlier timing is removed first, so that repeated calls do not accumulate. `model.opt` is
-    not changed: run the model at this step, and give the input as `HeldInput` does.
+    Each tendon is timed by itself; errors of the coupled poles are of fourth order in the step.
+    Appendages that carry bodies are timed together: stable for every payload and pose, and near in
+    the response. Any earlier timing is removed first, so that repeated calls do not accumulate.
+    `model.opt` is not changed: run the model at this step, and give the input as `HeldInput` does.
 
     Args:
         model: compiled; arrays change, its topology does not.
@@ -196,21 +196,16 @@ def retime(
         integrator: MuJoCo's name; default: the model's own. RK4: only modes beyond its
             limit are slowed; "discrete": nothing is changed, it is stable at every step and
             cannot be made exact.
-        form: 2: each tendon by itself, errors of the coupled poles of fourth order in the step;
-            4: form 2 corrected until the coupled poles are exact, or as near as they can be in
-            several poses at once. 4 needs Euler, implicit or implicitfast;
-            otherwise it is 2. 5: for appendages that carry bodies, taken by itself where one does:
-            stable for every payload and pose; stiffness, damping and armature are chosen for the
-            response at rest, at the keyframes and on the way between them.
-        qpos: pose at which the craft's coupling is computed; default: the initial one and every
-            keyframe. Form 5 looks at several poses, whatever is given.
-        band: up to where form 5 keeps the response [rad/s]; default: the last kept mode, and at
-            most 0.2 rad per step. Beyond half a radian per step nothing is kept.
+        pose: at which the craft's coupling is computed: name or number of a keyframe, `qpos`, or
+            `{joint: position}` [rad, m]; default: the initial one and every keyframe. Appendages
+            that carry bodies are looked at in several poses, whatever is given.
+        band: up to where appendages that carry bodies keep the response [rad/s]; default: the last
+            kept mode, and at most 0.2 rad per step. Beyond half a radian per step nothing is kept.
         joints: put armature on the spacecraft's own sprung and servo-driven joints as well, whose
             step error is then of fourth order; they have no friction.
 
     Raises:
-        InputError: the model has no modal tendons.
+        InputError: the model has no modal tendons, or no such pose.
 
     Example:
         >>> import beamchain as bc, mujoco
@@ -225,14 +220,32 @@ def retime(
         [False, False, False, False]
     """
     of_type("model", model, mujoco.MjModel, "a compiled mujoco.MjModel")
+    qpos = None if pose is None else state_at(model, pose)[0]
+    return retime_by(2, model, timestep, integrator, qpos=qpos, band=band, joints=joints)
+
+
+@one_thread()
+def retime_by(
+    form: int,
+    model: "mujoco.MjModel",
+    timestep: float,
+    integrator: str | None = None,
+    *,
+    qpos: Array | None = None,
+    band: float | None = None,
+    joints: bool = False,
+) -> Retimed:
+    """Make the appendages exact in time by a form, as the module describes them; the rest as
+    `retime`.
+
+    4 needs Euler, implicit or implicitfast; otherwise it is 2. 5 is taken wherever an appendage
+    carries bodies.
+    """
     h = not_negative("timestep", timestep, "s")
     band = None if band is None else positive("band", band, "rad/s")
     with_joints = true_or_false("joints", joints)
-    one_of("form", str(form), [str(f) for f in FORMS])
     name = NUMBERS[int(model.opt.integrator)] if integrator is None else integrator
     one_of("integrator", name, tuple(SCHEMES))
-    if qpos is not None:
-        qpos = finite_array("qpos", qpos, (model.nq,))
     modal = modal_tendons(model)
     if not modal.names:
         raise foreign("retiming")

@@ -22,7 +22,7 @@ from beamchain.steps.integrators import SCHEMES, hinge_armature
 from beamchain.steps.joint_time import timed_joints
 from beamchain.steps.modal import MadeFor, made_for, modal_tendons, timing_marks
 from beamchain.steps.poles import PoleRow, growing_frequencies, pole_rows
-from beamchain.steps.retime import retime
+from beamchain.steps.retime import retime, retime_by
 from beamchain.steps.step_map import growing_poses
 
 SAFE = 1.8  # rad per step of a spring that nothing slows; 2 is the limit without damping
@@ -142,7 +142,7 @@ def retimed_file(
     if timestep > 0.0:
         model.opt.timestep = timestep
     before = timed_joints(model)
-    done = retime(model, timestep, name, form=4, band=band, joints=joints)
+    done = retime_by(4, model, timestep, name, band=band, joints=joints)
     plain = copy.copy(model)
     retime(plain, 0.0)
     rows = pole_rows(model, plain)
@@ -203,8 +203,8 @@ def _check_tendons(
         raise InputError(
             f"{missing} modal tendons of the model stand in files that it attaches, which this "
             "command does not write; "
-            'give one self-contained file (`beamchain embed` without form "attach"), or use '
-            "bc.retime on the compiled model."
+            "give one self-contained file, as `beamchain embed` writes it, or use bc.retime on the "
+            "compiled model."
         )
     if not included.isdisjoint(changes):
         raise InputError(

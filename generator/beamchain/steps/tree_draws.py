@@ -24,7 +24,7 @@ from beamchain.engine.library import mujoco
 from beamchain.ports.motions import Array
 from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.modal import Modal
-from beamchain.steps.retime import retime
+from beamchain.steps.retime import retime_by
 from beamchain.steps.tree_time import LIMIT, ROOM, Alone, appendages_alone
 
 HALVINGS = 10  # of the way to the armature that is safe for sure
@@ -73,7 +73,7 @@ class TreeDraws:
         """Of a model without timing; `band` as of `retime`."""
         h = float(timestep)
         timed = copy.copy(model)
-        retime(timed, h, integrator, form=5, band=band)
+        retime_by(5, timed, h, integrator, band=band)
         at = modal.index
         armature = np.asarray(timed.tendon_armature - model.tendon_armature)[at]
         stiffness = np.array(timed.tendon_stiffness)[at]

@@ -22,7 +22,7 @@ from beamchain.ports.compose import model_in_space
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, Array
 from beamchain.steps.integrators import PHASE, largest_angle
-from beamchain.steps.retime import retime
+from beamchain.steps.retime import retime_by
 from beamchain.steps.start import HeldInput
 from beamchain.structure.beam import Beam
 
@@ -131,7 +131,7 @@ def model_of(task: Task, entry: Entry, timestep: float = 0.0) -> "mujoco.MjModel
         return compile_model(scene_text(task.hub, rigid_chain(task.beam)))
     model = compile_model(scene_text(task.hub, chain_of(task, entry)))
     if entry.timed:
-        retime(model, timestep, entry.integrator, form=4)
+        retime_by(4, model, timestep, entry.integrator)
     return model
 
 

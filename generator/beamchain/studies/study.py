@@ -153,7 +153,7 @@ class Study:
         fit = FitOptions()
         damping = self.spec.damping
         if entry.timed:
-            fit = FitOptions(springs="modes", timestep=timestep)
+            fit = FitOptions(springs="modes")
             damping = None if damping is None else structs.replace(damping, form="modal")
         return structs.replace(
             self.spec,

@@ -224,7 +224,7 @@ def sweep(
     source: "Spec | Embedded | str | Path",
     samples: int = 1000,
     *,
-    at: "Mapping[str, Spec | Beam | ModalData | str | Path] | None" = None,
+    mounts: "Mapping[str, Spec | Beam | ModalData | str | Path] | None" = None,
     uncertain: UncertainCraft | str | Path | None = None,
     prefixes: Sequence[str] | None = None,
     retime: bool | None = None,
@@ -242,11 +242,11 @@ def sweep(
 
     Args:
         source: a specification with [uncertain] or the path of such a SPEC.toml, for one appendage
-            on its hub; else the path or text of the craft's MJCF file, bare if `at` is given, or
-            with appendages that `embed` put in; or what `embed` returned. If modes are chosen for a
-            scene, all variants use the nominal choice.
+            on its hub; else the path or text of the craft's MJCF file, bare if `mounts` is given,
+            or with appendages that `embed` put in; or what `embed` returned. If modes are chosen
+            for a scene, all variants use the nominal choice.
         samples: number of samples.
-        at: the appendage for each site or body, as in `embed`; their [uncertain] counts.
+        mounts: the appendage for each site or body, as in `embed`; their [uncertain] counts.
         uncertain: of the craft: masses, drives, modes by prefix; or the path of its TOML file.
         prefixes, retime: as in `embed`.
         gains: pairs "INPUT=OUTPUT" of signals of `bc.plant` whose modal gains are followed;
@@ -274,11 +274,11 @@ def sweep(
         3
     """
     start = time.perf_counter()
-    pairs = _check_arguments(samples, seed, at, gains, workers)
-    is_spec = isinstance(source, Spec) or (at is None and str(source).endswith(".toml"))
-    if is_spec and at is not None:
+    pairs = _check_arguments(samples, seed, mounts, gains, workers)
+    is_spec = isinstance(source, Spec) or (mounts is None and str(source).endswith(".toml"))
+    if is_spec and mounts is not None:
         raise InputError(
-            "at is given with a specification, but needs the craft that carries it; give the "
+            "mounts are given with a specification, but need the craft that carries them; give the "
             "craft's file."
         )
     with noted_inputs() as inputs:
@@ -288,7 +288,7 @@ def sweep(
             nominal: Nominal = _nominal_fit(source, given)
         else:
             assert not isinstance(source, Spec)
-            nominal = _nominal_craft(source, at, given, prefixes, retime)
+            nominal = _nominal_craft(source, mounts, given, prefixes, retime)
     case = _case(nominal, given, pairs)
     drawn = _draw(case, seed=seed, samples=samples, workers=workers, progress=progress)
     arrays = drawn.arrays
@@ -312,15 +312,15 @@ def sweep(
 def _check_arguments(
     samples: int,
     seed: int,
-    at: Places | None,
+    mounts: Places | None,
     gains: Sequence[str] | None,
     workers: int | None,
 ) -> Sequence[str] | None:
     """Refuse what no sweep can use; the gains as a list of pairs, if any were given."""
     whole_number("samples", samples, 1, MOST)
     whole_number("seed", seed, 0, MOST)
-    if at is not None:
-        check_places(at)
+    if mounts is not None:
+        check_places(mounts)
     pairs = None if gains is None else list_of_names("gains", gains)
     check_workers(workers)
     return pairs
@@ -349,26 +349,26 @@ def _nominal_fit(source: Spec | str | Path, given: UncertainCraft) -> Fit:
 
 def _nominal_craft(
     source: Embedded | str | Path,
-    at: Places | None,
+    mounts: Places | None,
     given: UncertainCraft,
     prefixes: Sequence[str] | None,
     retime: bool | None,
 ) -> Embedded | Craft:
     """The nominal craft with its appendages."""
     if isinstance(source, Embedded):
-        if at is not None or source.document is None or source.form != "inline":
+        if mounts is not None or source.document is None:
             raise InputError(
                 "an embedded craft takes no further appendages here, and must be one document; "
                 "give the craft's file and "
-                'all appendages, at={"mount": "array.toml"}.'
+                'all appendages, mounts={"mount": "array.toml"}.'
             )
         return source
-    if at is None:
+    if mounts is None:
         return read_craft(source)
     modes = bool(given.appendage)
     appendages = {
         place: what if isinstance(what, ModalData) else on_modes(as_spec(what), wanted=modes)
-        for place, what in at.items()
+        for place, what in mounts.items()
     }
     return embed(source, appendages, prefixes=prefixes, retime=retime)
 

@@ -20,7 +20,7 @@ from beamchain.ports.motions import Array
 from beamchain.steps.forms import form2_many
 from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.modal import Ints, MadeFor, Modal, foreign, modal_tendons, timing_marks
-from beamchain.steps.retime import carries_bodies, coupled_mass, retime, without_timing
+from beamchain.steps.retime import carries_bodies, coupled_mass, retime_by, without_timing
 from beamchain.steps.tree_draws import TreeDraws
 
 RANGES = ("frequency", "damping")
@@ -192,7 +192,7 @@ class Table:
             mujoco.mj_setConst(model, mujoco.MjData(model))
             fields = {name: np.array(getattr(model, name)) for name in DERIVED}
             if timestep is not None and is_tree:
-                retime(model, timestep, form=5, band=self._band)
+                retime_by(5, model, timestep, band=self._band)
                 fields |= {name: np.array(getattr(model, name)) for name in TENDONS}
             elif timestep is not None:
                 plain = without_timing(model)

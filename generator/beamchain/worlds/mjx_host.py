@@ -155,7 +155,7 @@ def response(
     exact = runs_exact(model)
     h = float(model.opt.timestep)
     name = NUMBERS[int(model.opt.integrator)]
-    phase = retime(with_fields(plain, {}), h, form=2).phase if exact else np.inf
+    phase = retime(with_fields(plain, {}), h).phase if exact else np.inf
     base = _model_in_jax(plain)
     start = _start_of(plain)
     tendons = {field: jnp.asarray(getattr(plain, field)) for field in TENDONS[:3]}

@@ -71,7 +71,7 @@ def make(
             "warp" (NVIDIA Warp: `pip install 'beamchain[warp]'`).
         timestep: make every world exact in time for this step [s], and run at it; default: the
             model as it is. Where the model is exact in time already, modes that are drawn are made
-            exact for its own step. Form 2 of `bc.retime`; a model without modal tendons, such as a
+            exact for its own step. As `bc.retime` does; a model without modal tendons, such as a
             rigid twin, only runs at the step.
         observe: names of what `step` returns; default: all that the model has of "attitude",
             "rate", "wheels", "modes" and the names of its sensors.

@@ -77,10 +77,9 @@ def _sources(embedded: "Embedded", craft: str, output: str) -> list[tuple[str, s
     """What was read and written."""
     own_dofs = embedded.craft.nv
     added_dofs = embedded.model.nv - own_dofs
-    beside = "" if embedded.form == "inline" else ", each appendage in a file of its own beside it"
     return [
         ("spacecraft", craft),
-        ("written", f"{output}{beside}"),
+        ("written", output),
         ("whole spacecraft", embedded.composite.sentence),
         ("degrees of freedom", f"{own_dofs} of the spacecraft, {added_dofs} of the appendages"),
     ]
@@ -170,12 +169,10 @@ def _command(embedded: "Embedded", craft: str, output: str, files: list[str]) ->
     appendages = embedded.appendages
     words = [
         f"beamchain embed {craft}",
-        *(f"--at {a.at}={f}" for a, f in zip(appendages, files, strict=True)),
+        *(f"--mount {a.at}={f}" for a, f in zip(appendages, files, strict=True)),
     ]
     if any(a.prefix != f"{a.spec.name}_" for a in appendages):
         words += [f"--prefix {a.prefix}" for a in appendages]
-    if embedded.form != "inline":
-        words.append(f"--form {embedded.form}")
     if embedded.loaded:
         words.append("--loaded")
     return " \\\n  ".join([*words, f"-o {output}"])

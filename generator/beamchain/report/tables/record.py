@@ -52,7 +52,7 @@ def space_record(fit: "Fit") -> dict[str, Any]:
         "steps": space.data.steps,
         "kept": space.numbers,
     }
-    return {"form": space.form, "space": record}
+    return {"space": record}
 
 
 def fit_record(fit: "Fit") -> dict[str, Any]:
