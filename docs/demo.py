@@ -29,7 +29,7 @@ def demo(folder: Path) -> list[Path]:
     run("embed", SHIPPED["craft.xml"], *places, "-o", flexible)
     made = [folder / "report.html", folder / "satellite_report.html", flexible]
     try:
-        backend.choose()
+        backend.choose_renderer()
     except EngineError as error:
         print(f"There is no picture of it: {error}")  # noqa: T201
         return made

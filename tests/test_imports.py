@@ -5,6 +5,7 @@ No tolerances: names only.
 
 import ast
 import importlib
+import inspect
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -35,6 +36,9 @@ SENTENCE = (
 )
 SIDE_BY_SIDE = ("control", "variants", "studies")
 PRODUCTS = ("robust", "pointing", "identification", "worlds")
+#: modules that a product may import of the core, and of which it imports what they list
+DOORS = ("", "spec", "results", "toolkit", "commands", "report")
+BASE = ("caution", "checks", "errors", "files", "late")  # whatever stands in these
 HEAVY = ("mujoco", "lxml", "matplotlib", "control")
 
 
@@ -156,10 +160,14 @@ def test_the_public_list_is_pinned():
     assert set(dir(beamchain)) == PUBLIC
 
 
-@pytest.mark.parametrize("module", ["", ".spec", ".results", *(f".{name}" for name in PRODUCTS)])
-def test_every_public_name_is_there(module):
-    place = importlib.import_module(f"beamchain{module}")
-    assert all(getattr(place, name) is not None for name in place.__all__)
+@pytest.mark.parametrize("module", [*DOORS, *PRODUCTS])
+def test_every_public_name_is_there_and_documented(module):
+    place = importlib.import_module(f"beamchain.{module}" if module else "beamchain")
+    for name in place.__all__:
+        value = getattr(place, name)
+        assert value is not None
+        if inspect.isfunction(value) or inspect.isclass(value):
+            assert value.__doc__, name
 
 
 def test_every_table_of_a_specification_is_in_spec():
@@ -242,6 +250,38 @@ def test_no_product_knows_another():
         assert not graph[unit] & (set(PRODUCTS) - {unit}), unit
 
 
+def listed(door: str) -> set[str]:
+    """The names of a door, and the modules that `from beamchain import` may name."""
+    stub = SOURCE / door / "__init__.pyi"
+    stub = stub if stub.exists() else SOURCE / f"{door}.pyi"
+    nodes = ast.parse(stub.read_text(encoding="utf-8")).body
+    names = {a.name for node in nodes if isinstance(node, ast.ImportFrom) for a in node.names}
+    return names if door else {*names, *DOORS, "__version__"}
+
+
+def test_a_product_knows_only_public_names_of_the_core():
+    doors = {f"beamchain.{door}".rstrip("."): listed(door) for door in DOORS}
+    base = {f"beamchain.{name}" for name in BASE}
+    used: dict[str, set[str]] = {door: set() for door in doors}
+    for unit in PRODUCTS:
+        for path in (SOURCE / unit).rglob("*.py"):
+            for node in statements(path):
+                names = {alias.name for alias in node.names}
+                if isinstance(node, ast.Import):
+                    assert not any(name.startswith("beamchain") for name in names), path
+                    continue
+                place = str(node.module)
+                own = place == f"beamchain.{unit}" or place.startswith(f"beamchain.{unit}.")
+                if not place.startswith("beamchain") or own or place in base:
+                    continue
+                names -= {unit} if place == "beamchain" else set()
+                assert place in doors, f"{path}: {place}"
+                assert names <= doors[place], f"{path}: {sorted(names - doors[place])}"
+                used[place] |= names
+    for door in ("beamchain.toolkit", "beamchain.commands"):  # they hold nothing for show
+        assert used[door] == doors[door], sorted(doors[door] - used[door])
+
+
 def test_studies_are_of_appendages_alone():
     assert "craft" not in units()["studies"]
 
@@ -277,14 +317,12 @@ def test_every_folder_has_its_place():
     assert set(units()) == {
         *SENTENCE,
         *PRODUCTS,
-        "caution",
-        "checks",
-        "errors",
-        "files",
+        *BASE,
+        "commands",
         "examples",
-        "late",
         "results",
         "spec",
+        "toolkit",
     }
 
 
@@ -316,7 +354,7 @@ def test_only_one_place_imports_mujoco():
             assert "mujoco" not in names, path
 
 
-def test_the_door_leads_to_functions():
+def test_the_door_leads_to_no_module():
     """Also after the modules behind it are loaded, which Python makes attributes of the package."""
     from beamchain import report
 
@@ -324,4 +362,4 @@ def test_the_door_leads_to_functions():
     for node in homes:
         importlib.import_module(f"beamchain.report.{node.module}")
         for name in (alias.name for alias in node.names):
-            assert callable(getattr(report, name)), name
+            assert not inspect.ismodule(getattr(report, name)), name

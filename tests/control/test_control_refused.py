@@ -109,39 +109,42 @@ POSES = {
     ),
     "joint of the second": (
         lambda: posed([{"drive": 0.1}, {"driv": 0.1}]),
-        ("joint of at[1] = 'driv'", "did you mean"),
+        ("joint of pose[1] = 'driv'", "did you mean"),
     ),
     "keyframe of the second": (
         lambda: posed([{"drive": 0.1}, "drives"]),
-        ("at[1] = 'drives'", "did you mean 'drive'"),
+        ("pose[1] = 'drives'", "did you mean 'drive'"),
     ),
     "angle of the second": (
         lambda: posed([{"drive": 0.1}, {"drive": 2.5}]),
-        ("at[1]: joint 'drive' = 2.5", "outside", "in rad"),
+        ("pose[1]: joint 'drive' = 2.5", "outside", "in rad"),
     ),
     "way of the second": (
         lambda: posed([{}, {"reach": 2.5}]),
-        ("at[1]: joint 'reach' = 2.5", "range [-1, 1]"),
+        ("pose[1]: joint 'reach' = 2.5", "range [-1, 1]"),
     ),
     "angles of the second": (
         lambda: posed([{"drive": 0.1}, {"drive": [0.1, 0.2]}]),
-        ("at[1]['drive'] = ", "not a number"),
+        ("pose[1]['drive'] = ", "not a number"),
     ),
     "way that is text": (
         lambda: posed([{}, {"reach": "x"}]),
-        ("at[1]['reach'] = 'x'", "not a number", "in m"),
+        ("pose[1]['reach'] = 'x'", "not a number", "in m"),
     ),
-    "number of the second": (lambda: posed([{"drive": 0.1}, 7]), ("at[1] = 7", "the model has 3")),
+    "number of the second": (
+        lambda: posed([{"drive": 0.1}, 7]),
+        ("pose[1] = 7", "the model has 3"),
+    ),
     "two numbers of the second": (
         lambda: posed([{"drive": 0.1}, [0.0, 1.0]]),
-        ("at[1] has the shape (2,)", "give qpos"),
+        ("pose[1] has the shape (2,)", "give qpos"),
     ),
     "a joint's name": (lambda: posed("turn"), ("pose = 'turn'", "by joint, {'turn': 0.5}")),
     "lists of two joints": (
         lambda: posed({"drive": [0.1], "turn": [0.2]}),
         ("several joints", "a list of poses"),
     ),
-    "no pose": (lambda: posed([]), ("at is an empty list", "at least one pose")),
+    "no pose": (lambda: posed([]), ("pose is an empty list", "at least one pose")),
 }
 
 # -- loops -----------------------------------------------------------------------------------------

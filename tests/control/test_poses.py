@@ -104,7 +104,7 @@ def test_all_joints_move_together_between_two_poses(made):
     )
     fine = bc.plant(open_craft, ["torque:bus"], pose=path)
     np.testing.assert_allclose(coarse.frequency[-1], fine.frequency[-1], rtol=1e-9)
-    with pytest.raises(bc.InputError, match=r"at\[14\]: '(wall|arm)' touches"):
+    with pytest.raises(bc.InputError, match=r"pose\[14\]: '(wall|arm)' touches"):
         bc.plant(made, ["torque:bus"], pose=path)
 
 

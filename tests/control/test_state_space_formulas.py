@@ -15,11 +15,11 @@ from beamchain.control.systems import (
     close_feedback,
     close_loop,
     linking,
-    parted,
-    picked,
     response,
     size_at_rest,
+    spectral_split,
     standing_still,
+    subsystem,
     taking_part,
     touched,
     with_deltas,
@@ -111,7 +111,7 @@ def test_states_that_link_an_input_to_an_output():
 
 def test_some_of_the_signals_and_their_states():
     apart = tuple(block_diag(*same) for same in zip(ONE, OTHER, strict=True))
-    a, b, c, d = picked(apart, [3, 4], [5, 4])
+    a, b, c, d = subsystem(apart, [3, 4], [5, 4])
     assert a.shape == (2, 2)
     for s in S:
         np.testing.assert_allclose(value((a, b, c, d), s), value(OTHER, s)[:, ::-1])
@@ -172,7 +172,7 @@ def test_a_system_as_the_sum_of_two():
     whole = system(5, 2, 2)
     poles = np.linalg.eigvals(whole[0])
     limit = np.sort(np.abs(poles))[2] * 1.0001
-    kept, rest = parted(whole, lambda pole: abs(pole) <= limit)
+    kept, rest = spectral_split(whole, lambda pole: abs(pole) <= limit)
     assert np.all(np.abs(np.linalg.eigvals(kept[0])) > limit)
     assert np.all(np.abs(np.linalg.eigvals(rest[0])) <= limit)
     assert not rest[3].any()

@@ -167,7 +167,7 @@ CRAFTS = {
     "path of a craft": (lambda: made().write(None), ("path = None is a NoneType",)),
     "keyframe": (lambda: made().modes_at(5), ("key = 5 is a int", "name of a keyframe")),
     "timestep": (lambda: bc.retime(made().model, "0.1"), ("timestep = '0.1'", "not a number")),
-    "qpos nan": (lambda: bc.retime(made().model, 0.1, qpos=nans("nq")), ("qpos[0] is nan",)),
+    "qpos nan": (lambda: bc.retime(made().model, 0.1, pose=nans("nq")), ("pose[0] is nan",)),
     "qvel nan": (lambda: start(qvel=nans("nv")), ("qvel[0] is nan",)),
     "one position": (lambda: start(qpos=[0.0]), ("qpos = [0.0] has the shape (1,)", "(8,)")),
     "seed of worlds": (

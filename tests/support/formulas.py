@@ -12,9 +12,9 @@ from beamchain.control.closed_loop import _check_algebraic as check_algebraic_lo
 from beamchain.control.closed_loop import _plant_step as step_of_plant
 from beamchain.control.closed_loop import _turn as turn_along
 from beamchain.control.closed_loop import unstable_count
+from beamchain.control.controllers import loop_response as response_of_loop
 from beamchain.control.controllers import realise as realise_controller
 from beamchain.control.controllers import realise_fraction
-from beamchain.control.controllers import response as response_of_loop
 from beamchain.control.crossings import crossing as crossing_of_zero
 from beamchain.control.delay_margin import _between as crossings_between
 from beamchain.control.delay_margin import _by_state as loop_by_state

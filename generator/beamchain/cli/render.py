@@ -134,7 +134,7 @@ def render(
             )
     from beamchain.engine import backend
 
-    chosen = backend.choose()
+    chosen = backend.choose_renderer()
     from beamchain.files import check_outputs, write_files
     from beamchain.report import film as files
 

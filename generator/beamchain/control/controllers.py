@@ -212,7 +212,7 @@ def place(name: str, labels: list[str], kind: str, of: str = "loop.") -> int:
     return labels.index(name)
 
 
-def response(loop: Loop, s: Response) -> Response:
+def loop_response(loop: Loop, s: Response) -> Response:
     """`K(s)` of a loop, with all its parts and its dead time."""
     with np.errstate(all="ignore"):
         out = np.prod([part.response(s) for part in loop.parts], axis=0) * np.exp(-s * loop.delay)

@@ -15,7 +15,7 @@ from beamchain.late import importing
 SUFFIXES = (".npz", ".json", ".mat")
 
 
-def write(
+def write_arrays(
     path: str | Path,
     record: Mapping[str, Any],
     *,

@@ -14,6 +14,7 @@ from scipy.linalg import block_diag
 from beamchain.checks import preview
 from beamchain.control.controllers import (
     Controller,
+    loop_response,
     place,
     places,
     read_controller,
@@ -21,7 +22,6 @@ from beamchain.control.controllers import (
     realise_fraction,
     takes_time,
 )
-from beamchain.control.controllers import response as loop_response
 from beamchain.control.systems import Complex, System, response
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array

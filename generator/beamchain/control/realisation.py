@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from beamchain.checks import finite_array
-from beamchain.control.export import write
+from beamchain.control.export import write_arrays
 from beamchain.control.source import PlantSource
 from beamchain.control.state_space import StateSpace
 from beamchain.craft.modal_form import ModalForm
@@ -268,7 +268,7 @@ class Plant(StateSpace):
             InputError: the ending is none of these.
             OutputError: the file exists and `force` is False, or cannot be written.
         """
-        return write(path, self.record(), force=force, also=also)
+        return write_arrays(path, self.record(), force=force, also=also)
 
 
 def _zero_pole_product(poles: NDArray[np.complex128], z: complex, step: float) -> complex:

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from beamchain import report
-from beamchain.control.export import write
+from beamchain.control.export import write_arrays
 from beamchain.control.realisation import Plant
 from beamchain.craft.linear_craft import LinearCraft
 from beamchain.craft.modal_form import ModalForm
@@ -160,7 +160,7 @@ class ScheduledPlant:
         record |= {"PoseJoint": list(self.joints), "PoseUnit": list(self.units)}
         if self.joint is not None:
             record |= {"Angle": self.angles, "Joint": self.joint}
-        return write(path, record, force=force, also=also)
+        return write_arrays(path, record, force=force, also=also)
 
 
 def follow(

@@ -75,7 +75,7 @@ def linking(system: System) -> list[int]:
     return taking_part(link, driven, seen)
 
 
-def picked(system: System, outputs: list[int], inputs: list[int]) -> System:
+def subsystem(system: System, outputs: list[int], inputs: list[int]) -> System:
     """Some of the signals, and the states that link them."""
     a, b, c, d = system
     some = a, b[:, inputs], c[outputs], d[np.ix_(outputs, inputs)]
@@ -155,7 +155,7 @@ def growth(poles: Complex, rest: float, top: float) -> Array:
     return np.where(size < rest, 0.0, poles.real) / rounding - 1.0
 
 
-def parted(system: System, apart: Callable[[complex], bool]) -> tuple[System, System]:
+def spectral_split(system: System, apart: Callable[[complex], bool]) -> tuple[System, System]:
     """A system as the sum of two, the second with the poles for which `apart` holds and without
     a direct part; their real Schur form is made block diagonal."""
     a, b, c, d = system

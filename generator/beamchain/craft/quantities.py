@@ -13,6 +13,7 @@ from beamchain.checks import unknown
 from beamchain.craft.plant_load import liquid_prefixes
 from beamchain.engine.library import mujoco, rotation_matrix
 from beamchain.engine.mount import held_joints
+from beamchain.engine.signals import AXES
 from beamchain.errors import InputError
 from beamchain.fitting.uncertain import (
     CUT,
@@ -29,7 +30,6 @@ from beamchain.fitting.uncertain import (
 from beamchain.ports.motions import Array
 from beamchain.steps.modal import modal_tendons
 
-AXES = ("x", "y", "z")
 MODE = re.compile(r"(.*?)(mode\d+(?:_(?:xy|xz|torsion|axial)\d*)?)$")
 UNITS = {"mass": "kg", "centre": "m", "inertia": "kg m^2"}
 

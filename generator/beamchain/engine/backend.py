@@ -15,7 +15,7 @@ _TRY = (
 )
 
 
-def choose() -> str:
+def choose_renderer() -> str:
     """Set MUJOCO_GL, where the user has not, to a renderer that needs no screen."""
     given = os.environ.get("MUJOCO_GL", "").strip().lower()
     if "mujoco" in sys.modules:  # it has looked already

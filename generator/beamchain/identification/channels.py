@@ -15,7 +15,7 @@ from beamchain.identification.logs import SENSED, TORQUES, Response, TimeLog
 from beamchain.identification.prior import Prior
 from beamchain.identification.response import Data, Piece, Spectrum
 from beamchain.identification.sanity import check_swapped
-from beamchain.ports.motions import Array
+from beamchain.toolkit import Array
 
 PROPORTIONAL = 1e-6  # one less the cosine between the torques of two axes over time
 GAP = 1.5  # steps; where steps are unequal by themselves, more

@@ -5,8 +5,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamchain.cli.common import Force, Json, Quiet, console
-from beamchain.cli.output import print_table, print_warnings, spinner, tell
+from beamchain.commands import (
+    Force,
+    Json,
+    Quiet,
+    console,
+    print_table,
+    print_warnings,
+    spinner,
+    tell,
+)
 from beamchain.errors import InputError
 
 if TYPE_CHECKING:

@@ -16,8 +16,7 @@ from beamchain.identification.response import Piece, Raw
 from beamchain.identification.result import Identification, IdentifiedMode
 from beamchain.identification.start import Order
 from beamchain.identification.structure import Body, Parts, Structure, rotation
-from beamchain.ports.motions import Array
-from beamchain.structure.planes import MOTIONS
+from beamchain.toolkit import MOTIONS, Array
 
 USEFUL_FREQUENCY = 0.03  # relative standard deviation beyond which a frequency is not determined
 USEFUL_DAMPING = 0.5

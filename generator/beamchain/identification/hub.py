@@ -8,13 +8,17 @@ from typing import NamedTuple
 import numpy as np
 
 from beamchain.checks import unknown
-from beamchain.craft.source import compiled_model
-from beamchain.engine.bench import frozen_mass
-from beamchain.engine.library import mujoco
-from beamchain.engine.signals import AXES, actuator_names, base
 from beamchain.errors import InputError
-from beamchain.mjcf.place import kinds_and_name
-from beamchain.ports.motions import Array
+from beamchain.toolkit import (
+    AXES,
+    Array,
+    actuator_names,
+    base,
+    compiled_model,
+    frozen_mass,
+    kinds_and_name,
+    mujoco,
+)
 
 
 class Bare(NamedTuple):

@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 from scipy.stats import chi2
 
 from beamchain.identification.response import Data, Piece, Raw
-from beamchain.ports.motions import Array
+from beamchain.toolkit import Array
 
 # step of the derivatives of raw numbers by central differences: leaves ten digits
 DIFFERENCE = 1e-5

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from beamchain.checks import meant
 from beamchain.errors import InputError
 from beamchain.files import no_file, note_input
-from beamchain.ports.motions import Array
-from beamchain.structure.readers.bounded import npz_arrays
+from beamchain.toolkit import Array, npz_arrays
 
 LARGEST_FILE = 2_000_000_000  # bytes
 MOST_ROWS = 20_000_000

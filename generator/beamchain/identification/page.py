@@ -8,10 +8,7 @@ from matplotlib.figure import Figure
 
 from beamchain.identification import tables
 from beamchain.identification.result import INTERVAL, Identification
-from beamchain.report.page import Verdict, page_text
-from beamchain.report.pages.notebook import table_html
-from beamchain.report.plots import BEAM, OURS, RIVAL, drawing
-from beamchain.report.svg import to_svg
+from beamchain.report import BEAM, OURS, RIVAL, Verdict, drawing, page_text, table_html, to_svg
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,12 +7,10 @@ import numpy as np
 from scipy.linalg import eigh
 from scipy.optimize import linear_sum_assignment
 
+from beamchain import ModalData, Spec
 from beamchain.errors import InputError
-from beamchain.fitting.fit import as_spec
-from beamchain.fitting.spec import Spec
 from beamchain.identification.structure import Parts, rotation
-from beamchain.ports.motions import PORT_MOTION, PORTS, Array
-from beamchain.structure.modal_data import ModalData
+from beamchain.toolkit import PORT_MOTION, PORTS, Array, as_spec
 
 WIDTH = 0.3  # relative standard deviation of what the prior says, where it has no [uncertain]
 DAMPING = 1.0  # the same of the logarithm of damping

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 from beamchain.caution import Caution
 from beamchain.checks import list_of_names, number, of_type, one_of, whole_number
-from beamchain.engine.library import one_thread
 from beamchain.errors import InputError
 from beamchain.files import noted_inputs
 from beamchain.identification.channels import spectral_channels, time_channels
@@ -18,9 +17,10 @@ from beamchain.identification.prior import read_prior
 from beamchain.identification.result import Identification
 from beamchain.identification.run import Run
 from beamchain.identification.start import MOST_MODES
+from beamchain.toolkit import one_thread
 
 if TYPE_CHECKING:
-    from beamchain.engine.library import mujoco
+    from beamchain.toolkit import mujoco
 
 
 @one_thread()

@@ -15,7 +15,7 @@ from beamchain.identification.structure import (
     frozen_inertia,
     rotation,
 )
-from beamchain.ports.motions import Array
+from beamchain.toolkit import Array
 
 SPLIT = 1.0  # trial separation in half widths of the mode
 MORE = 6.0  # numbers that one mode more has, which the criterion prices

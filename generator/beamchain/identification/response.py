@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from beamchain.ports.motions import Array
+from beamchain.toolkit import Array
 
 Complex = NDArray[np.complex128]
 

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 import tomlkit
 
+from beamchain import ModalData
 from beamchain.caution import warnings_record
 from beamchain.errors import InputError
 from beamchain.files import beside, to_json, write_files
 from beamchain.identification.start import Order
 from beamchain.identification.structure import raise_eigenvalues
-from beamchain.ports.motions import Array
-from beamchain.structure.modal_data import ModalData
+from beamchain.toolkit import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

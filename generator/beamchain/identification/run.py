@@ -43,7 +43,7 @@ from beamchain.identification.structure import (
     clamp,
     frozen_inertia,
 )
-from beamchain.ports.motions import Array
+from beamchain.toolkit import Array
 
 ITERATIONS = 60
 LIKELY = 1e-3  # probability of the gain of one mode more by noise alone, below which it is told

@@ -11,7 +11,7 @@ from beamchain.errors import InputError
 from beamchain.identification.hub import Bare
 from beamchain.identification.response import Data, Piece, Raw
 from beamchain.identification.structure import frozen_inertia
-from beamchain.ports.motions import Array
+from beamchain.toolkit import Array
 
 DEGREE = 180.0 / np.pi
 ROUGH = 0.5  # of the least inertia, before the modes are taken out

@@ -16,7 +16,7 @@ from scipy.ndimage import uniform_filter1d
 from beamchain.identification.likelihood import Likelihood
 from beamchain.identification.response import Data, Piece, Raw, Spectrum
 from beamchain.identification.structure import delay_of_steps
-from beamchain.ports.motions import Array
+from beamchain.toolkit import Array
 
 MOST_MODES = 14
 DAMPINGS = (0.0005, 0.002, 0.007, 0.02, 0.05)

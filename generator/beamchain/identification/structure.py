@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.linalg import null_space
 
 from beamchain.identification.response import Raw
-from beamchain.ports.motions import Array, body_mass_matrix
+from beamchain.toolkit import Array, body_mass_matrix
 
 LOOSE = 1e-3  # of the inertia
 MOST = 0.999  # of a rigid inertia that the modes may hold where a search starts

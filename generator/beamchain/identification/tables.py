@@ -4,9 +4,8 @@ import math
 from typing import TYPE_CHECKING
 
 from beamchain.identification.result import INTERVAL
-from beamchain.report.formats import digits, relative, whole
-from beamchain.report.table import Column, Table
-from beamchain.structure.planes import MOTIONS
+from beamchain.report import Column, Table, digits, relative, whole
+from beamchain.toolkit import MOTIONS
 
 if TYPE_CHECKING:
     from beamchain.identification.result import Identification

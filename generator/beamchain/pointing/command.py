@@ -5,9 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamchain.cli.common import Force, Json, Quiet
-from beamchain.cli.output import print_table, print_warnings, spinner, tell
-from beamchain.cli.plant_options import Model
+from beamchain.commands import Force, Json, Model, Quiet, print_table, print_warnings, spinner, tell
 
 if TYPE_CHECKING:
     from beamchain.pointing.pointing import Pointing
@@ -56,12 +54,12 @@ def pointing(
 
     Example: beamchain pointing flexible.xml --disturbances jitter.toml -o jitter.html
     """
-    from beamchain.cli.poses import poses_given
-    from beamchain.craft.source import compiled_model
+    from beamchain.commands import poses_given
     from beamchain.files import check_outputs, write_files
     from beamchain.pointing.jitter_sources import read_disturbances
     from beamchain.pointing.page import pointing_page
     from beamchain.pointing.pointing import budget
+    from beamchain.toolkit import compiled_model
 
     check_outputs([output], force=force, inputs=[model, disturbances])
     sources = read_disturbances(disturbances)

@@ -6,22 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from beamchain import Linear
 from beamchain.checks import unknown
-from beamchain.craft.appendage import Appendage
-from beamchain.craft.linear_craft import LinearCraft, craft_with_signals
-from beamchain.craft.recovered_body import tip_displacement
-from beamchain.engine.combinations import OutputNames, inputs_of, outputs_of
-from beamchain.engine.library import mujoco
-from beamchain.engine.linear import Linear, Signal
-from beamchain.engine.mount import motion
-from beamchain.engine.operating_point import OperatingPoint, Pose, Rates, operating_point
-from beamchain.engine.signals import (
-    AXES,
-    Input,
-    actuator_names,
-)
 from beamchain.errors import InputError
-from beamchain.mjcf.write import HINGE
 from beamchain.pointing.jitter_sources import (
     Disturbances,
     NoiseDisturbance,
@@ -31,7 +18,27 @@ from beamchain.pointing.jitter_sources import (
     WheelDisturbance,
 )
 from beamchain.pointing.wheel_sweep import SpinningSystem
-from beamchain.ports.motions import Array
+from beamchain.toolkit import (
+    AXES,
+    HINGE,
+    Appendage,
+    Array,
+    Input,
+    LinearCraft,
+    OperatingPoint,
+    OutputNames,
+    Pose,
+    Rates,
+    Signal,
+    actuator_names,
+    craft_with_signals,
+    inputs_of,
+    motion,
+    mujoco,
+    operating_point,
+    outputs_of,
+    tip_displacement,
+)
 
 LINEAR = 1e-6  # relative error of what is linear in a wheel's speed; slopes have 1e-9
 SET_POINTS = ("rad", "m")  # units of the set points of position servos

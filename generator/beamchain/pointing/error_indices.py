@@ -6,7 +6,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
-from beamchain.ports.motions import Array
+from beamchain.toolkit import Array
 
 SIGMAS = 3.0  # of a Gaussian error: 99.7 % of the time it is smaller
 

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from beamchain.checks import Struct, field, of_type
 from beamchain.errors import InputError
-from beamchain.fitting.toml_files import read_struct
+from beamchain.toolkit import read_struct
 
 MOST_ORDERS = 40  # of a wheel's disturbance
 MOST_SPEEDS = 10_000

@@ -7,9 +7,7 @@ import numpy as np
 from scipy.linalg import expm
 from scipy.sparse.csgraph import connected_components
 
-from beamchain.control.systems import Complex
-from beamchain.craft.modal_form import ModalForm
-from beamchain.ports.motions import Array
+from beamchain.toolkit import Array, Complex, ModalForm
 
 SKEW = 1e8  # condition of eigenvectors beyond which they are not used
 REST = "rigid motion"  # all that belongs to no flexible mode: rigid motion, servos, nutation

@@ -4,8 +4,7 @@ from pathlib import Path
 
 from beamchain.pointing.plots import pointing_figure
 from beamchain.pointing.pointing import Pointing
-from beamchain.report.page import Verdict, page_text
-from beamchain.report.svg import to_svg
+from beamchain.report import Verdict, page_text, to_svg
 
 
 def pointing_page(budget: Pointing, name: str) -> str:

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 from matplotlib.figure import Figure
 
-from beamchain.report.plots import DASHES, drawing, literal, log_axis, panel, plain
+from beamchain.report import DASHES, drawing, literal, log_axis, panel, plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,17 +7,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from beamchain import pointing, report
+from beamchain import Embedded, pointing, report
 from beamchain.caution import Caution
 from beamchain.checks import positive, unknown
-from beamchain.craft.appendage import Appendage
-from beamchain.craft.embedded import Embedded
-from beamchain.craft.embedding import marked_appendages
-from beamchain.craft.linear_craft import LinearCraft
-from beamchain.craft.source import compiled_model, linear_omissions
-from beamchain.engine.combinations import OutputNames
-from beamchain.engine.library import mujoco, one_thread
-from beamchain.engine.operating_point import Pose
 from beamchain.errors import InputError
 from beamchain.pointing.disturbed_craft import DisturbedCraft, disturbed_craft
 from beamchain.pointing.error_indices import SIGMAS, ErrorIndex
@@ -41,9 +33,20 @@ from beamchain.pointing.source_errors import (
 )
 from beamchain.pointing.wheel_run import Acting, WheelRun, run_wheel
 from beamchain.pointing.wheel_sweep import UNDAMPED
-from beamchain.ports.motions import locked
-from beamchain.steps.modal import FILLER
-from beamchain.steps.retime import without_timing
+from beamchain.toolkit import (
+    FILLER,
+    Appendage,
+    LinearCraft,
+    OutputNames,
+    Pose,
+    compiled_model,
+    linear_omissions,
+    locked,
+    marked_appendages,
+    mujoco,
+    one_thread,
+    without_timing,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,8 +7,6 @@ from typing import Literal
 
 import numpy as np
 
-from beamchain.control.systems import Complex
-from beamchain.craft.linear_craft import LinearCraft
 from beamchain.errors import InputError
 from beamchain.pointing.disturbed_craft import DisturbedCraft
 from beamchain.pointing.error_indices import (
@@ -35,7 +33,7 @@ from beamchain.pointing.wheel_sweep import (
     joined,
     largest,
 )
-from beamchain.ports.motions import Array, locked
+from beamchain.toolkit import Array, Complex, LinearCraft, locked
 
 Kind = Literal["wheel", "stepper", "psd", "snap"]
 

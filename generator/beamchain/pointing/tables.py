@@ -4,9 +4,8 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from beamchain.ports.motions import Array
-from beamchain.report.formats import digits
-from beamchain.report.table import Column, Table
+from beamchain.report import Column, Table, digits
+from beamchain.toolkit import Array
 
 if TYPE_CHECKING:
     from beamchain.pointing.error_indices import ErrorIndex

@@ -5,12 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from beamchain.control.systems import Complex
-from beamchain.craft.linear_craft import LinearCraft
-from beamchain.engine.library import mujoco
-from beamchain.engine.signals import Input
 from beamchain.errors import InputError
-from beamchain.ports.motions import Array, locked
+from beamchain.toolkit import Array, Complex, Input, LinearCraft, locked, mujoco
 
 CONSTANTS = 5.0  # time constants of the mode until the error is measured
 STEPS = 40  # of the shortest period: RK4 then changes damping ratios by less than 1e-6

@@ -15,13 +15,12 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import schur
 
-from beamchain.control.systems import Complex, System
 from beamchain.pointing.error_indices import (
     ErrorIndex,
     deviation_share,
     windowed_variance,
 )
-from beamchain.ports.motions import Array
+from beamchain.toolkit import Array, Complex, System
 
 # half widths of a resonance, from its top, at which it is looked at
 AROUND = np.sinh(np.linspace(-6.0, 6.0, 37))

@@ -23,6 +23,7 @@ def digits(count: int) -> Format:
     """The format with so many significant digits, and no minus before a zero."""
 
     def text(value: float) -> str:
+        """A number with so many significant digits."""
         return f"{value + 0.0:.{count}g}"
 
     return text

@@ -16,7 +16,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from beamchain.ports.motions import Array, locked
 from beamchain.robust.lft import Block
 from beamchain.robust.local_loop import LocalLoop, in_box, local_loop
 from beamchain.robust.multipliers import (
@@ -30,6 +29,7 @@ from beamchain.robust.multipliers import (
     solve_program,
 )
 from beamchain.robust.search import Loops
+from beamchain.toolkit import Array, locked
 
 MOST = 200  # intervals
 LOOKED = 600  # frequencies at which samples are looked at, beside those about peaks

@@ -6,9 +6,21 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from beamchain.caution import warnings_record
-from beamchain.cli.common import Force, Json, Quiet, console
-from beamchain.cli.output import print_table, print_warnings, spinner, tell
-from beamchain.cli.plant_options import Angle, Inputs, Model, Outputs, Poses
+from beamchain.commands import (
+    Angle,
+    Force,
+    Inputs,
+    Json,
+    Model,
+    Outputs,
+    Poses,
+    Quiet,
+    console,
+    print_table,
+    print_warnings,
+    spinner,
+    tell,
+)
 from beamchain.errors import InputError
 
 if TYPE_CHECKING:
@@ -60,14 +72,12 @@ def worst_case(
     Example: beamchain worst-case flexible.xml --input torque:bus --controller loops.toml
     --uncertain craft.toml -o worst.html
     """
-    from beamchain import robust
-    from beamchain.cli.poses import doubtful, poses_given
-    from beamchain.control.controllers import read_controller, signals_with
-    from beamchain.control.plant import plant as linearise
-    from beamchain.control.realisation import Plant
-    from beamchain.craft.source import compiled_model
+    from beamchain import Plant, robust
+    from beamchain import plant as linearise
+    from beamchain.commands import doubtful, poses_given
     from beamchain.files import check_outputs, write_files
     from beamchain.robust.page import worst_case_page
+    from beamchain.toolkit import compiled_model, read_controller, signals_with
 
     ends = _ends(between)
     check_outputs([output], force=force, inputs=[model, controller, uncertain])

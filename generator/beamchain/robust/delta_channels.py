@@ -10,15 +10,21 @@ from dataclasses import replace
 
 import numpy as np
 
-from beamchain.craft.linear_craft import LinearCraft
-from beamchain.craft.quantities import AXES, Quantity
-from beamchain.engine.forces import along
-from beamchain.engine.library import mujoco
-from beamchain.engine.linear import Inputs, Linear, Outputs, Signal
-from beamchain.engine.operating_point import OperatingPoint
-from beamchain.engine.signals import Input
-from beamchain.fitting.uncertain import OF_MODES
-from beamchain.ports.motions import Array
+from beamchain import Linear
+from beamchain.toolkit import (
+    AXES,
+    OF_MODES,
+    Array,
+    Input,
+    Inputs,
+    LinearCraft,
+    OperatingPoint,
+    Outputs,
+    Quantity,
+    Signal,
+    along,
+    mujoco,
+)
 
 Through = Mapping[int, float]
 ACROSS = ((1, 2), (0, 2), (0, 1))  # components of `omega x e_i` that are not zero

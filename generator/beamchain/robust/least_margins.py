@@ -13,15 +13,28 @@ from numpy.typing import NDArray
 
 from beamchain import report, robust
 from beamchain.checks import unknown
-from beamchain.control.closed_loop import ClosedLoop, Names, closed_around, counted
-from beamchain.control.controllers import Controller
-from beamchain.control.feedback import Signals, feedback
-from beamchain.control.margins import AT_ZERO, REAL, Extremum, Margins, margins_of
-from beamchain.control.structured import balanced_bounds
-from beamchain.control.systems import Complex, System, response, with_deltas
-from beamchain.ports.motions import Array
+from beamchain.results import Margins
 from beamchain.robust.bounds import GainBound
 from beamchain.robust.search import Loops, Peak, ascent
+from beamchain.spec import Controller
+from beamchain.toolkit import (
+    AT_ZERO,
+    REAL,
+    Array,
+    ClosedLoop,
+    Complex,
+    Extremum,
+    Names,
+    Signals,
+    System,
+    balanced_bounds,
+    closed_around,
+    counted,
+    feedback,
+    margins_of,
+    response,
+    with_deltas,
+)
 
 READ = "total of "  # before the name of an input: an output that reads it, controller included
 DISK, GAIN, LESS, PHASE = "disk", "gain up, factor", "gain down, factor", "phase"

@@ -12,19 +12,26 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from beamchain.checks import as_array, finite_array, number, unknown, whole_number
-from beamchain.control.export import write
-from beamchain.control.source import PlantSource
-from beamchain.control.state_space import StateSpace
-from beamchain.control.systems import System, response, with_deltas
-from beamchain.craft.linear_craft import LinearCraft
-from beamchain.craft.model_fields import apply
-from beamchain.craft.quantities import Quantity, draws
-from beamchain.engine.library import mujoco, one_thread
-from beamchain.engine.signals import control_names
 from beamchain.errors import InputError
-from beamchain.fitting.uncertain import Correlation
-from beamchain.ports.motions import Array, locked
 from beamchain.robust.delta_channels import channels
+from beamchain.spec import Correlation
+from beamchain.toolkit import (
+    Array,
+    LinearCraft,
+    PlantSource,
+    Quantity,
+    StateSpace,
+    System,
+    apply,
+    control_names,
+    draws,
+    locked,
+    mujoco,
+    one_thread,
+    response,
+    with_deltas,
+    write_arrays,
+)
 
 PROVED = 1e-8  # relative, channel by channel, of a sample against the model with those properties
 LARGEST = 2**31  # seed or number of samples
@@ -221,7 +228,7 @@ class Lft:
             "Nominal": [q.nominal for q in self.quantities],
             "Reach": [q.reach for q in self.quantities],
         }
-        return write(path, record, force=force)
+        return write_arrays(path, record, force=force)
 
     def _prove(self, system: System) -> None:
         """One sample, in the whole craft's own coordinates,

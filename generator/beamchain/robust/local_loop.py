@@ -9,11 +9,10 @@ import numpy as np
 from msgspec import structs
 from scipy.linalg import block_diag
 
-from beamchain.control.controllers import Controller, realise
-from beamchain.control.systems import Complex, close_feedback, picked
-from beamchain.ports.motions import Array
 from beamchain.robust.multipliers import ComplexSystem
 from beamchain.robust.search import Loops
+from beamchain.spec import Controller
+from beamchain.toolkit import Array, Complex, close_feedback, realise, subsystem
 
 ORDER = 4  # of the expansion of a dead time
 # half width of an interval times the dead time, to which the expansion is used: its error is 2e-5
@@ -105,7 +104,7 @@ def local_loop(loops: Loops, low: float, high: float) -> LocalLoop:
     channels = loops.blocks.size
     rows = [*loops.seen[:channels], *(seen + i for i in late), loops.seen[-1]]
     columns = [*loops.driven[:channels], *(loops.columns[i] for i in late), loops.driven[-1]]
-    a, b, c, d = (part.astype(np.complex128) for part in picked(whole, rows, columns))
+    a, b, c, d = (part.astype(np.complex128) for part in subsystem(whole, rows, columns))
     d[-1, -1] += loops.offset
     of_errors = np.s_[channels : channels + count]
     b[:, of_errors] *= -1.0

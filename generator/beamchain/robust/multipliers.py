@@ -20,9 +20,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from beamchain.control.systems import Complex
 from beamchain.errors import InputError
-from beamchain.ports.motions import Array
+from beamchain.toolkit import Array, Complex
 
 SLACK = 1e-5  # of D that a program leaves, for the rounding of its solution
 LEAST = 1e-7  # least eigenvalue of D, its channels in balance

@@ -3,8 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from beamchain.report.page import Verdict, page_text
-from beamchain.report.svg import to_svg
+from beamchain.report import Verdict, page_text, to_svg
 from beamchain.robust import plots
 from beamchain.robust.tables import worst_table, worst_value_table
 from beamchain.robust.uncertain_plant import WorstCase

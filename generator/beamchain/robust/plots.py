@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
-from beamchain.report.plant_plots import logarithmic
-from beamchain.report.plots import (
+from beamchain.report import (
     BEAM,
     OURS,
     RIVAL,
     WIDTH,
     drawing,
     literal,
+    logarithmic,
     over_frequency,
     panel,
 )

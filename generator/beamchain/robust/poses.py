@@ -6,14 +6,13 @@ from typing import Any, overload
 
 from numpy.typing import ArrayLike
 
-from beamchain.control.controllers import Controller
-from beamchain.control.realisation import Plant
-from beamchain.control.scheduled import ScheduledPlant
-from beamchain.engine.library import one_thread
+from beamchain import Plant
 from beamchain.errors import InputError
-from beamchain.fitting.uncertain import UncertainCraft, read_uncertain
+from beamchain.results import ScheduledPlant
 from beamchain.robust.least_margins import WorstMarginsOfPoses
 from beamchain.robust.uncertain_plant import UncertainPlant, WorstCases, uncertain_plant
+from beamchain.spec import Controller, UncertainCraft
+from beamchain.toolkit import one_thread, read_uncertain
 
 
 @overload

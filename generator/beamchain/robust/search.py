@@ -11,24 +11,27 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize, minimize_scalar
 
-from beamchain.control.controllers import Controller, place, places, realise
-from beamchain.control.controllers import response as loop_response
-from beamchain.control.systems import (
+from beamchain.errors import InputError
+from beamchain.spec import Controller
+from beamchain.toolkit import (
     GROWS,
     UNSEEN,
+    Array,
     Complex,
     System,
     close_loop,
     growth,
-    parted,
-    picked,
+    loop_response,
+    place,
+    places,
+    realise,
     response,
+    spectral_split,
     standing_still,
+    subsystem,
     touched,
     with_deltas,
 )
-from beamchain.errors import InputError
-from beamchain.ports.motions import Array
 
 IDLE = 1e-9  # of a response, relative: what poles on the axis add to it is rounding
 STARTS = 4  # of the local search, from the worst samples
@@ -129,7 +132,7 @@ class Loops:
                 "uncertain quantities, so that there is no worst gain between them; ask for an "
                 "output that it moves."
             )
-        self.system = picked(whole, self.seen, self.driven)
+        self.system = subsystem(whole, self.seen, self.driven)
         self.offset = offset
         self.system[3][-1, -1] += offset
         nominal = np.zeros(max(blocks, default=-1) + 1)
@@ -207,7 +210,7 @@ class Loops:
         there = np.array([on_axis(complex(pole)) for pole in poles], dtype=np.bool_)
         if not there.any() or there.all():
             return system
-        kept, idle = parted(system, on_axis)
+        kept, idle = spectral_split(system, on_axis)
         # on the real axis, where no pole of a stable loop is near
         s = np.geomspace(np.abs(poles[~there]).min(), top, 30).astype(np.complex128)
         of_all = float(np.abs(response(system, s)).max())

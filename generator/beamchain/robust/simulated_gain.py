@@ -10,11 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from beamchain.control.controllers import Controller, place, places, realise
-from beamchain.control.systems import System, close_loop
-from beamchain.craft.linear_craft import LinearCraft
-from beamchain.engine.library import mujoco
-from beamchain.ports.motions import Array
+from beamchain.spec import Controller
+from beamchain.toolkit import Array, LinearCraft, System, close_loop, mujoco, place, places, realise
 
 # largest of all displacements [m, rad] that the sine is to make: small enough to be linear to 1e-4
 SMALL = 1e-4

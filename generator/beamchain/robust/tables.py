@@ -4,9 +4,7 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from beamchain.report.formats import number
-from beamchain.report.table import Column, Table
-from beamchain.report.tables.plant import margin_text, pose_columns, titled
+from beamchain.report import Column, Table, margin_text, number, pose_columns, titled
 
 if TYPE_CHECKING:
     from beamchain.robust.least_margins import WorstMargins

@@ -11,13 +11,7 @@ from numpy.typing import ArrayLike
 from beamchain import report, robust
 from beamchain.caution import Caution
 from beamchain.checks import of_type, positive, whole_number
-from beamchain.control.controllers import Controller, place, places, read_controller
-from beamchain.control.source import PlantSource
-from beamchain.craft.quantities import quantities
-from beamchain.engine.library import one_thread
 from beamchain.errors import InputError
-from beamchain.fitting.uncertain import OF_MODES, Correlation, Uncertain, UncertainCraft
-from beamchain.ports.motions import Array, locked
 from beamchain.robust.bounds import Bounder, GainBound, frequencies
 from beamchain.robust.least_margins import (
     ALL,
@@ -32,6 +26,18 @@ from beamchain.robust.least_margins import (
 from beamchain.robust.lft import LARGEST, Lft
 from beamchain.robust.search import Loops, Peak, climb, search
 from beamchain.robust.simulated_gain import FORGOTTEN, simulated_gain
+from beamchain.spec import Controller, Correlation, Uncertain, UncertainCraft
+from beamchain.toolkit import (
+    OF_MODES,
+    Array,
+    PlantSource,
+    locked,
+    one_thread,
+    place,
+    places,
+    quantities,
+    read_controller,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -275,7 +275,7 @@ def unlatch(model: "mujoco.MjModel", data: "mujoco.MjData", joint: str) -> float
     held = _spring_energy(model, data, hinge)
     moving = 0.5 * float(data.qvel[hinge.dof]) ** 2
     armature = float(model.dof_armature[hinge.dof])
-    take_out(model, hinge.joint)
+    take_out_latch(model, hinge.joint)
     mujoco.mj_forward(model, data)
     added = moving * (float(model.dof_armature[hinge.dof]) - armature)
     return _spring_energy(model, data, hinge) - held + added
@@ -341,7 +341,7 @@ def is_raised(model: "mujoco.MjModel", dof: int) -> bool:
     return made_for(mark) is not None and float(mark[4]) == RAISED
 
 
-def take_out(model: "mujoco.MjModel", joint: int) -> None:
+def take_out_latch(model: "mujoco.MjModel", joint: int) -> None:
     """The fields of a latched hinge as they were before."""
     dof = int(model.jnt_dofadr[joint])
     mark, stiffness, reference, damping, armature = (float(v) for v in model.jnt_solimp[joint])

@@ -41,8 +41,8 @@ Example:
 from importlib import import_module
 from typing import Any
 
-from beamchain.engine import backend
 from beamchain.errors import InputError
+from beamchain.toolkit import choose_renderer
 
 NAME = "beamchain/FlexibleSatellite-v0"
 
@@ -50,7 +50,7 @@ NAME = "beamchain/FlexibleSatellite-v0"
 def satellite(**options: Any) -> Any:
     """One satellite."""
     if options.get("render_mode") is not None:
-        backend.choose()  # before MuJoCo is imported
+        choose_renderer()  # before MuJoCo is imported
     return import_module("beamchain.worlds.satellite").Satellite(**options)
 
 

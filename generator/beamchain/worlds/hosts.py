@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from beamchain.engine.library import mujoco, quiet
 from beamchain.errors import InputError
-from beamchain.ports.motions import Array
+from beamchain.toolkit import Array, mujoco, quiet
 
 HOSTS = ("mujoco", "mjx", "warp")
 NEEDS = {"mjx": "mujoco.mjx", "warp": "mujoco_warp"}

@@ -9,15 +9,22 @@ from typing import Any
 
 import numpy as np
 
-from beamchain.engine.library import mujoco
-from beamchain.engine.linearise import NUMBERS
+from beamchain import retime
 from beamchain.errors import InputError
-from beamchain.ports.motions import Array
-from beamchain.steps.integrators import SCHEMES
-from beamchain.steps.modal import foreign, modal_tendons
-from beamchain.steps.retime import carries_bodies, retime, without_timing
-from beamchain.steps.start import ctrl_bounds
-from beamchain.worlds.fields import TENDONS, runs_exact, with_fields
+from beamchain.toolkit import (
+    NUMBERS,
+    SCHEMES,
+    TENDONS,
+    Array,
+    carries_bodies,
+    ctrl_bounds,
+    foreign,
+    modal_tendons,
+    mujoco,
+    runs_exact,
+    with_fields,
+    without_timing,
+)
 from beamchain.worlds.hosts import LARGEST, Flags, Ids
 
 jax: Any = import_module("jax")

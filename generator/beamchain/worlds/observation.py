@@ -8,12 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamchain.checks import list_of_names
-from beamchain.engine.forces import wraps
-from beamchain.engine.library import mujoco
-from beamchain.engine.signals import base
 from beamchain.errors import InputError
-from beamchain.ports.motions import Array
-from beamchain.steps.modal import modal_tendons
+from beamchain.toolkit import Array, base, modal_tendons, mujoco, wraps
 
 FREE, BALL, HINGE = 0, 1, 3  # mjtJoint
 # how far behind a joint's position and velocity the rotation stands

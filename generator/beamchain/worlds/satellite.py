@@ -11,13 +11,10 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
+from beamchain import Embedded, embed
 from beamchain.checks import finite_array, not_negative, one_of, positive
-from beamchain.craft.embedded import Embedded
-from beamchain.craft.embedding import embed
-from beamchain.engine.library import mujoco
-from beamchain.engine.linearise import mass_matrix
 from beamchain.errors import EngineError, InputError
-from beamchain.ports.motions import Array
+from beamchain.toolkit import Array, mass_matrix, mujoco
 from beamchain.worlds.observation import mean_rate
 from beamchain.worlds.worlds import Worlds, make
 

@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from beamchain.engine.library import mujoco
 from beamchain.errors import InputError
-from beamchain.ports.motions import Array
+from beamchain.toolkit import Array, mujoco
 from beamchain.worlds.hosts import LARGEST, Flags, Ids
 
 wp: Any = import_module("warp")

@@ -9,28 +9,31 @@ from typing import Any, NoReturn, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from beamchain import Embedded, latch, retime, unlatch
 from beamchain.checks import finite_array, of_type, one_of, positive, unknown, whole_number
-from beamchain.craft.embedded import Embedded
-from beamchain.craft.plant_load import limp_cautions
-from beamchain.craft.promise import joint_request
-from beamchain.engine.forces import gravity_of
-from beamchain.engine.library import mujoco, one_thread
-from beamchain.engine.linearise import compile_model
 from beamchain.errors import InputError
-from beamchain.ports.motions import Array
-from beamchain.steps.latch import (
+from beamchain.results import Latched, Retimed
+from beamchain.toolkit import (
     LATCH_FIELDS,
-    Latched,
+    Array,
+    Fields,
+    Source,
+    compile_model,
+    ctrl_bounds,
+    gravity_of,
     is_latched,
     is_mark,
-    latch,
-    take_out,
-    unlatch,
+    joint_request,
+    limp_cautions,
+    modal_tendons,
+    mujoco,
+    one_thread,
+    runs_exact,
+    source_of,
+    take_out_latch,
+    timing_marks,
+    with_fields,
 )
-from beamchain.steps.modal import modal_tendons, timing_marks
-from beamchain.steps.retime import Retimed, retime
-from beamchain.steps.start import ctrl_bounds
-from beamchain.worlds.fields import Fields, Source, runs_exact, source_of, with_fields
 from beamchain.worlds.hosts import HOSTS, LARGEST, available, bytes_of, check_memory, host_of
 from beamchain.worlds.observation import Observer, mean_rate
 
@@ -584,7 +587,7 @@ class Worlds:
                 getattr(model, name)[:] = self.fields[name][world]
             free = [j for j in range(model.njnt) if is_latched(model, j)]
             for joint in free:
-                take_out(model, joint)
+                take_out_latch(model, joint)
             if free:
                 new = {name: np.array(getattr(model, name))[None] for name in LATCH_FIELDS}
                 self._replace_fields(new, np.array([world]))

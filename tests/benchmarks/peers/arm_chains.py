@@ -47,7 +47,7 @@ class Chains:
         torque = np.zeros(steps)
         torque[:beat], torque[beat : 2 * beat] = TORQUE, -TORQUE
         model.opt.timestep = h
-        bc.retime(model, h, self.integrator, qpos=self.start)
+        bc.retime(model, h, self.integrator, pose=self.start)
         if self.integrator == "Euler":  # the mean with the value before, as `bc.HeldInput` gives it
             torque = (torque + np.concatenate([[0.0], torque[:-1]])) / 2.0
         if not record:

@@ -1,0 +1,15 @@
+from .cli.common import Force as Force
+from .cli.common import Json as Json
+from .cli.common import Quiet as Quiet
+from .cli.common import console as console
+from .cli.output import print_table as print_table
+from .cli.output import print_warnings as print_warnings
+from .cli.output import spinner as spinner
+from .cli.output import tell as tell
+from .cli.plant_options import Angle as Angle
+from .cli.plant_options import Inputs as Inputs
+from .cli.plant_options import Model as Model
+from .cli.plant_options import Outputs as Outputs
+from .cli.plant_options import Poses as Poses
+from .cli.poses import doubtful as doubtful
+from .cli.poses import poses_given as poses_given

@@ -1,0 +1,10 @@
+"""What the packages beside the core stand on, and yours may: linear craft and their signals, poses,
+uncertain quantities, the algebra of linear systems, the marks of timing.
+
+They import nothing else of the core than this, `beamchain` itself with `spec`, `results`, `report`
+and `commands`, and the modules at its top (`errors`, `checks`, `files`, `caution`, `late`).
+"""
+
+from beamchain.late import attach
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)
