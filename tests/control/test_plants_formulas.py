@@ -5,27 +5,24 @@ from types import SimpleNamespace
 import control
 import numpy as np
 import pytest
-from scipy.integrate import quad, solve_ivp
-
-import beamchain as bc
-from beamchain.pointing.error_indices import ErrorIndex
-from formulas import (
-    ModalForm,
+from pointing_doors import (
     ModalResponse,
     WheelSweep,
     closed_in,
-    delay_near,
     deviation_share,
-    figure_of_sample,
     largest_deviation,
-    limiting_modes,
     nodes_of_density,
     running_mean,
-    smallness,
     states_of_a_rising_load,
     total_index,
     windowed_variance,
 )
+from robust_doors import delay_near, figure_of_sample, smallness
+from scipy.integrate import quad, solve_ivp
+
+import beamchain as bc
+from beamchain.pointing.error_indices import ErrorIndex
+from formulas import ModalForm, limiting_modes
 
 
 def index(rms, peak):

@@ -4,13 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.integrate import quad
-from scipy.ndimage import maximum_filter1d, minimum_filter1d
-
-import beamchain as bc
-from beamchain import pointing
-from formulas import (
-    ModalForm,
+from pointing_doors import (
     ModalResponse,
     contributions_along_their_sum,
     named_shares,
@@ -23,6 +17,12 @@ from formulas import (
     stepper_error,
     stepper_harmonics,
 )
+from scipy.integrate import quad
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
+
+import beamchain as bc
+from beamchain import pointing
+from formulas import ModalForm
 
 WINDOW = 0.8
 

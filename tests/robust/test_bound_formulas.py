@@ -5,12 +5,7 @@ from types import SimpleNamespace
 import control
 import numpy as np
 import pytest
-
-import beamchain as bc
-from beamchain.robust.bounds import Bounder, Box, GainBound, Interval
-from beamchain.robust.multipliers import ComplexSystem, Multipliers
-from complex_systems import complex_system, gains_of, hermitian, value
-from formulas import (
+from robust_doors import (
     LocalLoop,
     LoopsOfSamples,
     extended_multipliers,
@@ -22,6 +17,11 @@ from formulas import (
     middle_of,
     unknown_behind,
 )
+
+import beamchain as bc
+from beamchain.robust.bounds import Bounder, Box, GainBound, Interval
+from beamchain.robust.multipliers import ComplexSystem, Multipliers
+from complex_systems import complex_system, gains_of, hermitian, value
 
 D, G = hermitian(1, 2), hermitian(2, 2)
 

@@ -5,11 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-
-import beamchain as bc
-from beamchain.robust.least_margins import LeastMargin, WorstMargins
-from beamchain.robust.search import Peak, Resonances
-from formulas import (
+from robust_doors import (
     LoopsOfSamples,
     SampleLoops,
     SteppedController,
@@ -21,6 +17,10 @@ from formulas import (
     whole_count,
     worst_sample,
 )
+
+import beamchain as bc
+from beamchain.robust.least_margins import LeastMargin, WorstMargins
+from beamchain.robust.search import Peak, Resonances
 
 RANDOM = np.random.default_rng(33)
 # two modes, three deltas of which the second stands twice, two inputs and two outputs

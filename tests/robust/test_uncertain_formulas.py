@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from robust_doors import frequencies_of_curves, with_frequency_of_peak
 
 import beamchain as bc
 from beamchain.control.instability import sentences
@@ -14,13 +15,7 @@ from beamchain.engine.normal_modes import NormalModes
 from beamchain.robust.lft import Lft
 from beamchain.robust.search import Peak, Resonances
 from beamchain.robust.uncertain_plant import UncertainPlant
-from formulas import (
-    follow_modes,
-    frequencies_of_curves,
-    power_sum,
-    structured_bound,
-    with_frequency_of_peak,
-)
+from formulas import follow_modes, power_sum, structured_bound
 
 
 # -- deltas and values -----------------------------------------------------------------------------
