@@ -5,10 +5,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from identification_doors import resolution
 
 from beamchain.identification.likelihood import Found, Likelihood
 from beamchain.identification.structure import Parts
+from identification_doors import resolution
 
 NOISE = 1e-4  # of what is measured of each mode
 SAMPLES = 100  # complex

@@ -7,6 +7,15 @@ from types import SimpleNamespace
 import mujoco
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
+
+import beamchain as bc
+from beamchain import pointing
+from beamchain.craft.modal_form import ModalForm
+from beamchain.engine.linear import Linear
+from beamchain.engine.operating_point import operating_point
+from beamchain.pointing.wheel_run import Acting, WheelRun
+from beamchain.robust.delta_channels import Channels
 from pointing_doors import (
     amplitudes_in_record,
     beyond_modes_kept,
@@ -21,15 +30,6 @@ from pointing_doors import (
     torque_of_drive,
     wheel_inputs,
 )
-from scipy.linalg import block_diag
-
-import beamchain as bc
-from beamchain import pointing
-from beamchain.craft.modal_form import ModalForm
-from beamchain.engine.linear import Linear
-from beamchain.engine.operating_point import operating_point
-from beamchain.pointing.wheel_run import Acting, WheelRun
-from beamchain.robust.delta_channels import Channels
 
 SPUN = """<mujoco><option gravity="0 0 0"/><worldbody><body name="bus"><freejoint name="free"/>
 <inertial pos="0.1 0 0.05" mass="50" diaginertia="9 8 7"/>

@@ -4,6 +4,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
+
+import beamchain as bc
+from beamchain import pointing
+from formulas import ModalForm
 from pointing_doors import (
     ModalResponse,
     contributions_along_their_sum,
@@ -17,12 +23,6 @@ from pointing_doors import (
     stepper_error,
     stepper_harmonics,
 )
-from scipy.integrate import quad
-from scipy.ndimage import maximum_filter1d, minimum_filter1d
-
-import beamchain as bc
-from beamchain import pointing
-from formulas import ModalForm
 
 WINDOW = 0.8
 

@@ -4,13 +4,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from pointing_doors import WheelSweep, branches, high_places, wheel_error, wheel_orders
 from scipy.optimize import minimize_scalar
 
 import beamchain as bc
 from beamchain import pointing
 from beamchain.pointing.wheel_sweep import Order, SpeedCurve, SpinningSystem, joined, largest
 from formulas import ModalForm
+from pointing_doors import WheelSweep, branches, high_places, wheel_error, wheel_orders
 
 WINDOW = 0.7
 RANDOM = np.random.default_rng(8)

@@ -5,6 +5,11 @@ from types import SimpleNamespace
 import control
 import numpy as np
 import pytest
+
+import beamchain as bc
+from beamchain.robust.bounds import Bounder, Box, GainBound, Interval
+from beamchain.robust.multipliers import ComplexSystem, Multipliers
+from complex_systems import complex_system, gains_of, hermitian, value
 from robust_doors import (
     LocalLoop,
     LoopsOfSamples,
@@ -17,11 +22,6 @@ from robust_doors import (
     middle_of,
     unknown_behind,
 )
-
-import beamchain as bc
-from beamchain.robust.bounds import Bounder, Box, GainBound, Interval
-from beamchain.robust.multipliers import ComplexSystem, Multipliers
-from complex_systems import complex_system, gains_of, hermitian, value
 
 D, G = hermitian(1, 2), hermitian(2, 2)
 

@@ -4,6 +4,9 @@ from itertools import product
 
 import numpy as np
 import pytest
+
+from beamchain.robust.multipliers import ComplexSystem, Delta, Multipliers
+from complex_systems import complex_system, gains_of, gaussian, hermitian, value
 from robust_doors import (
     balanced_channels,
     basis_of_hermitian,
@@ -16,9 +19,6 @@ from robust_doors import (
     solve_program,
     zero_crossings,
 )
-
-from beamchain.robust.multipliers import ComplexSystem, Delta, Multipliers
-from complex_systems import complex_system, gains_of, gaussian, hermitian, value
 
 SYSTEM = complex_system(4, 3, 5)
 D = hermitian(1, 2, 0.2) + 2.0 * np.eye(2)

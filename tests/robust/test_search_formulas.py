@@ -5,6 +5,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+
+import beamchain as bc
+from beamchain.robust.least_margins import LeastMargin, WorstMargins
+from beamchain.robust.search import Peak, Resonances
 from robust_doors import (
     LoopsOfSamples,
     SampleLoops,
@@ -17,10 +21,6 @@ from robust_doors import (
     whole_count,
     worst_sample,
 )
-
-import beamchain as bc
-from beamchain.robust.least_margins import LeastMargin, WorstMargins
-from beamchain.robust.search import Peak, Resonances
 
 RANDOM = np.random.default_rng(33)
 # two modes, three deltas of which the second stands twice, two inputs and two outputs

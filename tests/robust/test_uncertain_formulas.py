@@ -5,7 +5,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from robust_doors import frequencies_of_curves, with_frequency_of_peak
 
 import beamchain as bc
 from beamchain.control.instability import sentences
@@ -16,6 +15,7 @@ from beamchain.robust.lft import Lft
 from beamchain.robust.search import Peak, Resonances
 from beamchain.robust.uncertain_plant import UncertainPlant
 from formulas import follow_modes, power_sum, structured_bound
+from robust_doors import frequencies_of_curves, with_frequency_of_peak
 
 
 # -- deltas and values -----------------------------------------------------------------------------

@@ -5,10 +5,10 @@ from itertools import product
 
 import numpy as np
 import pytest
-from robust_doors import LoopsOfSamples, SampleLoops, worst_sample
 
 import beamchain as bc
 from formulas import balanced_bounds, structured_bound
+from robust_doors import LoopsOfSamples, SampleLoops, worst_sample
 
 MASS, SPRING, DAMPER = 2.0, 18.0, 0.5
 SOFTER, WEAKER = 0.3, 0.5  # relative uncertainty
