@@ -74,18 +74,32 @@ def beside() -> None:
             path.write_text(text, "utf-8")
 
 
+OPTIONAL = r"\[([^\]]*)\]\(([^)#\s]*(?:products/[\w-]+\.md|notebooks/\w+\.ipynb))[^)]*\)"
+
+
+def without_links(text: str, here: Path) -> str:
+    """A page's text without its links to pages and notebooks that are not there."""
+    bases = (here, HERE.parent, HERE.parent / "notebooks")  # of the site; README; notebooks
+    lines = []
+    for line in text.splitlines(keepends=True):
+        links = re.finditer(OPTIONAL, line)
+        gone = [m for m in links if not any((base / m[2]).exists() for base in bases)]
+        if gone and line.startswith(("* ", "| ")):
+            continue
+        for link in gone:
+            line = line.replace(link[0], link[1])
+        lines.append(line)
+    return "".join(lines)
+
+
 def moved(_app: Any, name: str, source: list[str]) -> None:
     """Links as they are right in the repository lead to the same pages of the site.
 
-    In a toctree, `page?` is a place for a page to come: it is left out until there is one.
+    Of a package beside the core that was taken out, the page and the notebook are gone: entries
+    and rows that lead there go, and within a text the link.
     """
     here = (HERE / name).parent
-    there = re.sub(
-        r"^(/?)([\w-]+)\?$",
-        lambda m: m[1] + m[2] if ((HERE if m[1] else here) / f"{m[2]}.md").exists() else "",
-        source[0],
-        flags=re.M,
-    )
+    there = without_links(source[0], here)
     there = re.sub(r"\]\((?:\.\./)*docs/", "](/", there)
     there = re.sub(r"\]\((?:\.\./)*notebooks/", "](/notebooks/", there)
     source[0] = re.sub(

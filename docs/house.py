@@ -21,6 +21,7 @@ FOLDERS = {
     "studies": "questions",
     "report": "looked at",
     "cli": "commands",
+    "toolkit": "public names",
     "robust": "worst cases",
     "pointing": "jitter",
     "identification": "from logs",
@@ -40,6 +41,8 @@ def arrows() -> Counter[tuple[str, str]]:
         ):
             if here in FOLDERS and name in FOLDERS and here != name:
                 found[here, name] += 1
+    for name in re.findall(r"^from \.(\w+)", (SOURCE / "toolkit.pyi").read_text("utf-8"), re.M):
+        found["toolkit", name] += 1
     return found
 
 

@@ -1,7 +1,8 @@
 """Draw the pictures of README and docs, into this folder: make docs-pictures.
 
 The commands of gallery.md run in an empty folder, and each picture that the page shows is what they
-wrote under its name. The error over the speed of a wheel is that of jitter.md.
+wrote under its name. `products/NAME_picture.py` draws `products/NAME.svg` behind the Python of
+`products/NAME.md`.
 """
 
 import re
@@ -16,14 +17,6 @@ from pages import pieces  # tests/support
 
 HERE = Path(__file__).parent
 ELSEWHERE = {"extremes.png", "house.svg"}  # by make extremes, by house.py
-JITTER = """
-from pathlib import Path
-
-from beamchain.pointing.plots import pointing_figure
-from beamchain.report.svg import to_svg
-
-Path("jitter.svg").write_text(to_svg(pointing_figure(budget), "jitter"), encoding="utf-8")
-"""
 
 
 def beamchain(line: str, folder: Path) -> None:
@@ -62,7 +55,10 @@ if __name__ == "__main__":
         place = Path(name)
         run_page("gallery.md", place)
         beamchain("beamchain init boom", place)
-        run_page("jitter.md", place, JITTER)
+        for script in sorted((HERE / "products").glob("*_picture.py")):
+            page = script.stem.removesuffix("_picture")
+            run_page(f"products/{page}.md", place, script.read_text(encoding="utf-8"))
+            shutil.copy(place / f"{page}.svg", script.parent)
         for picture in sorted(set(shown()) - ELSEWHERE):
             (made,) = place.rglob(picture)
             shutil.copy(made, HERE / picture)

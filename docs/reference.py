@@ -8,51 +8,56 @@ import inspect
 import json
 import re
 from importlib import import_module
+from importlib.util import find_spec
 from typing import Any
 
 import msgspec
 import typer
 
-import beamchain as bc
-from beamchain import pointing
 from beamchain.cli import app
 
+#: packages beside the core, those that are there
+PRODUCTS = tuple(
+    name
+    for name in ("robust", "pointing", "identification", "worlds")
+    if find_spec(f"beamchain.{name}")
+)
 #: modules whose public names stand beside those of `beamchain`
-MODULES = ("spec", "results", "robust", "pointing", "identification", "worlds")
+MODULES = ("spec", "results", *PRODUCTS)
 #: TOML files that a user writes: page, title, what it is, and the struct that reads it
 FILES = (
     (
         "specification",
         "Keys of a specification",
         "A `SPEC.toml` describes one appendage (`beamchain fit`).",
-        bc.Spec,
+        "beamchain.Spec",
     ),
     (
         "controller",
         "Keys of a controller",
         "A `LOOPS.toml` is given to `beamchain plant --controller`.",
-        bc.spec.Controller,
+        "beamchain.spec.Controller",
     ),
     (
         "craft",
         "Keys of an uncertain spacecraft",
         "A `CRAFT.toml` is given to `beamchain sweep --uncertain` and `beamchain worst-case "
         "--uncertain`.",
-        bc.spec.UncertainCraft,
+        "beamchain.spec.UncertainCraft",
     ),
     (
         "disturbances",
         "Keys of disturbances",
         "A `DISTURBANCES.toml` is given to `pointing.budget` and `beamchain pointing`.",
-        pointing.Disturbances,
+        "beamchain.pointing.Disturbances",
     ),
 )
 #: classes that public functions return, and which call returns each
 RESULTS = {
     "Comparison": "bc.compare(a, b)",
-    "Embedded": "bc.embed(craft, at)",
+    "Embedded": "bc.embed(craft, mounts)",
     "Fit": "bc.fit(spec)",
-    "Identification": "identification.identify(logs, craft, at)",
+    "Identification": "identification.identify(logs, craft, mount)",
     "Instability": "bc.margins(plant, controller).instabilities",
     "Latched": "bc.latch(model, data, joint)",
     "Linear": "bc.Linear.of(model)",
@@ -152,7 +157,7 @@ PARTS = {
         "robust.least_margins.LeastMargin",
     ),
 }
-GYM = ("worlds.satellite.Satellite",)
+GYM, GYM_CLASSES = "worlds.gym", ("worlds.satellite.Satellite",)
 WORDS = {
     "number": "number",
     "integer": "whole number",
@@ -356,31 +361,26 @@ def python() -> dict[str, str]:
         )
         cells = [f"[{typed}]({name}.md)", *([] if call is None else [f"`{call}`"]), _first(thing)]
         rows.setdefault(group, []).append(f"| {' | '.join(cells)} |")
-    shown = "".join(
-        _shown("autoclass", f"beamchain.{name}", ":members:", ":no-inherited-members:")
-        for name in GYM
-    )
-    pages["reference/results/gym.md"] = _page(
-        "beamchain.worlds.gym",
-        "",
-        _shown("automodule", "beamchain.worlds.gym", ":no-index:") + shown,
-        "",
-    )
+    if "worlds" in PRODUCTS:
+        shown = _shown("automodule", f"beamchain.{GYM}", ":no-index:") + "".join(
+            _shown("autoclass", f"beamchain.{name}", ":members:", ":no-inherited-members:")
+            for name in GYM_CLASSES
+        )
+        pages["reference/results/gym.md"] = _page(f"beamchain.{GYM}", "", shown, "")
+        gym = f'gymnasium.make("beamchain.{GYM}:beamchain/FlexibleSatellite-v0")'
+        rows["Results"].append(
+            f"| [beamchain.{GYM}](../results/gym.md) | `{gym}` | the Gymnasium environment |"
+        )
     text = ["# Python\n\n`import beamchain as bc`. Every example is run by the tests.\n"]
     for group in ("Functions", "Results", "Classes", "Errors"):
         head = "| name | what it is |\n|---|---|"
         if group == "Results":
             text.append("## What the functions return\n")
             head = "| class | returned by | what it is |\n|---|---|---|"
-            gym = 'gymnasium.make("beamchain.worlds.gym:beamchain/FlexibleSatellite-v0")'
-            rows[group].append(
-                f"| [beamchain.worlds.gym](../results/gym.md) | `{gym}` "
-                "| the Gymnasium environment |"
-            )
         else:
             text.append(f"## {group}\n")
         text.append(f"{head}\n" + "\n".join(rows[group]) + "\n")
-    every = [*names(), "../results/gym"]
+    every = [*names(), *(["../results/gym"] if "worlds" in PRODUCTS else [])]
     text.append("```{toctree}\n:hidden:\n\n" + "\n".join(every) + "\n```\n")
     return {**pages, "reference/python/index.md": "\n".join(text)}
 
@@ -417,8 +417,7 @@ def _page(title: str, about: str, shown: str, name: str) -> str:
 def _told(part: str) -> list[str]:
     """The option that leaves out fields of a tuple that its docstring tells,
     or which have a comment of their own."""
-    module, _, name = part.rpartition(".")
-    thing = getattr(import_module(f"beamchain.{module}"), name)
+    thing = _thing(f"beamchain.{part}")
     source = inspect.getsource(thing)
     fields = [
         field
@@ -428,6 +427,17 @@ def _told(part: str) -> list[str]:
     return [f":exclude-members: {', '.join(fields)}"] if fields else []
 
 
+def is_there(name: str) -> bool:
+    """Whether the package that a name below `beamchain` stands in has not been taken out."""
+    first = name.partition(".")[0]
+    return "." not in name or find_spec(f"beamchain.{first}") is not None
+
+
+def _thing(name: str) -> Any:
+    module, _, last = name.rpartition(".")
+    return getattr(import_module(module), last)
+
+
 def _first(thing: Any) -> str:
     """The first paragraph of a docstring, for a table."""
     return (inspect.getdoc(thing) or "").split("\n\n")[0].replace("\n", " ").replace("|", "\\|")
@@ -435,5 +445,9 @@ def _first(thing: Any) -> str:
 
 def pages() -> dict[str, str]:
     """Path below docs/ and text of every generated page."""
-    files = {f"reference/{name}.md": keys(*rest) for name, *rest in FILES}
+    files = {
+        f"reference/{name}.md": keys(title, about, _thing(struct))
+        for name, title, about, struct in FILES
+        if is_there(struct.removeprefix("beamchain."))
+    }
     return {**files, "reference/commands.md": commands(), **python()}

@@ -21,7 +21,8 @@ from pages import pieces
 ROOT = Path(__file__).parent.parent
 README = ROOT / "README.md"
 HOWTO = sorted((ROOT / "docs" / "howto").glob("*.md"))
-PAGES = [README, *sorted((ROOT / "docs").glob("*.md")), *HOWTO]
+PRODUCTS = sorted((ROOT / "docs" / "products").glob("*.md"))
+PAGES = [README, *sorted((ROOT / "docs").glob("*.md")), *HOWTO, *PRODUCTS]
 # these pages begin in an empty folder
 EMPTY = [ROOT / "docs" / "start.md", ROOT / "docs" / "gallery.md", *HOWTO]
 # pages that need one

@@ -33,7 +33,7 @@ def test_its_example_runs(name, tmp_path, monkeypatch):
 
 def test_the_example_of_the_environment_runs(tmp_path, monkeypatch):
     pytest.importorskip(
-        "gymnasium", reason="Gymnasium is not installed: pip install 'beamchain[gym]'"
+        "gymnasium", reason="Gymnasium is not installed: pip install 'beamchain[worlds]'"
     )
     run(
         importlib.import_module("beamchain.worlds.gym"),

@@ -26,7 +26,7 @@ pytest.importorskip("mujoco.mjx", reason="MJX is not installed: pip install 'bea
 jax = pytest.importorskip("jax", reason="JAX is not installed: pip install 'beamchain[mjx]'")
 
 DOUBLE, SINGLE, GRADIENT = 1e-9, 1e-4, 1e-4
-PAGE = Path(__file__).parent.parent.parent / "docs" / "worlds.md"
+PAGE = Path(__file__).parent.parent.parent / "docs" / "products" / "worlds.md"
 COUNT, SECONDS, STEP = 8, 5.0, 0.05
 CRAFT = f"""<mujoco><option timestep="{STEP}" gravity="0 0 0"/><worldbody><body name="bus">
 <freejoint/>
@@ -152,8 +152,9 @@ def test_derivatives_are_those_of_differences():
     not PAGE.is_file(), reason="the page is not beside the tests (an installed wheel)"
 )
 def test_the_blocks_on_the_page_run(tmp_path, monkeypatch):
-    """`py` blocks of docs/worlds.md need JAX; the first `python` block makes the spacecraft. A
-    program of one's own moves as the worlds do; less is left ringing at the end of co-design."""
+    """`py` blocks of docs/products/worlds.md need JAX; the first `python` block makes the
+    spacecraft. A program of one's own moves as the worlds do; less is left ringing at the end of
+    co-design."""
     monkeypatch.chdir(tmp_path)
     subprocess.run([sys.executable, "-m", "beamchain", "init", "array", "--quiet"], check=True)
     text = PAGE.read_text(encoding="utf-8")

@@ -12,7 +12,7 @@ import pytest
 import beamchain as bc
 
 gymnasium = pytest.importorskip(
-    "gymnasium", reason="Gymnasium is not installed: pip install 'beamchain[gym]'"
+    "gymnasium", reason="Gymnasium is not installed: pip install 'beamchain[worlds]'"
 )
 
 ROUNDING = 1e-9

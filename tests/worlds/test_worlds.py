@@ -623,7 +623,8 @@ def test_fields_that_connect_a_model_may_be_its_own(craft):
 
 @pytest.mark.parametrize(("rate", "lost"), [(0.26, 0.0315), (0.066, 0.0030)])
 def test_tumbling_costs_euler_its_angular_momentum(rate, lost):
-    """What docs/worlds.md states of its first spacecraft; RK4 without timing loses nothing."""
+    """What docs/products/worlds.md states of its first spacecraft; RK4 without timing loses
+    nothing."""
     text = (
         '<mujoco><option gravity="0 0 0"/><worldbody><body name="bus"><freejoint/>'
         '<inertial pos="0 0 0" mass="300" diaginertia="100 120 150"/>'

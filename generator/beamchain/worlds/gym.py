@@ -2,7 +2,7 @@
 which imports this module when asked for it.
 
 A satellite with two arrays, or your own, is turned to a drawn attitude by its wheels and held
-there. Needs `pip install 'beamchain[gym]'`.
+there. Needs `pip install 'beamchain[worlds]'`.
 `gymnasium.make("beamchain.worlds.gym:beamchain/FlexibleSatellite-v0")` makes one; the name starts
 with the module that registers it. `gymnasium.make_vec` makes several, one after the other or in
 processes;
@@ -58,6 +58,6 @@ try:
     gymnasium: Any = import_module("gymnasium")
 except ImportError as error:
     raise InputError(
-        f"Gymnasium is not installed ({error}); install it with: pip install 'beamchain[gym]'."
+        f"Gymnasium is not installed ({error}); install it with: pip install 'beamchain[worlds]'."
     ) from None
 gymnasium.register(id=NAME, entry_point=f"{__name__}:satellite")
