@@ -13,6 +13,7 @@ from beamchain.identification.channels import (
 )
 from beamchain.identification.logs import read_logs
 from command import run
+from spacecraft import spec
 
 CRAFT = """<mujoco><worldbody><body name="hub"><freejoint/>
 <inertial pos="0 0 0" mass="300" diaginertia="100 120 150"/>
@@ -133,6 +134,22 @@ def test_the_command_refuses_with_status_2_and_writes_nothing(tmp_path, capsys, 
     assert "must ascend" in said
     assert "Traceback" not in said
     assert sorted(p.name for p in tmp_path.iterdir()) == ["craft.xml", "log.csv"]
+
+
+def test_the_command_writes_no_output_onto_its_prior(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    written(tmp_path / "log.csv", LOG)
+    (tmp_path / "craft.xml").write_text(CRAFT)
+    (tmp_path / "rod.toml").write_bytes(spec("rod").read_bytes())
+    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    call = ["identify", "log.csv", "--craft", "craft.xml", "--mount", "mount"]
+    more = ["--prior", "rod.toml", "-o", "rod.toml", "--force"]
+    code, said, sentence = run([*call, *more], capsys, monkeypatch)
+    assert (code, said) == (2, "")
+    assert sentence.startswith("beamchain: ")
+    assert sentence.count("\n") == 1
+    assert "read for it" in sentence
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
 def test_a_good_log_is_read_as_its_mapping_is(tmp_path):
