@@ -52,7 +52,10 @@ def rows_of_page() -> list[tuple[str, str, list[str]]]:
         r"\*\*Cure:\*\* (.+)\.$"
     )
     found = re.findall(form, text, re.MULTILINE)
-    return [(code, told, re.findall("`(.+?)`", raised)) for code, told, raised, _ in found]
+    return [
+        (code, told, [word.strip("`") for word in raised.split(", ")])
+        for code, told, raised, _ in found
+    ]
 
 
 @pytest.mark.skipif(
@@ -65,7 +68,6 @@ def test_the_page_lists_every_code():
     assert [code for code, *_ in rows] == sorted(CODES)
     places = {*COMMANDS, *returned.public()}
     places |= {f"bc.{name}" for name in bc.__all__}
-    assert all(raised for *_, raised in rows)
     assert all(word in places or is_gone(word) for *_, raised in rows for word in raised)
     assert all(re.fullmatch(r"[a-z]+(-[a-z]+)*", code) for code in CODES)
 
