@@ -22,7 +22,9 @@ from products import GONE, is_gone
 ROOT = Path(__file__).parent.parent
 README = ROOT / "README.md"
 HOWTO = sorted((ROOT / "docs" / "howto").glob("*.md"))
-PRODUCTS = sorted((ROOT / "docs" / "products").glob("*.md"))
+PRODUCTS = [
+    page for page in sorted((ROOT / "docs" / "products").glob("*.md")) if not is_gone(page.stem)
+]
 PAGES = [README, *sorted((ROOT / "docs").glob("*.md")), *HOWTO, *PRODUCTS]
 # these pages begin in an empty folder
 EMPTY = [ROOT / "docs" / "start.md", ROOT / "docs" / "gallery.md", *HOWTO]

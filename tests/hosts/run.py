@@ -42,7 +42,7 @@ FLOORS = [
 ]
 
 #: goes with the package `worlds`, where that is taken out
-MANY = [name for name in ("tests/hosts/test_mjx_worlds.py",) if Path(name).exists()]
+MANY = [name for name in ("tests/worlds/test_mjx_worlds.py",) if Path(name).exists()]
 MJX = ["tests/hosts/test_mjx.py", *MANY, "tests/hosts/test_mjx_extremes.py"]
 
 
