@@ -6,6 +6,7 @@ No tolerances: names only.
 import ast
 import importlib
 import inspect
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -187,6 +188,11 @@ def test_every_table_of_a_specification_is_in_spec():
     for struct in (beamchain.Spec, spec.UncertainCraft, spec.Controller):
         for table in {struct, *tables(struct)}:
             assert getattr(spec, table.__name__, None) is table, table
+
+
+def test_help_names_every_public_thing():
+    words = set(re.findall(r"\w+", beamchain.__doc__ or ""))
+    assert words >= PUBLIC
 
 
 def test_an_unknown_name_lists_the_known_ones():
