@@ -298,6 +298,7 @@ from beamchain.robust.search import _stability_limit as stability_limit
 from beamchain.robust.search import ascent
 from beamchain.robust.search import search as worst_sample
 from beamchain.robust.simulated_gain import SteppedController, simulated_gain
+from beamchain.robust.simulated_gain import _measure as measured_in_mujoco
 from beamchain.robust.simulated_gain import _plan as plan_of_run
 from beamchain.robust.simulated_gain import _whole as whole_count
 from beamchain.robust.uncertain_plant import _grid as frequencies_of_curves
@@ -670,6 +671,7 @@ __all__ = [
     "mass_of_bodies",
     "maximum_of",
     "measure",
+    "measured_in_mujoco",
     "middle_of",
     "mismatch",
     "modal_form",
