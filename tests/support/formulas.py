@@ -44,10 +44,12 @@ from beamchain.control.structured import bound as structured_bound
 from beamchain.control.systems import growth as growth_of_poles
 from beamchain.control.verdicts import _beyond as limited_by_modes_above
 from beamchain.control.verdicts import _limiting as limiting_modes
+from beamchain.craft.assembly import Assembly, assembly_at_rest, modes_at_pose
 from beamchain.craft.bent_line import BentLine, bent_line, turned_by
 from beamchain.craft.bent_line import _lowest as lowest_modes
 from beamchain.craft.bent_line import _motion as motion_of_modes
 from beamchain.craft.bent_line import _numbers as ranks_of_modes
+from beamchain.craft.coupled_modes import Mode as ModeOfCraft
 from beamchain.craft.coupled_modes import _clusters as clusters
 from beamchain.craft.coupled_modes import _holders as holders_of_shape
 from beamchain.craft.coupled_modes import _Modes as ModesOfCraft
@@ -61,6 +63,7 @@ from beamchain.craft.coupled_modes import coupled_modes, mode_words, slow_modes
 from beamchain.craft.disturbances import disturbances
 from beamchain.craft.error import (
     Carried,
+    CraftError,
     Pose,
     acting,
     counterpart,
@@ -410,6 +413,7 @@ __all__ = [
     "Allocated",
     "Alone",
     "AppendageOnLoad",
+    "Assembly",
     "BentLine",
     "Body",
     "Candidates",
@@ -421,6 +425,7 @@ __all__ = [
     "Coordinates",
     "CoupledPort",
     "Craft",
+    "CraftError",
     "Drawn",
     "Drive",
     "DriveOfHinge",
@@ -445,6 +450,7 @@ __all__ = [
     "Measured",
     "ModalForm",
     "ModalResponse",
+    "ModeOfCraft",
     "ModelOfSlew",
     "ModesOfCraft",
     "Motion",
@@ -512,6 +518,7 @@ __all__ = [
     "ascent",
     "assemble",
     "assemble_lowest",
+    "assembly_at_rest",
     "assigned_poles",
     "assumed_hub",
     "balanced_bounds",
@@ -679,6 +686,7 @@ __all__ = [
     "mode_names",
     "mode_to_ring",
     "mode_words",
+    "modes_at_pose",
     "modes_finely_divided",
     "modes_of_tendons",
     "moments_of_delta",
