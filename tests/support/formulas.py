@@ -49,6 +49,8 @@ from beamchain.craft.bent_line import BentLine, bent_line, turned_by
 from beamchain.craft.bent_line import _lowest as lowest_modes
 from beamchain.craft.bent_line import _motion as motion_of_modes
 from beamchain.craft.bent_line import _numbers as ranks_of_modes
+from beamchain.craft.candidates import Coupled as CoupledCandidate
+from beamchain.craft.candidates import candidate
 from beamchain.craft.coupled_modes import Mode as ModeOfCraft
 from beamchain.craft.coupled_modes import _clusters as clusters
 from beamchain.craft.coupled_modes import _holders as holders_of_shape
@@ -60,6 +62,8 @@ from beamchain.craft.coupled_modes import _port as port_of_mode
 from beamchain.craft.coupled_modes import _shares as shares_of_energy
 from beamchain.craft.coupled_modes import _spans as spans_of_motion
 from beamchain.craft.coupled_modes import coupled_modes, mode_words, slow_modes
+from beamchain.craft.cures import changes_of, more_modes
+from beamchain.craft.cures import models_at as models_at_setting
 from beamchain.craft.disturbances import disturbances
 from beamchain.craft.error import (
     Carried,
@@ -81,6 +85,7 @@ from beamchain.craft.hanging_liquid import hanging_liquid, springs_at_stated
 from beamchain.craft.inspect import energy_words, inspect_model
 from beamchain.craft.linear_craft import _names as names_of_models
 from beamchain.craft.linear_craft import internal_stiffness, linear_craft
+from beamchain.craft.liquid import liquid_cautions, with_liquids_sprung
 from beamchain.craft.loads import Item as AppendageOnLoad
 from beamchain.craft.loads import Load as LoadOfPort
 from beamchain.craft.loads import Root, carrying_of, hanging_notes
@@ -118,6 +123,7 @@ from beamchain.craft.slews import _warnings as slew_warnings
 from beamchain.craft.slews import _wished as wished_hinges
 from beamchain.craft.step_slopes import step_slopes
 from beamchain.craft.timing import is_worth_timing, response_change
+from beamchain.craft.timing import step_error as error_of_step
 from beamchain.craft.under_load import LoadedTree
 from beamchain.engine.allocation import Allocated, allocated
 from beamchain.engine.allocation import _inverse as inverse_of_torques
@@ -423,6 +429,7 @@ __all__ = [
     "Compared",
     "Composite",
     "Coordinates",
+    "CoupledCandidate",
     "CoupledPort",
     "Craft",
     "CraftError",
@@ -533,11 +540,13 @@ __all__ = [
     "bodies",
     "body_mass_matrix",
     "branches",
+    "candidate",
     "cantilever_names",
     "carried_load",
     "carriers",
     "carrying_of",
     "change_of_frequencies",
+    "changes_of",
     "check_algebraic_loop",
     "check_body",
     "check_freedoms",
@@ -587,6 +596,7 @@ __all__ = [
     "drives_of_craft",
     "energy_words",
     "equal_parts",
+    "error_of_step",
     "exact_response",
     "extended_multipliers",
     "extra_damping",
@@ -655,6 +665,7 @@ __all__ = [
     "line_with_room",
     "linear_at",
     "linear_craft",
+    "liquid_cautions",
     "load_at",
     "load_of_modes_left_out",
     "loaded_linear",
@@ -686,11 +697,13 @@ __all__ = [
     "mode_names",
     "mode_to_ring",
     "mode_words",
+    "models_at_setting",
     "modes_at_pose",
     "modes_finely_divided",
     "modes_of_tendons",
     "moments_of_delta",
     "momentum_of_mode",
+    "more_modes",
     "motion_at",
     "motion_of_modes",
     "motor_freedoms",
@@ -868,6 +881,7 @@ __all__ = [
     "windowed_variance",
     "wished_hinges",
     "with_frequency_of_peak",
+    "with_liquids_sprung",
     "with_polar_inertia",
     "without_actuators",
     "worst_sample",
