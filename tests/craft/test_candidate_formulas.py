@@ -1,24 +1,33 @@
 """Closed forms beside what an appendage would be with one mode more, what may cure a craft, what a
 step makes of it, and what a load makes of a liquid: uniform booms across a bus."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import mujoco
 import numpy as np
 import pytest
+from scipy.special import jnp_zeros
 
 import beamchain as bc
 from formulas import (
     CoupledCandidate,
+    LiquidCandidate,
     Loading,
+    RetimedCraft,
     Setting,
+    Slosh,
+    base_place,
+    bent_keyframes,
     candidate,
+    carries_of,
     changes_of,
     error_of_step,
     liquid_cautions,
     models_at_setting,
     more_modes,
     mount,
+    split_port,
     with_liquids_sprung,
 )
 
@@ -162,6 +171,10 @@ def test_more_modes_are_allowed_where_all_that_may_be_are_kept(pair):
     assert list(more_modes(pair.appendages, 1).values()) == [2]
     assert more_modes(pair.appendages, 2) == {}
     assert more_modes(pair.appendages, 0) == {}
+    long = embedded(left=boom(modes=None, scene=False, fit=bc.spec.FitOptions()))
+    most = candidate(long.appendages[0]).modes
+    assert most > 1
+    assert list(more_modes(long.appendages, most).values()) == [2 * most]
 
 
 @pytest.mark.parametrize(
@@ -281,7 +294,7 @@ def test_a_liquid_that_is_lifted_off_the_bottom_is_refused():
     for field in ((0.0, 0.0, 0.2), (0.2, 0.0, 0.0), (0.2, 0.0, -1e-11)):
         with pytest.raises(bc.InputError, match="tank at burn"):
             codes({("burn", 1): loading(*field)})
-    assert codes({("burn", 1): loading(0.2, 0.0, -1e-8)})[-1] == "slosh-tilt"
+    assert codes({("burn", 1): loading(0.2, 0.0, -1e-9)})[-1] == "slosh-tilt"
     assert codes(None) == ["slosh-weightless"]
     model = mujoco.MjModel.from_xml_string(TANK)
     assert codes({}, tank(model, None)) == []
@@ -293,3 +306,101 @@ def test_liquids_on_springs():
     assert np.ravel(found.jnt_stiffness) == pytest.approx([0.0, 3.7, 5.2])
     assert np.ravel(model.jnt_stiffness) == pytest.approx([0.0, 3.0, 5.0])
     assert with_liquids_sprung(model, [tank(model, None)]) is model
+
+
+def test_a_pendulum_more():
+    """sqrt(a xi / R tanh(xi h / R)), of each lateral mode twice."""
+    tank = Slosh(
+        shape="cylinder", radius=0.6, height=0.9, density=800.0, ratio=0.01, acceleration=2.5
+    )
+    text = CRAFT.format(0.01).replace('euler="0 0 90"', 'euler="0 -90 0"')
+    made = bc.embed(text, {"left": bc.Spec(name="tank", slosh=tank)})
+    now = candidate(made.appendages[0])
+    xi = jnp_zeros(1, 12)
+    wanted = np.sqrt(2.5 * xi / 0.6 * np.tanh(xi * 0.9 / 0.6))
+    assert isinstance(now, LiquidCandidate)
+    assert not now.grown
+    assert now.modes == 2 * now.count
+    (more,) = now.further(9.0).values()
+    assert (more.count, more.grown, more.modes) == (now.count + 1, True, 2 * now.count + 2)
+    assert more.newest == pytest.approx(wanted[now.count], rel=1e-6)
+    assert more.model.frequencies == pytest.approx(np.repeat(wanted[: more.count], 2), rel=1e-6)
+    assert more.spec.slosh.modes == more.count
+    assert more.alone("pendulum") is not None
+    last = LiquidCandidate(now.a, 12)
+    assert last.further(9.0) == {}
+    typed = LiquidCandidate(replace(now.a, spec=more.spec), 1)
+    assert typed.further(9.0) == {}
+
+
+def test_one_mode_more_keeps_what_a_load_on_a_port_bends():
+    """x^3 / 3 EI and x^2 / 2 EI of a force, x / EI of a moment."""
+    x = 0.6 * LENGTH
+    one = embedded(left=boom(port=(bc.spec.Port(name="mid", x=x),)))
+    more = candidate(one.appendages[0]).further(9.0)["xy"].changed["xy"]
+    tip = more.tip / more.frequencies[:, None]
+    found = (tip.T @ tip)[2:4, 2:4]
+    wanted = np.array([[x**3 / 3.0, x**2 / 2.0], [x**2 / 2.0, x]]) / STIFF
+    np.testing.assert_allclose(found, wanted, rtol=5e-2)
+    assert found[0, 0] == pytest.approx(wanted[0, 0], rel=1e-3)
+
+
+# -- ports, keyframes, other steps -----------------------------------------------------------------
+def test_places_of_appendages_on_ports_of_others():
+    places = ["a", "a:end", "a:end:tip", "b:c"]
+    assert split_port("a:end", places) == ("a", "end")
+    assert split_port("a:end:tip", places) == ("a:end", "tip")
+    assert split_port("b:c", places) is None
+    assert split_port("a", places) is None
+    assert base_place("a:end:tip:x", places) == "a"
+    assert base_place("b:c", places) == "b:c"
+    assert base_place("b:c:d", places) == "b:c"
+    port = bc.spec.Port(name="end", x=1.0, carries=("own",))
+    other = bc.spec.Port(name="mid", x=0.5)
+    spec = boom(port=(port, other))
+    given = {"a:end:tip": ("x",), "a:end": ("y",), "b:mid": ("z",), "a:mid": ("w", "v")}
+    assert carries_of("a", spec, given) == {"end": ("y",), "mid": ("w", "v")}
+    assert carries_of("b", spec, given) == {"end": ("own",), "mid": ("z",)}
+    assert carries_of("c", spec, given) == {"end": ("own",)}
+    with pytest.raises(bc.InputError, match="'tip'"):
+        carries_of("a:end", spec, given)
+
+
+def test_keyframes_that_bend_an_elastic_hinge():
+    """From where it rests, 0.3 rad in one of them; a slide and another's hinge are none."""
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><compiler angle="radian"/><worldbody><body><joint name="drive"/>
+        <joint name="slide" type="slide"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>
+        <body><joint name="one" ref="0.3"/><joint name="two" axis="1 0 0"/>
+        <inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body></body></worldbody>
+        <keyframe><key name="rest" qpos="2 3 0.3 0"/><key name="bent" qpos="0 0 0.1 -0.05"/>
+        <key name="other" qpos="0 0 0.3 -0.07"/><key name="none" qpos="0 0 0.3 0"/></keyframe>
+        </mujoco>"""
+    )
+    own = SimpleNamespace(
+        spec=SimpleNamespace(slosh=None), elements={"jnt": frozenset({"one", "two", "slide"})}
+    )
+    tank = SimpleNamespace(
+        spec=SimpleNamespace(slosh="tank"), elements={"jnt": frozenset({"drive"})}
+    )
+    first, second = bent_keyframes(model, [own, tank])
+    assert first.code == second.code == "bent-keyframe"
+    assert "'bent'" in first
+    assert "-0.2 rad for 'one'" in first
+    assert "'other'" in second
+    assert "-0.07 rad for 'two'" in second
+    assert bent_keyframes(model, [tank]) == []
+
+
+def test_a_file_whose_timing_was_taken_out_is_not_judged():
+    proof = SimpleNamespace(sampled_error=0.02, cure="cure", tolerance=0.03, band=2.0)
+    made = RetimedCraft(None, 0.01, proof, "")
+    assert (made.sampled_error, made.cure, made.met) == (0.02, "cure", True)
+    still = RetimedCraft(None, 0.0, proof, "")
+    assert (still.time_error, still.sampled_error, still.cure, still.met) == (None,) * 4
+    unknown = RetimedCraft(None, 0.01, None, "why")
+    assert (unknown.sampled_error, unknown.cure, unknown.met, unknown.band) == (None,) * 4
+    # 1.01 of the error keeps it, and a step of up to 2.6 rad
+    for error, step, met in ((0.0297, 0.01, True), (0.0298, 0.01, False), (0.02, 1.31, False)):
+        proof.sampled_error = error
+        assert RetimedCraft(None, step, proof, "").met is met

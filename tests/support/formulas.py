@@ -50,6 +50,7 @@ from beamchain.craft.bent_line import _lowest as lowest_modes
 from beamchain.craft.bent_line import _motion as motion_of_modes
 from beamchain.craft.bent_line import _numbers as ranks_of_modes
 from beamchain.craft.candidates import Coupled as CoupledCandidate
+from beamchain.craft.candidates import Liquid as LiquidCandidate
 from beamchain.craft.candidates import candidate
 from beamchain.craft.coupled_modes import Mode as ModeOfCraft
 from beamchain.craft.coupled_modes import _clusters as clusters
@@ -88,7 +89,14 @@ from beamchain.craft.linear_craft import internal_stiffness, linear_craft
 from beamchain.craft.liquid import liquid_cautions, with_liquids_sprung
 from beamchain.craft.loads import Item as AppendageOnLoad
 from beamchain.craft.loads import Load as LoadOfPort
-from beamchain.craft.loads import Root, carrying_of, hanging_notes
+from beamchain.craft.loads import (
+    Root,
+    base_place,
+    carries_of,
+    carrying_of,
+    hanging_notes,
+    split_port,
+)
 from beamchain.craft.loose_ports import loose_craft
 from beamchain.craft.modal_form import ModalForm, column_range, modal_form
 from beamchain.craft.mode_names import cantilever_names, mode_names
@@ -96,6 +104,7 @@ from beamchain.craft.model_fields import Maker as VariantMaker
 from beamchain.craft.model_fields import apply as apply_draw
 from beamchain.craft.moving_modes import moving_modes
 from beamchain.craft.poses import Way, pose_label, poses_of
+from beamchain.craft.proof import _bent_keyframes as bent_keyframes
 from beamchain.craft.quantities import Quantity, draws, inertia_matrix, quantities
 from beamchain.craft.quantities import _check_inertia as check_inertia
 from beamchain.craft.recovered_body import Coordinates
@@ -107,6 +116,7 @@ from beamchain.craft.recovery import _on_ports as wrench_on_ports
 from beamchain.craft.recovery import _rigid_load as rigid_load
 from beamchain.craft.recovery import _stations as stations_of
 from beamchain.craft.recovery import run_of as run_of_data
+from beamchain.craft.retiming import RetimedCraft
 from beamchain.craft.slews import SlewBody, SlewRow
 from beamchain.craft.slews import _apart as apart
 from beamchain.craft.slews import _drift as drift_of_momentum
@@ -446,6 +456,7 @@ __all__ = [
     "LargeMotion",
     "LinearModel",
     "Link",
+    "LiquidCandidate",
     "LoadOfPort",
     "LoadedTree",
     "Loading",
@@ -475,6 +486,7 @@ __all__ = [
     "Quantity",
     "Recovery",
     "Reference",
+    "RetimedCraft",
     "Room",
     "Root",
     "RootMotion",
@@ -532,7 +544,9 @@ __all__ = [
     "balanced_channels",
     "ballast_for",
     "base",
+    "base_place",
     "basis_of_hermitian",
+    "bent_keyframes",
     "bent_line",
     "between_ends",
     "beyond_modes_kept",
@@ -544,6 +558,7 @@ __all__ = [
     "cantilever_names",
     "carried_load",
     "carriers",
+    "carries_of",
     "carrying_of",
     "change_of_frequencies",
     "changes_of",
@@ -826,6 +841,7 @@ __all__ = [
     "solve_program",
     "spans_of_motion",
     "split",
+    "split_port",
     "spread_mass",
     "springs_at_stated",
     "squared_phase",
