@@ -44,6 +44,8 @@ from beamchain.control.structured import bound as structured_bound
 from beamchain.control.systems import growth as growth_of_poles
 from beamchain.control.verdicts import _beyond as limited_by_modes_above
 from beamchain.control.verdicts import _limiting as limiting_modes
+from beamchain.craft.appendage import carried as carried_by_craft
+from beamchain.craft.appendage import lightest as lightest_of_bodies
 from beamchain.craft.assembly import Assembly, assembly_at_rest, modes_at_pose
 from beamchain.craft.bent_line import BentLine, bent_line, turned_by
 from beamchain.craft.bent_line import _lowest as lowest_modes
@@ -66,6 +68,7 @@ from beamchain.craft.coupled_modes import coupled_modes, mode_words, slow_modes
 from beamchain.craft.cures import changes_of, more_modes
 from beamchain.craft.cures import models_at as models_at_setting
 from beamchain.craft.disturbances import disturbances
+from beamchain.craft.embedded import Embedded
 from beamchain.craft.error import (
     Carried,
     CraftError,
@@ -361,8 +364,8 @@ from beamchain.steps.limits import (
 from beamchain.steps.limits import normalise as unit_mass_of_port
 from beamchain.steps.modal import condensed_mass, made_for, modal_tendons, stiffness_before
 from beamchain.steps.poles import PoleRow, growing_frequencies, mismatch, phase_limit, pole_rows
-from beamchain.steps.sampled import _peaks as peaks_of_poles
 from beamchain.steps.sampled import (
+    SampledError,
     exact_response,
     judged_part,
     off_by,
@@ -370,6 +373,7 @@ from beamchain.steps.sampled import (
     sampled_error,
     step_response,
 )
+from beamchain.steps.sampled import _peaks as peaks_of_poles
 from beamchain.steps.saturation import servos_that_chatter
 from beamchain.steps.step_map import (
     Motion,
@@ -446,6 +450,7 @@ __all__ = [
     "Drawn",
     "Drive",
     "DriveOfHinge",
+    "Embedded",
     "Held",
     "Hinge",
     "History",
@@ -492,6 +497,7 @@ __all__ = [
     "RootMotion",
     "RunOfDrive",
     "SampleLoops",
+    "SampledError",
     "SceneOfSlews",
     "Sections",
     "Seen",
@@ -556,6 +562,7 @@ __all__ = [
     "branches",
     "candidate",
     "cantilever_names",
+    "carried_by_craft",
     "carried_load",
     "carriers",
     "carries_of",
@@ -674,6 +681,7 @@ __all__ = [
     "last_kept",
     "leaves_at",
     "legendre_series",
+    "lightest_of_bodies",
     "limited_by_modes_above",
     "limiting_modes",
     "limp_model",
