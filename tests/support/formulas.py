@@ -427,6 +427,14 @@ from beamchain.structure.rigid_body import independent_parts, nearest_body, real
 from beamchain.structure.section import soft_modulus
 from beamchain.structure.sections_at import Sections, sections_at
 from beamchain.structure.slosh import Slosh
+from beamchain.variants.samples import Gain as GainOfModes
+from beamchain.variants.samples import _scale_participation as scaled_participation
+from beamchain.variants.samples import gain as gain_of_pair
+from beamchain.variants.samples import normal_shapes, usual_gain
+from beamchain.variants.samples import vary as vary_samples
+from beamchain.variants.sweep import _draw as drawn_samples
+from beamchain.variants.sweep import _spread as spread_of
+from beamchain.variants.sweep import _varied_fields as varied_fields
 
 __all__ = [
     "Activations",
@@ -451,6 +459,7 @@ __all__ = [
     "Drive",
     "DriveOfHinge",
     "Embedded",
+    "GainOfModes",
     "Held",
     "Hinge",
     "History",
@@ -609,6 +618,7 @@ __all__ = [
     "disturbances",
     "disturbed_craft",
     "doubtful",
+    "drawn_samples",
     "draws",
     "drift_of_momentum",
     "drive_in_hinge",
@@ -636,6 +646,7 @@ __all__ = [
     "freedoms_of_block",
     "frequencies_of_curves",
     "from_real_symmetric",
+    "gain_of_pair",
     "growing_frequencies",
     "growing_poses",
     "growth",
@@ -743,6 +754,7 @@ __all__ = [
     "nodes_of_density",
     "noise_error",
     "normal_modes",
+    "normal_shapes",
     "null_directions",
     "number_of_pole",
     "nutation_of_craft",
@@ -820,6 +832,7 @@ __all__ = [
     "sampled_delay_margin",
     "sampled_error",
     "sampled_system",
+    "scaled_participation",
     "score",
     "seconds_of",
     "sections_at",
@@ -851,6 +864,7 @@ __all__ = [
     "split",
     "split_port",
     "spread_mass",
+    "spread_of",
     "springs_at_stated",
     "squared_phase",
     "stability_limit",
@@ -895,6 +909,9 @@ __all__ = [
     "unit_of_control",
     "unknown_behind",
     "unstable_count",
+    "usual_gain",
+    "varied_fields",
+    "vary_samples",
     "visible_modes",
     "weightless",
     "weights_of_modes",
