@@ -432,6 +432,7 @@ from beamchain.variants.samples import _scale_participation as scaled_participat
 from beamchain.variants.samples import gain as gain_of_pair
 from beamchain.variants.samples import normal_shapes, usual_gain
 from beamchain.variants.samples import vary as vary_samples
+from beamchain.variants.sweep import _correlations as correlations_of_craft
 from beamchain.variants.sweep import _draw as drawn_samples
 from beamchain.variants.sweep import _spread as spread_of
 from beamchain.variants.sweep import _varied_fields as varied_fields
@@ -599,6 +600,7 @@ __all__ = [
     "contributions_along_their_sum",
     "control_names",
     "coordinate_names",
+    "correlations_of_craft",
     "counterpart",
     "coupled_limits",
     "coupled_modes",

@@ -1,17 +1,20 @@
 """Closed forms beside samples of an uncertain craft: coupled modes without fillers, their gains,
 participation, and jobs."""
 
+import copy
 from types import SimpleNamespace
 
 import mujoco
 import numpy as np
 import pytest
+from msgspec import structs
 from scipy.linalg import eigh
 
 import beamchain as bc
 from beamchain.craft.model_fields import FIELDS
 from formulas import (
     GainOfModes,
+    correlations_of_craft,
     drawn_samples,
     gain_of_pair,
     normal_shapes,
@@ -21,6 +24,7 @@ from formulas import (
     varied_fields,
     vary_samples,
 )
+from varied_crafts import frequencies
 
 RANDOM = np.random.default_rng(6)
 CHAIN = """<mujoco><worldbody><body><joint name="drive" type="slide" stiffness="90"/>
@@ -70,6 +74,8 @@ def test_a_craft_of_which_nothing_is_sprung_has_no_coupled_modes():
     model = mujoco.MjModel.from_xml_string(CHAIN.format(filler=1.0))
     model.jnt_stiffness[:] = 0.0
     model.tendon_stiffness[:] = 0.0
+    assert normal_shapes(model, mass_matrix(0.0))[0].size == 0
+    model.tendon_stiffness[2] = 5.0  # a filler alone
     assert normal_shapes(model, mass_matrix(0.0))[0].size == 0
 
 
@@ -191,3 +197,50 @@ def test_the_spread_of_values():
     assert found["deviation"] == pytest.approx(np.sqrt(1.25))
     assert list(found["quantiles"]) == pytest.approx(np.interp(
         3.0 * np.array([0.05, 0.25, 0.5, 0.75, 0.95]), range(4), np.sort(values)))  # fmt: skip
+
+
+def test_correlations_are_told_in_the_names_of_the_craft():
+    one = bc.spec.Correlation(
+        of=("mode1_xy.frequency", "mode2_xy.frequency"), matrix=[[1, 0.5], [0.5, 1]]
+    )
+    tables = {"left_": SimpleNamespace(correlation=(one,)), "r_": SimpleNamespace(correlation=())}
+    (found,) = correlations_of_craft(tables)
+    assert found.of == ("left_mode1_xy.frequency", "left_mode2_xy.frequency")
+
+
+# -- structures ------------------------------------------------------------------------------------
+HEAVY = """<mujoco><option gravity="0 0 0"/><worldbody><body name="bus"><freejoint/>
+<inertial pos="0 0 0" mass="1e7" diaginertia="1e8 1e8 1e8"/><site name="left" pos="0.5 0 0"/>
+</body></worldbody></mujoco>"""
+
+
+def test_a_boom_on_a_heavy_bus_rings_by_its_drawn_stiffness_and_density():
+    """(b L)^2 sqrt(E I / m) / L^2 with both scaled, in the arrays and in the model they make."""
+    section = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
+    boom = bc.Spec(
+        name="boom",
+        segment=(bc.Segment(length=8.0, section=section),),
+        modes=bc.Modes(xy=2),
+        fit=bc.spec.FitOptions(springs="modes"),
+        uncertain=bc.spec.Uncertain(
+            stiffness=bc.spec.Uncertainty(relative=0.1), density=bc.spec.Uncertainty(relative=0.05)
+        ),
+    )
+    found = bc.sweep(HEAVY, 2, mounts={"left": boom}, seed=4)
+    assert found.indices.tolist() == [0, 1]
+    names = [quantity.name for quantity in found.quantities]
+    nominal = np.array([1.8751040687, 4.6940911330]) ** 2 * np.sqrt(500.0) / 64.0
+    for row in range(2):
+        drawn = dict(zip(names, found.values[row], strict=True))
+        stiff, dense = (drawn[f"boom_segment1.{name}"] for name in ("stiffness", "density"))
+        assert (stiff, dense) != (1.0, 1.0)
+        wanted = nominal * np.sqrt(stiff / dense)
+        assert found.coupled[row] == pytest.approx(wanted, rel=1e-3)
+        model = copy.copy(found.source.untimed)
+        for name, values in found.fields.items():
+            getattr(model, name)[:] = values[row]
+        assert frequencies(model) == pytest.approx(found.coupled[row], rel=1e-6)
+        # the boom alone, beside the bus
+        assert model.body_mass.sum() - 1e7 == pytest.approx(32.0 * dense, rel=1e-6)
+    with pytest.raises(bc.InputError, match="nothing is uncertain"):
+        bc.sweep(HEAVY, 2, mounts={"left": structs.replace(boom, uncertain=None)})
