@@ -314,6 +314,7 @@ from beamchain.robust.multipliers import _real as real_symmetric
 from beamchain.robust.multipliers import balanced as balanced_channels
 from beamchain.robust.multipliers import prove as proof_over
 from beamchain.robust.multipliers import solve_program, zero_crossings
+from beamchain.robust.plots import drawn_figure, plot_steps, worst_figure
 from beamchain.robust.search import Loops as LoopsOfSamples
 from beamchain.robust.search import _reaches as reaches_output
 from beamchain.robust.search import _stability_limit as stability_limit
@@ -620,6 +621,7 @@ __all__ = [
     "disturbances",
     "disturbed_craft",
     "doubtful",
+    "drawn_figure",
     "drawn_samples",
     "draws",
     "drift_of_momentum",
@@ -780,6 +782,7 @@ __all__ = [
     "place_poles",
     "plan_of_run",
     "plane_of_chain",
+    "plot_steps",
     "points_inward",
     "pole_moved",
     "pole_pairs",
@@ -927,6 +930,7 @@ __all__ = [
     "with_liquids_sprung",
     "with_polar_inertia",
     "without_actuators",
+    "worst_figure",
     "worst_sample",
     "wrench_on_ports",
     "zero_crossings",
