@@ -139,6 +139,27 @@ def test_modes_at_a_keyframe_up_to_the_band_or_to_the_highest_kept():
         modes_at_pose(craft, model, carried(craft), BAND, "near")
 
 
+@pytest.mark.parametrize("share", [0.52, 0.48])
+def test_a_mode_is_kept_where_half_of_its_energy_is(share):
+    """Of two modes of one frequency, told in coordinates that mix them."""
+    mass, _, _ = matrices()
+    springs = np.diag([0.0] * 6 + [4.0 * SLIDING] * 2)
+    _, shapes = eigh(springs, mass)
+    moved = shapes[6:, 6:]  # of both slides, of equal mass
+    turn = np.arctan2(moved[1, 0], moved[0, 0]) - np.arccos(np.sqrt(share))
+    mixed = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    energy = (mixed[0] @ moved) ** 2 / np.sum(moved**2, axis=0)
+    assert energy[0] == pytest.approx(share)
+    craft, model = models()
+    rigid = np.diag([SLIDING] * 3 + [TURNS] * 3)
+    rows = mixed @ (np.sqrt(SLIDING) * np.eye(6)[[1, 2]])
+    whole = bc.PortModel(rigid, np.array([2.0, 2.0]), rows, damping=RATIO[[0, 0]])
+    place = mount(craft, "root", "site", "root")
+    item = Carried(place, whole, np.array([True, False]), [6, 7], {"xy": 2.0})
+    found = modes_at_pose(craft, model, [item], 9.0, "far")
+    assert [mode.kept for mode in found] == (energy > 0.5).tolist()
+
+
 def told(*modes):
     nothing = np.zeros(0)
     rows = tuple(ModeOfCraft(*mode) for mode in modes)

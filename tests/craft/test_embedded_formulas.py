@@ -10,6 +10,7 @@ import beamchain as bc
 from formulas import (
     CraftError,
     SampledError,
+    Setting,
     carried_by_craft,
     lightest_of_bodies,
 )
@@ -114,6 +115,7 @@ def test_the_worst_of_several_poses_is_named(made):
     assert "4.20e-02 when stepped by Euler at 0.01 s (worst: rest)" in several.headline
     only = with_numbers(made, {"rest": 0.011, "near": 0.031}, {"rest": 0.012})
     assert "(worst: " not in only.headline
+    assert "(worst of 2 poses: near)" in only.headline
 
 
 def test_rates_of_growth_are_said_as_times(made):
@@ -129,6 +131,19 @@ def test_rates_of_growth_are_said_as_times(made):
     assert found.growth == {
         "burn": {"exact": 0.25, "mujoco": 0.0}, "slow": {"exact": 0.0, "mujoco": 0.01},
     }  # fmt: skip
+
+
+def test_without_a_step_the_error_is_that_of_the_continuous_motion(made):
+    found = with_numbers(made, {"rest": 0.03}, {"rest": 0.5}, 0.1)
+    assert found._error_at(Setting("Euler", 0.0, None)) == 0.03
+    # 0.8 rad/s at 3.3 s: beyond 2.6 rad
+    assert found._error_at(Setting("Euler", 3.3, None)) == np.inf
+
+
+def test_a_step_without_bound_is_not_blamed_on_a_resonance(made):
+    found = with_numbers(made, {"rest": 0.03, "turned": 0.03}, {"rest": 0.5, "turned": np.inf}, 0.1)
+    assert found.met is False
+    assert found.blamed == ""
 
 
 # -- places ----------------------------------------------------------------------------------------
