@@ -3,6 +3,7 @@ hubs of its appendages: two booms on a bus, one of them behind a drive."""
 
 from types import SimpleNamespace
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -13,6 +14,7 @@ from formulas import (
     Setting,
     carried_by_craft,
     lightest_of_bodies,
+    warnings_of_loads,
 )
 
 LINE, LENGTH = 4.0, 8.0
@@ -193,6 +195,15 @@ def test_only_a_loose_joint_makes_a_hub_another_than_what_is_rigidly_behind(mass
     assert a.hub.mass == pytest.approx(1.04 * mass)
 
 
+def test_equal_booms_on_unequal_hubs_have_fits_of_their_own():
+    both = bc.embed(craft(), {"fixed": boom(), "turning": boom()}, retime=False)
+    first, second = both.appendages
+    assert first.hub.mass != pytest.approx(second.hub.mass)
+    for a in both.appendages:
+        np.testing.assert_allclose(a.fit.hub_mass, a.hub.mass_matrix(), rtol=1e-9, atol=1e-9)
+    assert first.fit.hub_mass[0, 0] != pytest.approx(second.fit.hub_mass[0, 0])
+
+
 def test_what_the_exact_craft_is_compared_up_to(made):
     """The last kept cantilever frequency, of each port."""
     first, second = carried_by_craft(made.model, made.appendages)
@@ -218,3 +229,22 @@ def moves(made, body):
     name = made.model.body(body).name
     of_booms = any(name.startswith(a.prefix) for a in made.appendages)
     return of_booms and made.model.body_jntnum[body] > 0
+
+
+def test_a_thrust_beside_the_mass_centre_is_said_of_its_own_keyframe():
+    """2 N at 0.3 m from the centre, on at one keyframe of three."""
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><worldbody><body name="bus"><freejoint/><inertial pos="0 0 0" mass="9"
+        diaginertia="1 1 1"/><site name="jet" pos="0 0.3 0"/></body></worldbody>
+        <actuator><general site="jet" gear="2 0 0 0 0 0"/></actuator><keyframe>
+        <key name="still"/><key name="burn" ctrl="1"/><key name="coast"/></keyframe></mujoco>"""
+    )
+    result = SimpleNamespace(appendages=[SimpleNamespace(rigid=False)], craft=model, model=model)
+    loadings = {("still", 1): None, ("burn", 1): None, ("coast", 1): None, ("rest", 1): None}
+    (said,) = warnings_of_loads(result, [], loadings)
+    assert said.code == "thrust-offset"
+    assert "at burn" in said
+    assert "300 mm" in said
+    assert "0.6 N m" in said
+    result.appendages[0].rigid = True
+    assert warnings_of_loads(result, [], loadings) == []

@@ -69,6 +69,7 @@ from beamchain.craft.cures import changes_of, more_modes
 from beamchain.craft.cures import models_at as models_at_setting
 from beamchain.craft.disturbances import disturbances
 from beamchain.craft.embedded import Embedded
+from beamchain.craft.embedding import _load_warnings as warnings_of_loads
 from beamchain.craft.error import (
     Carried,
     CraftError,
@@ -114,9 +115,11 @@ from beamchain.craft.recovered_body import Coordinates
 from beamchain.craft.recovery import History, Recovery, appendage_at
 from beamchain.craft.recovery import _acceleration as acceleration_of_sections
 from beamchain.craft.recovery import _carried_load as carried_load
+from beamchain.craft.recovery import _felt as felt_by_modes
 from beamchain.craft.recovery import _left_out as load_of_modes_left_out
 from beamchain.craft.recovery import _on_ports as wrench_on_ports
 from beamchain.craft.recovery import _rigid_load as rigid_load
+from beamchain.craft.recovery import _root_factors as root_factors
 from beamchain.craft.recovery import _stations as stations_of
 from beamchain.craft.recovery import run_of as run_of_data
 from beamchain.craft.retiming import RetimedCraft
@@ -637,6 +640,7 @@ __all__ = [
     "extended_multipliers",
     "extra_damping",
     "far_mount",
+    "felt_by_modes",
     "figure_of_sample",
     "find_cure",
     "first_moment",
@@ -820,6 +824,7 @@ __all__ = [
     "rigid_plane",
     "rk4_words",
     "root_body",
+    "root_factors",
     "root_frame",
     "rotation_vectors",
     "round_down",
@@ -918,6 +923,7 @@ __all__ = [
     "varied_fields",
     "vary_samples",
     "visible_modes",
+    "warnings_of_loads",
     "weightless",
     "weights_of_modes",
     "wheel_error",
