@@ -44,10 +44,17 @@ from beamchain.control.structured import bound as structured_bound
 from beamchain.control.systems import growth as growth_of_poles
 from beamchain.control.verdicts import _beyond as limited_by_modes_above
 from beamchain.control.verdicts import _limiting as limiting_modes
+from beamchain.craft.appendage import carried as carried_by_craft
+from beamchain.craft.appendage import lightest as lightest_of_bodies
+from beamchain.craft.assembly import Assembly, assembly_at_rest, modes_at_pose
 from beamchain.craft.bent_line import BentLine, bent_line, turned_by
 from beamchain.craft.bent_line import _lowest as lowest_modes
 from beamchain.craft.bent_line import _motion as motion_of_modes
 from beamchain.craft.bent_line import _numbers as ranks_of_modes
+from beamchain.craft.candidates import Coupled as CoupledCandidate
+from beamchain.craft.candidates import Liquid as LiquidCandidate
+from beamchain.craft.candidates import candidate
+from beamchain.craft.coupled_modes import Mode as ModeOfCraft
 from beamchain.craft.coupled_modes import _clusters as clusters
 from beamchain.craft.coupled_modes import _holders as holders_of_shape
 from beamchain.craft.coupled_modes import _Modes as ModesOfCraft
@@ -58,9 +65,14 @@ from beamchain.craft.coupled_modes import _port as port_of_mode
 from beamchain.craft.coupled_modes import _shares as shares_of_energy
 from beamchain.craft.coupled_modes import _spans as spans_of_motion
 from beamchain.craft.coupled_modes import coupled_modes, mode_words, slow_modes
+from beamchain.craft.cures import changes_of, more_modes
+from beamchain.craft.cures import models_at as models_at_setting
 from beamchain.craft.disturbances import disturbances
+from beamchain.craft.embedded import Embedded
+from beamchain.craft.embedding import _load_warnings as warnings_of_loads
 from beamchain.craft.error import (
     Carried,
+    CraftError,
     Pose,
     acting,
     counterpart,
@@ -78,9 +90,17 @@ from beamchain.craft.hanging_liquid import hanging_liquid, springs_at_stated
 from beamchain.craft.inspect import energy_words, inspect_model
 from beamchain.craft.linear_craft import _names as names_of_models
 from beamchain.craft.linear_craft import internal_stiffness, linear_craft
+from beamchain.craft.liquid import liquid_cautions, with_liquids_sprung
 from beamchain.craft.loads import Item as AppendageOnLoad
 from beamchain.craft.loads import Load as LoadOfPort
-from beamchain.craft.loads import Root, carrying_of, hanging_notes
+from beamchain.craft.loads import (
+    Root,
+    base_place,
+    carries_of,
+    carrying_of,
+    hanging_notes,
+    split_port,
+)
 from beamchain.craft.loose_ports import loose_craft
 from beamchain.craft.modal_form import ModalForm, column_range, modal_form
 from beamchain.craft.mode_names import cantilever_names, mode_names
@@ -88,17 +108,21 @@ from beamchain.craft.model_fields import Maker as VariantMaker
 from beamchain.craft.model_fields import apply as apply_draw
 from beamchain.craft.moving_modes import moving_modes
 from beamchain.craft.poses import Way, pose_label, poses_of
+from beamchain.craft.proof import _bent_keyframes as bent_keyframes
 from beamchain.craft.quantities import Quantity, draws, inertia_matrix, quantities
 from beamchain.craft.quantities import _check_inertia as check_inertia
 from beamchain.craft.recovered_body import Coordinates
 from beamchain.craft.recovery import History, Recovery, appendage_at
 from beamchain.craft.recovery import _acceleration as acceleration_of_sections
 from beamchain.craft.recovery import _carried_load as carried_load
+from beamchain.craft.recovery import _felt as felt_by_modes
 from beamchain.craft.recovery import _left_out as load_of_modes_left_out
 from beamchain.craft.recovery import _on_ports as wrench_on_ports
 from beamchain.craft.recovery import _rigid_load as rigid_load
+from beamchain.craft.recovery import _root_factors as root_factors
 from beamchain.craft.recovery import _stations as stations_of
 from beamchain.craft.recovery import run_of as run_of_data
+from beamchain.craft.retiming import RetimedCraft
 from beamchain.craft.slews import SlewBody, SlewRow
 from beamchain.craft.slews import _apart as apart
 from beamchain.craft.slews import _drift as drift_of_momentum
@@ -115,6 +139,7 @@ from beamchain.craft.slews import _warnings as slew_warnings
 from beamchain.craft.slews import _wished as wished_hinges
 from beamchain.craft.step_slopes import step_slopes
 from beamchain.craft.timing import is_worth_timing, response_change
+from beamchain.craft.timing import step_error as error_of_step
 from beamchain.craft.under_load import LoadedTree
 from beamchain.engine.allocation import Allocated, allocated
 from beamchain.engine.allocation import _inverse as inverse_of_torques
@@ -292,12 +317,14 @@ from beamchain.robust.multipliers import _real as real_symmetric
 from beamchain.robust.multipliers import balanced as balanced_channels
 from beamchain.robust.multipliers import prove as proof_over
 from beamchain.robust.multipliers import solve_program, zero_crossings
+from beamchain.robust.plots import drawn_figure, plot_steps, worst_figure
 from beamchain.robust.search import Loops as LoopsOfSamples
 from beamchain.robust.search import _reaches as reaches_output
 from beamchain.robust.search import _stability_limit as stability_limit
 from beamchain.robust.search import ascent
 from beamchain.robust.search import search as worst_sample
 from beamchain.robust.simulated_gain import SteppedController, simulated_gain
+from beamchain.robust.simulated_gain import _measure as measured_in_mujoco
 from beamchain.robust.simulated_gain import _plan as plan_of_run
 from beamchain.robust.simulated_gain import _whole as whole_count
 from beamchain.robust.uncertain_plant import _grid as frequencies_of_curves
@@ -341,8 +368,8 @@ from beamchain.steps.limits import (
 from beamchain.steps.limits import normalise as unit_mass_of_port
 from beamchain.steps.modal import condensed_mass, made_for, modal_tendons, stiffness_before
 from beamchain.steps.poles import PoleRow, growing_frequencies, mismatch, phase_limit, pole_rows
-from beamchain.steps.sampled import _peaks as peaks_of_poles
 from beamchain.steps.sampled import (
+    SampledError,
     exact_response,
     judged_part,
     off_by,
@@ -350,6 +377,7 @@ from beamchain.steps.sampled import (
     sampled_error,
     step_response,
 )
+from beamchain.steps.sampled import _peaks as peaks_of_poles
 from beamchain.steps.saturation import servos_that_chatter
 from beamchain.steps.step_map import (
     Motion,
@@ -403,12 +431,22 @@ from beamchain.structure.rigid_body import independent_parts, nearest_body, real
 from beamchain.structure.section import soft_modulus
 from beamchain.structure.sections_at import Sections, sections_at
 from beamchain.structure.slosh import Slosh
+from beamchain.variants.samples import Gain as GainOfModes
+from beamchain.variants.samples import _scale_participation as scaled_participation
+from beamchain.variants.samples import gain as gain_of_pair
+from beamchain.variants.samples import normal_shapes, usual_gain
+from beamchain.variants.samples import vary as vary_samples
+from beamchain.variants.sweep import _correlations as correlations_of_craft
+from beamchain.variants.sweep import _draw as drawn_samples
+from beamchain.variants.sweep import _spread as spread_of
+from beamchain.variants.sweep import _varied_fields as varied_fields
 
 __all__ = [
     "Activations",
     "Allocated",
     "Alone",
     "AppendageOnLoad",
+    "Assembly",
     "BentLine",
     "Body",
     "Candidates",
@@ -418,11 +456,15 @@ __all__ = [
     "Compared",
     "Composite",
     "Coordinates",
+    "CoupledCandidate",
     "CoupledPort",
     "Craft",
+    "CraftError",
     "Drawn",
     "Drive",
     "DriveOfHinge",
+    "Embedded",
+    "GainOfModes",
     "Held",
     "Hinge",
     "History",
@@ -433,6 +475,7 @@ __all__ = [
     "LargeMotion",
     "LinearModel",
     "Link",
+    "LiquidCandidate",
     "LoadOfPort",
     "LoadedTree",
     "Loading",
@@ -444,6 +487,7 @@ __all__ = [
     "Measured",
     "ModalForm",
     "ModalResponse",
+    "ModeOfCraft",
     "ModelOfSlew",
     "ModesOfCraft",
     "Motion",
@@ -461,11 +505,13 @@ __all__ = [
     "Quantity",
     "Recovery",
     "Reference",
+    "RetimedCraft",
     "Room",
     "Root",
     "RootMotion",
     "RunOfDrive",
     "SampleLoops",
+    "SampledError",
     "SceneOfSlews",
     "Sections",
     "Seen",
@@ -511,13 +557,16 @@ __all__ = [
     "ascent",
     "assemble",
     "assemble_lowest",
+    "assembly_at_rest",
     "assigned_poles",
     "assumed_hub",
     "balanced_bounds",
     "balanced_channels",
     "ballast_for",
     "base",
+    "base_place",
     "basis_of_hermitian",
+    "bent_keyframes",
     "bent_line",
     "between_ends",
     "beyond_modes_kept",
@@ -525,11 +574,15 @@ __all__ = [
     "bodies",
     "body_mass_matrix",
     "branches",
+    "candidate",
     "cantilever_names",
+    "carried_by_craft",
     "carried_load",
     "carriers",
+    "carries_of",
     "carrying_of",
     "change_of_frequencies",
+    "changes_of",
     "check_algebraic_loop",
     "check_body",
     "check_freedoms",
@@ -551,6 +604,7 @@ __all__ = [
     "contributions_along_their_sum",
     "control_names",
     "coordinate_names",
+    "correlations_of_craft",
     "counterpart",
     "coupled_limits",
     "coupled_modes",
@@ -570,6 +624,8 @@ __all__ = [
     "disturbances",
     "disturbed_craft",
     "doubtful",
+    "drawn_figure",
+    "drawn_samples",
     "draws",
     "drift_of_momentum",
     "drive_in_hinge",
@@ -579,10 +635,12 @@ __all__ = [
     "drives_of_craft",
     "energy_words",
     "equal_parts",
+    "error_of_step",
     "exact_response",
     "extended_multipliers",
     "extra_damping",
     "far_mount",
+    "felt_by_modes",
     "figure_of_sample",
     "find_cure",
     "first_moment",
@@ -596,6 +654,7 @@ __all__ = [
     "freedoms_of_block",
     "frequencies_of_curves",
     "from_real_symmetric",
+    "gain_of_pair",
     "growing_frequencies",
     "growing_poses",
     "growth",
@@ -641,12 +700,14 @@ __all__ = [
     "last_kept",
     "leaves_at",
     "legendre_series",
+    "lightest_of_bodies",
     "limited_by_modes_above",
     "limiting_modes",
     "limp_model",
     "line_with_room",
     "linear_at",
     "linear_craft",
+    "liquid_cautions",
     "load_at",
     "load_of_modes_left_out",
     "loaded_linear",
@@ -670,6 +731,7 @@ __all__ = [
     "mass_of_bodies",
     "maximum_of",
     "measure",
+    "measured_in_mujoco",
     "middle_of",
     "mismatch",
     "modal_form",
@@ -677,10 +739,13 @@ __all__ = [
     "mode_names",
     "mode_to_ring",
     "mode_words",
+    "models_at_setting",
+    "modes_at_pose",
     "modes_finely_divided",
     "modes_of_tendons",
     "moments_of_delta",
     "momentum_of_mode",
+    "more_modes",
     "motion_at",
     "motion_of_modes",
     "motor_freedoms",
@@ -697,6 +762,7 @@ __all__ = [
     "nodes_of_density",
     "noise_error",
     "normal_modes",
+    "normal_shapes",
     "null_directions",
     "number_of_pole",
     "nutation_of_craft",
@@ -720,6 +786,7 @@ __all__ = [
     "place_poles",
     "plan_of_run",
     "plane_of_chain",
+    "plot_steps",
     "points_inward",
     "pole_moved",
     "pole_pairs",
@@ -757,6 +824,7 @@ __all__ = [
     "rigid_plane",
     "rk4_words",
     "root_body",
+    "root_factors",
     "root_frame",
     "rotation_vectors",
     "round_down",
@@ -774,6 +842,7 @@ __all__ = [
     "sampled_delay_margin",
     "sampled_error",
     "sampled_system",
+    "scaled_participation",
     "score",
     "seconds_of",
     "sections_at",
@@ -803,7 +872,9 @@ __all__ = [
     "solve_program",
     "spans_of_motion",
     "split",
+    "split_port",
     "spread_mass",
+    "spread_of",
     "springs_at_stated",
     "squared_phase",
     "stability_limit",
@@ -848,7 +919,11 @@ __all__ = [
     "unit_of_control",
     "unknown_behind",
     "unstable_count",
+    "usual_gain",
+    "varied_fields",
+    "vary_samples",
     "visible_modes",
+    "warnings_of_loads",
     "weightless",
     "weights_of_modes",
     "wheel_error",
@@ -858,8 +933,10 @@ __all__ = [
     "windowed_variance",
     "wished_hinges",
     "with_frequency_of_peak",
+    "with_liquids_sprung",
     "with_polar_inertia",
     "without_actuators",
+    "worst_figure",
     "worst_sample",
     "wrench_on_ports",
     "zero_crossings",
