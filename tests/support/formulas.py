@@ -398,8 +398,22 @@ from beamchain.structure.mass_line import (
 )
 from beamchain.structure.mass_line import _mass_beside_axis as mass_beside_axis
 from beamchain.structure.planes import rounding_of_residual
-from beamchain.structure.readers.nastran_bulk import System
-from beamchain.structure.rigid_body import independent_parts, nearest_body, realisable_body
+from beamchain.structure.readers.craig_bampton import Boundary
+from beamchain.structure.readers.craig_bampton import _almost_body as almost_body
+from beamchain.structure.readers.craig_bampton import _is_noisy as is_noisy
+from beamchain.structure.readers.craig_bampton import _is_soft as is_soft
+from beamchain.structure.readers.craig_bampton import _largest_forces as largest_forces
+from beamchain.structure.readers.craig_bampton import _largest_inner as largest_inner
+from beamchain.structure.readers.craig_bampton import _noise_of_freedoms as noise_of_freedoms
+from beamchain.structure.readers.nastran_bulk import System, dmig_matrices, read_bulk
+from beamchain.structure.rigid_body import (
+    body_departure,
+    independent_parts,
+    nearest_body,
+    noise_of_motions,
+    realisable_body,
+    within_body,
+)
 from beamchain.structure.section import soft_modulus
 from beamchain.structure.sections_at import Sections, sections_at
 from beamchain.structure.slosh import Slosh
@@ -411,6 +425,7 @@ __all__ = [
     "AppendageOnLoad",
     "BentLine",
     "Body",
+    "Boundary",
     "Candidates",
     "Carried",
     "Carrying",
@@ -499,6 +514,7 @@ __all__ = [
     "acting",
     "activation_names",
     "allocated",
+    "almost_body",
     "amplitudes_in_record",
     "apart",
     "apparent_hubs",
@@ -523,6 +539,7 @@ __all__ = [
     "beyond_modes_kept",
     "blocks_of_deltas",
     "bodies",
+    "body_departure",
     "body_mass_matrix",
     "branches",
     "cantilever_names",
@@ -569,6 +586,7 @@ __all__ = [
     "distance",
     "disturbances",
     "disturbed_craft",
+    "dmig_matrices",
     "doubtful",
     "draws",
     "drift_of_momentum",
@@ -628,6 +646,8 @@ __all__ = [
     "inverse_of_torques",
     "inverse_stiffness_root",
     "is_narrow",
+    "is_noisy",
+    "is_soft",
     "is_stop",
     "is_worth_timing",
     "joined",
@@ -638,6 +658,8 @@ __all__ = [
     "large_motion",
     "largest_angle",
     "largest_deviation",
+    "largest_forces",
+    "largest_inner",
     "last_kept",
     "leaves_at",
     "legendre_series",
@@ -696,6 +718,8 @@ __all__ = [
     "newton_step",
     "nodes_of_density",
     "noise_error",
+    "noise_of_freedoms",
+    "noise_of_motions",
     "normal_modes",
     "null_directions",
     "number_of_pole",
@@ -739,6 +763,7 @@ __all__ = [
     "ranks_of_modes",
     "reach",
     "reaches_output",
+    "read_bulk",
     "real_symmetric",
     "realisable_body",
     "realise",
@@ -859,6 +884,7 @@ __all__ = [
     "wished_hinges",
     "with_frequency_of_peak",
     "with_polar_inertia",
+    "within_body",
     "without_actuators",
     "worst_sample",
     "wrench_on_ports",
