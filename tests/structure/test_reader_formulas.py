@@ -50,7 +50,7 @@ def test_grids_in_coordinate_systems_of_each_kind(tmp_path):
     )
     turn = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
     origin = np.array([1.0, 2.0, 3.0])
-    assert bulk.grids[11].at == pytest.approx(origin + [30.0, 10.0, 20.0])
+    assert bulk.grids[11].at == pytest.approx([31.0, 12.0, 23.0])
     assert bulk.grids[11].axes == pytest.approx(turn)
     # 2 at 30 degrees, 5 above 4
     own = np.array([np.sqrt(3.0), 1.0, 9.0])

@@ -397,7 +397,12 @@ from beamchain.structure.mass_line import (
     uniform_length,
 )
 from beamchain.structure.mass_line import _mass_beside_axis as mass_beside_axis
-from beamchain.structure.planes import rounding_of_residual
+from beamchain.structure.planes import (
+    near_groups,
+    rounding_of_residual,
+    settle_rigid_mass,
+    turn_into_planes,
+)
 from beamchain.structure.readers.craig_bampton import Boundary
 from beamchain.structure.readers.craig_bampton import _almost_body as almost_body
 from beamchain.structure.readers.craig_bampton import _is_noisy as is_noisy
@@ -713,6 +718,7 @@ __all__ = [
     "named_output",
     "named_shares",
     "names_of_models",
+    "near_groups",
     "nearest_body",
     "new_directions",
     "newton_step",
@@ -806,6 +812,7 @@ __all__ = [
     "sensor_axes",
     "servos_that_chatter",
     "settle_links",
+    "settle_rigid_mass",
     "settling_of_modes",
     "shapes_of_fewer",
     "share",
@@ -865,6 +872,7 @@ __all__ = [
     "tuned_poses",
     "turn",
     "turn_along",
+    "turn_into_planes",
     "turn_warning",
     "turned_by",
     "turns_of_hinge",
