@@ -1,8 +1,17 @@
 """Doors to formulas that no public name reaches alone, so that closed forms stand beside them."""
 
 from beamchain.chain.chain import Chain, Hinge, Link
+from beamchain.chain.cut import _best as best_cut
+from beamchain.chain.cut import _climb as climb
+from beamchain.chain.cut import _even as even_cut
+from beamchain.chain.cut import _margin_sentence as margin_sentence
+from beamchain.chain.cut import _merge_close as merge_close
+from beamchain.chain.cut import _patterns as patterns_of_cuts
 from beamchain.chain.links import bodies, raise_polar_inertia, settle_links, share
+from beamchain.chain.margin import Margins, MassTable, Wanted, shortest_link
+from beamchain.chain.margin import _least_share as least_share
 from beamchain.chain.recursion import Nodes, realise, split
+from beamchain.chain.tendons import ModeGroup
 from beamchain.control.blame import _own_direction as own_direction
 from beamchain.control.blame import _owners as owners_of_poles
 from beamchain.control.blame import _Start as StartOfPoles
@@ -459,11 +468,14 @@ __all__ = [
     "LocalLoop",
     "LoopOfMargins",
     "LoopsOfSamples",
+    "Margins",
     "MassBesideAxis",
     "MassPiece",
+    "MassTable",
     "Measured",
     "ModalForm",
     "ModalResponse",
+    "ModeGroup",
     "ModelOfSlew",
     "ModesOfCraft",
     "Motion",
@@ -513,6 +525,7 @@ __all__ = [
     "Trial",
     "Turn",
     "VariantMaker",
+    "Wanted",
     "Way",
     "WheelSweep",
     "acceleration_of_sections",
@@ -540,6 +553,7 @@ __all__ = [
     "base",
     "basis_of_hermitian",
     "bent_line",
+    "best_cut",
     "between_ends",
     "beyond_modes_kept",
     "blocks_of_deltas",
@@ -563,6 +577,7 @@ __all__ = [
     "choose",
     "choose_modes",
     "choose_step",
+    "climb",
     "closed_in",
     "clusters",
     "column_range",
@@ -602,6 +617,7 @@ __all__ = [
     "drives_of_craft",
     "energy_words",
     "equal_parts",
+    "even_cut",
     "exact_response",
     "extended_multipliers",
     "extra_damping",
@@ -666,6 +682,7 @@ __all__ = [
     "largest_forces",
     "largest_inner",
     "last_kept",
+    "least_share",
     "leaves_at",
     "legendre_series",
     "limited_by_modes_above",
@@ -690,6 +707,7 @@ __all__ = [
     "made_for",
     "map_by_differences",
     "margin_figures",
+    "margin_sentence",
     "margins_of_all",
     "mass_beside_axis",
     "mass_line_of_pieces",
@@ -697,6 +715,7 @@ __all__ = [
     "mass_of_bodies",
     "maximum_of",
     "measure",
+    "merge_close",
     "middle_of",
     "mismatch",
     "modal_form",
@@ -738,6 +757,7 @@ __all__ = [
     "own_direction",
     "owners_of_poles",
     "pairs_of_modes",
+    "patterns_of_cuts",
     "peak_clusters",
     "peak_of_grid",
     "peaks_of_craft",
@@ -819,6 +839,7 @@ __all__ = [
     "shares_of_energy",
     "shift_of_pole",
     "shifted_peak",
+    "shortest_link",
     "simulate_hub",
     "simulate_slew",
     "simulated_gain",
