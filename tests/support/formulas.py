@@ -1,17 +1,42 @@
 """Doors to formulas that no public name reaches alone, so that closed forms stand beside them."""
 
-from beamchain.chain.chain import Chain, Hinge, Link
+from beamchain.chain.build import _counts as hinge_counts
+from beamchain.chain.build import _required_hinges as required_hinges
+from beamchain.chain.build import _shared_nodes as shared_nodes
+from beamchain.chain.build import build_exact, with_real_polar
+from beamchain.chain.chain import Chain, Hinge, Link, Tendon
 from beamchain.chain.cut import _best as best_cut
 from beamchain.chain.cut import _climb as climb
 from beamchain.chain.cut import _even as even_cut
 from beamchain.chain.cut import _margin_sentence as margin_sentence
 from beamchain.chain.cut import _merge_close as merge_close
 from beamchain.chain.cut import _patterns as patterns_of_cuts
-from beamchain.chain.links import bodies, raise_polar_inertia, settle_links, share
+from beamchain.chain.links import _without_rounding as without_rounding
+from beamchain.chain.links import (
+    bodies,
+    polar_inertias,
+    raise_polar_inertia,
+    real_polar,
+    settle_links,
+    share,
+)
 from beamchain.chain.margin import Margins, MassTable, Wanted, shortest_link
 from beamchain.chain.margin import _least_share as least_share
 from beamchain.chain.recursion import Nodes, realise, split
-from beamchain.chain.tendons import ModeGroup
+from beamchain.chain.tendons import (
+    ModeGroup,
+    damped_modes,
+    joint_damping,
+    modal_matrix,
+    port_rows,
+    springs_as_modes,
+)
+from beamchain.chain.tendons import _armatures as armatures_of
+from beamchain.chain.tendons import _fillers as fillers_of
+from beamchain.chain.tendons import _nearest_flexibility as nearest_flexibility
+from beamchain.chain.tendons import _nearest_turn as nearest_turn
+from beamchain.chain.tendons import _stiffen_attachments as stiffen_attachments
+from beamchain.chain.tendons import _unfelt as unfelt_motions
 from beamchain.control.blame import _own_direction as own_direction
 from beamchain.control.blame import _owners as owners_of_poles
 from beamchain.control.blame import _Start as StartOfPoles
@@ -519,6 +544,7 @@ __all__ = [
     "StepOfCraft",
     "SteppedController",
     "System",
+    "Tendon",
     "Tendons",
     "TimeError",
     "TreeDraws",
@@ -541,6 +567,7 @@ __all__ = [
     "appendage_poles",
     "appendages_alone",
     "apply_draw",
+    "armatures_of",
     "as_compared",
     "ascent",
     "assemble",
@@ -561,6 +588,7 @@ __all__ = [
     "body_departure",
     "body_mass_matrix",
     "branches",
+    "build_exact",
     "cantilever_names",
     "carried_load",
     "carriers",
@@ -598,6 +626,7 @@ __all__ = [
     "crossings_of_size_one",
     "culprit",
     "damped_by",
+    "damped_modes",
     "damping_of_file",
     "default_hub",
     "default_length",
@@ -623,6 +652,7 @@ __all__ = [
     "extra_damping",
     "far_mount",
     "figure_of_sample",
+    "fillers_of",
     "find_cure",
     "first_moment",
     "first_of_ports",
@@ -648,6 +678,7 @@ __all__ = [
     "held_joints",
     "high_places",
     "hinge_armature",
+    "hinge_counts",
     "hinge_to_turn",
     "holders_of_shape",
     "imbalances_of_wheels",
@@ -672,6 +703,7 @@ __all__ = [
     "is_stop",
     "is_worth_timing",
     "joined",
+    "joint_damping",
     "judged_part",
     "key_number",
     "lacking_damping",
@@ -719,6 +751,7 @@ __all__ = [
     "middle_of",
     "mismatch",
     "modal_form",
+    "modal_matrix",
     "modal_tendons",
     "mode_names",
     "mode_to_ring",
@@ -739,6 +772,8 @@ __all__ = [
     "names_of_models",
     "near_groups",
     "nearest_body",
+    "nearest_flexibility",
+    "nearest_turn",
     "new_directions",
     "newton_step",
     "nodes_of_density",
@@ -771,6 +806,7 @@ __all__ = [
     "plan_of_run",
     "plane_of_chain",
     "points_inward",
+    "polar_inertias",
     "pole_moved",
     "pole_pairs",
     "pole_rows",
@@ -779,6 +815,7 @@ __all__ = [
     "polynomial",
     "port_hub_mass",
     "port_of_mode",
+    "port_rows",
     "pose_label",
     "poses_of",
     "power_sum",
@@ -790,6 +827,7 @@ __all__ = [
     "reach",
     "reaches_output",
     "read_bulk",
+    "real_polar",
     "real_symmetric",
     "realisable_body",
     "realise",
@@ -797,6 +835,7 @@ __all__ = [
     "realise_fraction",
     "refined_bounds",
     "represents",
+    "required_hinges",
     "resolution",
     "response_change",
     "response_of_loop",
@@ -836,6 +875,7 @@ __all__ = [
     "settling_of_modes",
     "shapes_of_fewer",
     "share",
+    "shared_nodes",
     "shares_of_energy",
     "shift_of_pole",
     "shifted_peak",
@@ -857,6 +897,7 @@ __all__ = [
     "spans_of_motion",
     "split",
     "spread_mass",
+    "springs_as_modes",
     "springs_at_stated",
     "squared_phase",
     "stability_limit",
@@ -877,6 +918,7 @@ __all__ = [
     "step_warnings",
     "stepper_error",
     "stepper_harmonics",
+    "stiffen_attachments",
     "stiffness_before",
     "still_copy",
     "stop_ahead",
@@ -897,6 +939,7 @@ __all__ = [
     "turn_warning",
     "turned_by",
     "turns_of_hinge",
+    "unfelt_motions",
     "uniform_length",
     "unit_mass_of_port",
     "unit_of_control",
@@ -913,8 +956,10 @@ __all__ = [
     "wished_hinges",
     "with_frequency_of_peak",
     "with_polar_inertia",
+    "with_real_polar",
     "within_body",
     "without_actuators",
+    "without_rounding",
     "worst_sample",
     "wrench_on_ports",
     "zero_crossings",
