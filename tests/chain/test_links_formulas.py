@@ -153,10 +153,9 @@ def test_the_hinges_that_twist_are_those_nearest_to_where_the_groups_end(inertia
 def test_groups_that_their_links_cannot_carry_end_elsewhere():
     # the first link carries 0.4 at most; the nearest hinge, at 1 m, would ask 0.6 of it
     cuts, line = np.array([1.0, 2.0, 3.0]), uniform(0.5)
+    real = real_polar(line, cuts)
     links = [thin(0, 0.2), *(thin(k) for k in (1, 2, 3))]
-    turning, polars = polar_inertias(
-        line, links, cuts, np.array([0.6, 1.4]), real_polar(line, cuts)
-    )
+    turning, polars = polar_inertias(line, links, cuts, np.array([0.6, 1.4]), real)
     assert turning == [1]
     assert polars == pytest.approx([0.3, 0.3, 0.7, 0.7], rel=1e-9)
     with pytest.raises(RealisationError, match="need 4 hinges, but there are 3"):
