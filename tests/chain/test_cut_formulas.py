@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag, eigh
 
-from appendages import unit_beam
+from beamchain import Beam, Equivalent, Lump, Segment
 from formulas import (
     Margins,
     MassTable,
@@ -47,71 +47,148 @@ def test_the_least_share_is_of_each_block_s_own_measure():
     assert least_share(left, [np.eye(3), -np.eye(3)]) == -np.inf
 
 
-def integrals(x, places=()):
-    """P over the motion of further places, and Q, of a rod of 1 kg and 1 m with hinges at `x`."""
-    rod = np.poly1d([1.0])
-    along = np.poly1d([1.0, 0.0])
+LENGTH, POLAR = 2.0, 0.3
+ROD = Equivalent(bending_stiffness_xy=1.0, linear_mass=0.5, polar_inertia=POLAR)
+LINE = Beam(segments=(Segment(length=LENGTH, section=ROD),))
+
+
+def integrals(x, places=(), *, twists=False):
+    """P over the motion of further places, and Q, of a rod with hinges at `x`, in a plane; with a
+    twist as well."""
+    rod = np.poly1d([0.5])
+    along = np.poly1d([0.5, 0.0])
+    arms = [np.poly1d([1.0, -at]) for at in x]
+    pairs = list(zip(arms, x, strict=True))
 
     def over(polynomial, start):
         whole = np.polyint(polynomial)
-        return whole(1.0) - whole(start)
+        return whole(LENGTH) - whole(start)
 
-    arms = [np.poly1d([1.0, -at]) for at in x]
-    rows = [[over(rod * arm, at) for arm, at in zip(arms, x, strict=True)]]
-    rows.append([over(along * arm, at) for arm, at in zip(arms, x, strict=True)])
-    for place in places:
-        rows.append([(place - at) * (at < place) for at in x])
-        rows.append([1.0 * (at < place) for at in x])
-    inertia = [
-        [over(a * b, max(p, q)) for b, q in zip(arms, x, strict=True)]
-        for a, p in zip(arms, x, strict=True)
+    behind = POLAR * (LENGTH - x)
+    none = np.zeros(x.size)
+    bent = [
+        [over(rod * arm, at) for arm, at in pairs],
+        [over(along * arm, at) for arm, at in pairs],
     ]
-    return np.array(rows), np.array(inertia)
+    rows = [[*row, *none] for row in bent] + [[*none, *behind]] * twists
+    for place in places:
+        before = 1.0 * (x < place)
+        rows += [[*((place - x) * before), *none], [*before, *none]]
+        rows += [[*none, *before]] * twists
+    inertia = np.zeros((2 * x.size, 2 * x.size))
+    for k, (a, p) in enumerate(pairs):
+        inertia[k, : x.size] = [over(rod * a * b, max(p, q)) for b, q in pairs]
+        inertia[x.size + k, x.size :] = POLAR * (LENGTH - np.maximum(x, p))
+    keep = slice(None) if twists else slice(x.size)
+    return np.array(rows)[:, keep], inertia[keep, keep]
 
 
-@pytest.mark.parametrize("port", ["xy", "xz"])
-@pytest.mark.parametrize("further", [(), (0.5,)])
-def test_margin_of_a_uniform_rod_s_cut(port, further):
-    """Least of `P Q^-1 P^T - L^T L` over `M - L^T L`; hinges on stations of the table."""
-    x = np.array([0.1, 0.3, 0.6, 0.8])
-    kinematics, inertia = integrals(x, further)
+def least_of(rows, kinematics, inertia, m=2):
+    """Least of `P Q^-1 P^T - L^T L` over `M - L^T L`, of further places over their own motion."""
+    mass = np.diag([1.0, 4.0 / 3.0, POLAR * LENGTH][:m])
+    mass[0, 1] = mass[1, 0] = 1.0
+    reached = kinematics @ np.linalg.solve(inertia, kinematics.T)
+    blocks = [mass - rows[:, :m].T @ rows[:, :m]]
+    blocks += [reached[k : k + m, k : k + m] for k in range(m, len(reached), m)]
+    return eigh(reached - rows.T @ rows, block_diag(*blocks), eigvals_only=True)[0]
+
+
+@pytest.mark.parametrize("ports", [("xy",), ("xz",), ("xz", "torsion")])
+@pytest.mark.parametrize("further", [(), (1.0,), (1.0, 1.5)])
+def test_margin_of_a_uniform_rod_s_cut(ports, further):
+    """Hinges on stations of the table."""
+    x = np.array([0.2, 0.6, 1.2, 1.4, 1.6])
+    kinematics, inertia = integrals(x, further, twists=len(ports) > 1)
     random = np.random.default_rng(1)
     rows = 0.1 * random.normal(size=(2, len(kinematics)))
-    group = ModeGroup((port,), np.array([1.0, 2.0]), rows, np.zeros(2))
-    table = MassTable(unit_beam())
-    search = Margins(table, (Wanted(group, {port: 4}, {}),), further)
-    residual = np.array([[1.0, 0.5], [0.5, 1.0 / 3.0]]) - rows[:, :2].T @ rows[:, :2]
-    reached = kinematics @ np.linalg.solve(inertia, kinematics.T)
-    blocks = [residual] + [reached[2:, 2:]] * bool(further)
-    wanted = eigh(reached - rows.T @ rows, block_diag(*blocks), eigvals_only=True)[0]
+    group = ModeGroup(ports, np.array([1.0, 2.0]), rows, np.zeros(2))
+    table = MassTable(LINE)
+    search = Margins(table, (Wanted(group, dict.fromkeys(ports, 5), {}),), further)
     margin, chosen, margins = search.assigned(x)
-    assert margin == pytest.approx(wanted, rel=1e-6)
+    assert margin == pytest.approx(
+        least_of(rows, kinematics, inertia, 2 + ("torsion" in ports)), rel=1e-6
+    )
     assert margins == [margin]
-    assert chosen == [[(k, port) for k in range(4)]]
+    assert chosen == [[(k, port) for k in range(5) for port in sorted(ports)]]
+    assert table.tried == 1 + 5 * len(ports) // 8
     assert search.value(x) == margin
     assert search.value(x[::-1]) == -np.inf
-    assert search.value(np.array([0.1, 0.3, 0.6, 0.6 + 0.9e-3])) == -np.inf
-    assert np.isfinite(search.value(np.array([0.1, 0.3, 0.6, 0.6 + 1.1e-3])))
+    assert search.value(np.array([0.2, 0.6, 1.2, 1.4, 1.4 + 1.8e-3])) == -np.inf
+    assert np.isfinite(search.value(np.array([0.2, 0.6, 1.2, 1.4, 1.4 + 2.2e-3])))
+
+
+@pytest.mark.parametrize(
+    ("size", "taken"),
+    [
+        (0.2, (0, 3)),  # spread evenly, though others have more
+        (0.45, (0, 1)),  # the first pair after that with enough
+        (0.55, (0, 1)),  # none has enough: the best
+    ],
+)
+def test_the_first_choice_with_enough_or_the_best_is_taken(size, taken):
+    """Two of six hinges: spread evenly, the first two, then pair by pair."""
+    x = np.array([0.1, 0.2, 0.4, 1.0, 1.2, 1.7])
+    rows = size * np.array([[0.0, 1.0]])
+    group = ModeGroup(("xy",), np.ones(1), rows, np.zeros(1))
+    search = Margins(MassTable(LINE), (Wanted(group, {"xy": 2}, {}),), ())
+    margin, (chosen,), _ = search.assigned(x)
+    assert chosen == [(k, "xy") for k in taken]
+    wanted = least_of(rows, *integrals(x[list(taken)]))
+    assert margin == pytest.approx(wanted, rel=1e-4, abs=1e-5)
+    assert (wanted < ENOUGH) == (size == 0.55)
+
+
+def test_the_least_margin_of_all_groups_and_no_more_of_them_than_are_asked_for():
+    x = np.array([0.2, 0.6])
+    small, large = (
+        ModeGroup((port,), np.ones(1), np.array([[part, 0.0]]), np.zeros(1))
+        for port, part in (("xy", 0.1), ("xz", 0.4))
+    )
+    wanted = [Wanted(group, {group.ports[0]: 2}, {}) for group in (large, small)]
+    both = [least_of(group.rows, *integrals(x)) for group in (large, small)]
+    assert both[0] < ENOUGH < both[1]
+    found = Margins(MassTable(LINE), tuple(wanted), ()).assigned(x)
+    assert found[2] == pytest.approx(both, rel=1e-6)
+    assert found[0] == found[2][0]
+    assert Margins(MassTable(LINE), tuple(wanted), ()).assigned(x, whole=False)[2] == [found[0]]
+    turned = Margins(MassTable(LINE), tuple(wanted[::-1]), ())
+    assert turned.assigned(x, whole=False)[2] == found[2][::-1]
+
+
+def test_mass_behind_places_between_the_stations_of_a_table():
+    """0.5 kg/m, bodies at the root, between stations and at the tip."""
+    lumps = [Lump(x=0.0, mass=3.0), Lump(x=1.0007, mass=4.0), Lump(x=2.0, mass=5.0)]
+    table = MassTable(Beam(segments=LINE.segments, lumps=lumps))
+    assert table.rigid[0, 0] == pytest.approx(13.0)
+    assert table.rigid[1, 5] == pytest.approx(1.0 + 4.0 * 1.0007 + 10.0)
+    x = np.array([0.0, 0.00171, 1.00069, 1.0007, 1.3337, 1.9999, 2.0])
+    mass = 0.5 * (2.0 - x) + 4.0 * (x < 1.0007) + 5.0 * (x < 2.0)
+    first = 0.25 * (4.0 - x**2) + 4.0028 * (x < 1.0007) + 10.0 * (x < 2.0)
+    found = table.behind(x)
+    assert found[:, 0, 0] == pytest.approx(mass, abs=1e-9)
+    assert found[:, 1, 5] == pytest.approx(first, abs=2e-6)
+    assert table.tried == 0
 
 
 def test_a_group_takes_fixed_hinges_and_spreads_the_others():
-    """Two of a rod's five hinges for torsion without modes, which any choice holds."""
-    x = np.array([0.1, 0.3, 0.5, 0.7, 0.9])
+    """Of a rod that has nothing to twist, so that no choice is better than the first."""
+    x = np.array([0.2, 0.6, 1.0, 1.4, 1.8])
     group = ModeGroup(("torsion",), np.zeros(0), np.zeros((0, 1)), np.zeros(0))
-    line = unit_beam()
+    thin = Equivalent(bending_stiffness_xy=1.0, linear_mass=0.5)
+    table = MassTable(Beam(segments=(Segment(length=2.0, section=thin),)))
     for fixed, count, hinges in (
         ((), 2, [0, 2]),
         ((), 3, [0, 1, 3]),
-        ((0.7,), 3, [0, 2, 3]),
-        ((0.7, 0.1), 2, [0, 3]),
+        ((1.4 + 1.9e-9,), 3, [0, 2, 3]),
+        ((1.4 + 2.1e-9,), 3, [0, 1, 3]),
+        ((1.4, 0.2), 2, [0, 3]),
         ((), 5, [0, 1, 2, 3, 4]),
         ((), 9, [0, 1, 2, 3, 4]),
     ):
-        search = Margins(
-            MassTable(line), (Wanted(group, {"torsion": count}, {"torsion": fixed}),), ()
-        )
-        _, ((*chosen,),), _ = search.assigned(x)
+        wanted = Wanted(group, {"torsion": count}, {"torsion": fixed})
+        margin, ((*chosen,),), _ = Margins(table, (wanted,), ()).assigned(x)
         assert [i for i, _ in chosen] == hinges
+        assert margin == -np.inf
 
 
 def test_wanted_hinges_grow_in_all_ports_and_shrink_in_one():
