@@ -246,7 +246,6 @@ from beamchain.fitting.imported import _ratios as damping_of_file
 from beamchain.fitting.imported import _roomy as line_with_room
 from beamchain.fitting.imported import _visible_modes as visible_modes
 from beamchain.fitting.needs import Candidates, Promise, choose, with_polar_inertia
-from beamchain.fitting.needs import choose as choose_modes
 from beamchain.fitting.result import InSpace
 from beamchain.fitting.slosh import (
     SloshCase,
@@ -621,7 +620,6 @@ __all__ = [
     "check_stable_craft",
     "check_steps",
     "choose",
-    "choose_modes",
     "choose_step",
     "climb",
     "closed_in",
