@@ -453,6 +453,7 @@ from beamchain.structure.planes import (
     settle_rigid_mass,
     turn_into_planes,
 )
+from beamchain.structure.profile import Properties
 from beamchain.structure.readers.craig_bampton import Boundary
 from beamchain.structure.readers.craig_bampton import _almost_body as almost_body
 from beamchain.structure.readers.craig_bampton import _is_noisy as is_noisy
@@ -531,6 +532,7 @@ __all__ = [
     "PoleRow",
     "Pose",
     "Promise",
+    "Properties",
     "Quantity",
     "Recovery",
     "Reference",
