@@ -423,6 +423,13 @@ from beamchain.steps.tree_time import _modes as modes_of_tendons
 from beamchain.steps.tree_time import _newton_step as newton_step
 from beamchain.steps.tree_time import _Room as Room
 from beamchain.steps.tree_time import _step_length as step_length
+from beamchain.structure.discretise import Parts
+from beamchain.structure.discretise import _body as body_in_port
+from beamchain.structure.discretise import _edges as edges_of_pieces
+from beamchain.structure.discretise import _join_equal_neighbours as joined_neighbours
+from beamchain.structure.discretise import _largest_change as change_of_lowest
+from beamchain.structure.discretise import _pieces as pieces_of_beam
+from beamchain.structure.discretise import _taper_cuts as taper_cuts
 from beamchain.structure.elements import (
     Body,
     MotionRows,
@@ -437,6 +444,9 @@ from beamchain.structure.elements import _largest_change as change_of_frequencie
 from beamchain.structure.elements import _new_directions as new_directions
 from beamchain.structure.elements import _shapes_of_fewer as shapes_of_fewer
 from beamchain.structure.elements import _sums_behind as sums_behind
+from beamchain.structure.inside import Inside, snapped
+from beamchain.structure.inside import _flat as flat_points
+from beamchain.structure.inside import _momentum as momentum_beyond
 from beamchain.structure.mass_line import (
     MassBesideAxis,
     MassPiece,
@@ -461,6 +471,7 @@ from beamchain.structure.readers.craig_bampton import _is_soft as is_soft
 from beamchain.structure.readers.craig_bampton import _largest_forces as largest_forces
 from beamchain.structure.readers.craig_bampton import _largest_inner as largest_inner
 from beamchain.structure.readers.craig_bampton import _noise_of_freedoms as noise_of_freedoms
+from beamchain.structure.readers.imported import check_outwards, proposed_axes, with_length
 from beamchain.structure.readers.nastran_bulk import System, dmig_matrices, read_bulk
 from beamchain.structure.rigid_body import (
     body_departure,
@@ -501,6 +512,7 @@ __all__ = [
     "InSpace",
     "Input",
     "Inputs",
+    "Inside",
     "LargeMotion",
     "LinearModel",
     "Link",
@@ -526,6 +538,7 @@ __all__ = [
     "Nodes",
     "OperatingPoint",
     "Outputs",
+    "Parts",
     "Piece",
     "PlaceOfHinge",
     "PlanarChain",
@@ -605,6 +618,7 @@ __all__ = [
     "blocks_of_deltas",
     "bodies",
     "body_departure",
+    "body_in_port",
     "body_mass_matrix",
     "branches",
     "build_exact",
@@ -613,11 +627,13 @@ __all__ = [
     "carriers",
     "carrying_of",
     "change_of_frequencies",
+    "change_of_lowest",
     "check_algebraic_loop",
     "check_body",
     "check_freedoms",
     "check_inertia",
     "check_linear_in_speed",
+    "check_outwards",
     "check_pushes",
     "check_stable_craft",
     "check_steps",
@@ -663,6 +679,7 @@ __all__ = [
     "drive_on_hub",
     "driven",
     "drives_of_craft",
+    "edges_of_pieces",
     "energy_words",
     "equal_parts",
     "even_cut",
@@ -676,6 +693,7 @@ __all__ = [
     "first_moment",
     "first_of_ports",
     "fit_warnings",
+    "flat_points",
     "follow_modes",
     "form2",
     "form2_many",
@@ -723,6 +741,7 @@ __all__ = [
     "is_stop",
     "is_worth_timing",
     "joined",
+    "joined_neighbours",
     "joint_damping",
     "judged_part",
     "key_number",
@@ -780,6 +799,7 @@ __all__ = [
     "modes_finely_divided",
     "modes_of_tendons",
     "moments_of_delta",
+    "momentum_beyond",
     "momentum_of_mode",
     "motion_at",
     "motion_of_modes",
@@ -825,6 +845,7 @@ __all__ = [
     "periodic_of_harmonics",
     "phase_limit",
     "phase_of_two",
+    "pieces_of_beam",
     "place_of_output",
     "place_poles",
     "plan_of_run",
@@ -844,6 +865,7 @@ __all__ = [
     "poses_of",
     "power_sum",
     "proof_over",
+    "proposed_axes",
     "push_of_actuators",
     "quantities",
     "raise_polar_inertia",
@@ -918,6 +940,7 @@ __all__ = [
     "smallness",
     "snap_error",
     "snap_times",
+    "snapped",
     "soft_modulus",
     "solve_program",
     "spans_of_motion",
@@ -952,6 +975,7 @@ __all__ = [
     "structured_bound",
     "sum_of_poles",
     "sums_behind",
+    "taper_cuts",
     "time_error",
     "time_modes",
     "torque_of_actuator",
@@ -984,6 +1008,7 @@ __all__ = [
     "wished_hinges",
     "with_damping",
     "with_frequency_of_peak",
+    "with_length",
     "with_polar_inertia",
     "with_real_polar",
     "within_body",
