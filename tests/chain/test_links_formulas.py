@@ -140,7 +140,7 @@ def test_polar_inertia_of_pieces():
         ([0.4, 0.9, 0.7], [0, 2], [0.4, 0.45, 0.45, 0.7]),
         ([2.0], [], [0.5, 0.5, 0.5, 0.5]),
         ([3.0, 7.0], [0], [3.0, 7.0 / 3.0, 7.0 / 3.0, 7.0 / 3.0]),
-        ([0.0, 0.0], [0], [3e-6] * 4),  # none: a trace
+        ([0.0, 0.0, 0.0], [0, 1], [3e-6] * 4),  # none: a trace
     ],
 )
 def test_the_hinges_that_twist_are_those_nearest_to_where_the_groups_end(inertias, turning, polars):

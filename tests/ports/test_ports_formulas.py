@@ -206,6 +206,9 @@ def test_a_comparison_is_relative_to_the_reference_s_motions():
     assert found.participation_errors == pytest.approx([wanted], rel=ROUNDED)
     assert found.mass_error == pytest.approx(0.1, rel=ROUNDED)
     assert found.accelerance_in_band is None
+    # modes that move their root by little have the same sign too
+    light = PortModel(b.rigid_mass, b.frequencies, np.array([[0.2, 0.3]]))
+    assert compare(light, light).participation == 0.0
     slower = compare(b, a)
     assert slower.frequency == pytest.approx(0.1 / 2.1, rel=ROUNDED)
     # 1e-9 of the mass is none, so that the sign is that of the second motion
@@ -431,6 +434,19 @@ def test_modes_picked_and_reduced_are_counted():
             made().truncated(wrong)
         with pytest.raises(InputError):
             made().reduced(wrong, np.zeros((2, 2)))
+    # for a target: held, free, or on a hub
+    for target, hub in (
+        ("clamped", None),
+        ("free", np.zeros((2, 2))),
+        ("hub", np.diag([5.0, 7.0])),
+    ):
+        found = made().for_target(target, 1, np.diag([5.0, 7.0]))
+        if hub is None:
+            assert found.frequencies.tolist() == [2.0]
+        else:
+            mass = np.eye(2) - 0.25 * np.linalg.inv(made().rigid_mass + hub)
+            lowest = np.sqrt(eigh(4.0 * np.eye(2), mass, eigvals_only=True)[0])
+            assert found.with_hub(hub).free_frequencies == pytest.approx([lowest])
     assert made().truncated(2).modes == made().reduced(2, np.zeros((2, 2))).modes == 2
 
 

@@ -237,6 +237,10 @@ from beamchain.engine.slew import _run as run_of_push
 from beamchain.engine.slew import _without_actuators as without_actuators
 from beamchain.engine.slew import simulate as simulate_slew
 from beamchain.fitting.choose import _modes_below as half_waves
+from beamchain.fitting.document import safe_step
+from beamchain.fitting.exact import _normal_modes as normal_modes_of
+from beamchain.fitting.exact import reduced_to_kept
+from beamchain.fitting.fewest import fewest
 from beamchain.fitting.fewest import weights as weights_of_modes
 from beamchain.fitting.hub import assumed_hub, default_hub, port_hub_mass
 from beamchain.fitting.imported import ImportedCase, imported_case, same_planes
@@ -687,6 +691,7 @@ __all__ = [
     "extended_multipliers",
     "extra_damping",
     "far_mount",
+    "fewest",
     "figure_of_sample",
     "fillers_of",
     "find_cure",
@@ -823,6 +828,7 @@ __all__ = [
     "noise_of_motions",
     "norm_ratios",
     "normal_modes",
+    "normal_modes_of",
     "null_directions",
     "number_of_pole",
     "nutation_of_craft",
@@ -879,6 +885,7 @@ __all__ = [
     "realise",
     "realise_controller",
     "realise_fraction",
+    "reduced_to_kept",
     "refined_bounds",
     "relative_error",
     "represents",
@@ -907,6 +914,7 @@ __all__ = [
     "runge_kutta_limit",
     "runge_kutta_step",
     "running_mean",
+    "safe_step",
     "same_planes",
     "sampled_delay_margin",
     "sampled_error",
