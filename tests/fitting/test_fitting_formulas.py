@@ -7,13 +7,17 @@ import pytest
 
 import beamchain as bc
 from beamchain import PortModel
+from beamchain.caution import Caution
+from beamchain.fitting.spec import schema
 from beamchain.structure.section import SOFT
 from formulas import (
     Promise,
+    departs,
     doubtful,
     fewest,
     imported_warnings,
     normal_modes_of,
+    one_mode_more,
     reduced_to_kept,
     safe_step,
     step_warnings,
@@ -178,13 +182,12 @@ FULL = PortModel(
     np.array([[4.0, 1.0], [1.0, 3.0]]),
     np.array([1.0, 2.0, 3.0]),
     np.array([[1.0, 0.5], [0.5, -0.4], [0.2, 0.3]]),
-    tip=np.arange(18.0).reshape(3, 6),
 )
 
 
-def kept_of(count, points=(), hub=None, target="clamped"):
+def kept_of(count, hub=None, target="clamped"):
     fit = SimpleNamespace(spec=SimpleNamespace(root=SimpleNamespace(hub=hub)), kept_for=target)
-    return reduced_to_kept(fit, "xy", count, FULL, points)
+    return reduced_to_kept(fit, "xy", count, FULL, ())
 
 
 def test_what_a_file_holds_of_all_modes():
@@ -199,14 +202,23 @@ def test_what_a_file_holds_of_all_modes():
         found = kept_of(2, hub=hub, target=target)
         on = np.diag([5.0, 7.0]) if target == "hub" else np.zeros((2, 2))
         assert found.with_hub(on).free_frequencies == pytest.approx(np.sqrt(lowest))
-    # static responses of the points 0 and 2: columns 0, 1 and 4, 5 of the motion, of one mode
-    # beyond the first two, so that they add one
-    found = kept_of(2, points=(0, 2))
-    assert found.frequencies == pytest.approx([1.0, 2.0, 3.0])
-    flexible = found.tip.T @ np.diag(found.frequencies**-2.0) @ found.tip
-    wanted = FULL.tip.T @ np.diag(FULL.frequencies**-2.0) @ FULL.tip
+
+
+def test_static_responses_of_further_points_are_exact():
+    """Columns 0, 1 and 4, 5 of the motion: points 0 and 2."""
+    random = np.random.default_rng(3)
+    w = np.arange(1.0, 9.0)
+    full = PortModel(
+        4.0 * np.eye(2), w, random.normal(size=(8, 2)) / 4.0, tip=random.normal(size=(8, 6))
+    )
+    fit = SimpleNamespace(spec=SimpleNamespace(root=SimpleNamespace(hub=None)), kept_for="clamped")
+    found = reduced_to_kept(fit, "xy", 2, full, (0, 2))
+    assert found.modes == 6
+    assert found.frequencies[:2] == pytest.approx([1.0, 2.0])
+    flexible, wanted = (of.tip.T @ np.diag(of.frequencies**-2.0) @ of.tip for of in (found, full))
     at = np.ix_([0, 1, 4, 5], [0, 1, 4, 5])
     assert flexible[at] == pytest.approx(wanted[at])
+    assert reduced_to_kept(fit, "xy", 2, full, (0,)).modes == 4
 
 
 def test_modes_that_are_those_of_the_whole():
@@ -281,3 +293,28 @@ def test_beyond_six_modes_left_out_the_lightest_are_told_together():
     assert len(choice.left_out) == 7
     assert choice.left_out[-1].what == "2 lighter modes"
     assert choice.left_out[-1].cost == pytest.approx(0.2)
+
+
+# -- one mode more ---------------------------------------------------------------------------------
+def test_one_mode_more_port_by_port():
+    """Of two in xy, all of one in torsion, and none in xz."""
+    section = bc.Equivalent(bending_stiffness_xy=2.0, linear_mass=1.0)
+    spec = bc.Spec(segment=(bc.Segment(length=2.0, section=section),), modes=bc.Modes(xy=2))
+    full = {port: SimpleNamespace(modes=n) for port, n in (("xy", 5), ("torsion", 1), ("xz", 3))}
+    target = {port: SimpleNamespace(modes=n) for port, n in (("xy", 2), ("torsion", 1))}
+    made = SimpleNamespace(spec=spec, space=None, full=full, target=target)
+    found = [one.modes.given() for one in one_mode_more(made)]
+    kept = [{port: count for port, count in one.items() if count} for one in found]
+    assert kept == [{"xy": 3, "torsion": 1}, {"xy": 2, "torsion": 1, "xz": 1}]
+
+
+def test_a_description_is_the_first_paragraph():
+    tables = schema()["$defs"]
+    assert tables["Hub"]["description"] == str(bc.Hub.__doc__).split("\n\n")[0]
+    assert all(table["description"] for table in tables.values())
+
+
+def test_only_one_of_a_reader_s_steps_says_that_a_body_is_almost_rigid():
+    assert departs(Caution("almost-rigid", "off"))
+    assert not departs(Caution("ignored-damping", "off"))
+    assert not departs("almost-rigid")

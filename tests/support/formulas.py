@@ -237,6 +237,7 @@ from beamchain.engine.slew import _run as run_of_push
 from beamchain.engine.slew import _without_actuators as without_actuators
 from beamchain.engine.slew import simulate as simulate_slew
 from beamchain.fitting.choose import _modes_below as half_waves
+from beamchain.fitting.cure import _one_mode_more as one_mode_more
 from beamchain.fitting.document import safe_step
 from beamchain.fitting.exact import _normal_modes as normal_modes_of
 from beamchain.fitting.exact import reduced_to_kept
@@ -245,6 +246,7 @@ from beamchain.fitting.fewest import weights as weights_of_modes
 from beamchain.fitting.hub import assumed_hub, default_hub, port_hub_mass
 from beamchain.fitting.imported import ImportedCase, imported_case, same_planes
 from beamchain.fitting.imported import _check_body as check_body
+from beamchain.fitting.imported import _departs as departs
 from beamchain.fitting.imported import _first as first_of_ports
 from beamchain.fitting.imported import _ratios as damping_of_file
 from beamchain.fitting.imported import _roomy as line_with_room
@@ -670,6 +672,7 @@ __all__ = [
     "default_hub",
     "default_length",
     "delay_near",
+    "departs",
     "deviation_share",
     "distance",
     "disturbances",
@@ -834,6 +837,7 @@ __all__ = [
     "nutation_of_craft",
     "off_by",
     "offset_cautions",
+    "one_mode_more",
     "oscillating",
     "oscillations",
     "oscillator_nearest",
