@@ -1,8 +1,42 @@
 """Doors to formulas that no public name reaches alone, so that closed forms stand beside them."""
 
-from beamchain.chain.chain import Chain, Hinge, Link
-from beamchain.chain.links import bodies, raise_polar_inertia, settle_links, share
+from beamchain.chain.build import _counts as hinge_counts
+from beamchain.chain.build import _required_hinges as required_hinges
+from beamchain.chain.build import _shared_nodes as shared_nodes
+from beamchain.chain.build import build_exact, with_real_polar
+from beamchain.chain.chain import Chain, Hinge, Link, Tendon
+from beamchain.chain.cut import _best as best_cut
+from beamchain.chain.cut import _climb as climb
+from beamchain.chain.cut import _even as even_cut
+from beamchain.chain.cut import _margin_sentence as margin_sentence
+from beamchain.chain.cut import _merge_close as merge_close
+from beamchain.chain.cut import _patterns as patterns_of_cuts
+from beamchain.chain.links import _without_rounding as without_rounding
+from beamchain.chain.links import (
+    bodies,
+    polar_inertias,
+    raise_polar_inertia,
+    real_polar,
+    settle_links,
+    share,
+)
+from beamchain.chain.margin import Margins, MassTable, Wanted, shortest_link
+from beamchain.chain.margin import _least_share as least_share
 from beamchain.chain.recursion import Nodes, realise, split
+from beamchain.chain.tendons import (
+    ModeGroup,
+    damped_modes,
+    joint_damping,
+    modal_matrix,
+    port_rows,
+    springs_as_modes,
+)
+from beamchain.chain.tendons import _armatures as armatures_of
+from beamchain.chain.tendons import _fillers as fillers_of
+from beamchain.chain.tendons import _nearest_flexibility as nearest_flexibility
+from beamchain.chain.tendons import _nearest_turn as nearest_turn
+from beamchain.chain.tendons import _stiffen_attachments as stiffen_attachments
+from beamchain.chain.tendons import _unfelt as unfelt_motions
 from beamchain.control.blame import _own_direction as own_direction
 from beamchain.control.blame import _owners as owners_of_poles
 from beamchain.control.blame import _Start as StartOfPoles
@@ -228,16 +262,21 @@ from beamchain.engine.slew import _run as run_of_push
 from beamchain.engine.slew import _without_actuators as without_actuators
 from beamchain.engine.slew import simulate as simulate_slew
 from beamchain.fitting.choose import _modes_below as half_waves
+from beamchain.fitting.cure import _one_mode_more as one_mode_more
+from beamchain.fitting.document import safe_step
+from beamchain.fitting.exact import _normal_modes as normal_modes_of
+from beamchain.fitting.exact import reduced_to_kept
+from beamchain.fitting.fewest import fewest
 from beamchain.fitting.fewest import weights as weights_of_modes
 from beamchain.fitting.hub import assumed_hub, default_hub, port_hub_mass
 from beamchain.fitting.imported import ImportedCase, imported_case, same_planes
 from beamchain.fitting.imported import _check_body as check_body
+from beamchain.fitting.imported import _departs as departs
 from beamchain.fitting.imported import _first as first_of_ports
 from beamchain.fitting.imported import _ratios as damping_of_file
 from beamchain.fitting.imported import _roomy as line_with_room
 from beamchain.fitting.imported import _visible_modes as visible_modes
 from beamchain.fitting.needs import Candidates, Promise, choose, with_polar_inertia
-from beamchain.fitting.needs import choose as choose_modes
 from beamchain.fitting.result import InSpace
 from beamchain.fitting.slosh import (
     SloshCase,
@@ -292,7 +331,24 @@ from beamchain.pointing.wheel_run import _place as place_of_output
 from beamchain.pointing.wheel_run import run_wheel
 from beamchain.pointing.wheel_sweep import WheelSweep
 from beamchain.pointing.wheel_sweep import _high_places as high_places
-from beamchain.ports.compare import as_compared, free_peaks, maximum_of, peak_clusters
+from beamchain.ports.compare import (
+    as_compared,
+    band_grid,
+    compared_ratios,
+    free_peaks,
+    grid_of,
+    largest_norm_ratio,
+    maximum_of,
+    norm_ratios,
+    peak_clusters,
+    peaks_at,
+    peaks_of,
+    relative_error,
+    small_inverse,
+    spectral_norms,
+    unresolved_peaks,
+    with_damping,
+)
 from beamchain.ports.compose import joined
 from beamchain.ports.coupled import CoupledPort
 from beamchain.ports.model import Shapes
@@ -401,6 +457,13 @@ from beamchain.steps.tree_time import _modes as modes_of_tendons
 from beamchain.steps.tree_time import _newton_step as newton_step
 from beamchain.steps.tree_time import _Room as Room
 from beamchain.steps.tree_time import _step_length as step_length
+from beamchain.structure.discretise import Parts
+from beamchain.structure.discretise import _body as body_in_port
+from beamchain.structure.discretise import _edges as edges_of_pieces
+from beamchain.structure.discretise import _join_equal_neighbours as joined_neighbours
+from beamchain.structure.discretise import _largest_change as change_of_lowest
+from beamchain.structure.discretise import _pieces as pieces_of_beam
+from beamchain.structure.discretise import _taper_cuts as taper_cuts
 from beamchain.structure.elements import (
     Body,
     MotionRows,
@@ -415,6 +478,9 @@ from beamchain.structure.elements import _largest_change as change_of_frequencie
 from beamchain.structure.elements import _new_directions as new_directions
 from beamchain.structure.elements import _shapes_of_fewer as shapes_of_fewer
 from beamchain.structure.elements import _sums_behind as sums_behind
+from beamchain.structure.inside import Inside, snapped
+from beamchain.structure.inside import _flat as flat_points
+from beamchain.structure.inside import _momentum as momentum_beyond
 from beamchain.structure.mass_line import (
     MassBesideAxis,
     MassPiece,
@@ -425,9 +491,30 @@ from beamchain.structure.mass_line import (
     uniform_length,
 )
 from beamchain.structure.mass_line import _mass_beside_axis as mass_beside_axis
-from beamchain.structure.planes import rounding_of_residual
-from beamchain.structure.readers.nastran_bulk import System
-from beamchain.structure.rigid_body import independent_parts, nearest_body, realisable_body
+from beamchain.structure.planes import (
+    near_groups,
+    rounding_of_residual,
+    settle_rigid_mass,
+    turn_into_planes,
+)
+from beamchain.structure.profile import Properties
+from beamchain.structure.readers.craig_bampton import Boundary
+from beamchain.structure.readers.craig_bampton import _almost_body as almost_body
+from beamchain.structure.readers.craig_bampton import _is_noisy as is_noisy
+from beamchain.structure.readers.craig_bampton import _is_soft as is_soft
+from beamchain.structure.readers.craig_bampton import _largest_forces as largest_forces
+from beamchain.structure.readers.craig_bampton import _largest_inner as largest_inner
+from beamchain.structure.readers.craig_bampton import _noise_of_freedoms as noise_of_freedoms
+from beamchain.structure.readers.imported import check_outwards, proposed_axes, with_length
+from beamchain.structure.readers.nastran_bulk import System, dmig_matrices, read_bulk
+from beamchain.structure.rigid_body import (
+    body_departure,
+    independent_parts,
+    nearest_body,
+    noise_of_motions,
+    realisable_body,
+    within_body,
+)
 from beamchain.structure.section import soft_modulus
 from beamchain.structure.sections_at import Sections, sections_at
 from beamchain.structure.slosh import Slosh
@@ -449,6 +536,7 @@ __all__ = [
     "Assembly",
     "BentLine",
     "Body",
+    "Boundary",
     "Candidates",
     "Carried",
     "Carrying",
@@ -472,6 +560,7 @@ __all__ = [
     "InSpace",
     "Input",
     "Inputs",
+    "Inside",
     "LargeMotion",
     "LinearModel",
     "Link",
@@ -482,11 +571,14 @@ __all__ = [
     "LocalLoop",
     "LoopOfMargins",
     "LoopsOfSamples",
+    "Margins",
     "MassBesideAxis",
     "MassPiece",
+    "MassTable",
     "Measured",
     "ModalForm",
     "ModalResponse",
+    "ModeGroup",
     "ModeOfCraft",
     "ModelOfSlew",
     "ModesOfCraft",
@@ -496,12 +588,14 @@ __all__ = [
     "Nodes",
     "OperatingPoint",
     "Outputs",
+    "Parts",
     "Piece",
     "PlaceOfHinge",
     "PlanarChain",
     "PoleRow",
     "Pose",
     "Promise",
+    "Properties",
     "Quantity",
     "Recovery",
     "Reference",
@@ -533,18 +627,21 @@ __all__ = [
     "StepOfCraft",
     "SteppedController",
     "System",
+    "Tendon",
     "Tendons",
     "TimeError",
     "TreeDraws",
     "Trial",
     "Turn",
     "VariantMaker",
+    "Wanted",
     "Way",
     "WheelSweep",
     "acceleration_of_sections",
     "acting",
     "activation_names",
     "allocated",
+    "almost_body",
     "amplitudes_in_record",
     "apart",
     "apparent_hubs",
@@ -553,6 +650,7 @@ __all__ = [
     "appendage_poles",
     "appendages_alone",
     "apply_draw",
+    "armatures_of",
     "as_compared",
     "ascent",
     "assemble",
@@ -563,17 +661,22 @@ __all__ = [
     "balanced_bounds",
     "balanced_channels",
     "ballast_for",
+    "band_grid",
     "base",
     "base_place",
     "basis_of_hermitian",
     "bent_keyframes",
     "bent_line",
+    "best_cut",
     "between_ends",
     "beyond_modes_kept",
     "blocks_of_deltas",
     "bodies",
+    "body_departure",
+    "body_in_port",
     "body_mass_matrix",
     "branches",
+    "build_exact",
     "candidate",
     "cantilever_names",
     "carried_by_craft",
@@ -582,21 +685,24 @@ __all__ = [
     "carries_of",
     "carrying_of",
     "change_of_frequencies",
+    "change_of_lowest",
     "changes_of",
     "check_algebraic_loop",
     "check_body",
     "check_freedoms",
     "check_inertia",
     "check_linear_in_speed",
+    "check_outwards",
     "check_pushes",
     "check_stable_craft",
     "check_steps",
     "choose",
-    "choose_modes",
     "choose_step",
+    "climb",
     "closed_in",
     "clusters",
     "column_range",
+    "compared_ratios",
     "composite",
     "condensed_mass",
     "continued_poles",
@@ -615,14 +721,17 @@ __all__ = [
     "crossings_of_size_one",
     "culprit",
     "damped_by",
+    "damped_modes",
     "damping_of_file",
     "default_hub",
     "default_length",
     "delay_near",
+    "departs",
     "deviation_share",
     "distance",
     "disturbances",
     "disturbed_craft",
+    "dmig_matrices",
     "doubtful",
     "drawn_figure",
     "drawn_samples",
@@ -633,19 +742,24 @@ __all__ = [
     "drive_on_hub",
     "driven",
     "drives_of_craft",
+    "edges_of_pieces",
     "energy_words",
     "equal_parts",
     "error_of_step",
+    "even_cut",
     "exact_response",
     "extended_multipliers",
     "extra_damping",
     "far_mount",
     "felt_by_modes",
+    "fewest",
     "figure_of_sample",
+    "fillers_of",
     "find_cure",
     "first_moment",
     "first_of_ports",
     "fit_warnings",
+    "flat_points",
     "follow_modes",
     "form2",
     "form2_many",
@@ -655,6 +769,7 @@ __all__ = [
     "frequencies_of_curves",
     "from_real_symmetric",
     "gain_of_pair",
+    "grid_of",
     "growing_frequencies",
     "growing_poses",
     "growth",
@@ -668,6 +783,7 @@ __all__ = [
     "held_joints",
     "high_places",
     "hinge_armature",
+    "hinge_counts",
     "hinge_to_turn",
     "holders_of_shape",
     "imbalances_of_wheels",
@@ -687,9 +803,13 @@ __all__ = [
     "inverse_of_torques",
     "inverse_stiffness_root",
     "is_narrow",
+    "is_noisy",
+    "is_soft",
     "is_stop",
     "is_worth_timing",
     "joined",
+    "joined_neighbours",
+    "joint_damping",
     "judged_part",
     "key_number",
     "lacking_damping",
@@ -697,7 +817,11 @@ __all__ = [
     "large_motion",
     "largest_angle",
     "largest_deviation",
+    "largest_forces",
+    "largest_inner",
+    "largest_norm_ratio",
     "last_kept",
+    "least_share",
     "leaves_at",
     "legendre_series",
     "lightest_of_bodies",
@@ -724,6 +848,7 @@ __all__ = [
     "made_for",
     "map_by_differences",
     "margin_figures",
+    "margin_sentence",
     "margins_of_all",
     "mass_beside_axis",
     "mass_line_of_pieces",
@@ -732,9 +857,11 @@ __all__ = [
     "maximum_of",
     "measure",
     "measured_in_mujoco",
+    "merge_close",
     "middle_of",
     "mismatch",
     "modal_form",
+    "modal_matrix",
     "modal_tendons",
     "mode_names",
     "mode_to_ring",
@@ -744,6 +871,7 @@ __all__ = [
     "modes_finely_divided",
     "modes_of_tendons",
     "moments_of_delta",
+    "momentum_beyond",
     "momentum_of_mode",
     "more_modes",
     "motion_at",
@@ -756,38 +884,51 @@ __all__ = [
     "named_output",
     "named_shares",
     "names_of_models",
+    "near_groups",
     "nearest_body",
+    "nearest_flexibility",
+    "nearest_turn",
     "new_directions",
     "newton_step",
     "nodes_of_density",
     "noise_error",
+    "noise_of_freedoms",
+    "noise_of_motions",
+    "norm_ratios",
     "normal_modes",
+    "normal_modes_of",
     "normal_shapes",
     "null_directions",
     "number_of_pole",
     "nutation_of_craft",
     "off_by",
     "offset_cautions",
+    "one_mode_more",
     "oscillating",
     "oscillations",
     "oscillator_nearest",
     "own_direction",
     "owners_of_poles",
     "pairs_of_modes",
+    "patterns_of_cuts",
     "peak_clusters",
     "peak_of_grid",
+    "peaks_at",
+    "peaks_of",
     "peaks_of_craft",
     "peaks_of_poles",
     "pendulum_chain",
     "periodic_of_harmonics",
     "phase_limit",
     "phase_of_two",
+    "pieces_of_beam",
     "place_of_output",
     "place_poles",
     "plan_of_run",
     "plane_of_chain",
     "plot_steps",
     "points_inward",
+    "polar_inertias",
     "pole_moved",
     "pole_pairs",
     "pole_rows",
@@ -796,23 +937,30 @@ __all__ = [
     "polynomial",
     "port_hub_mass",
     "port_of_mode",
+    "port_rows",
     "pose_label",
     "poses_of",
     "power_sum",
     "proof_over",
+    "proposed_axes",
     "push_of_actuators",
     "quantities",
     "raise_polar_inertia",
     "ranks_of_modes",
     "reach",
     "reaches_output",
+    "read_bulk",
+    "real_polar",
     "real_symmetric",
     "realisable_body",
     "realise",
     "realise_controller",
     "realise_fraction",
+    "reduced_to_kept",
     "refined_bounds",
+    "relative_error",
     "represents",
+    "required_hinges",
     "resolution",
     "response_change",
     "response_of_loop",
@@ -838,6 +986,7 @@ __all__ = [
     "runge_kutta_limit",
     "runge_kutta_step",
     "running_mean",
+    "safe_step",
     "same_planes",
     "sampled_delay_margin",
     "sampled_error",
@@ -850,12 +999,15 @@ __all__ = [
     "sensor_axes",
     "servos_that_chatter",
     "settle_links",
+    "settle_rigid_mass",
     "settling_of_modes",
     "shapes_of_fewer",
     "share",
+    "shared_nodes",
     "shares_of_energy",
     "shift_of_pole",
     "shifted_peak",
+    "shortest_link",
     "simulate_hub",
     "simulate_slew",
     "simulated_gain",
@@ -864,17 +1016,21 @@ __all__ = [
     "slopes",
     "slosh_case",
     "slow_modes",
+    "small_inverse",
     "small_turn",
     "smallness",
     "snap_error",
     "snap_times",
+    "snapped",
     "soft_modulus",
     "solve_program",
     "spans_of_motion",
+    "spectral_norms",
     "split",
     "split_port",
     "spread_mass",
     "spread_of",
+    "springs_as_modes",
     "springs_at_stated",
     "squared_phase",
     "stability_limit",
@@ -895,12 +1051,14 @@ __all__ = [
     "step_warnings",
     "stepper_error",
     "stepper_harmonics",
+    "stiffen_attachments",
     "stiffness_before",
     "still_copy",
     "stop_ahead",
     "structured_bound",
     "sum_of_poles",
     "sums_behind",
+    "taper_cuts",
     "time_error",
     "time_modes",
     "torque_of_actuator",
@@ -911,13 +1069,16 @@ __all__ = [
     "tuned_poses",
     "turn",
     "turn_along",
+    "turn_into_planes",
     "turn_warning",
     "turned_by",
     "turns_of_hinge",
+    "unfelt_motions",
     "uniform_length",
     "unit_mass_of_port",
     "unit_of_control",
     "unknown_behind",
+    "unresolved_peaks",
     "unstable_count",
     "usual_gain",
     "varied_fields",
@@ -932,10 +1093,15 @@ __all__ = [
     "whole_count",
     "windowed_variance",
     "wished_hinges",
+    "with_damping",
     "with_frequency_of_peak",
+    "with_length",
     "with_liquids_sprung",
     "with_polar_inertia",
+    "with_real_polar",
+    "within_body",
     "without_actuators",
+    "without_rounding",
     "worst_figure",
     "worst_sample",
     "wrench_on_ports",
