@@ -31,9 +31,16 @@ Spec stands in `spec`, what functions return in `results`. Beside these stand th
 The names are listed in `__init__.pyi`. Each is imported when it is first asked for, MuJoCo with it.
 """
 
-from importlib.metadata import version
+from typing import Any
 
 from beamchain.late import attach
 
-__getattr__, __dir__, __all__ = attach(__name__, __file__)
-__version__ = version("beamchain")
+_find, __dir__, __all__ = attach(__name__, __file__)
+
+
+def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from importlib.metadata import version  # takes longer to import than all the rest
+
+        return version("beamchain")
+    return _find(name)

@@ -191,6 +191,7 @@ def test_loads_at_positions_of_the_truth(count):
     frequencies, shapes = TRUTH.cantilever(count)
     amplitudes = shapes.T @ TRUTH.beam[1] @ (moved - TRUTH.rigid @ moved[:2])
     loads = flexible.recover(data, x=STATIONS)
+    assert {len(history.units) for history in loads.histories.values()} == {3}
     alone = flexible.recover(data, x=STATIONS, static=False)
     for s, x in enumerate(STATIONS):
         strained = TRUTH.strain_load(x, frequencies, shapes) @ amplitudes
@@ -609,7 +610,9 @@ def test_rows_over_imported_modes(tmp_path, turn, units, kind):
     assert proof.recover(data).rows == pytest.approx(found.rows, rel=EXACT, abs=1e-18)
     extreme = next(e for e in found.extremes if e.quantity == "Mz")
     assert extreme.unit == "N m"
+    assert extreme.x is None
     assert extreme.largest == np.max(found.rows[:, 1])
+    assert all(history.x.size == 0 for history in found.histories.values())
     assert extreme.largest_from == "mode1_xy"
 
 

@@ -16,8 +16,10 @@ from formulas import (
     acceleration_of_sections,
     appendage_at,
     carried_load,
+    felt_by_modes,
     load_of_modes_left_out,
     rigid_load,
+    root_factors,
     run_of_data,
     sections_at,
     stations_of,
@@ -145,6 +147,47 @@ def test_sections_accelerate_as_points_of_a_turning_frame():
             np.testing.assert_allclose(
                 found[t, s, 3:], turn + np.cross(w, bend) + about, atol=1e-12
             )
+
+
+def test_modes_feel_the_root_against_free_fall_and_what_a_spin_adds():
+    """A point at x e_x is accelerated by a - g + x (turn x e_x + w (w e_x) - w^2 e_x)."""
+    moved = root()
+    found = felt_by_modes(moved)
+    for t in range(2):
+        w, turn = moved.spin[t], moved.acceleration[t, 3:]
+        np.testing.assert_allclose(found[t, :3], moved.acceleration[t, :3] - moved.gravity[t])
+        ahead = np.array([1.0, 0.0, 0.0])
+        whole = np.cross(turn, ahead) + np.cross(w, np.cross(w, ahead))
+        across = np.cross(found[t, 3:], ahead)
+        np.testing.assert_allclose(across[1:], whole[1:], atol=1e-14)
+        assert found[t, 3] == turn[0]
+
+
+def test_load_on_the_root_per_unit_of_a_mode():
+    """L W^2, with the sign that the shapes of the whole beam have."""
+    ports = {
+        port: SimpleNamespace(
+            frequencies=RNG.uniform(1.0, 9.0, 2),
+            drive=RNG.standard_normal((2, len(columns) + (port == "axial"))),
+        )
+        for port, columns in COLUMNS.items()
+    }
+    signs = {port: np.array([[1.0], [-1.0]]) for port in ports}
+    target = {
+        port: SimpleNamespace(participation=signs[port] * 0.9 * one.drive[:, : len(COLUMNS[port])])
+        for port, one in ports.items()
+    }
+    columns = {port: slice(2 * i, 2 * i + 2) for i, port in enumerate(ports)}
+    modes = SimpleNamespace(names=tuple("abcdefgh"), columns=columns)
+    appendage = SimpleNamespace(fit=SimpleNamespace(target=target))
+    found = root_factors(appendage, SimpleNamespace(ports=ports), modes)
+    for port, one in ports.items():
+        turned = np.array([1.0, -1.0]) if port == "xz" else np.ones(len(COLUMNS[port]))
+        for k in range(2):
+            wanted = np.zeros(6)
+            drive = one.drive[k, : len(COLUMNS[port])]
+            wanted[COLUMNS[port]] = 0.9 * drive * turned * one.frequencies[k] ** 2
+            np.testing.assert_allclose(found[:, columns[port]][:, k], wanted, atol=1e-12)
 
 
 # -- modal coordinates -----------------------------------------------------------------------------

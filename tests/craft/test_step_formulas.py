@@ -184,7 +184,7 @@ def test_poses_have_the_joints_that_they_name_or_that_move():
     assert pose_label(model, qpos) == pose_label(model, {"drive": 0.5})
     assert pose_label(model, None) == ""
     for wrong in ([], {"drive": [0.0], "rail": [0.1]}, {"drive": [[0.0]]}, {"drive": []}):
-        with pytest.raises(bc.InputError, match="at "):
+        with pytest.raises(bc.InputError, match="pose"):
             poses_of(model, wrong)
 
 

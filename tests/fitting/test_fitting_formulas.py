@@ -7,8 +7,22 @@ import pytest
 
 import beamchain as bc
 from beamchain import PortModel
+from beamchain.caution import Caution
+from beamchain.fitting.spec import schema
 from beamchain.structure.section import SOFT
-from formulas import Promise, doubtful, imported_warnings, step_warnings, weights_of_modes
+from formulas import (
+    Promise,
+    departs,
+    doubtful,
+    fewest,
+    imported_warnings,
+    normal_modes_of,
+    one_mode_more,
+    reduced_to_kept,
+    safe_step,
+    step_warnings,
+    weights_of_modes,
+)
 
 
 @pytest.mark.parametrize(("hub", "coupled"), [(1e3, False), (1e-3, True)])
@@ -123,3 +137,184 @@ def test_a_step_is_told_where_it_is_unstable_or_inaccurate(step, code):
     scene = bc.Scene(integrator="Euler", tolerance=0.01)
     found = [one.code for one in step_warnings(scene, step, limits, choices)]
     assert found == ([] if code is None else [code])
+
+
+@pytest.mark.parametrize(
+    ("largest", "step"),
+    [
+        # a fifth, and 1, 2 or 5 times a power of ten
+        (0.05 * (1.0 - 1e-9), 0.005),
+        (0.05, 0.01),
+        (0.099, 0.01),
+        (0.101, 0.02),
+        (0.249, 0.02),
+        (0.251, 0.05),
+        (5.1, 1.0),
+        (400.0, 1.0),
+        (3e-5, 5e-6),
+    ],
+)
+def test_a_safe_step_is_round_and_a_fifth_of_the_largest(largest, step):
+    assert safe_step(largest) == pytest.approx(step, rel=1e-9)
+
+
+@pytest.mark.parametrize(("ratio", "taken"), [(0.0, True), (0.9999, True), (1.0, False)])
+def test_damping_ratios_end_before_one(ratio, taken):
+    for given in (ratio, (0.1, ratio), {"xy": (ratio,)}):
+        if taken:
+            assert bc.Damping(ratio=given).ratio == given
+        else:
+            with pytest.raises(bc.InputError, match="is not an oscillation"):
+                bc.Damping(ratio=given)
+
+
+def test_the_last_ratio_of_a_short_list_goes_on():
+    given = bc.Damping(ratio={"xy": (0.01, 0.02), "xz": ()})
+    assert given.ratios("xy", 4).tolist() == [0.01, 0.02, 0.02, 0.02]
+    assert given.ratios("xy", 1).tolist() == [0.01]
+    assert given.ratios("torsion", 2).tolist() == [0.0, 0.0]
+    assert bc.Damping(ratio=(0.3, 0.1)).ratios("xz", 3).tolist() == [0.3, 0.1, 0.1]
+    assert bc.Damping(ratio=0.2).ratios("xy", 2).tolist() == [0.2, 0.2]
+
+
+# -- what an exact appendage keeps -----------------------------------------------------------------
+FULL = PortModel(
+    np.array([[4.0, 1.0], [1.0, 3.0]]),
+    np.array([1.0, 2.0, 3.0]),
+    np.array([[1.0, 0.5], [0.5, -0.4], [0.2, 0.3]]),
+)
+
+
+def kept_of(count, hub=None, target="clamped"):
+    fit = SimpleNamespace(spec=SimpleNamespace(root=SimpleNamespace(hub=hub)), kept_for=target)
+    return reduced_to_kept(fit, "xy", count, FULL, ())
+
+
+def test_what_a_file_holds_of_all_modes():
+    assert kept_of(0).modes == 0
+    assert kept_of(2).frequencies.tolist() == [1.0, 2.0]
+    hub = bc.Hub(mass=5.0, inertia=(6.0, 6.0, 7.0))
+    mass = FULL.rigid_mass + np.diag([5.0, 7.0])
+    for target, whole in (("hub", mass), ("free", FULL.rigid_mass)):
+        rows = FULL.participation
+        shapes = np.eye(3) - rows @ np.linalg.solve(whole, rows.T)
+        lowest = np.sort(1.0 / np.linalg.eigvals(shapes / np.outer([1, 2, 3], [1, 2, 3])).real)[:2]
+        found = kept_of(2, hub=hub, target=target)
+        on = np.diag([5.0, 7.0]) if target == "hub" else np.zeros((2, 2))
+        assert found.with_hub(on).free_frequencies == pytest.approx(np.sqrt(lowest))
+
+
+def test_static_responses_of_further_points_are_exact():
+    """Columns 0, 1 and 4, 5 of the motion: points 0 and 2."""
+    random = np.random.default_rng(3)
+    w = np.arange(1.0, 9.0)
+    full = PortModel(
+        4.0 * np.eye(2), w, random.normal(size=(8, 2)) / 4.0, tip=random.normal(size=(8, 6))
+    )
+    fit = SimpleNamespace(spec=SimpleNamespace(root=SimpleNamespace(hub=None)), kept_for="clamped")
+    found = reduced_to_kept(fit, "xy", 2, full, (0, 2))
+    assert found.modes == 6
+    assert found.frequencies[:2] == pytest.approx([1.0, 2.0])
+    flexible, wanted = (of.tip.T @ np.diag(of.frequencies**-2.0) @ of.tip for of in (found, full))
+    at = np.ix_([0, 1, 4, 5], [0, 1, 4, 5])
+    assert flexible[at] == pytest.approx(wanted[at])
+    assert reduced_to_kept(fit, "xy", 2, full, (0,)).modes == 4
+
+
+def test_modes_that_are_those_of_the_whole():
+    for part, count in ((0.9e-6, 3), (1.1e-6, 1)):
+        w = np.array([1.0, 2.0 * (1.0 + part), 3.0])
+        assert normal_modes_of(FULL.replaced(frequencies=w), FULL) == count
+    assert normal_modes_of(FULL.truncated(2), FULL) == 2
+    assert normal_modes_of(FULL, FULL.truncated(2)) == 2
+
+
+# -- modes that move several ports -----------------------------------------------------------------
+BELONGS = ("xy", "xz", "xy", "torsion", "xz")
+WEIGHED = PortModel(
+    np.array([[10.0]]),
+    np.array([1.0, 2.0, 3.0, 4.0, 5.0]),
+    np.array([[0.4], [0.3], [1.0], [0.2], [0.5]]),
+    np.full(5, 0.01),
+)
+
+
+class Told:
+    """An error that falls by what each mode takes of it."""
+
+    hubs = (np.array([[5.0]]),)
+
+    def __init__(self, parts, bandwidth=10.0):
+        self.parts, self.bandwidth = parts, bandwidth
+
+    def error(self, model, _=None):
+        kept = set(model.frequencies.tolist())
+        return sum(part for k, part in enumerate(self.parts, 1) if k not in kept)
+
+
+@pytest.mark.parametrize(
+    ("parts", "tolerance", "fixed", "tip", "numbers"),
+    [
+        # taken as they weigh, mode 3 first, until 1.01 times the rest keeps the tolerance
+        ((0.1, 0.1, 5.0, 0.1, 0.5), 0.31, {}, False, (3, 5)),
+        ((0.1, 0.1, 5.0, 0.1, 0.5), 0.302, {}, False, (1, 3, 5)),
+        # the light ones go again: without mode 5, that weighs more than what is needed, mode 1
+        ((1.0, 0.0, 5.0, 0.0, 0.0), 0.5, {}, False, (1, 3)),
+        ((0.1, 0.1, 5.0, 0.1, 0.5), 9.0, {}, False, ()),
+        # a port's first modes stay, its others go
+        ((0.1, 0.1, 5.0, 0.1, 0.5), 9.0, {"xy": 1}, False, (1,)),
+        ((0.1, 0.1, 5.0, 0.1, 0.5), 0.1, {"xy": 1}, False, (1, 2, 4, 5)),
+        # the band up to 3 rad/s stays with a tip, but for what is barred
+        ((0.1, 0.1, 5.0, 0.1, 0.5), 9.0, {}, True, (1, 2, 3)),
+        ((0.1, 0.1, 5.0, 0.1, 0.5), 9.0, {"xz": 0}, True, (1, 3)),
+    ],
+)
+def test_the_fewest_modes_in_the_order_of_their_weight(parts, tolerance, fixed, tip, numbers):
+    told = Told(parts, 3.0 if tip else 10.0)
+    found, choice = fewest(told, WEIGHED, BELONGS, tolerance, fixed, tip)
+    assert found == numbers
+    error = sum(part for k, part in enumerate(parts, 1) if k not in numbers)
+    assert choice.error == pytest.approx(error)
+    assert choice.met == (1.01 * error <= tolerance)
+    by_port = {p: sum(BELONGS[k - 1] == p for k in numbers) for p in ("xy", "xz", "torsion")}
+    assert choice.modes == by_port
+    costs = {item.what.split()[1]: item.cost for item in choice.left_out}
+    left = [k for k in range(1, 6) if k not in numbers]
+    assert costs == {str(k): pytest.approx(parts[k - 1]) for k in left}
+    where = {item.what.split()[1]: item.why.split()[0] for item in choice.left_out}
+    assert where == {str(k): "outside" if k > told.bandwidth else "inside" for k in left}
+    assert len(choice.cannot) == bool(left) + (not tip)
+
+
+def test_beyond_six_modes_left_out_the_lightest_are_told_together():
+    rows = np.array([[0.9], [0.8], [0.7], [0.6], [0.5], [0.4], [0.3], [0.2]])
+    full = PortModel(np.array([[10.0]]), np.arange(1.0, 9.0), rows, np.full(8, 0.01))
+    _, choice = fewest(Told([0.1] * 8), full, ("xy",) * 8, 9.0, {})
+    assert len(choice.left_out) == 7
+    assert choice.left_out[-1].what == "2 lighter modes"
+    assert choice.left_out[-1].cost == pytest.approx(0.2)
+
+
+# -- one mode more ---------------------------------------------------------------------------------
+def test_one_mode_more_port_by_port():
+    """Of two in xy, all of one in torsion, and none in xz."""
+    section = bc.Equivalent(bending_stiffness_xy=2.0, linear_mass=1.0)
+    spec = bc.Spec(segment=(bc.Segment(length=2.0, section=section),), modes=bc.Modes(xy=2))
+    full = {port: SimpleNamespace(modes=n) for port, n in (("xy", 5), ("torsion", 1), ("xz", 3))}
+    target = {port: SimpleNamespace(modes=n) for port, n in (("xy", 2), ("torsion", 1))}
+    made = SimpleNamespace(spec=spec, space=None, full=full, target=target)
+    found = [one.modes.given() for one in one_mode_more(made)]
+    kept = [{port: count for port, count in one.items() if count} for one in found]
+    assert kept == [{"xy": 3, "torsion": 1}, {"xy": 2, "torsion": 1, "xz": 1}]
+
+
+def test_a_description_is_the_first_paragraph():
+    tables = schema()["$defs"]
+    assert tables["Hub"]["description"] == str(bc.Hub.__doc__).split("\n\n")[0]
+    assert all(table["description"] for table in tables.values())
+
+
+def test_only_one_of_a_reader_s_steps_says_that_a_body_is_almost_rigid():
+    assert departs(Caution("almost-rigid", "off"))
+    assert not departs(Caution("ignored-damping", "off"))
+    assert not departs("almost-rigid")

@@ -71,6 +71,16 @@ def test_inertia_that_is_lost_beside_the_offset_is_refused(reach, kept):
             hub(**given)
 
 
+@pytest.mark.parametrize(("largest", "kept"), [(6.99, True), (7.01, False)])
+def test_an_inertia_that_is_more_than_the_other_two_is_refused(largest, kept):
+    given = {"inertia": (3.0, 4.0, largest), "products": (0.0, 0.0, 0.0)}
+    if kept:
+        assert hub(**given).inertia[2] == largest
+    else:
+        with pytest.raises(bc.InputError, match="belongs to no rigid body"):
+            hub(**given)
+
+
 @pytest.mark.parametrize(
     ("inertia", "product", "kept"),
     [

@@ -209,6 +209,17 @@ def test_a_line_grows_by_what_the_modes_ask_for_and_a_fifth_of_it(most, grown):
     assert line_with_room(line, SimpleNamespace(modes=0)) is line
 
 
+def test_a_line_grows_where_a_small_inertia_asks_for_it():
+    """0.05 kg m^2 about x, of which a mode takes 1.05 times as much."""
+    rigid = np.array(RIGID)
+    rigid[3, 3] = 0.05
+    line = spread_mass(rigid, LENGTH)
+    own = line.behind(np.array([-LENGTH]))[0]
+    rows = np.sqrt(1.05 / own[3, 3]) * own[3:4]
+    kept = SimpleNamespace(modes=1, live=[0, 1, 2, 3, 4, 5], participation=rows)
+    assert line_with_room(line, kept).rigid == pytest.approx(1.06 * rigid, rel=1e-9)
+
+
 def departing(by):
     rigid = np.array(RIGID)
     rigid[2, 2] = MASS * (1.0 + by)

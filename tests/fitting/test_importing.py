@@ -276,10 +276,7 @@ def array_of_modes(tmp_path):
         modes_text(torsion_boom(), {"xy": 1, "xz": 1, "torsion": 1})
     )
     spec = tmp_path / "array.toml"
-    spec.write_text(
-        'name = "array"\n[imported]\nfile = "modes.toml"\n[damping]\nratio = 0.005\n[fit]\nform = '
-        '"chain"\n'
-    )
+    spec.write_text('name = "array"\n[imported]\nfile = "modes.toml"\n[damping]\nratio = 0.005\n')
     return spec
 
 

@@ -198,7 +198,7 @@ ROWS[0, 1], ROWS[1, 2], ROWS[2, 1], ROWS[3, 3], ROWS[4, 2] = 1.0, 1.0, 0.5, 0.3,
 def in_space(numbers, rows=ROWS):
     mass = np.diag([8.0, 8.0, 8.0, 0.5, 30.0, 30.0])
     data = bc.ModalData(mass, np.array([2.0, 3.0, 5.0, 7.0, 9.0]), rows)
-    return InSpace(data, "chain", "", None, None, None, None, (), numbers)
+    return InSpace(data, "", None, None, None, None, (), numbers)
 
 
 def test_modes_are_numbered_as_in_the_file():

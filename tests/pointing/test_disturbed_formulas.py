@@ -198,6 +198,10 @@ def test_pulses_push_a_joint_and_steps_its_spring():
         assert signal.name == "drive_torque"
         assert force[dof] == size
         assert np.count_nonzero(force) == 1
+    text = SPUN.replace('stiffness="60"', 'stiffness="1e-3"')
+    soft = operating_point(compiled(text), None, None)
+    source = pointing.StepperDisturbance(joint="drive", rate=2.0, step=0.1)
+    assert torque_of_drive(soft, source)[1][dof] == 1e-3
     with pytest.raises(bc.InputError, match="neither"):
         torque_of_drive(point, pointing.StepperDisturbance(joint="rw", rate=2.0, step=0.1))
 

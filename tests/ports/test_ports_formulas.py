@@ -2,18 +2,31 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import eigh
 
-from beamchain import PortModel, compare
+from beamchain import InputError, PortModel, compare
 from formulas import (
     CoupledPort,
     Shapes,
     as_compared,
+    band_grid,
     body_mass_matrix,
+    compared_ratios,
     first_moment,
     free_peaks,
+    grid_of,
     joined,
+    largest_norm_ratio,
     maximum_of,
+    norm_ratios,
     peak_clusters,
+    peaks_at,
+    peaks_of,
+    relative_error,
+    small_inverse,
+    spectral_norms,
+    unresolved_peaks,
+    with_damping,
 )
 
 ROUNDED = 1e-12
@@ -179,3 +192,296 @@ def test_momentum_of_a_mode_in_the_turn_of_a_hinge_is_that_of_what_lies_behind(b
             if arm is not None
         )
         assert found == pytest.approx(wanted, rel=ROUNDED)
+
+
+# -- the comparison --------------------------------------------------------------------------------
+def test_a_comparison_is_relative_to_the_reference_s_motions():
+    """Each motion over the root of its mass; modes may point the other way."""
+    a = PortModel(np.array([[4.4, 0.3], [0.3, 9.0]]), np.array([2.1]), np.array([[1.0, 0.9]]))
+    b = PortModel(np.array([[4.0, 0.0], [0.0, 9.0]]), np.array([2.0]), np.array([[1.2, 0.3]]))
+    found = compare(a, b)
+    assert found.frequency_errors == pytest.approx([0.05], rel=ROUNDED)
+    assert found.frequency == pytest.approx(0.05, rel=ROUNDED)
+    wanted = np.hypot(0.1, 0.2) / np.hypot(0.6, 0.1)
+    assert found.participation_errors == pytest.approx([wanted], rel=ROUNDED)
+    assert found.mass_error == pytest.approx(0.1, rel=ROUNDED)
+    assert found.accelerance_in_band is None
+    # modes that move their root by little have the same sign too
+    light = PortModel(b.rigid_mass, b.frequencies, np.array([[0.2, 0.3]]))
+    assert compare(light, light).participation == 0.0
+    slower = compare(b, a)
+    assert slower.frequency == pytest.approx(0.1 / 2.1, rel=ROUNDED)
+    # 1e-9 of the mass is none, so that the sign is that of the second motion
+    turned = PortModel(b.rigid_mass, b.frequencies, np.array([[1e-10, 0.3]]))
+    other = PortModel(b.rigid_mass, b.frequencies, np.array([[-0.3, 0.3]]))
+    assert compare(other, turned).participation == pytest.approx(
+        np.hypot(0.15, 0.0) / 0.1, rel=1e-6
+    )
+
+
+@pytest.mark.parametrize("size", [1, 2, 3])
+def test_inverses_and_norms_of_small_matrices(size):
+    random = np.random.default_rng(size)
+    matrices = random.normal(size=(5, size, size)) + 1j * random.normal(size=(5, size, size))
+    matrices[2] *= 10.0
+    assert small_inverse(matrices) == pytest.approx(np.linalg.inv(matrices), rel=1e-9)
+    norms = np.array([np.linalg.svd(one, compute_uv=False)[0] for one in matrices])
+    assert spectral_norms(matrices) == pytest.approx(norms, rel=ROUNDED)
+    over = np.array([1.0, 2.0, 4.0, 0.5, 3.0])
+    found = norm_ratios(matrices, over)
+    assert found.max() == pytest.approx((norms / over).max(), rel=ROUNDED)
+    assert largest_norm_ratio(matrices, over) == pytest.approx((norms / over).max(), rel=ROUNDED)
+    near = found > 0.0
+    assert found[near] == pytest.approx((norms / over)[near], rel=ROUNDED)
+    if size < 3:
+        assert near.all()
+
+
+def test_norms_that_cannot_be_the_largest_are_left_out():
+    """`|A|_F / sqrt(3)` of the largest, 3, is the least that a norm can be beside it."""
+    matrices = np.array([np.diag([3.0, 0.0, 0.0]), np.diag([1.8, 0.0, 0.0]), np.eye(3)]) + 0j
+    assert norm_ratios(matrices, np.ones(3)).tolist() == [3.0, 1.8, 1.0]
+    matrices[1] = np.diag([1.7, 0.0, 0.0])
+    assert norm_ratios(matrices, np.ones(3)).tolist() == [3.0, 0.0, 1.0]
+
+
+def test_an_error_is_over_the_larger_of_the_exact_and_of_the_rigid_response():
+    exact = np.array([[[2.0]], [[0.5]]]) + 0j
+    found = relative_error(exact * 1.1, exact, 1.5)
+    assert found == pytest.approx([0.1, 0.05 / 1.5], rel=ROUNDED)
+
+
+def test_damping_at_which_models_are_compared():
+    ratios = np.array([0.0, 0.9e-9, 1.1e-9, 0.9e-5, 1.1e-5, 0.3])
+    assert compared_ratios(ratios, 0.02).tolist() == [0.02, 0.02, 1e-5, 1e-5, 1.1e-5, 0.3]
+    model = two_modes([1.0, 2.0], np.eye(2)).replaced(damping=np.array([1e-5, 0.1]))
+    assert with_damping(model, 0.02) is model
+    assert with_damping(two_modes([1.0, 2.0], np.eye(2))).damping.tolist() == [0.005, 0.005]
+
+
+def test_peaks_that_the_points_of_known_ones_do_not_resolve():
+    known = np.array([[2.0, 0.1], [5.0, 0.02]])
+    for peak, ratio, new in (
+        (2.0 * (1.0 + 0.049 * 0.1), 0.1, False),
+        (2.0 * (1.0 - 0.051 * 0.1), 0.1, True),
+        (2.0 * (1.0 + 0.049 * 0.07), 0.07, False),  # narrower by less than 1.5
+        (2.0, 0.066, True),
+        (2.0 * (1.0 + 0.051 * 0.07), 0.07, True),  # near by the narrower of both
+        (5.0 * (1.0 + 0.049 * 0.02), 0.3, False),
+        (5.0 * (1.0 + 0.051 * 0.02), 0.3, True),
+    ):
+        found = unresolved_peaks(np.array([[peak, ratio]]), known)
+        assert len(found) == new
+    assert unresolved_peaks(known, np.zeros((0, 2))) is known
+
+
+def test_damped_poles_as_frequencies_and_ratios():
+    poles = np.array([-0.3 + 0.4j, -0.3 - 0.4j, -2.0, 0.0, 0.1 + 0.2j])
+    assert peaks_at(poles) == pytest.approx(
+        np.array([[0.5, 0.6], [2.0, 1.0], [np.hypot(0.1, 0.2), 0.0]])
+    )
+
+
+@pytest.mark.parametrize("ratios", [(0.01, 0.015), (0.01, 0.021), (0.09, 0.11), (0.2, 0.3)])
+def test_peaks_of_a_model_are_those_on_its_hub_and_those_held(ratios):
+    """Of `[[M + H, L^T], [L, 1]]`; ratios that are alike and small do not couple the free modes."""
+    w, rows = np.array([2.0, 5.0]), np.array([[0.8], [0.5]])
+    model = PortModel(np.array([[2.0]]), w, rows, np.array(ratios))
+    mass = np.eye(2) - rows @ rows.T / 3.0
+    free = eigh(np.diag(w**2), mass)
+    rates = np.diag(2.0 * np.array(ratios) * w)
+    if max(ratios) <= min(0.1, 2.0 * min(ratios)):
+        own = np.diag(free[1].T @ rates @ free[1])
+        wanted = np.column_stack([np.sqrt(free[0]), own / 2.0 / np.sqrt(free[0])])
+    else:
+        inverse = np.linalg.inv(mass)
+        system = np.block(
+            [[np.zeros((2, 2)), np.eye(2)], [-inverse @ np.diag(w**2), -inverse @ rates]]
+        )
+        poles = np.linalg.eigvals(system)
+        poles = poles[poles.imag > 0.0]
+        wanted = np.column_stack([np.abs(poles), -poles.real / np.abs(poles)])
+    found = peaks_of(model, np.array([[1.0]]))
+    held = np.column_stack([w, ratios])
+    assert found[2:] == pytest.approx(held)
+    assert found[np.argsort(found[:2, 0])] == pytest.approx(wanted[np.argsort(wanted[:, 0])])
+    coupled = CoupledPort(np.array([[2.0]]), w, rows, rates)
+    same = peaks_of(coupled, np.array([[1.0]]))
+    assert np.sort(same[2:], axis=0) == pytest.approx(held)
+
+
+@pytest.mark.parametrize(
+    ("peak", "inside"),
+    [(12.9, True), (13.1, False), (1.1e-5, True), (0.9e-5, False)],
+)
+def test_peaks_from_next_to_nothing_to_somewhat_above_the_band_count(peak, inside):
+    points = peak_clusters(np.array([[peak, 0.3]]), 10.0)
+    assert bool(points.size) == inside
+    assert np.all((points > 0.0) & (points <= 10.0))
+
+
+def test_points_of_a_wide_and_of_a_narrow_peak():
+    """Tenths of the ratio up to twice it, then in equal ratios from 2.2 ratios on."""
+    points = peak_clusters(np.array([[2.0, 0.4]]), 100.0)
+    offsets = np.sort(points[points >= 2.0] / 2.0 - 1.0)
+    assert offsets[:21] == pytest.approx(0.4 * np.arange(0.0, 2.05, 0.1), abs=ROUNDED)
+    assert offsets[21:] == pytest.approx(0.88 * (1.2 / 0.88) ** (np.arange(4) / 3.0))
+    narrow = peak_clusters(np.array([[2.0, 1e-7]]), 100.0)
+    offsets = np.sort(narrow[narrow > 2.0] / 2.0 - 1.0)
+    assert offsets[0] == pytest.approx(1e-6, rel=1e-6)  # a tenth of the least ratio, 1e-5
+    far = offsets[20:]
+    count = int(np.log(0.25 / 1e-5) / 0.14)
+    assert far == pytest.approx(2.2e-5 * (0.5 / 2.2e-5) ** (np.arange(count) / (count - 1.0)))
+
+
+def test_a_grid_has_four_hundred_points_and_those_of_its_peaks():
+    plain = np.linspace(0.025, 10.0, 400)
+    assert grid_of([], 10.0) == pytest.approx(plain)
+    first, second = np.array([[2.0, 0.01]]), np.array([[2.0 + 1e-5, 0.01], [7.0, 0.02]])
+    found = grid_of([first, second], 10.0)
+    wanted = [plain, *(peak_clusters(p, 10.0) for p in (first, second[1:]))]
+    assert found == pytest.approx(np.unique(np.concatenate(wanted)))
+    model = PortModel(np.array([[2.0]]), np.array([3.0]), np.array([[1.0]]), np.array([0.02]))
+    found = band_grid([model], 10.0)
+    # held at 3, free at 3 sqrt(2)
+    for peak, width in ((3.0, 0.02), (3.0 * np.sqrt(2.0), 0.02 * np.sqrt(2.0))):
+        near = found[np.abs(found / peak - 1.0) <= 2.0 * width]
+        assert np.max(np.diff(near)) <= 0.1 * width * peak * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize(
+    ("most", "followed"),
+    # between 0.8 of the tolerance and the tolerance over 1.01 its points leave it open
+    [(0.79, False), (0.81, True), (0.98, True), (0.995, False), (1.5, False)],
+)
+def test_a_maximum_is_followed_where_the_points_leave_the_tolerance_open(most, followed):
+    def curve(x):
+        return most * (1.0 + 0.1 * np.clip(1.0 - np.abs(x - 7.0 / 6.0) / 0.1, 0.0, 1.0))
+
+    known = np.array([2.0, 0.0, 1.0])  # in any order
+    values = np.array([0.1, 0.2, most])
+    found = maximum_of(curve, known, values, tolerance=1.0)
+    assert (found > most) == followed
+    assert maximum_of(curve, known, values) > most
+
+
+@pytest.mark.parametrize(("second", "followed"), [(0.69, False), (0.71, True)])
+def test_crests_from_seven_tenths_of_the_largest_are_followed(second, followed):
+    def curve(x):
+        return np.where(np.abs(x - 3.5) < 0.2, 2.0, 0.0)
+
+    known = np.arange(5.0)
+    values = np.array([0.0, 1.0, 0.0, second, 0.0])
+    assert (maximum_of(curve, known, values) == 2.0) == followed
+    assert maximum_of(curve, known[:2], np.zeros(2)) == 0.0
+    assert maximum_of(curve, known[:0], np.zeros(0)) == 0.0
+
+
+# -- port models that are refused ------------------------------------------------------------------
+def made(**more):
+    rigid = np.array([[4.0, 1.0], [1.0, 9.0]])
+    given = {"rigid_mass": rigid, "frequencies": [2.0, 2.0], "participation": np.eye(2) * 0.5}
+    return PortModel(**{**given, **more})
+
+
+@pytest.mark.parametrize(
+    ("more", "says"),
+    [
+        ({}, None),
+        ({"frequencies": [2.0, 1.999]}, "ascending"),
+        ({"frequencies": [0.0, 2.0]}, "positive and ascending"),
+        ({"frequencies": [1e-9, 2.0]}, None),
+        ({"damping": [-0.9e-6, 0.1]}, None),
+        ({"damping": [-1.1e-6, 0.1]}, "negative ratio"),
+        # asymmetry up to 1e-6 of the roots of both masses, 6
+        ({"rigid_mass": [[4.0, 1.0], [1.0 + 5.9e-6, 9.0]]}, None),
+        ({"rigid_mass": [[4.0, 1.0], [1.0 - 6.1e-6, 9.0]]}, "not symmetric"),
+        ({"rigid_mass": [[4.0, 1.0], [1.0, 0.0]]}, "must be positive"),
+        # a residual below zero by 1e-9 of the mass
+        ({"participation": [[2.0 * np.sqrt(1.0 + 0.9e-9), 0.5], [0.0, 0.0]]}, None),
+        ({"participation": [[2.0 * np.sqrt(1.0 + 1.1e-9), 0.5], [0.0, 0.0]]}, "residual mass"),
+        ({"labels": ("xy",)}, "labels"),
+        ({"labels": ("xy", "")}, None),
+        ({"participation": np.eye(2)[:1]}, "a port model needs"),
+        ({"damping": [0.1]}, "a port model needs"),
+        ({"frequencies": [np.nan, 2.0]}, "not finite"),
+    ],
+)
+def test_port_models_that_nothing_has_are_refused(more, says):
+    if says is None:
+        assert made(**more).modes == 2
+    else:
+        with pytest.raises(InputError, match=says):
+            made(**more)
+
+
+@pytest.mark.parametrize(("part", "sign"), [(-1.1e-9, -1.0), (-0.9e-9, 1.0)])
+def test_the_first_participation_beyond_noise_is_positive(part, sign):
+    """1e-9 of the largest, each over the root of its mass: 2 and 3."""
+    rows = np.array([[part * 2.0 * 0.1, 0.3], [-0.2, 0.1]])
+    found = made(participation=rows, tip=np.eye(2))
+    assert found.participation == pytest.approx(rows * np.array([[sign], [-1.0]]))
+    assert found.tip.tolist() == [[sign, 0.0], [0.0, -1.0]]
+
+
+def test_modes_picked_and_reduced_are_counted():
+    assert made().picked([1]).frequencies.tolist() == [2.0]
+    for wrong in ([2], [-1], [0.5]):
+        with pytest.raises(InputError):
+            made().picked(wrong)
+    for wrong in (3, -1):
+        with pytest.raises(InputError):
+            made().truncated(wrong)
+        with pytest.raises(InputError):
+            made().reduced(wrong, np.zeros((2, 2)))
+    # for a target: held, free, or on a hub
+    for target, hub in (
+        ("clamped", None),
+        ("free", np.zeros((2, 2))),
+        ("hub", np.diag([5.0, 7.0])),
+    ):
+        found = made().for_target(target, 1, np.diag([5.0, 7.0]))
+        if hub is None:
+            assert found.frequencies.tolist() == [2.0]
+        else:
+            mass = np.eye(2) - 0.25 * np.linalg.inv(made().rigid_mass + hub)
+            lowest = np.sqrt(eigh(4.0 * np.eye(2), mass, eigvals_only=True)[0])
+            assert found.with_hub(hub).free_frequencies == pytest.approx([lowest])
+    assert made().truncated(2).modes == made().reduced(2, np.zeros((2, 2))).modes == 2
+
+
+def test_free_damping_is_that_of_the_free_shapes():
+    """Of two modes on one motion; each free mode by itself."""
+    w, rows, ratios = np.array([2.0, 5.0]), np.array([[0.8], [0.5]]), np.array([0.01, 0.03])
+    model = PortModel(np.array([[2.0]]), w, rows, ratios)
+    squares, shapes = eigh(np.diag(w**2), np.eye(2) - rows @ rows.T / 2.0)
+    own = np.diag(shapes.T @ np.diag(2.0 * ratios * w) @ shapes)
+    assert model.free_damping == pytest.approx(own / 2.0 / np.sqrt(squares), rel=1e-9)
+
+
+def test_a_model_in_other_motions_of_its_root():
+    turn = np.array([[1.0, 2.0], [0.0, 1.0]])
+    found = made().in_motions(turn)
+    assert found.rigid_mass == pytest.approx(turn.T @ made().rigid_mass @ turn)
+    assert found.participation == pytest.approx(0.5 * turn)
+
+
+def test_a_coupled_port_seen_in_some_motions_with_a_hub():
+    rates = np.array([[0.1, 0.05], [0.05, 0.4]])
+    model = CoupledPort(made().rigid_mass, np.array([2.0, 3.0]), 0.5 * np.eye(2), rates)
+    motions = np.array([[1.0], [2.0]])
+    seen = model.with_hub(np.diag([10.0, 20.0])).seen(motions)
+    whole = model.D(np.array([1.7]))[:, :, 0] + np.diag([10.0, 20.0])
+    assert seen.D(np.array([1.7]))[:, :, 0] == pytest.approx(motions.T @ whole @ motions)
+
+
+def test_attachments_that_normal_modes_carry_are_none():
+    """A part of 1e-7 outside the normal modes is one of them."""
+    for part, count in ((1.1e-7, 2), (0.9e-7, 1)):
+        model = PortModel(
+            np.array([[2.0]]),
+            np.array([1.0, 1.0]),
+            np.array([[0.9], [0.5]]),
+            tip=np.array([[1.0], [part]]),
+        )
+        assert model.attached(1, [0]).modes == count

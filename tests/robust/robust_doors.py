@@ -18,12 +18,14 @@ from beamchain.robust.multipliers import _real as real_symmetric
 from beamchain.robust.multipliers import balanced as balanced_channels
 from beamchain.robust.multipliers import prove as proof_over
 from beamchain.robust.multipliers import solve_program, zero_crossings
+from beamchain.robust.plots import drawn_figure, plot_steps, worst_figure
 from beamchain.robust.search import Loops as LoopsOfSamples
 from beamchain.robust.search import _reaches as reaches_output
 from beamchain.robust.search import _stability_limit as stability_limit
 from beamchain.robust.search import ascent
 from beamchain.robust.search import search as worst_sample
 from beamchain.robust.simulated_gain import SteppedController, simulated_gain
+from beamchain.robust.simulated_gain import _measure as measured_in_mujoco
 from beamchain.robust.simulated_gain import _plan as plan_of_run
 from beamchain.robust.simulated_gain import _whole as whole_count
 from beamchain.robust.uncertain_plant import _grid as frequencies_of_curves
@@ -40,6 +42,7 @@ __all__ = [
     "between_ends",
     "blocks_of_deltas",
     "delay_near",
+    "drawn_figure",
     "extended_multipliers",
     "figure_of_sample",
     "frequencies_of_curves",
@@ -49,9 +52,11 @@ __all__ = [
     "is_narrow",
     "local_loop",
     "looked_at",
+    "measured_in_mujoco",
     "middle_of",
     "moments_of_delta",
     "plan_of_run",
+    "plot_steps",
     "proof_over",
     "reaches_output",
     "real_symmetric",
@@ -62,6 +67,7 @@ __all__ = [
     "unknown_behind",
     "whole_count",
     "with_frequency_of_peak",
+    "worst_figure",
     "worst_sample",
     "zero_crossings",
 ]

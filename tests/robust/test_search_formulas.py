@@ -3,6 +3,7 @@
 from itertools import product
 from types import SimpleNamespace
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -14,6 +15,8 @@ from robust_doors import (
     SampleLoops,
     SteppedController,
     ascent,
+    linear_craft,
+    measured_in_mujoco,
     plan_of_run,
     reaches_output,
     simulated_gain,
@@ -394,3 +397,78 @@ def test_the_amplitude_of_a_run(monkeypatch):
         "beamchain.robust.simulated_gain._measure", lambda *_: (np.ones(3), np.full(3, np.nan))
     )
     assert np.isnan(simulated_gain(craft_with(10.0), None, ("u", "y"), 2.0, 7.0))
+
+
+OSCILLATOR = """<mujoco><option gravity="0 0 0"/><worldbody><body>
+<joint name="x" type="slide" stiffness="18" damping="1.1"/><inertial pos="0 0 0" mass="2"
+diaginertia="1 1 1"/><site name="on"/></body></worldbody><actuator>
+<motor name="push" joint="x" gear="3"/>
+<general name="slow" joint="x" dyntype="filter" dynprm="0.2" gainprm="5"/></actuator>
+<sensor><jointpos name="at" joint="x"/><accelerometer name="felt" site="on"/></sensor></mujoco>"""
+STEPPED_LAW = bc.spec.Controller(
+    loop=(
+        bc.spec.Loop(input="push", output="at", numerator=[2.0, 4.0], denominator=[0.1, 1.0]),
+        bc.spec.Loop(input="slow", output="felt_z", numerator=[0.3, 0.5], denominator=[0.2, 1.0]),
+        bc.spec.Loop(input="push", output="felt_z", numerator=[0.2], denominator=[1.0]),
+    )
+)
+
+
+@pytest.mark.parametrize(("driven", "seen"), list(product(("push", "slow"), ("at", "felt_z"))))
+def test_a_run_is_the_steady_motion_from_its_first_step(driven, seen):
+    """2 x'' + 1.1 x' + 18 x = 3 u + 5 a, 0.2 a' = v - a; u and v read x and its acceleration,
+    which a force changes at once."""
+    craft = linear_craft(
+        mujoco.MjModel.from_xml_string(OSCILLATOR), None, None, None, ["at", "felt"]
+    )
+    omega, s = 2.5, 2.5j
+    run = plan_of_run(craft, omega, 0.0)._replace(steps=40, window=30)
+    times, found = measured_in_mujoco(craft, STEPPED_LAW, (driven, seen), run)
+    x = np.array([3.0, 5.0 / (0.2 * s + 1.0)]) / (2.0 * s**2 + 1.1 * s + 18.0)
+    g = np.array([x, s**2 * x])
+    law = np.array([[(2.0 * s + 4.0) / (0.1 * s + 1.0), 0.2],
+                    [0.0, (0.3 * s + 0.5) / (0.2 * s + 1.0)]])  # fmt: skip
+    closed = np.linalg.solve(np.eye(2) + g @ law, g)
+    gain = closed[("at", "felt_z").index(seen), ("push", "slow").index(driven)]
+    np.testing.assert_allclose(times, run.timestep * np.arange(10, 40))
+    wanted = (gain * np.exp(s * times)).real
+    np.testing.assert_allclose(found, wanted, atol=5e-5 * abs(gain))
+
+
+def test_a_run_stays_small_however_much_an_input_moves():
+    """A site 2 m from a hinge with a spring, under a motor of 1e6 N m, moves by 2 sin(turn)."""
+    text = """<mujoco><option gravity="0 0 0"/><worldbody><body><joint name="x" axis="0 1 0"
+    stiffness="20" damping="0.4"/><inertial pos="0 0 0" mass="2" diaginertia="2.5 2.5 2.5"/>
+    <site name="end" pos="0 0 2"/></body></worldbody>
+    <actuator><motor name="push" joint="x" gear="1e6"/></actuator>
+    <sensor><framepos name="at" objtype="site" objname="end"/></sensor></mujoco>"""
+    craft = linear_craft(mujoco.MjModel.from_xml_string(text), None, None, None, ["at"])
+    run = plan_of_run(craft, 3.0, 0.0)._replace(steps=20, window=20)
+    law = bc.spec.Controller(
+        loop=(bc.spec.Loop(input="push", output="at_x", numerator=[2e-6], denominator=[1.0]),)
+    )
+    times, found = measured_in_mujoco(craft, law, ("push", "at_x"), run)
+    gain = 2e6 / (20.0 + 4.0 - 2.5 * 9.0 + 0.4 * 3.0j)
+    wanted = (gain * np.exp(3.0j * times)).real
+    np.testing.assert_allclose(found, wanted, atol=5e-5 * abs(gain))
+
+
+def test_a_run_reads_the_rate_beside_that_of_the_point():
+    """2.5 kg m^2 turning at 2 rad/s, held by 0.7 N m per rad/s beside that and 0.1 per rad/s^2."""
+    text = """<mujoco><option gravity="0 0 0"/><worldbody><body name="bus">
+    <joint name="x" axis="0 0 1"/><inertial pos="0 0 0" mass="2" diaginertia="2.5 2.5 2.5"/></body>
+    </worldbody><actuator><motor name="push" joint="x"/></actuator>
+    <sensor><frameangacc name="turned" objtype="body" objname="bus"/></sensor></mujoco>"""
+    model = mujoco.MjModel.from_xml_string(text)
+    craft = linear_craft(model, None, {"x": 2.0}, None, ["rate", "turned"])
+    run = plan_of_run(craft, 3.0, 0.0)._replace(steps=20, window=20)
+    law = bc.spec.Controller(
+        loop=(
+            bc.spec.Loop(input="push", output="rate_z", numerator=[0.7], denominator=[1.0]),
+            bc.spec.Loop(input="push", output="turned_z", numerator=[0.1], denominator=[1.0]),
+        )
+    )
+    times, found = measured_in_mujoco(craft, law, ("push", "rate_z"), run)
+    gain = 1.0 / (2.6 * 3.0j + 0.7)
+    wanted = (gain * np.exp(3.0j * times)).real
+    np.testing.assert_allclose(found, wanted, atol=5e-5 * abs(gain))

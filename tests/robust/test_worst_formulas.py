@@ -2,13 +2,22 @@
 both uncertain, under a PD controller with a dead time."""
 
 from itertools import product
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import beamchain as bc
 from formulas import balanced_bounds, structured_bound
-from robust_doors import LoopsOfSamples, SampleLoops, worst_sample
+from robust_doors import (
+    LoopsOfSamples,
+    SampleLoops,
+    drawn_figure,
+    plot_steps,
+    worst_figure,
+    worst_sample,
+)
 
 MASS, SPRING, DAMPER = 2.0, 18.0, 0.5
 SOFTER, WEAKER = 0.3, 0.5  # relative uncertainty
@@ -153,3 +162,50 @@ def test_bound_of_a_matrix_without_its_diagonal():
     m = np.array([[0.0, 8.0j], [0.5, 0.0]])
     assert structured_bound(m) == pytest.approx(2.0, rel=1e-6)
     assert balanced_bounds(np.array([m, 3.0 * m])) == pytest.approx([2.0, 6.0], rel=1e-3)
+
+
+# -- pictures --------------------------------------------------------------------------------------
+def drawn(**more):
+    omega = np.array([0.5, 2.0, 8.0])
+    given = {
+        "omega": omega, "worst": omega**2, "nominal": omega, "bound": None, "frequency": 2.0,
+        "simulated": 4.1, "input": "torque", "output": "angle", "unit": "rad per N m",
+        "drawn": np.array([3.0, np.inf, 1.0, 2.0]), "gain": 5.0,
+    }  # fmt: skip
+    return SimpleNamespace(**given | more)
+
+
+def test_peak_gains_of_draws_rise_to_the_share_that_is_stable():
+    """Of four draws one is unstable; the worst sample's is a line across."""
+    (ax,) = drawn_figure([drawn(), drawn(gain=np.inf, drawn=np.array([7.0]))]).axes
+    draws, worst, other = ax.get_lines()
+    assert draws.get_xydata().tolist() == [[1.0, 0.25], [2.0, 0.5], [3.0, 0.75]]
+    assert list(worst.get_xdata()) == [5.0, 5.0]
+    assert other.get_xydata().tolist() == [[7.0, 1.0]]
+
+
+def test_worst_cases_stand_one_below_the_other():
+    figure = worst_figure([drawn(), drawn(simulated=np.nan)])
+    first, second = figure.axes
+    top, bottom = (ax.get_position().y0 for ax in (first, second))
+    assert top > bottom
+    assert figure.get_size_inches()[1] == pytest.approx(2.0 * worst_figure([drawn()]).
+                                                        get_size_inches()[1])  # fmt: skip
+    worst, nominal, peak = first.get_lines()
+    assert worst.get_ydata().tolist() == [0.25, 4.0, 64.0]
+    assert nominal.get_ydata().tolist() == [0.5, 2.0, 8.0]
+    assert peak.get_xydata().tolist() == [[2.0, 4.1]]
+    assert len(second.get_lines()) == 2
+
+
+def test_a_bound_is_drawn_as_steps_within_the_picture():
+    ax = Figure().add_subplot()
+    ax.set_xlim(0.5, 4.0)
+    edges, gains = np.array([0.0, 1.0, 2.0, np.inf]), np.array([3.0, np.inf, 6.0])
+    plot_steps(SimpleNamespace(edges=edges, gains=gains), ax)
+    (steps,) = ax.patches
+    values, ends, _ = steps.get_data()
+    assert ends.tolist() == [0.5, 1.0, 2.0, 4.0]
+    assert values[[0, 2]].tolist() == [3.0, 6.0]
+    assert np.isnan(values[1])
+    assert ax.get_xlim() == (0.5, 4.0)

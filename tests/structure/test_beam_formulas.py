@@ -123,21 +123,21 @@ def test_what_a_beam_may_carry(more, says):
 @pytest.mark.parametrize(
     ("mass", "inertia", "says"),
     [
-        # the segments are 6 kg on 2 m: 6e12 kg and 2.4e13 kg m^2
+        # the segments are 6 kg on 4 m: 6e12 kg and 9.6e13 kg m^2
         (5.9e12, (0.0, 0.0, 0.0), None),
         (6.1e12, (0.0, 0.0, 0.0), r"lump\.mass"),
-        (1.0, (0.0, 2.3e13, 2.3e13), None),
-        (1.0, (0.0, 2.5e13, 2.5e13), r"lump\.inertia"),
+        (1.0, (0.0, 9.5e13, 9.5e13), None),
+        (1.0, (0.0, 9.7e13, 9.7e13), r"lump\.inertia"),
         (1.0, (1.0, 2.0, 3.0), None),
         (1.0, (1.0, 3.0 + 4e-9, 2.0), "belongs to no rigid body"),
     ],
 )
 def test_bodies_that_leave_a_beam_its_digits(mass, inertia, says):
-    section = Equivalent(bending_stiffness_xy=1.0, linear_mass=3.0)
+    section = Equivalent(bending_stiffness_xy=1.0, linear_mass=1.5)
 
     def make():
         return Beam(
-            segments=(Segment(length=2.0, section=section),),
+            segments=(Segment(length=4.0, section=section),),
             lumps=[Lump(x=1.0, mass=mass, inertia=inertia)],
         )
 

@@ -69,6 +69,7 @@ def test_inertia_of_a_locked_liquid_is_that_of_potential_flow(height, radius):
     outer = mass * height**2 * 7.0 / 24.0 + rotary / 2.0
     assert behind[:, 5, 5] == pytest.approx([about_root, outer], rel=1e-5)
     assert behind[:, 3, 3] == pytest.approx([0.0, 0.0], abs=ROUNDED)
+    assert tank.line().steps == ()
 
 
 def test_what_lies_behind_a_station_of_two_segments():
@@ -189,6 +190,9 @@ def test_half_a_last_digit_in_a_residual_mass():
     # d(M - L^T L) = dM + |L| dL + dL |L|; three digits: half of 0.01 for 2.5, of 0.1 for 30
     got = rounding_of_residual(np.array([[30.0, 0.0], [0.0, 2.5]]), np.array([[2.5, 0.0]]), 5e-3)
     assert got == pytest.approx(np.array([[0.05 + 2 * 2.5 * 5e-3, 0.0], [0.0, 5e-3]]), rel=ROUNDED)
+    # of 0.02 and 0.5
+    got = rounding_of_residual(np.array([[0.02]]), np.array([[0.5]]), 5e-3)
+    assert got == pytest.approx(np.array([[5e-5 + 2 * 0.5 * 5e-4]]), rel=ROUNDED)
 
 
 @pytest.mark.parametrize("around", [0.3, 2.0])

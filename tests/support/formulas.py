@@ -1,8 +1,42 @@
 """Doors to formulas that no public name reaches alone, so that closed forms stand beside them."""
 
-from beamchain.chain.chain import Chain, Hinge, Link
-from beamchain.chain.links import bodies, raise_polar_inertia, settle_links, share
+from beamchain.chain.build import _counts as hinge_counts
+from beamchain.chain.build import _required_hinges as required_hinges
+from beamchain.chain.build import _shared_nodes as shared_nodes
+from beamchain.chain.build import build_exact, with_real_polar
+from beamchain.chain.chain import Chain, Hinge, Link, Tendon
+from beamchain.chain.cut import _best as best_cut
+from beamchain.chain.cut import _climb as climb
+from beamchain.chain.cut import _even as even_cut
+from beamchain.chain.cut import _margin_sentence as margin_sentence
+from beamchain.chain.cut import _merge_close as merge_close
+from beamchain.chain.cut import _patterns as patterns_of_cuts
+from beamchain.chain.links import _without_rounding as without_rounding
+from beamchain.chain.links import (
+    bodies,
+    polar_inertias,
+    raise_polar_inertia,
+    real_polar,
+    settle_links,
+    share,
+)
+from beamchain.chain.margin import Margins, MassTable, Wanted, shortest_link
+from beamchain.chain.margin import _least_share as least_share
 from beamchain.chain.recursion import Nodes, realise, split
+from beamchain.chain.tendons import (
+    ModeGroup,
+    damped_modes,
+    joint_damping,
+    modal_matrix,
+    port_rows,
+    springs_as_modes,
+)
+from beamchain.chain.tendons import _armatures as armatures_of
+from beamchain.chain.tendons import _fillers as fillers_of
+from beamchain.chain.tendons import _nearest_flexibility as nearest_flexibility
+from beamchain.chain.tendons import _nearest_turn as nearest_turn
+from beamchain.chain.tendons import _stiffen_attachments as stiffen_attachments
+from beamchain.chain.tendons import _unfelt as unfelt_motions
 from beamchain.control.blame import _own_direction as own_direction
 from beamchain.control.blame import _owners as owners_of_poles
 from beamchain.control.blame import _Start as StartOfPoles
@@ -44,10 +78,17 @@ from beamchain.control.structured import bound as structured_bound
 from beamchain.control.systems import growth as growth_of_poles
 from beamchain.control.verdicts import _beyond as limited_by_modes_above
 from beamchain.control.verdicts import _limiting as limiting_modes
+from beamchain.craft.appendage import carried as carried_by_craft
+from beamchain.craft.appendage import lightest as lightest_of_bodies
+from beamchain.craft.assembly import Assembly, assembly_at_rest, modes_at_pose
 from beamchain.craft.bent_line import BentLine, bent_line, turned_by
 from beamchain.craft.bent_line import _lowest as lowest_modes
 from beamchain.craft.bent_line import _motion as motion_of_modes
 from beamchain.craft.bent_line import _numbers as ranks_of_modes
+from beamchain.craft.candidates import Coupled as CoupledCandidate
+from beamchain.craft.candidates import Liquid as LiquidCandidate
+from beamchain.craft.candidates import candidate
+from beamchain.craft.coupled_modes import Mode as ModeOfCraft
 from beamchain.craft.coupled_modes import _clusters as clusters
 from beamchain.craft.coupled_modes import _holders as holders_of_shape
 from beamchain.craft.coupled_modes import _Modes as ModesOfCraft
@@ -58,9 +99,14 @@ from beamchain.craft.coupled_modes import _port as port_of_mode
 from beamchain.craft.coupled_modes import _shares as shares_of_energy
 from beamchain.craft.coupled_modes import _spans as spans_of_motion
 from beamchain.craft.coupled_modes import coupled_modes, mode_words, slow_modes
+from beamchain.craft.cures import changes_of, more_modes
+from beamchain.craft.cures import models_at as models_at_setting
 from beamchain.craft.disturbances import disturbances
+from beamchain.craft.embedded import Embedded
+from beamchain.craft.embedding import _load_warnings as warnings_of_loads
 from beamchain.craft.error import (
     Carried,
+    CraftError,
     Pose,
     acting,
     counterpart,
@@ -78,9 +124,17 @@ from beamchain.craft.hanging_liquid import hanging_liquid, springs_at_stated
 from beamchain.craft.inspect import energy_words, inspect_model
 from beamchain.craft.linear_craft import _names as names_of_models
 from beamchain.craft.linear_craft import internal_stiffness, linear_craft
+from beamchain.craft.liquid import liquid_cautions, with_liquids_sprung
 from beamchain.craft.loads import Item as AppendageOnLoad
 from beamchain.craft.loads import Load as LoadOfPort
-from beamchain.craft.loads import Root, carrying_of, hanging_notes
+from beamchain.craft.loads import (
+    Root,
+    base_place,
+    carries_of,
+    carrying_of,
+    hanging_notes,
+    split_port,
+)
 from beamchain.craft.loose_ports import loose_craft
 from beamchain.craft.modal_form import ModalForm, column_range, modal_form
 from beamchain.craft.mode_names import cantilever_names, mode_names
@@ -88,17 +142,21 @@ from beamchain.craft.model_fields import Maker as VariantMaker
 from beamchain.craft.model_fields import apply as apply_draw
 from beamchain.craft.moving_modes import moving_modes
 from beamchain.craft.poses import Way, pose_label, poses_of
+from beamchain.craft.proof import _bent_keyframes as bent_keyframes
 from beamchain.craft.quantities import Quantity, draws, inertia_matrix, quantities
 from beamchain.craft.quantities import _check_inertia as check_inertia
 from beamchain.craft.recovered_body import Coordinates
 from beamchain.craft.recovery import History, Recovery, appendage_at
 from beamchain.craft.recovery import _acceleration as acceleration_of_sections
 from beamchain.craft.recovery import _carried_load as carried_load
+from beamchain.craft.recovery import _felt as felt_by_modes
 from beamchain.craft.recovery import _left_out as load_of_modes_left_out
 from beamchain.craft.recovery import _on_ports as wrench_on_ports
 from beamchain.craft.recovery import _rigid_load as rigid_load
+from beamchain.craft.recovery import _root_factors as root_factors
 from beamchain.craft.recovery import _stations as stations_of
 from beamchain.craft.recovery import run_of as run_of_data
+from beamchain.craft.retiming import RetimedCraft
 from beamchain.craft.slews import SlewBody, SlewRow
 from beamchain.craft.slews import _apart as apart
 from beamchain.craft.slews import _drift as drift_of_momentum
@@ -115,6 +173,7 @@ from beamchain.craft.slews import _warnings as slew_warnings
 from beamchain.craft.slews import _wished as wished_hinges
 from beamchain.craft.step_slopes import step_slopes
 from beamchain.craft.timing import is_worth_timing, response_change
+from beamchain.craft.timing import step_error as error_of_step
 from beamchain.craft.under_load import LoadedTree
 from beamchain.engine.allocation import Allocated, allocated
 from beamchain.engine.allocation import _inverse as inverse_of_torques
@@ -203,16 +262,21 @@ from beamchain.engine.slew import _run as run_of_push
 from beamchain.engine.slew import _without_actuators as without_actuators
 from beamchain.engine.slew import simulate as simulate_slew
 from beamchain.fitting.choose import _modes_below as half_waves
+from beamchain.fitting.cure import _one_mode_more as one_mode_more
+from beamchain.fitting.document import safe_step
+from beamchain.fitting.exact import _normal_modes as normal_modes_of
+from beamchain.fitting.exact import reduced_to_kept
+from beamchain.fitting.fewest import fewest
 from beamchain.fitting.fewest import weights as weights_of_modes
 from beamchain.fitting.hub import assumed_hub, default_hub, port_hub_mass
 from beamchain.fitting.imported import ImportedCase, imported_case, same_planes
 from beamchain.fitting.imported import _check_body as check_body
+from beamchain.fitting.imported import _departs as departs
 from beamchain.fitting.imported import _first as first_of_ports
 from beamchain.fitting.imported import _ratios as damping_of_file
 from beamchain.fitting.imported import _roomy as line_with_room
 from beamchain.fitting.imported import _visible_modes as visible_modes
 from beamchain.fitting.needs import Candidates, Promise, choose, with_polar_inertia
-from beamchain.fitting.needs import choose as choose_modes
 from beamchain.fitting.result import InSpace
 from beamchain.fitting.slosh import (
     SloshCase,
@@ -232,7 +296,24 @@ from beamchain.fitting.warnings import (
     turn_warning,
 )
 from beamchain.mjcf.craft import craft_from_text
-from beamchain.ports.compare import as_compared, free_peaks, maximum_of, peak_clusters
+from beamchain.ports.compare import (
+    as_compared,
+    band_grid,
+    compared_ratios,
+    free_peaks,
+    grid_of,
+    largest_norm_ratio,
+    maximum_of,
+    norm_ratios,
+    peak_clusters,
+    peaks_at,
+    peaks_of,
+    relative_error,
+    small_inverse,
+    spectral_norms,
+    unresolved_peaks,
+    with_damping,
+)
 from beamchain.ports.compose import joined
 from beamchain.ports.coupled import CoupledPort
 from beamchain.ports.model import Shapes
@@ -278,8 +359,8 @@ from beamchain.steps.limits import (
 from beamchain.steps.limits import normalise as unit_mass_of_port
 from beamchain.steps.modal import condensed_mass, made_for, modal_tendons, stiffness_before
 from beamchain.steps.poles import PoleRow, growing_frequencies, mismatch, phase_limit, pole_rows
-from beamchain.steps.sampled import _peaks as peaks_of_poles
 from beamchain.steps.sampled import (
+    SampledError,
     exact_response,
     judged_part,
     off_by,
@@ -287,6 +368,7 @@ from beamchain.steps.sampled import (
     sampled_error,
     step_response,
 )
+from beamchain.steps.sampled import _peaks as peaks_of_poles
 from beamchain.steps.saturation import servos_that_chatter
 from beamchain.steps.step_map import (
     Motion,
@@ -310,6 +392,13 @@ from beamchain.steps.tree_time import _modes as modes_of_tendons
 from beamchain.steps.tree_time import _newton_step as newton_step
 from beamchain.steps.tree_time import _Room as Room
 from beamchain.steps.tree_time import _step_length as step_length
+from beamchain.structure.discretise import Parts
+from beamchain.structure.discretise import _body as body_in_port
+from beamchain.structure.discretise import _edges as edges_of_pieces
+from beamchain.structure.discretise import _join_equal_neighbours as joined_neighbours
+from beamchain.structure.discretise import _largest_change as change_of_lowest
+from beamchain.structure.discretise import _pieces as pieces_of_beam
+from beamchain.structure.discretise import _taper_cuts as taper_cuts
 from beamchain.structure.elements import (
     Body,
     MotionRows,
@@ -324,6 +413,9 @@ from beamchain.structure.elements import _largest_change as change_of_frequencie
 from beamchain.structure.elements import _new_directions as new_directions
 from beamchain.structure.elements import _shapes_of_fewer as shapes_of_fewer
 from beamchain.structure.elements import _sums_behind as sums_behind
+from beamchain.structure.inside import Inside, snapped
+from beamchain.structure.inside import _flat as flat_points
+from beamchain.structure.inside import _momentum as momentum_beyond
 from beamchain.structure.mass_line import (
     MassBesideAxis,
     MassPiece,
@@ -334,20 +426,52 @@ from beamchain.structure.mass_line import (
     uniform_length,
 )
 from beamchain.structure.mass_line import _mass_beside_axis as mass_beside_axis
-from beamchain.structure.planes import rounding_of_residual
-from beamchain.structure.readers.nastran_bulk import System
-from beamchain.structure.rigid_body import independent_parts, nearest_body, realisable_body
+from beamchain.structure.planes import (
+    near_groups,
+    rounding_of_residual,
+    settle_rigid_mass,
+    turn_into_planes,
+)
+from beamchain.structure.profile import Properties
+from beamchain.structure.readers.craig_bampton import Boundary
+from beamchain.structure.readers.craig_bampton import _almost_body as almost_body
+from beamchain.structure.readers.craig_bampton import _is_noisy as is_noisy
+from beamchain.structure.readers.craig_bampton import _is_soft as is_soft
+from beamchain.structure.readers.craig_bampton import _largest_forces as largest_forces
+from beamchain.structure.readers.craig_bampton import _largest_inner as largest_inner
+from beamchain.structure.readers.craig_bampton import _noise_of_freedoms as noise_of_freedoms
+from beamchain.structure.readers.imported import check_outwards, proposed_axes, with_length
+from beamchain.structure.readers.nastran_bulk import System, dmig_matrices, read_bulk
+from beamchain.structure.rigid_body import (
+    body_departure,
+    independent_parts,
+    nearest_body,
+    noise_of_motions,
+    realisable_body,
+    within_body,
+)
 from beamchain.structure.section import soft_modulus
 from beamchain.structure.sections_at import Sections, sections_at
 from beamchain.structure.slosh import Slosh
+from beamchain.variants.samples import Gain as GainOfModes
+from beamchain.variants.samples import _scale_participation as scaled_participation
+from beamchain.variants.samples import gain as gain_of_pair
+from beamchain.variants.samples import normal_shapes, usual_gain
+from beamchain.variants.samples import vary as vary_samples
+from beamchain.variants.sweep import _correlations as correlations_of_craft
+from beamchain.variants.sweep import _draw as drawn_samples
+from beamchain.variants.sweep import _spread as spread_of
+from beamchain.variants.sweep import _varied_fields as varied_fields
 
 __all__ = [
     "Activations",
     "Allocated",
     "Alone",
     "AppendageOnLoad",
+    "Assembly",
     "BentLine",
     "Body",
+    "Boundary",
     "Candidates",
     "Carried",
     "Carrying",
@@ -355,11 +479,15 @@ __all__ = [
     "Compared",
     "Composite",
     "Coordinates",
+    "CoupledCandidate",
     "CoupledPort",
     "Craft",
+    "CraftError",
     "Drawn",
     "Drive",
     "DriveOfHinge",
+    "Embedded",
+    "GainOfModes",
     "Held",
     "Hinge",
     "History",
@@ -367,17 +495,23 @@ __all__ = [
     "InSpace",
     "Input",
     "Inputs",
+    "Inside",
     "LargeMotion",
     "LinearModel",
     "Link",
+    "LiquidCandidate",
     "LoadOfPort",
     "LoadedTree",
     "Loading",
     "LoopOfMargins",
+    "Margins",
     "MassBesideAxis",
     "MassPiece",
+    "MassTable",
     "Measured",
     "ModalForm",
+    "ModeGroup",
+    "ModeOfCraft",
     "ModelOfSlew",
     "ModesOfCraft",
     "Motion",
@@ -386,19 +520,23 @@ __all__ = [
     "Nodes",
     "OperatingPoint",
     "Outputs",
+    "Parts",
     "Piece",
     "PlaceOfHinge",
     "PlanarChain",
     "PoleRow",
     "Pose",
     "Promise",
+    "Properties",
     "Quantity",
     "Recovery",
     "Reference",
+    "RetimedCraft",
     "Room",
     "Root",
     "RootMotion",
     "RunOfDrive",
+    "SampledError",
     "SceneOfSlews",
     "Sections",
     "Seen",
@@ -419,17 +557,20 @@ __all__ = [
     "StatesOfRun",
     "StepOfCraft",
     "System",
+    "Tendon",
     "Tendons",
     "TimeError",
     "TreeDraws",
     "Trial",
     "Turn",
     "VariantMaker",
+    "Wanted",
     "Way",
     "acceleration_of_sections",
     "acting",
     "activation_names",
     "allocated",
+    "almost_body",
     "apart",
     "apparent_hubs",
     "apparent_pole",
@@ -437,39 +578,56 @@ __all__ = [
     "appendage_poles",
     "appendages_alone",
     "apply_draw",
+    "armatures_of",
     "as_compared",
     "assemble",
     "assemble_lowest",
+    "assembly_at_rest",
     "assigned_poles",
     "assumed_hub",
     "balanced_bounds",
     "ballast_for",
+    "band_grid",
     "base",
+    "base_place",
+    "bent_keyframes",
     "bent_line",
+    "best_cut",
     "bodies",
+    "body_departure",
+    "body_in_port",
     "body_mass_matrix",
+    "build_exact",
+    "candidate",
     "cantilever_names",
+    "carried_by_craft",
     "carried_load",
     "carriers",
+    "carries_of",
     "carrying_of",
     "change_of_frequencies",
+    "change_of_lowest",
+    "changes_of",
     "check_algebraic_loop",
     "check_body",
     "check_freedoms",
     "check_inertia",
+    "check_outwards",
     "check_pushes",
     "check_steps",
     "choose",
-    "choose_modes",
     "choose_step",
+    "climb",
     "clusters",
     "column_range",
+    "compared_ratios",
     "composite",
     "condensed_mass",
     "continued_poles",
     "continuous_poles",
     "control_names",
     "coordinate_names",
+    "correlations_of_craft",
     "counterpart",
     "coupled_limits",
     "coupled_modes",
@@ -480,12 +638,16 @@ __all__ = [
     "crossings_of_size_one",
     "culprit",
     "damped_by",
+    "damped_modes",
     "damping_of_file",
     "default_hub",
     "default_length",
+    "departs",
     "distance",
     "disturbances",
+    "dmig_matrices",
     "doubtful",
+    "drawn_samples",
     "draws",
     "drift_of_momentum",
     "drive_in_hinge",
@@ -493,21 +655,30 @@ __all__ = [
     "drive_on_hub",
     "driven",
     "drives_of_craft",
+    "edges_of_pieces",
     "energy_words",
     "equal_parts",
+    "error_of_step",
+    "even_cut",
     "exact_response",
     "extra_damping",
     "far_mount",
+    "felt_by_modes",
+    "fewest",
+    "fillers_of",
     "find_cure",
     "first_moment",
     "first_of_ports",
     "fit_warnings",
+    "flat_points",
     "follow_modes",
     "form2",
     "form2_many",
     "form4",
     "free_peaks",
     "freedoms_of_block",
+    "gain_of_pair",
+    "grid_of",
     "growing_frequencies",
     "growing_poses",
     "growth",
@@ -519,6 +690,7 @@ __all__ = [
     "heavy",
     "held_joints",
     "hinge_armature",
+    "hinge_counts",
     "hinge_to_turn",
     "holders_of_shape",
     "implicit_stiffness",
@@ -535,24 +707,34 @@ __all__ = [
     "internal_stiffness",
     "inverse_of_torques",
     "inverse_stiffness_root",
+    "is_noisy",
+    "is_soft",
     "is_stop",
     "is_worth_timing",
     "joined",
+    "joined_neighbours",
+    "joint_damping",
     "judged_part",
     "key_number",
     "lacking_damping",
     "large_limits",
     "large_motion",
     "largest_angle",
+    "largest_forces",
+    "largest_inner",
+    "largest_norm_ratio",
     "last_kept",
+    "least_share",
     "leaves_at",
     "legendre_series",
+    "lightest_of_bodies",
     "limited_by_modes_above",
     "limiting_modes",
     "limp_model",
     "line_with_room",
     "linear_at",
     "linear_craft",
+    "liquid_cautions",
     "load_at",
     "load_of_modes_left_out",
     "loaded_linear",
@@ -567,6 +749,7 @@ __all__ = [
     "made_for",
     "map_by_differences",
     "margin_figures",
+    "margin_sentence",
     "margins_of_all",
     "mass_beside_axis",
     "mass_line_of_pieces",
@@ -574,15 +757,21 @@ __all__ = [
     "mass_of_bodies",
     "maximum_of",
     "measure",
+    "merge_close",
     "mismatch",
     "modal_form",
+    "modal_matrix",
     "modal_tendons",
     "mode_names",
     "mode_to_ring",
     "mode_words",
+    "models_at_setting",
+    "modes_at_pose",
     "modes_finely_divided",
     "modes_of_tendons",
+    "momentum_beyond",
     "momentum_of_mode",
+    "more_modes",
     "motion_at",
     "motion_of_modes",
     "motor_freedoms",
@@ -592,29 +781,43 @@ __all__ = [
     "named_inputs",
     "named_output",
     "names_of_models",
+    "near_groups",
     "nearest_body",
+    "nearest_flexibility",
+    "nearest_turn",
     "new_directions",
     "newton_step",
+    "noise_of_freedoms",
+    "noise_of_motions",
+    "norm_ratios",
     "normal_modes",
+    "normal_modes_of",
+    "normal_shapes",
     "null_directions",
     "number_of_pole",
     "off_by",
     "offset_cautions",
+    "one_mode_more",
     "oscillating",
     "oscillations",
     "own_direction",
     "owners_of_poles",
     "pairs_of_modes",
+    "patterns_of_cuts",
     "peak_clusters",
     "peak_of_grid",
+    "peaks_at",
+    "peaks_of",
     "peaks_of_craft",
     "peaks_of_poles",
     "pendulum_chain",
     "phase_limit",
     "phase_of_two",
+    "pieces_of_beam",
     "place_poles",
     "plane_of_chain",
     "points_inward",
+    "polar_inertias",
     "pole_moved",
     "pole_pairs",
     "pole_rows",
@@ -623,20 +826,27 @@ __all__ = [
     "polynomial",
     "port_hub_mass",
     "port_of_mode",
+    "port_rows",
     "pose_label",
     "poses_of",
     "power_sum",
+    "proposed_axes",
     "push_of_actuators",
     "quantities",
     "raise_polar_inertia",
     "ranks_of_modes",
     "reach",
+    "read_bulk",
+    "real_polar",
     "realisable_body",
     "realise",
     "realise_controller",
     "realise_fraction",
+    "reduced_to_kept",
     "refined_bounds",
+    "relative_error",
     "represents",
+    "required_hinges",
     "response_change",
     "response_of_loop",
     "rest_point",
@@ -647,6 +857,7 @@ __all__ = [
     "rigid_plane",
     "rk4_words",
     "root_body",
+    "root_factors",
     "root_frame",
     "rotation_vectors",
     "round_down",
@@ -658,10 +869,12 @@ __all__ = [
     "run_of_turn",
     "runge_kutta_limit",
     "runge_kutta_step",
+    "safe_step",
     "same_planes",
     "sampled_delay_margin",
     "sampled_error",
     "sampled_system",
+    "scaled_participation",
     "score",
     "seconds_of",
     "sections_at",
@@ -669,11 +882,14 @@ __all__ = [
     "sensor_axes",
     "servos_that_chatter",
     "settle_links",
+    "settle_rigid_mass",
     "shapes_of_fewer",
     "share",
+    "shared_nodes",
     "shares_of_energy",
     "shift_of_pole",
     "shifted_peak",
+    "shortest_link",
     "simulate_hub",
     "simulate_slew",
     "skin_vertices",
@@ -681,11 +897,17 @@ __all__ = [
     "slopes",
     "slosh_case",
     "slow_modes",
+    "small_inverse",
     "small_turn",
+    "snapped",
     "soft_modulus",
     "spans_of_motion",
+    "spectral_norms",
     "split",
+    "split_port",
     "spread_mass",
+    "spread_of",
+    "springs_as_modes",
     "springs_at_stated",
     "squared_phase",
     "stable_armature",
@@ -702,12 +924,14 @@ __all__ = [
     "step_response",
     "step_slopes",
     "step_warnings",
+    "stiffen_attachments",
     "stiffness_before",
     "still_copy",
     "stop_ahead",
     "structured_bound",
     "sum_of_poles",
     "sums_behind",
+    "taper_cuts",
     "time_error",
     "time_modes",
     "torque_of_actuator",
@@ -716,19 +940,32 @@ __all__ = [
     "tuned_poses",
     "turn",
     "turn_along",
+    "turn_into_planes",
     "turn_warning",
     "turned_by",
     "turns_of_hinge",
+    "unfelt_motions",
     "uniform_length",
     "unit_mass_of_port",
     "unit_of_control",
+    "unresolved_peaks",
     "unstable_count",
+    "usual_gain",
+    "varied_fields",
+    "vary_samples",
     "visible_modes",
+    "warnings_of_loads",
     "weightless",
     "weights_of_modes",
     "wished_hinges",
+    "with_damping",
+    "with_length",
+    "with_liquids_sprung",
     "with_polar_inertia",
+    "with_real_polar",
+    "within_body",
     "without_actuators",
+    "without_rounding",
     "wrench_on_ports",
     "zero_pole_product",
 ]

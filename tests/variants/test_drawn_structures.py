@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 from msgspec import structs
 from test_sweep import ARRAY, SAME, variants
-from test_variants import CRAFT, beam, frequencies
 
 import beamchain as bc
 from beamchain.fitting.uncertain import Uncertain, Uncertainty
 from beamchain.fitting.varied import vary_spec
+from varied_crafts import CRAFT, beam, frequencies
 
 CHANCE = 5.0  # standard errors a statistic of 4,000 draws may lie off
 # relative: a sweep fits a structure again for the bus of the file, by whose mass its fillers

@@ -4,6 +4,7 @@ the command."""
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from functools import cache
 
 import mujoco
@@ -91,6 +92,23 @@ def test_arrays_turn_the_nominal_model_into_each_variant(variants, tmp_path):
         expected = loaded["coupled_frequencies"][i]
         found = coupled(model)[: expected.size]
         np.testing.assert_allclose(found, expected, rtol=THROUGH_MUJOCO)
+
+
+def test_the_record_counts_samples_and_spreads_every_number(variants):
+    record = replace(variants, left_out={40: "why", 41: "why"}).as_dict()
+    count = variants.indices.size
+    assert (record["samples"], record["variants"]) == (count + 2, count)
+    assert [one["sample"] for one in record["left_out"]] == [40, 41]
+    model = variants.case.model
+    assert record["fields"]["body_mass"] == [model.nbody]
+    for one, column in zip(record["coupled_frequencies"], variants.coupled.T, strict=True):
+        assert one["mean"] == pytest.approx(np.mean(column))
+    for port, values in variants.participation.items():
+        modes = record["participation"][port]
+        assert [[motion["mean"] for motion in mode] for mode in modes] == [
+            pytest.approx(mode) for mode in values.mean(axis=0)
+        ]
+    assert 0.0 < variants.seconds < 1000.0
 
 
 def uncertain(table):

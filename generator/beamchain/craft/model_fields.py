@@ -13,11 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from beamchain.craft.quantities import AXES, Quantity, inertia_matrix
+from beamchain.craft.quantities import Quantity, inertia_matrix
 from beamchain.engine.forces import wraps
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import dense_mass
 from beamchain.engine.operating_point import poses
+from beamchain.engine.signals import AXES
 from beamchain.errors import InputError, RealisationError
 from beamchain.ports.motions import Array
 from beamchain.steps.forms import form2, form4

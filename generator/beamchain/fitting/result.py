@@ -80,7 +80,7 @@ class InSpace:
 
     Args:
         data: the imported modes, about the port, in SI; its `steps` list the changes made to them.
-        form, why: "chain", and the reason for its hinges.
+        why: the reason for its hinges.
         full: all imported modes.
         target: the required modes.
         achieved: read back through `mjd_transitionFD`.

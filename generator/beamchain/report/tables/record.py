@@ -184,7 +184,7 @@ def embed_record(embedded: "Embedded") -> dict[str, Any]:
             }
             for a in embedded.appendages
         ],
-        **_fields(embedded, "form", "craft_error", "sampled_error", "band", "tolerance", "met"),
+        **_fields(embedded, "craft_error", "sampled_error", "band", "tolerance", "met"),
         "time_error": embedded.time_error.as_dict(),
         "cure": None if embedded.cure is None else embedded.cure.as_dict(),
         "composite": embedded.composite.as_dict(),

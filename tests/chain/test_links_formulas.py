@@ -1,0 +1,304 @@
+"""Points of mass, counts and shares by hand beside the links of a chain and what it needs."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from beamchain.errors import RealisationError
+from formulas import (
+    Chain,
+    Hinge,
+    Link,
+    ModeGroup,
+    Nodes,
+    bodies,
+    build_exact,
+    hinge_counts,
+    polar_inertias,
+    raise_polar_inertia,
+    real_polar,
+    required_hinges,
+    settle_links,
+    shared_nodes,
+    with_real_polar,
+    without_rounding,
+)
+
+ROUNDED = 1e-12
+
+
+def points(masses, places):
+    """`(6, 6)` about the origin: sum of m J^T J, J a point's motion per the origin's."""
+    total = np.zeros((6, 6))
+    for m, (x, y, z) in zip(masses, places, strict=True):
+        motion = np.hstack([np.eye(3), [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]])
+        total += m * motion.T @ motion
+    return total
+
+
+def line_of(masses, places, length):
+    """A line whose mass is that of points."""
+    masses, places = np.array(masses), np.array(places)
+
+    def behind(x):
+        return [points(masses[places[:, 0] > a], places[places[:, 0] > a]) for a in x]
+
+    return SimpleNamespace(length=length, behind=behind)
+
+
+MASSES = [1.0, 2.0, 0.5, 1.5, 0.7, 1.1]
+PLACES = [
+    [0.2, 0.9, -0.1],
+    [0.6, 0.5, 0.4],
+    [0.8, 0.1, 0.6],
+    [2.4, -0.2, 0.2],
+    [2.7, 0.3, 0.7],
+    [3.0, 0.3, -0.7],
+]
+
+
+def test_bodies_beside_the_axis_have_their_centre_and_their_inertia():
+    pieces = bodies(line_of(MASSES, PLACES, 4.0), np.array([1.0, 2.0]))
+    assert [(one.start, one.length) for one in pieces] == [(0.0, 1.0), (1.0, 1.0), (2.0, 2.0)]
+    assert pieces[1] == Link(1.0, 1.0, 0.0, 1.0, (0.0, 0.0, 0.0))
+    for piece, own in ((pieces[0], slice(3)), (pieces[2], slice(3, None))):
+        masses, places = np.array(MASSES[own]), np.array(PLACES[own])
+        assert piece.mass == pytest.approx(masses.sum(), rel=ROUNDED)
+        centre = masses @ places / masses.sum()
+        assert piece.centre == pytest.approx(centre, rel=ROUNDED)
+        r = places - centre
+        inertia = sum(
+            m * (one @ one * np.eye(3) - np.outer(one, one))
+            for m, one in zip(masses, r, strict=True)
+        )
+        assert piece.inertia_matrix() == pytest.approx(inertia, rel=1e-9)
+        assert piece.mass_matrix() == pytest.approx(points(masses, places), rel=1e-9)
+        rows = piece.rows()
+        assert rows.T @ rows == pytest.approx(points(masses, places), rel=1e-9, abs=1e-9)
+
+
+def test_what_rounding_leaves_beside_the_axis_is_none():
+    """1e-13 of the length, and of the whole inertia for products."""
+    masses, places = [2.0, 3.0], np.array([[1.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+    for part, left in ((0.9, False), (1.1, True)):
+        beside = np.array([[0.0, part * 4e-13, 0.0]] * 2)
+        (one,) = bodies(line_of(masses, places + beside, 4.0), np.zeros(0))
+        assert (one.beside[0] != 0.0) is left
+
+
+@pytest.mark.parametrize(
+    ("least", "noise", "raised"),
+    [
+        (-0.9e-6, 1e-6, True),
+        (-1.1e-6, 1e-6, False),  # no rounding
+        (0.9e-12, 1e-6, True),
+        (1.1e-12, 1e-6, False),  # thicker than a lamina is
+    ],
+)
+def test_a_lamina_has_some_thickness(least, noise, raised):
+    """Second moments 2 and 1 in its plane, 1e-12 of the larger across it."""
+    axes = np.linalg.qr(np.array([[1.0, 2.0, 0.5], [0.3, 1.0, -1.0], [2.0, 0.1, 1.0]]))[0]
+
+    def inertia(*moments):
+        return np.sum(moments) * np.eye(3) - (axes * moments) @ axes.T
+
+    about = inertia(2.0, 1.0, 2.0 * least)
+    found = without_rounding(about, 2.0 * noise)
+    if raised:
+        moments = np.trace(found) / 2.0 * np.eye(3) - found
+        assert np.linalg.eigvalsh(moments) == pytest.approx([2e-12, 1.0, 2.0], abs=1e-15)
+        assert found == pytest.approx(inertia(2.0, 1.0, 2e-12), abs=1e-12)
+    else:
+        assert found is about
+
+
+# -- polar inertia ---------------------------------------------------------------------------------
+def uniform(polar, length=4.0):
+    return SimpleNamespace(
+        length=length,
+        moments=lambda a, b, closed: SimpleNamespace(polar=polar * (b - a) + 0.0 * closed),
+        rigid_mass=lambda: np.diag([2.0, 2.0, 2.0, polar * length, 9.0, 8.0]),
+    )
+
+
+def thin(number, across=3.0, mass=1.0):
+    return Link(float(number), 1.0, mass, number + 0.5, (0.0, across, across))
+
+
+def test_polar_inertia_of_pieces():
+    assert real_polar(uniform(0.5), np.array([1.0, 3.5])) == pytest.approx([0.5, 1.25, 0.25])
+
+
+@pytest.mark.parametrize(
+    ("inertias", "turning", "polars"),
+    [
+        # a sum of 2 on 4 m: the first group ends at 1.2, 1.8 and 2.4 m, hinges at 1, 2 and 3 m
+        ([0.6, 1.4], [0], [0.6, 1.4 / 3.0, 1.4 / 3.0, 1.4 / 3.0]),
+        ([0.9, 1.1], [1], [0.45, 0.45, 0.55, 0.55]),
+        ([1.2, 0.8], [1], [0.6, 0.6, 0.4, 0.4]),
+        ([0.4, 0.9, 0.7], [0, 2], [0.4, 0.45, 0.45, 0.7]),
+        ([2.0], [], [0.5, 0.5, 0.5, 0.5]),
+        ([3.0, 7.0], [0], [3.0, 7.0 / 3.0, 7.0 / 3.0, 7.0 / 3.0]),
+        ([0.0, 0.0, 0.0], [0, 1], [3e-6] * 4),  # none: a trace
+    ],
+)
+def test_the_hinges_that_twist_are_those_nearest_to_where_the_groups_end(inertias, turning, polars):
+    cuts, links = np.array([1.0, 2.0, 3.0]), [thin(k) for k in range(4)]
+    line = uniform(0.5)
+    found = polar_inertias(line, links, cuts, np.array(inertias), real_polar(line, cuts))
+    assert found[0] == turning
+    assert found[1] == pytest.approx(polars, rel=1e-9)
+
+
+def test_groups_that_their_links_cannot_carry_end_elsewhere():
+    # the first link carries 0.4 at most; the nearest hinge, at 1 m, would ask 0.6 of it
+    cuts, line = np.array([1.0, 2.0, 3.0]), uniform(0.5)
+    real = real_polar(line, cuts)
+    links = [thin(0, 0.2), *(thin(k) for k in (1, 2, 3))]
+    turning, polars = polar_inertias(line, links, cuts, np.array([0.6, 1.4]), real)
+    assert turning == [1]
+    assert polars == pytest.approx([0.3, 0.3, 0.7, 0.7], rel=1e-9)
+    with pytest.raises(RealisationError, match="need 4 hinges, but there are 3"):
+        polar_inertias(line, links, cuts, np.ones(5), real)
+
+
+def test_a_link_without_inertia_along_the_axis_gets_a_trace():
+    cuts, line = np.array([1.0]), uniform(0.0, 2.0)
+    found = settle_links(line, [thin(0), thin(1, 5.0)], cuts)
+    # half of a millionth of the two others
+    assert [one.inertia[0] for one in found] == pytest.approx([3e-6, 5e-6])
+    # what is a rigid body beside the axis stays
+    beside = [thin(0), Link(1.0, 1.0, 1.0, 1.5, (0.0, 3.0, 3.0), beside=(0.0, 0.1))]
+    assert settle_links(line, beside, cuts) == beside
+    # polar inertia that is rounding: 1e-14 of the larger of the others, 9
+    for part, none in ((0.9, True), (1.1, False)):
+        slight = uniform(part * 1e-14 * 9.0 / 2.0, 2.0)
+        (first, _) = settle_links(slight, [thin(0), thin(1)], cuts)
+        assert (first.inertia[0] > 1e-9) is none
+
+
+@pytest.mark.parametrize(
+    ("inertia", "wanted"),
+    [
+        ((0.0, 2.0, 3.0), 1.0),
+        ((0.0, 3.0, 3.0), 3e-6),
+        ((0.0, 3.0, 2.0), 1.0),
+        ((0.5, 3.0, 2.0), 0.5),
+    ],
+)
+def test_a_recipe_s_links_get_what_a_body_needs(inertia, wanted):
+    links = (Link(0.0, 1.0, 1.0, 0.5, inertia), Link(1.0, 1.0, 0.0, 1.5, (0.0, 0.0, 0.0)))
+    found = with_real_polar(Chain(links, (Hinge(1.0, {"xy": 1.0}),), 2.0))
+    assert found.links[0].inertia == (pytest.approx(wanted), *inertia[1:])
+    assert found.links[1].inertia == (0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("part", [0.95, 1.05])
+def test_bending_that_would_feel_it_keeps_a_link_as_it_is(part):
+    """1e-9 of the lightest link's 0.5 kg times 4 m^2 are missing across, or more."""
+    missing = part * 1e-9 * 0.5 * 4.0
+    least = 1e-6
+    links = (
+        Link(0.0, 0.5, 2.0, 0.25, (0.0, 1.0, 1.0)),
+        Link(0.5, 0.5, 0.0, 0.5, (0.0, 1.0, 1.0)),
+        Link(1.0, 1.0, 0.5, 1.5, (least, least - missing, 1.0)),
+    )
+    chain = Chain(links, (Hinge(0.5, {"xy": 3.0}), Hinge(1.0, {"xy": 3.0})), 2.0)
+    found, words = raise_polar_inertia(chain, least)
+    assert found.links[0].inertia == (least, 1.0, 1.0)
+    assert found.links[1].inertia == (0.0, 1.0, 1.0)  # without mass
+    raised = least - missing if part > 1.0 else least
+    assert found.links[2].inertia == (least, raised, 1.0)
+    assert f"so {1 if part > 1.0 else 2} of them carry 1e-06" in words
+
+
+def test_a_chain_that_twists_or_hangs_keeps_its_polar_inertia():
+    links = (thin(0), thin(1))
+    for more, kept in (({}, False), ({"hung": True}, True)):
+        chain = Chain(links, (Hinge(1.0, {"xy": 3.0}),), 2.0, **more)
+        assert (raise_polar_inertia(chain, 1e-6)[0] is chain) is kept
+    twisting = Chain(links, (Hinge(1.0, {"torsion": 3.0}),), 2.0)
+    assert raise_polar_inertia(twisting, 1e-6)[0] is twisting
+    # as light as the least inertia in number is not too light
+    light = (thin(0), thin(1, mass=1e-6))
+    found = raise_polar_inertia(Chain(light, (Hinge(1.0, {"xy": 3.0}),), 2.0), 1e-6)[0]
+    assert [one.inertia[0] for one in found.links] == [1e-6, 1e-6]
+
+
+# -- hinges that modes need ------------------------------------------------------------------------
+def modes(rows, ports=("xy",), **more):
+    rows = np.array(rows, dtype=float)
+    return ModeGroup(ports, np.arange(1.0, 1.0 + len(rows)), rows, np.zeros(len(rows)), **more)
+
+
+@pytest.mark.parametrize(
+    ("rows", "count"),
+    [
+        ([[1.0, 2.0], [3.0, 4.0], [5.0, 7.0]], 3),
+        ([[1.0, 2.0]], 2),  # one more, since the hinges move the root in two ways
+        ([[1.0, 2.0], [2.0, 4.0], [3.0, 6.0]], 4),
+        ([[1.0, 2.0], [1.0, 2.0 * (1.0 + 1e-8)]], 2),
+        ([[1.0, 2.0], [1.0, 2.0 * (1.0 + 1e-10)]], 3),
+        ([[1.0, 0.0]], 2),
+        ([[1e-12, 2.0], [3e-12, 4.0]], 2),  # of each motion by itself
+    ],
+)
+def test_a_port_needs_a_hinge_per_mode_and_per_motion_that_no_mode_has(rows, count):
+    assert hinge_counts(modes(rows)) == {"xy": count}
+
+
+@pytest.mark.parametrize(
+    ("weights", "counts"),
+    [
+        ({"xy": 3.0, "torsion": 1.0}, {"xy": 3, "torsion": 1}),
+        ({"xy": 1.0, "torsion": 3.0}, {"xy": 2, "torsion": 2}),
+        ({"xy": 0.0, "torsion": 1.0}, {"torsion": 4}),
+    ],
+)
+def test_hinges_are_shared_out_as_modes_move_the_ports(weights, counts):
+    """Four modes of three motions; two of a plane at least, one in torsion."""
+    rows = np.random.default_rng(0).normal(size=(4, 3))
+    assert hinge_counts(modes(rows, ("xy", "torsion"), weights=weights)) == counts
+    few = modes(rows[:1], ("xy", "torsion"), weights=weights)
+    if weights["xy"]:
+        assert hinge_counts(few) == {"xy": 2, "torsion": 1}
+
+
+def test_a_root_without_mass_stands_on_a_hinge():
+    """What no mode carries away is 1e-9 of a motion's mass at least."""
+    rigid = np.diag([2.0, 2.0, 2.0, 0.5, 8.0, 8.0])
+    line = SimpleNamespace(hinge_lines=lambda port: (0.7,) if port == "xz" else ())
+    for part, bare in ((0.9, True), (1.1, False)):
+        row = [[np.sqrt(8.0 * (1.0 - part * 1e-9)), 0.0][::-1]]
+        found = required_hinges(line, modes(row, ("xz",)), [1.5], rigid)
+        assert found == {"xz": (0.0, 0.7, 1.5) if bare else (0.7, 1.5)}
+    found = required_hinges(line, modes([[0.5, 0.0, 0.1]], ("xy", "torsion")), [0.4, 0.2], rigid)
+    assert found == {"xy": (0.2, 0.4), "torsion": (0.2, 0.4)}
+
+
+def test_planes_share_nodes_that_are_equal():
+    masses, lengths, springs = np.array([0.5, 1.0, 2.0]), np.array([1.0, 3.0]), np.array([4.0])
+    first = Nodes(masses, lengths, springs)
+    for part, same in ((0.9, True), (-0.9, True), (1.1, False), (-1.1, False)):
+        other = np.array([0.5, 1.0, 2.0 * (1.0 + part * 1e-9)])
+        both = {"xy": first, "xz": Nodes(other, lengths, 9.0 * springs)}
+        assert (shared_nodes(both, 0.0) is first) is same
+        other = np.array([1.0, 3.0 * (1.0 + part * 1e-9)])
+        both = {"xy": first, "xz": Nodes(masses, other, springs)}
+        assert (shared_nodes(both, 0.0) is first) is same
+    assert shared_nodes({"xy": first}, 0.9e-9) is first
+    assert shared_nodes({"xy": first}, 1.1e-9) is None
+    assert shared_nodes({}, 0.0) is None
+    shorter = Nodes(masses[:2], lengths[:1], springs[:0])
+    assert shared_nodes({"xy": first, "xz": shorter}, 0.0) is None
+
+
+def test_an_appendage_without_modes_is_one_body():
+    line = line_of(MASSES, PLACES, 4.0)
+    built = build_exact(line, {}, lambda port, count: pytest.fail(f"{port}, {count}"))
+    assert built.chain.hinges == ()
+    (only,) = built.chain.links
+    assert (only.start, only.length, built.chain.length) == (0.0, 4.0, 4.0)
+    assert built.chain.rigid_mass() == pytest.approx(points(MASSES, PLACES), rel=1e-9)
+    assert built.status.ok

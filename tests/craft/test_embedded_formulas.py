@@ -1,0 +1,250 @@
+"""What an embedded spacecraft says of itself, beside numbers put in by hand; its places, and the
+hubs of its appendages: two booms on a bus, one of them behind a drive."""
+
+from types import SimpleNamespace
+
+import mujoco
+import numpy as np
+import pytest
+
+import beamchain as bc
+from formulas import (
+    CraftError,
+    SampledError,
+    Setting,
+    carried_by_craft,
+    lightest_of_bodies,
+    warnings_of_loads,
+)
+
+LINE, LENGTH = 4.0, 8.0
+CRAFT = """<mujoco><option gravity="0 0 0" timestep="{step}"/><worldbody>
+<body name="bus" pos="1 2 3" euler="0 0 {turn}"><freejoint/>
+<inertial pos="0.1 0 0" mass="{mass}" diaginertia="{inertia} {inertia} {inertia}"/>
+<site name="fixed" pos="0.5 0.2 0" euler="0 0 30"/>
+<body name="drive" pos="-0.5 0 0.1"><joint name="drive" axis="0 0 1"{held}/>
+<inertial pos="0 0 0" mass="{small}" diaginertia="{tiny} {tiny} {tiny}"/>
+<site name="turning" euler="0 0 180"/></body>
+<body name="wheel"><joint name="wheel" axis="1 0 0"/>
+<inertial pos="0 0 0" mass="{small}" diaginertia="{tiny} {tiny} {tiny}"/></body>
+</body></worldbody><keyframe><key name="turned" qpos="0 0 0 1 0 0 0 0.7 0"/></keyframe></mujoco>"""
+
+
+def craft(step=0.01, mass=300.0, turn=0.0, held=""):
+    sizes = {"inertia": 0.3 * mass, "small": 0.02 * mass, "tiny": 0.002 * mass}
+    return CRAFT.format(step=step, mass=mass, turn=turn, held=held, **sizes)
+
+
+def boom(stiff=2e3, line=LINE, **more):
+    section = bc.Equivalent(bending_stiffness_xy=stiff, linear_mass=line)
+    segment = bc.Segment(length=LENGTH, section=section)
+    return bc.Spec(name="boom", segment=(segment,), modes=bc.Modes(xy=1), **more)
+
+
+@pytest.fixture(scope="module")
+def made():
+    scene = bc.Scene(bandwidth=0.8, tolerance=0.05, axes=("z",))
+    return bc.embed(craft(turn=25.0), {"fixed": boom(scene=scene), "turning": boom()}, retime=False)
+
+
+def with_numbers(made, errors, sampled, tolerance=None, growth=None, band=0.8, loaded=False):
+    """The same with errors put in by hand."""
+    out = replace_of(made, loaded=loaded)
+    worst = max(errors.values())
+    promise = CraftError(worst, band, dict(errors), (5,), "bus", growth or {})
+    out.__dict__["promise"] = promise
+    out.__dict__["sampled_poses"] = {
+        name: SampledError(error, 0.5) for name, error in sampled.items()
+    }
+    out.__dict__["_asked"] = SimpleNamespace(tolerance=tolerance, band=band, motions=(5,))
+    words = SimpleNamespace(loading=SimpleNamespace(words="the thrust"))
+    out.__dict__["_exact_poses"] = {name: [words] for name in errors}
+    return out
+
+
+def replace_of(made, **changes):
+    """A copy without what was worked out."""
+    names = ("appendages", "craft", "model", "warnings", "document")
+    return type(made)(**{name: getattr(made, name) for name in names}, **changes)
+
+
+@pytest.mark.parametrize(
+    ("craft_error", "sampled", "tolerance", "loaded", "growth", "met"),
+    [
+        (0.5, 0.0198, 0.02, False, False, True),  # 1.01 times the error within it
+        (0.0, 0.0199, 0.02, False, False, False),
+        (0.5, 0.0198, 0.02, True, False, False),
+        (0.01, 0.0198, 0.02, True, False, True),
+        (0.01, 0.01, 0.02, True, True, False),
+        (0.01, 0.01, None, False, False, None),
+        (0.01, 0.01, None, True, True, False),
+    ],
+)
+def test_the_larger_error_is_held_against_the_tolerance(
+    made, craft_error, sampled, tolerance, loaded, growth, met
+):
+    grows = {"burn": (0.2, 0.0)} if growth else {}
+    found = with_numbers(
+        made, {"rest": craft_error}, {"rest": sampled}, tolerance, grows, loaded=loaded
+    )
+    assert found.by_step
+    assert found.met is met
+    assert found.sampled_error == sampled
+
+
+def test_a_step_that_turns_by_more_than_26_tenths_in_the_band_meets_nothing(made):
+    for band, met in ((259.0, True), (261.0, False)):  # 0.01 s
+        found = with_numbers(made, {"rest": 0.0}, {"rest": 0.0}, 0.1, band=band)
+        assert found.met is met
+
+
+@pytest.mark.parametrize(
+    ("sampled", "tolerance", "ruined"), [(0.11, None, True), (0.09, None, False), (0.5, 0.6, False)]
+)
+def test_a_step_ruins_the_motion_above_a_tenth(made, sampled, tolerance, ruined):
+    found = with_numbers(made, {"rest": 0.0}, {"rest": 0.01, "turned": sampled}, tolerance)
+    assert found.ruined is ruined
+    assert ("above 0.1;" in found.headline) is ruined
+
+
+def test_the_worst_of_several_poses_is_named(made):
+    one = with_numbers(made, {"rest": 0.011}, {"rest": 0.012})
+    assert "worst" not in one.headline
+    several = with_numbers(
+        made, {"rest": 0.011, "near": 0.031, "turned": 0.02}, {"rest": 0.042, "turned": 0.012}
+    )
+    assert "3.10e-02 (worst of 3 poses: near)" in several.headline
+    assert "4.20e-02 when stepped by Euler at 0.01 s (worst: rest)" in several.headline
+    only = with_numbers(made, {"rest": 0.011, "near": 0.031}, {"rest": 0.012})
+    assert "(worst: " not in only.headline
+    assert "(worst of 2 poses: near)" in only.headline
+
+
+def test_rates_of_growth_are_said_as_times(made):
+    rates = {"burn": (0.25, 0.0), "slow": (0.0, 0.01)}
+    found = with_numbers(
+        made, {"rest": 0.0, "burn": 0.0, "slow": 0.0}, {"rest": 0.0}, None, rates, loaded=True
+    )
+    burn, slow = found.headline.split("Unstable at ")[1:]
+    assert burn.startswith("burn, the thrust: the exact spacecraft grows by a factor of e in 4 s")
+    assert "the file does not grow" in burn
+    assert "the exact spacecraft does not grow" in slow
+    assert "the file grows by a factor of e in 100 s" in slow
+    assert found.growth == {
+        "burn": {"exact": 0.25, "mujoco": 0.0}, "slow": {"exact": 0.0, "mujoco": 0.01},
+    }  # fmt: skip
+
+
+def test_without_a_step_the_error_is_that_of_the_continuous_motion(made):
+    found = with_numbers(made, {"rest": 0.03}, {"rest": 0.5}, 0.1)
+    assert found._error_at(Setting("Euler", 0.0, None)) == 0.03
+    # 0.8 rad/s at 3.3 s: beyond 2.6 rad
+    assert found._error_at(Setting("Euler", 3.3, None)) == np.inf
+
+
+def test_a_step_without_bound_is_not_blamed_on_a_resonance(made):
+    found = with_numbers(made, {"rest": 0.03, "turned": 0.03}, {"rest": 0.5, "turned": np.inf}, 0.1)
+    assert found.met is False
+    assert found.blamed == ""
+
+
+# -- places ----------------------------------------------------------------------------------------
+def test_positions_of_the_bare_craft_by_joint(made):
+    model, bare = made.model, made.craft
+    qpos = np.arange(1.0, model.nq + 1.0)
+    found = made.bare_qpos(qpos)
+    assert found.size == bare.nq == 9
+    assert found[:7].tolist() == qpos[:7].tolist()
+    for name in ("drive", "wheel"):
+        there = model.jnt_qposadr[model.joint(name).id]
+        assert found[bare.jnt_qposadr[bare.joint(name).id]] == qpos[there]
+
+
+def test_mass_centres_are_told_from_the_base_in_its_axes(made):
+    """4 m out along each; turned by 30 and by 180 degrees on a bus that is turned itself."""
+    out = LENGTH / 2.0 * np.array([np.cos(np.pi / 6.0), 0.5, 0.0])
+    assert made.mass_centres["fixed"] == pytest.approx(np.array([0.5, 0.2, 0.0]) + out, abs=1e-9)
+    assert made.mass_centres["turning"] == pytest.approx([-4.5, 0.0, 0.1], abs=1e-9)
+    whole = made.composite
+    # bus, drive and wheel of 6 kg each, two booms of 32 kg
+    masses = np.array([300.0, 6.0, 6.0, 32.0, 32.0])
+    places = np.array([[0.1, 0, 0], [-0.5, 0, 0.1], [0, 0, 0], *made.mass_centres.values()])
+    assert whole.mass == pytest.approx(masses.sum(), rel=1e-9)
+    assert whole.centre == pytest.approx(masses @ places / masses.sum(), abs=1e-9)
+
+
+# -- hubs ------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("mass", [5e-4, 3.0, 2e6])
+def test_only_a_loose_joint_makes_a_hub_another_than_what_is_rigidly_behind(mass):
+    """Of half a gram or of thousands of tons."""
+    light = boom(7.0 * mass, 0.01 * mass)
+    loose = bc.embed(craft(mass=mass), {"turning": light}, retime=False)
+    (a,) = loose.appendages
+    assert a.hub.apparent is not None
+    apparent = np.array(a.hub.apparent)
+    assert a.hub.mass == pytest.approx(0.02 * mass)
+    # along the drive and its arm the root moves bus and wheel too, about its axis only itself
+    assert apparent[[0, 2], [0, 2]] == pytest.approx([1.04 * mass] * 2)
+    assert apparent[5, 5] == pytest.approx(0.002 * mass, rel=1e-6)
+    (a,) = bc.embed(craft(mass=mass), {"fixed": light}, retime=False).appendages
+    assert a.hub.apparent is not None  # the wheel spins freely, and the drive turns
+    held = craft(mass=mass).replace('<joint name="drive" axis="0 0 1"/>', "")
+    held = held.replace('<joint name="wheel" axis="1 0 0"/>', "").replace(" 0.7 0", "")
+    (a,) = bc.embed(held, {"fixed": light}, retime=False).appendages
+    assert a.hub.apparent is None
+    assert a.hub.mass == pytest.approx(1.04 * mass)
+
+
+def test_equal_booms_on_unequal_hubs_have_fits_of_their_own():
+    both = bc.embed(craft(), {"fixed": boom(), "turning": boom()}, retime=False)
+    first, second = both.appendages
+    assert first.hub.mass != pytest.approx(second.hub.mass)
+    for a in both.appendages:
+        np.testing.assert_allclose(a.fit.hub_mass, a.hub.mass_matrix(), rtol=1e-9, atol=1e-9)
+    assert first.fit.hub_mass[0, 0] != pytest.approx(second.fit.hub_mass[0, 0])
+
+
+def test_what_the_exact_craft_is_compared_up_to(made):
+    """The last kept cantilever frequency, of each port."""
+    first, second = carried_by_craft(made.model, made.appendages)
+    wanted = 1.8751040687**2 * np.sqrt(2e3 / LINE) / LENGTH**2
+    for item, a in ((first, made.appendages[0]), (second, made.appendages[1])):
+        assert item.band == pytest.approx({"xy": wanted}, rel=1e-4)
+        assert [made.model.joint(int(made.model.dof_jntid[dof])).name for dof in item.dofs] == [
+            name for name in map(str, joints(made.model)) if name.startswith(a.prefix)
+        ]
+    (bare, _) = carried_by_craft(None, made.appendages)
+    assert bare.dofs == []
+    assert lightest_of_bodies(made.appendages)[0] == pytest.approx(
+        min(made.model.body_mass[i] for i in range(made.model.nbody) if moves(made, i))
+    )
+
+
+def joints(model):
+    return [model.joint(i).name for i in range(model.njnt)]
+
+
+def moves(made, body):
+    """Whether it is a link of an appendage that a hinge moves."""
+    name = made.model.body(body).name
+    of_booms = any(name.startswith(a.prefix) for a in made.appendages)
+    return of_booms and made.model.body_jntnum[body] > 0
+
+
+def test_a_thrust_beside_the_mass_centre_is_said_of_its_own_keyframe():
+    """2 N at 0.3 m from the centre, on at one keyframe of three."""
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><worldbody><body name="bus"><freejoint/><inertial pos="0 0 0" mass="9"
+        diaginertia="1 1 1"/><site name="jet" pos="0 0.3 0"/></body></worldbody>
+        <actuator><general site="jet" gear="2 0 0 0 0 0"/></actuator><keyframe>
+        <key name="still"/><key name="burn" ctrl="1"/><key name="coast"/></keyframe></mujoco>"""
+    )
+    result = SimpleNamespace(appendages=[SimpleNamespace(rigid=False)], craft=model, model=model)
+    loadings = {("still", 1): None, ("burn", 1): None, ("coast", 1): None, ("rest", 1): None}
+    (said,) = warnings_of_loads(result, [], loadings)
+    assert said.code == "thrust-offset"
+    assert "at burn" in said
+    assert "300 mm" in said
+    assert "0.6 N m" in said
+    result.appendages[0].rigid = True
+    assert warnings_of_loads(result, [], loadings) == []

@@ -1,0 +1,284 @@
+"""Numbers by hand beside the formulas of readers: cards, matrices over grids, what is rounding."""
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+
+from formulas import (
+    Boundary,
+    almost_body,
+    body_departure,
+    dmig_matrices,
+    is_noisy,
+    is_soft,
+    largest_forces,
+    largest_inner,
+    nearest_body,
+    noise_of_freedoms,
+    noise_of_motions,
+    read_bulk,
+    within_body,
+)
+
+ROUNDED = 1e-12
+
+
+# -- bulk data -------------------------------------------------------------------------------------
+def bulk_of(folder, *lines):
+    path = folder / "a.pch"
+    path.write_text("\n".join(lines) + "\n")
+    return path, read_bulk(path)
+
+
+def test_grids_in_coordinate_systems_of_each_kind(tmp_path):
+    """System 5 turns x, y, z into y, z, x about (1, 2, 3); 6 and 7 stand in it."""
+    _, bulk = bulk_of(
+        tmp_path,
+        "$ a remark",
+        "CORD2R,5,,1.,2.,3.,2.,2.,3.",  # z along x of the basic axes
+        ",1.,3.,3.",  # x along y
+        "CORD2C,6,5,0.,0.,4.,0.,0.,6.",
+        ",1.,0.,4.",
+        "CORD2S,7,5,0.,0.,0.,0.,0.,1.",
+        ",1.,0.,0.",
+        "GRID,11,5,10.,20.,30.,5",
+        "GRID,12,6,2.,30.,5.,6",
+        "GRID,13,7,2.,60.,90.,7",
+        "GRID,14,,7.,8.,9.",
+        f"GRID*   {15:16d}{'':16}{'1.5':>16}{'-2.5+1':>16}*",
+        f"*       {'3.5D-1':>16}{6:16d}",
+    )
+    turn = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
+    origin = np.array([1.0, 2.0, 3.0])
+    assert bulk.grids[11].at == pytest.approx([31.0, 12.0, 23.0])
+    assert bulk.grids[11].axes == pytest.approx(turn)
+    # 2 at 30 degrees, 5 above 4
+    own = np.array([np.sqrt(3.0), 1.0, 9.0])
+    assert bulk.grids[12].at == pytest.approx(origin + own @ turn)
+    radial = np.array([[np.sqrt(3.0), 1.0, 0.0], [-1.0, np.sqrt(3.0), 0.0], [0.0, 0.0, 2.0]]) / 2.0
+    assert bulk.grids[12].axes == pytest.approx(radial @ turn)
+    # 2 at 60 degrees from z, 90 degrees around it
+    own = np.array([0.0, np.sqrt(3.0), 1.0])
+    assert bulk.grids[13].at == pytest.approx(origin + own @ turn)
+    outwards = np.array([[0.0, np.sqrt(3.0), 1.0], [0.0, 1.0, -np.sqrt(3.0)], [-2.0, 0.0, 0.0]])
+    assert bulk.grids[13].axes == pytest.approx(outwards / 2.0 @ turn, abs=1e-12)
+    assert bulk.grids[14].at.tolist() == [7.0, 8.0, 9.0]
+    assert np.array_equal(bulk.grids[14].axes, np.eye(3))
+    # a number without a letter before its exponent, directions of system 6 at that place
+    assert bulk.grids[15].at == pytest.approx([1.5, -25.0, 0.35])
+    x, y, _ = (bulk.grids[15].at - origin) @ turn.T
+    around = np.array([[x, y, 0.0], [-y, x, 0.0], [0.0, 0.0, np.hypot(x, y)]]) / np.hypot(x, y)
+    assert bulk.grids[15].axes == pytest.approx(around @ turn)
+
+
+@pytest.mark.parametrize(("off", "line"), [(2e-9, False), (0.5e-9, True)])
+def test_three_points_on_a_line_make_no_axes(off, line, tmp_path):
+    lines = ("CORD2R,5,,0.,0.,0.,2.,0.,0.", f",3.,{3.0 * off!r},0.", "GRID,1,5,1.,0.,0.")
+    if line:
+        with pytest.raises(ValueError, match="lie on a line"):
+            bulk_of(tmp_path, *lines)
+    else:
+        assert bulk_of(tmp_path, *lines)[1].grids[1].at == pytest.approx([0.0, 1.0, 0.0], abs=1e-6)
+
+
+def test_points_in_their_order(tmp_path):
+    _, bulk = bulk_of(
+        tmp_path,
+        "SPOINT,7,THRU,10",
+        "SPOINT,3,4",
+        "GRID,5,,1.,2.,3.",
+        "EXTRN,5,1246,8,0,4,0",
+    )
+    assert bulk.scalars == (3, 4, 7, 8, 9, 10)
+    listed = [(5, 1), (5, 2), (5, 4), (5, 6), (8, 0), (4, 0)]
+    assert bulk.connected == tuple(listed)
+    assert bulk.freedoms() == (*listed, (3, 0), (7, 0), (9, 0), (10, 0))
+    _, plain = bulk_of(tmp_path, "SPOINT,7,THRU,8", "GRID,5,,1.,2.,3.")
+    assert plain.freedoms() == (*((5, c) for c in range(1, 7)), (7, 0), (8, 0))
+
+
+@pytest.mark.parametrize(("form", "kind", "precision"), [(6, 2, 5e-10), (1, 1, 6e-8)])
+def test_matrices_of_columns(form, kind, precision, tmp_path):
+    path, bulk = bulk_of(
+        tmp_path,
+        f"DMIG,KAAX,0,{form},{kind}",
+        "DMIG,KAAX,5,2,,5,2,4.0",
+        ",9,0,-1.5,,5,4,0.25",
+        "DMIG,KAAX,9,0,,9,0,8.0",
+        "DMIG,OTHER,0,1,2",
+        "DMIG,OTHER,77,1,,77,1,3.0",
+    )
+    matrices, freedoms = dmig_matrices(path, bulk, {"KAAX"})
+    assert freedoms == ((5, 2), (5, 4), (9, 0))
+    other = 1.0 * (form == 6)
+    wanted = [[4.0, 0.25 * other, -1.5 * other], [0.25, 0.0, 0.0], [-1.5, 0.0, 8.0]]
+    assert matrices["KAAX"].values.tolist() == wanted
+    assert matrices["KAAX"].precision == pytest.approx(precision)
+
+
+# -- rigid bodies and what is almost one -----------------------------------------------------------
+def departing(along, across, masses=10.0, inertia=1e3):
+    """A body whose mass depends on direction, and whose first moment is not antisymmetric."""
+    rigid = np.diag([masses] * 3 + [0.5 * inertia, inertia, 0.9 * inertia])
+    rigid[1, 5] = rigid[5, 1] = 2.0 * masses
+    rigid[2, 4] = rigid[4, 2] = -2.0 * masses
+    rigid[[0, 1, 2], [0, 1, 2]] += along * np.array([1.0, -0.5, -0.5])
+    rigid[3, 1] += across
+    rigid[1, 3] += across
+    rigid[4, 0] += across
+    rigid[0, 4] += across
+    return rigid
+
+
+@pytest.mark.parametrize(
+    ("along", "across", "noisy"),
+    [
+        # up to 2e-5 of 1000, and one no more than four times the other
+        (0.0199, 0.01, True),
+        (0.0201, 0.01, False),
+        (0.01, 0.0199, True),
+        (0.01, 0.0201, False),
+        (0.0039, 0.001, True),
+        (0.0041, 0.001, False),
+        (0.001, 0.0039, True),
+        (0.001, 0.0041, False),
+    ],
+)
+def test_noise_of_few_digits_is_small_and_alike_in_masses_and_moments(along, across, noisy):
+    assert is_noisy(departing(along, across)) is noisy
+
+
+@pytest.mark.parametrize(
+    ("along", "across", "share"),
+    [
+        (0.2, 0.0, 0.2 / 10.0),
+        (0.0, 0.2, 0.2 / 100.0),  # over the root of 10 kg times 1000 kg m^2
+        (0.02, 0.3, 0.3 / 100.0),
+    ],
+)
+def test_departure_from_a_rigid_body_is_over_its_masses(along, across, share):
+    assert body_departure(departing(along, across)) == pytest.approx(share)
+    # without inertia the rotations count as displacements by 1 m
+    bare = departing(along, across)
+    bare[3:, 3:] = 0.0
+    assert body_departure(bare) == pytest.approx(max(along, across) / 10.0)
+    assert body_departure(np.zeros((6, 6))) == np.inf
+
+
+def test_noise_of_freedoms_is_relative_and_up_to_its_coupling_absolute():
+    # a departure of 0.04, 0.2 kg of 5 kg
+    rigid = np.diag([5.2, 4.9, 4.9, 3.0, 3.0, 3.0])
+    for coupling, absolute in ((-0.1, 0.1), (0.3, 0.2)):
+        mass = np.diag([1.0, 16.0, 100.0])
+        mass[0, 2] = mass[2, 0] = coupling
+        wanted = np.sqrt(np.maximum(0.04 * np.array([1.0, 16.0, 100.0]), absolute))
+        assert noise_of_freedoms(mass, rigid) == pytest.approx(wanted, rel=1e-9)
+
+
+@pytest.mark.parametrize(("along", "across"), [(0.2, 0.3), (0.2, 4.0)])
+def test_noise_of_motions_is_what_no_body_has(along, across):
+    # of displacements: that of the masses, or of the first moments in proportion 1 / 10
+    moving = max(along, across * 0.1)
+    wanted = np.sqrt([moving] * 3 + [across**2 / moving] * 3)
+    assert noise_of_motions(departing(along, across)) == pytest.approx(wanted, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("along", "across", "precision", "taken"),
+    [
+        # 1e-3 of the mass, or 1e-2 where noise of few digits does so
+        (0.99e-2, 0.0, 1e-12, "said"),
+        (1.01e-2, 0.0, 1e-12, "left"),
+        (0.99e-1, 0.05, 1e-12, "said"),
+        (1.01e-1, 0.05, 1e-12, "left"),
+        # 1e-9, or a hundred precisions, need no word
+        (0.9e-8, 0.0, 1e-12, "plain"),
+        (1.1e-8, 0.0, 1e-12, "said"),
+        (0.9e-5, 0.0, 1e-8, "plain"),
+        (1.1e-5, 0.0, 1e-8, "said"),
+    ],
+)
+def test_almost_a_body_becomes_one(along, across, precision, taken):
+    rigid = departing(along, across, inertia=1e4)
+    found, words = almost_body(rigid, precision)
+    assert bool(words) == (taken == "said")
+    if taken == "left":
+        assert found is rigid
+    else:
+        assert found == pytest.approx(nearest_body(rigid), rel=1e-12)
+        assert found[3, 1] == 0.0
+
+
+@pytest.mark.parametrize("room", [0.0, 0.3])
+@pytest.mark.parametrize("polar", [0.8, 0.0])
+def test_participation_within_a_body_is_cut_at_its_share(room, polar):
+    """`U min(s, sqrt(1 - room)) V^T R` of `L = U s V^T R`, `M = R^T R`."""
+    mass = departing(0.0, 0.0)
+    mass[3, 3] = polar
+    live = np.array([0, 1, 2, 4, 5] if polar == 0.0 else range(6))
+    root = np.linalg.cholesky(mass[np.ix_(live, live)]).T
+    random = np.random.default_rng(4)
+    left = np.linalg.qr(random.normal(size=(7, 3)))[0]
+    right = np.linalg.qr(random.normal(size=(live.size, 3)))[0].T
+    for shares in ([1.2, 0.9, 0.3], [0.8, 0.5, 0.1]):
+        rows, wanted = np.zeros((7, 6)), np.zeros((7, 6))
+        rows[:, live] = (left * shares) @ right @ root
+        wanted[:, live] = (left * np.minimum(shares, np.sqrt(1.0 - room))) @ right @ root
+        assert within_body(rows, mass, room) == pytest.approx(wanted, rel=1e-9, abs=1e-10)
+
+
+# -- forces at a port ------------------------------------------------------------------------------
+MOTION = np.array(
+    [
+        [1.0, 0.0, 0.0, 0.0, 2.0, -3.0],
+        [0.0, 0.6, 0.8, 1.0, 0.0, 0.5],
+        [0.0, 0.0, 0.0, 1.0, 0.0, 0.0],
+        [0.0, 0.0, 0.0, 0.0, 0.6, 0.8],
+        [0.0, 0.0, 0.0, 0.0, 0.8, -0.6],
+    ]
+)
+
+
+def test_forces_that_no_freedom_of_a_port_exceeds():
+    """Soft ones count as 1e-10 of the stiffest shift, or of the stiffest rotation."""
+    stiffness = np.diag([1e3, 1e-9, 50.0, -1.0, 2.0])
+    stiffness[0, 1] = stiffness[1, 0] = 7.0  # only the diagonal counts
+    clipped = np.array([1e3, 1e-9, 50.0, 0.0, 2.0])
+    own = np.array([1e3, 1e-7, 50.0, 5e-9, 2.0])
+    energy = [sum(k * m**2 for k, m in zip(clipped, column, strict=True)) for column in MOTION.T]
+    wanted = np.sqrt(np.outer(own, energy))
+    assert largest_forces(stiffness, MOTION) == pytest.approx(wanted, rel=ROUNDED, abs=1e-200)
+    only = largest_forces(stiffness[2:, 2:], MOTION[2:])
+    energy = [sum(clipped[2:] * column[2:] ** 2) for column in MOTION.T]
+    assert only == pytest.approx(np.sqrt(np.outer(own[2:], energy)), rel=ROUNDED, abs=1e-200)
+
+
+def test_forces_that_no_inner_freedom_exceeds():
+    stiffness = np.diag([4.0, 1e3, 9.0, 20.0, -2.0, 50.0, 3.0, 2.0])
+    boundary = Boundary((1, 3, 5, 6, 7), MOTION)
+    held = np.array([1e3, 20.0, 50.0, 3.0, 2.0])
+    energy = held @ MOTION**2
+    found = largest_inner(stiffness, [0, 2, 4], boundary)
+    assert found == pytest.approx(np.sqrt(np.outer([4.0, 9.0, 0.0], energy)), abs=1e-200)
+
+
+@pytest.mark.parametrize("where", [(0, 0), (4, 1), (2, 5)])
+def test_a_support_is_soft_where_the_whole_goes_on_it_a_thousand_times_slower(where):
+    random = np.random.default_rng(8)
+    outer, inner = [0, 1, 3, 4, 6, 7], [5, 2]
+    motion = random.normal(size=(6, 6))
+    follow = random.normal(size=(2, 6))
+    mass = np.diag(random.uniform(1.0, 2.0, 8))
+    mass[2, 5] = mass[5, 2] = 0.3
+    k_ii = np.array([[90.0, -20.0], [-20.0, 40.0]])
+    whole = np.zeros((8, 6))
+    whole[outer], whole[inner] = motion, follow
+    moved = [column @ mass @ column for column in whole.T]
+    lowest = eigh(k_ii, mass[np.ix_(inner, inner)], eigvals_only=True)[0]
+    i, j = where
+    limit = 1e-6 * lowest * np.sqrt(moved[i] * moved[j])
+    for part, soft in ((0.999, True), (-0.999, True), (1.001, False), (-1.001, False)):
+        held = np.zeros((6, 6))
+        held[i, j] = part * limit
+        boundary = Boundary(tuple(outer), motion)
+        assert is_soft(held, mass, k_ii, follow, inner, boundary) is soft
