@@ -10,12 +10,12 @@ import pytest
 import beamchain as bc
 from beamchain.robust.least_margins import LeastMargin, WorstMargins
 from beamchain.robust.search import Peak, Resonances
+from formulas import linear_craft
 from robust_doors import (
     LoopsOfSamples,
     SampleLoops,
     SteppedController,
     ascent,
-    linear_craft,
     measured_in_mujoco,
     plan_of_run,
     reaches_output,
