@@ -303,6 +303,29 @@ def test_systems_of_python_control_in_a_mapping_and_as_one():
         wanted = np.array([[2.0 / (s + 3.0), 0.7], [0.0, s / (s + 4.0)]])
         np.testing.assert_allclose(whole.response(S)[k], wanted, atol=1e-12)
     assert feedback({("u", "x"): 2.0}, SIGNALS).step is None
+    for rational in (made, whole):
+        assert rational.delays == (0.0, 0.0)
+        assert not rational.delayed
+
+
+def test_a_loop_that_gives_nothing_stands_beside_one_that_does():
+    made = feedback({("u", "x"): control.tf([0.0], [1.0, 1.0]), ("v", "y"): 2.0}, SIGNALS)
+    np.testing.assert_array_equal(made.response(S), np.broadcast_to(np.diag([0.0, 2.0]), (2, 2, 2)))
+    assert [part.shape for part in made.realise(0)] == [(0, 0), (0, 2), (2, 0), (2, 2)]
+    assert made.step is None
+
+
+def test_outputs_that_an_input_is_fed_from_go_through_any_number_of_states():
+    """x1 <- y, x2 <- x1, ..., x6 <- x5; u sees x6, v sees x0, which w drives."""
+    a = np.zeros((7, 7))
+    a[np.arange(2, 7), np.arange(1, 6)] = -0.5
+    b, c = np.zeros((7, 2)), np.zeros((3, 7))
+    b[1, 0], b[0, 1] = 3.0, -0.1
+    c[0, 6], c[1, 0] = 0.2, -2.0
+    d = np.zeros((3, 2))
+    d[2, 0], d[1, 1] = -4.0, 0.01
+    made = feedback(control.ss(a, b, c, d, inputs=["y", "x"], outputs=["u", "v", "w"]), SIGNALS)
+    assert made.measured((a, b, c, d)) == [[1], [0], [1]]
 
 
 @pytest.mark.parametrize(("factor", "kept"), [(1.0 + 0.9e-9, True), (1.0 + 1.1e-9, False)])
