@@ -148,6 +148,18 @@ def test_of_several_crossings_those_next_to_one_count():
     assert found.lowest == pytest.approx((0.4, 2.0))
 
 
+@pytest.mark.parametrize("falls", [True, False])
+def test_a_response_that_is_negative_on_one_side_of_its_crossing_alone(falls):
+    """0.3 and -0.9 at the points of the grid, -0.3 between them."""
+    ends = [0.3, -0.9] if falls else [-0.9, 0.3]
+
+    def at(s):
+        return np.interp(s.imag, [0.5, 1.5], ends) + 0.1j * np.cos(np.pi * s.imag / 2.0)
+
+    found = figures(closed_of(alone(at), np.array([0.5, 1.5])))
+    assert found.gain == pytest.approx((1.0 / 0.3, 1.0))
+
+
 def test_a_factor_just_above_one_limits_the_gain_and_not_its_fall():
     omega = np.arange(0.5, 4.0)
     real = {1.0: -1.0 / 0.4, 2.0: -1.0 / 1.05, 3.0: -0.1}
@@ -184,8 +196,9 @@ def test_responses_at_rest_that_are_real_limit_the_gain(size, limited):
     found = figures(closed_of(loop))
     assert found.gain == (pytest.approx((2.0, 0.0)) if limited else (np.inf, np.inf))
     # an integrator is not at rest: its size still grows, and it is imaginary
-    for order in (1, 2):
-        rising = figures(closed_of(alone(lambda s, n=order: -0.01 / s**n / (s + 1.0) ** 2)))
+    for order, sign in ((1, -1.0), (2, -1.0), (2, 1.0)):
+        size = 0.01 * sign
+        rising = figures(closed_of(alone(lambda s, n=order, k=size: k / s**n / (s + 1.0) ** 2)))
         assert rising.lowest.frequency != 0.0
         assert rising.gain.frequency != 0.0
 

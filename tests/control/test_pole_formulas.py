@@ -150,6 +150,22 @@ def test_poles_that_are_one_share_a_plane():
     assert apart[0] == 0
 
 
+@pytest.mark.parametrize(
+    ("at", "apart", "order"),
+    [
+        (0.0, 0.9e-6, [0, 1, 2]),
+        (0.0, 1.1e-6, [1, 0, 2]),
+        (2.0, 2.9e-6, [0, 1, 2]),
+        (2.0, 3.1e-6, [1, 0, 2]),
+    ],
+)
+def test_poles_within_a_millionth_are_told_apart_by_distance_alone(at, apart, order):
+    """1e-6 (at + 1e-3 1000), whatever their directions, which have changed places."""
+    poles = np.array([at, at + apart, 1000.0]) + 0j
+    swapped = np.eye(3)[:, [1, 0, 2]] + 0j
+    assert continued_poles(poles, np.eye(3) + 0j, poles, swapped).tolist() == order
+
+
 def test_poles_that_pass_each_other_keep_their_directions():
     """Two that swap places: by distance alone each would stay."""
     turned = np.linalg.qr(RANDOM.normal(size=(2, 2)))[0]
@@ -192,6 +208,14 @@ def test_the_gain_from_which_on_a_pole_grows(middle, gain, at):
     if at is not None:
         assert abs(there.imag) == pytest.approx(2.0)
         assert there.real == pytest.approx(0.0, abs=1e-6)
+
+
+def test_the_gain_is_found_between_two_poles_alone():
+    closed = second_order(lambda g: 0.4 - g, 4.0)
+    ends = [max(poles_at(closed, gain), key=lambda one: one.value.imag) for gain in (0.3, 0.5)]
+    found, there = crossing(closed, ends, growth)
+    assert found == pytest.approx(0.4, abs=1e-9)
+    assert there == pytest.approx(2j, abs=1e-6)
 
 
 def test_a_pole_that_comes_back_from_infinity():

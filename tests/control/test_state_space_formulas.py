@@ -29,6 +29,7 @@ from formulas import (
     crossing_of_zero,
     growth_of_poles,
     limited_by_modes_above,
+    limiting_modes,
     realise_controller,
     realise_fraction,
     response_of_loop,
@@ -375,6 +376,80 @@ def test_frequencies_dampings_and_gains_of_modes(step):
         assert plant.gain[k, 0, 0] == pytest.approx(wanted, rel=1e-4 if step else 1e-12)
 
 
+def test_gains_of_a_plant_whose_states_hold_its_inputs():
+    """x' = A x + B (u + p)/2, p' = u: over the size of its polynomial at s = j w a gain is the
+    size of the mode's share of the response at z = exp(j w h)."""
+    _, (a, b, c) = oscillators(0.0)
+    step = 0.3
+    over, drive, _, _ = sampled_by_hand((a, b, c, None), step)
+    whole = np.zeros((5, 5))
+    whole[:4, :4], whole[:4, 4:] = over, drive / 2.0
+    names = ("one", "one_rate", "two", "two_rate", "held")
+    into, seen = np.vstack([drive / 2.0, [[1.0]]]), np.hstack([c, [[0.0]]])
+    form = ModalForm(whole, into, seen, np.zeros((1, 1)), names, ("",) * 5, np.ones(5), (0, 0))
+    signals = (["torque"], ["angle"], ["N m"], ["rad"])
+    plant = Plant(form, signals, ["one", "two"], timestep=step)
+    for k, (w, ratio) in enumerate(((3.0, 0.02), (8.0, 0.1))):
+        assert plant.frequency[k] == pytest.approx(w)
+        at = slice(2 * k, 2 * k + 2)
+        z = np.exp(1j * w * step)
+        acting = drive[at] * (1.0 + 1.0 / z) / 2.0
+        share = abs((c[:, at] @ np.linalg.solve(z * np.eye(2) - over[at, at], acting))[0, 0])
+        polynomial = abs((1j * w) ** 2 + 2.0 * ratio * w * (1j * w) + w**2)
+        assert plant.gain[k, 0, 0] == pytest.approx(share * polynomial, rel=1e-10)
+    assert plant.time_error is None
+    assert plant.sampled_error is None
+
+
+@pytest.mark.parametrize("step", [0.0, 0.05])
+def test_what_leaving_a_mode_out_costs_in_every_channel(step):
+    """|G - G_exact| / |G_exact|; of a channel that is none beside the largest, times 1e-12."""
+    exact, (a, b, c) = oscillators(0.0)
+    first = tuple(part[:2] if part is b else part[:, :2] for part in (b, c))
+    kept = (a[:2, :2], *first, np.zeros((1, 1)))
+    if step:
+        held = np.linalg.solve(kept[0], (expm(step * kept[0]) - np.eye(2)) @ kept[1])
+        kept = (expm(step * kept[0]), held, *kept[2:])
+    asked = []
+
+    def beyond(omega):
+        asked.append(omega)
+        return exact
+
+    form = ModalForm(*kept, ("one", "one_rate"), ("",) * 2, np.ones(2), (0, 0))
+    signals = (["torque"], ["angle"], ["N m"], ["rad"])
+    errors = lambda: ("worst", 0.25)  # noqa: E731
+    plant = Plant(form, signals, ["one"], timestep=step or None, exact=beyond, errors=errors)
+    omega = np.array([1.0, 7.0, 4.0])
+    found = plant.truncation(omega)
+    for k, w in enumerate(omega):
+        true = value((a, b, c, np.zeros((1, 1))), 1j * w)
+        ours = value(kept, np.exp(1j * w * step) if step else 1j * w)
+        assert found[0, 0, k] == pytest.approx(abs((ours - true) / true)[0, 0])
+    assert asked == [7.0]
+    assert plant.exact is exact
+    assert asked[1] == pytest.approx(3.0)
+    assert (plant.time_error, plant.sampled_error) == ("worst", 0.25)
+    assert plant.record()["Ts"] == step
+    with pytest.raises(bc.InputError, match="exact"):
+        _ = exact.exact
+
+
+def test_a_channel_that_is_none_is_compared_with_the_largest():
+    """1e-12 of it, at the same frequency."""
+
+    def plant(quiet, exact=""):
+        c = np.array([[1.0, 0.0], [quiet, 0.0]])
+        a, b = np.array([[0.0, 1.0], [-9.0, -0.6]]), np.array([[0.0], [1.0]])
+        form = ModalForm(a, b, c, np.zeros((2, 1)), ("m", "m_rate"), ("",) * 2, np.ones(2), (0, 0))
+        return Plant(form, (["u"], ["x", "y"], [""], ["", ""]), ["m"], exact=exact)
+
+    exact = plant(1e-15)
+    found = plant(3e-12, lambda _: exact).truncation([1.0, 5.0])
+    assert found[0, 0] == pytest.approx([0.0, 0.0])
+    assert found[1, 0] == pytest.approx([2.999, 2.999])
+
+
 def test_products_of_zeros_and_poles_of_a_step():
     """prod (z - z_i) / (s - s_i), and its limit at a pole itself."""
     s, step = 0.2 + 1.5j, 0.3
@@ -383,6 +458,52 @@ def test_products_of_zeros_and_poles_of_a_step():
     wanted = np.prod((z - poles) / (s - of))
     assert zero_pole_product(poles, z, step) == pytest.approx(wanted)
     assert zero_pole_product(np.array([z]), z, step) == pytest.approx(step * z)
+
+
+# -- the mode that limits a figure -----------------------------------------------------------------
+def limited_at(omega, frequency, ratio, gain, names, step=0.0):
+    gain = np.array(gain, dtype=float)
+    plant = SimpleNamespace(
+        modes=tuple(names),
+        frequency=np.array(frequency),
+        damping_ratio=np.array(ratio),
+        gain=gain.reshape(len(names), -1, 1),
+        output_names=["angle", "rate"],
+        input_names=["torque"],
+    )
+    outputs = ("angle", "rate")[: plant.gain.shape[1]]
+    loop = SimpleNamespace(outputs=outputs, input="torque", limited={"gain": omega})
+    return limiting_modes(plant, loop, step).get("gain")
+
+
+@pytest.mark.parametrize(("beside", "name"), [(1.85, "at"), (1.95, "beside")])
+def test_the_mode_that_answers_most_limits_a_figure(beside, name):
+    """1 / (2 0.05 10 10) = 0.1 of a mode at 10 rad/s, 1.9 / (10^2 - 9^2) of one at 9, undamped."""
+    found = limited_at(10.0, [10.0, 9.0], [0.05, 0.0], [1.0, beside], ["at", "beside"])
+    assert found == name
+
+
+@pytest.mark.parametrize(("mode", "near"), [(8.1, True), (7.9, False), (11.9, True), (12.1, False)])
+def test_a_mode_within_a_fifth_of_a_figure_may_limit_it(mode, near):
+    found = limited_at(10.0, [mode], [0.01], [1.0], ["mode"])
+    assert found == ("mode" if near else None)
+
+
+@pytest.mark.parametrize(("size", "shown"), [(0.011, True), (0.009, False)])
+def test_modes_show_beside_the_largest_of_the_appendages_in_any_output(size, shown):
+    """In the second output; a wheel's own mode is as large as it likes, all gains are small."""
+    gains = 1e-6 * np.array([[500.0, 900.0], [1.0, 1.0], [0.0001, size]])
+    names = ["wheel", "boom_mode1_xy", "boom_mode2_xy"]
+    found = limited_at(10.0, [3.0, 1.0, 10.0], [0.01] * 3, gains, names)
+    assert found == ("boom_mode2_xy" if shown else None)
+
+
+@pytest.mark.parametrize("turns", [0, 1, 2])
+def test_samples_show_a_fast_mode_as_a_slow_one(turns):
+    """3 rad/s and 5 or 10 more or less, sampled every 2 pi / 5 s: 2 rad/s."""
+    for frequency in (5.0 * turns + 2.0, 5.0 * turns + 3.0):
+        assert limited_at(2.0, [frequency], [0.01], [1.0], ["m"], 2.0 * np.pi / 5.0) == "m"
+        assert limited_at(3.0, [frequency], [0.01], [1.0], ["m"], 2.0 * np.pi / 5.0) is None
 
 
 # -- what stands above the modes kept --------------------------------------------------------------
