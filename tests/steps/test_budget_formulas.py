@@ -260,3 +260,27 @@ def test_inertia_about_the_mass_centre_of_a_mass_matrix():
     whole[:3, :3], whole[3:, :3], whole[:3, 3:] = mass * np.eye(3), mass * cross, -mass * cross
     whole[3:, 3:] = INERTIA + mass * (c @ c * np.eye(3) - np.outer(c, c))
     np.testing.assert_allclose(central_inertia(whole), INERTIA, rtol=1e-12)
+
+
+# -- made exact in time ----------------------------------------------------------------------------
+BOOM = """<mujoco><option gravity="0 0 0" timestep="0.01"/><worldbody>
+<body name="bus"><freejoint/><inertial pos="0 0 0" mass="8" diaginertia="5 6 7"/>
+<body name="link" pos="1 0 0"><joint name="hinge" axis="0 0 1"/>
+<inertial pos="0.5 0 0" mass="1.5" diaginertia="0.5 0.5 0.625"/></body></body></worldbody>
+<tendon><fixed name="boom_mode1_xy" stiffness="20"><joint joint="hinge" coef="1"/>
+</fixed></tendon><keyframe><key name="far" qpos="4 -1 2 0.5 0.5 -0.5 0.5 0"/></keyframe></mujoco>"""
+
+
+@pytest.mark.parametrize("pose", [None, "far"])
+@pytest.mark.parametrize("integrator", ["Euler", "implicitfast"])
+def test_the_mode_of_a_held_boom_is_exact_wherever_the_craft_is(integrator, pose):
+    """1 + a = k h^2 / (4 sin^2(w h / 2)), without damping."""
+    model = mujoco.MjModel.from_xml_string(BOOM)
+    done = bc.retime(model, 0.05, integrator, pose=pose)
+    wanted = 20.0 * 0.05**2 / (4.0 * np.sin(np.sqrt(20.0) * 0.05 / 2.0) ** 2) - 1.0
+    assert done.model.tendon_armature[0] == pytest.approx(wanted, rel=1e-9)
+    assert done.model.tendon_stiffness[0] == 20.0
+    assert done.model.opt.timestep == 0.05
+    (mode,) = done.modes
+    assert (mode.name, mode.slowed) == ("boom_mode1_xy", False)
+    assert mode.frequency == pytest.approx(np.sqrt(20.0))
