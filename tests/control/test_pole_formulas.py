@@ -391,6 +391,16 @@ def test_a_loop_is_opened_wholly_to_see_whether_its_pole_ends():
     ]
 
 
+def test_slow_poles_that_lie_together_are_told_apart_like_fast_ones():
+    """All of it 1e-4 times as fast, and as far from the open poles."""
+    modes = [(3e-3, 0.05, [1.0, 0.0], [1.0, 0.0]), (3.03e-3, 0.05, [0.0, 1.0], [0.0, 1.0])]
+    closed = modal_loop(modes, [-5e-4, -4e-4])
+    growth_of = np.array([2e-4, 0.97e-4]) / 2.0
+    poles = growth_of + 1j * np.sqrt(np.array([3e-3, 3.03e-3]) ** 2 - growth_of**2)
+    found = owners_of_poles(closed, poles, start_of_poles(closed))
+    assert [(one.input, one.is_same) for one in found] == [("u", True), ("v", True)]
+
+
 def test_told_of_progress_the_fastest_first():
     modes = [(3.0, 0.05, [1.0, 0.0], [1.0, 0.0]), (7.0, 0.05, [0.0, 1.0], [0.0, 1.0])]
     told = []
@@ -487,3 +497,17 @@ def test_signs_are_asked_for_once_where_two_poles_or_more_grow_at_any_gain():
     assert "u and v" in asked
     assert " 2 poles" in asked
     assert others == [f"{one.finding}." for one in (pushed("v"), ringing, pushed("u"))]
+
+
+def test_the_gain_of_every_loop_to_blame_is_told_once_where_it_is_the_same():
+    def told(**alone):
+        return bc.results.Instability(0.3 + 4j, "m1", "mode", 0.9, 4.0, alone, (), 0.0).finding
+
+    assert told(u=0.123, v=0.1234).count("0.12 ") == 1
+    apart = told(u=0.123, v=0.456)
+    assert apart.index("u (") < apart.index("0.12 ") < apart.index("v (") < apart.index("0.46 ")
+    none = told()
+    assert "0.9 " in none
+    both = bc.results.Instability(0.3 + 0j, "m1", "mode", 0.0, 0.0, {"w": 0.0, "u": 0.0, "v": 0.0},
+                                  (), 0.0)  # fmt: skip
+    assert "u, v and w" in sentences_of([both, both])[0]
