@@ -506,8 +506,13 @@ def test_the_gain_of_every_loop_to_blame_is_told_once_where_it_is_the_same():
     assert told(u=0.123, v=0.1234).count("0.12 ") == 1
     apart = told(u=0.123, v=0.456)
     assert apart.index("u (") < apart.index("0.12 ") < apart.index("v (") < apart.index("0.46 ")
+    assert "0.05 " in told(u=0.05)
     none = told()
     assert "0.9 " in none
+    assert "no solution" not in none
+    endless = bc.results.Instability(0.3 + 4j, "m1", "mode", 0.9, np.inf, {}, (), 0.0)
+    assert endless.finding.startswith(none)
+    assert "0.9 of" in endless.finding.removeprefix(none)
     both = bc.results.Instability(0.3 + 0j, "m1", "mode", 0.0, 0.0, {"w": 0.0, "u": 0.0, "v": 0.0},
                                   (), 0.0)  # fmt: skip
     assert "u, v and w" in sentences_of([both, both])[0]

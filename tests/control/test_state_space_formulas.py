@@ -110,6 +110,29 @@ def test_states_that_link_an_input_to_an_output():
         assert linking((whole, b, seen[None].astype(float), np.zeros((1, 1)))) == kept
 
 
+@pytest.mark.parametrize(("inputs", "outputs"), [(1e6, 1e-6), (1e-6, 1e6)])
+def test_units_of_signals_do_not_change_what_they_link(inputs, outputs):
+    """A state that is driven, or seen, by 1e-10 of the largest, and one by 1e-12."""
+    for size, kept in ((1e-10, [0, 1]), (1e-12, [1])):
+        for b, c in (([size, 1.0], [1.0, 1.0]), ([1.0, 1.0], [size, 1.0])):
+            whole = -np.eye(2), inputs * np.array([b]).T, outputs * np.array([c]), np.zeros((1, 1))
+            assert linking(whole) == kept
+
+
+@pytest.mark.parametrize("spread", [1.0, 1e5, 1e-5])
+def test_what_stands_still_is_found_in_any_units_of_the_states(spread):
+    """A moves nothing along (1, 1/2, 2), and C does not see it."""
+    still, units = np.array([1.0, 0.5, 2.0]), np.array([1.0, spread, 1.0 / spread])
+    away = np.eye(3) - np.outer(still, still) / (still @ still)
+    a = away @ np.diag([-1.0, -2.0, -3.0]) @ away
+    c = np.array([[1.0, 2.0, -1.0]])
+    a, seen = units[:, None] * a / units, c @ away / units
+    found = standing_still(a, seen)
+    assert found.shape == (3, 1)
+    np.testing.assert_allclose(found[:, 0] / found[0, 0], still * units, rtol=1e-6)
+    assert standing_still(a, np.array([[1.0, 0.5, 2.0]]) / units).shape == (3, 0)
+
+
 def test_some_of_the_signals_and_their_states():
     apart = tuple(block_diag(*same) for same in zip(ONE, OTHER, strict=True))
     a, b, c, d = picked(apart, [3, 4], [5, 4])
@@ -319,12 +342,12 @@ def test_a_loop_that_gives_nothing_stands_beside_one_that_does():
 def test_outputs_that_an_input_is_fed_from_go_through_any_number_of_states():
     """x1 <- y, x2 <- x1, ..., x6 <- x5; u sees x6, v sees x0, which w drives."""
     a = np.zeros((7, 7))
-    a[np.arange(2, 7), np.arange(1, 6)] = -0.5
+    a[np.arange(2, 7), np.arange(1, 6)] = -0.05
     b, c = np.zeros((7, 2)), np.zeros((3, 7))
-    b[1, 0], b[0, 1] = 3.0, -0.1
-    c[0, 6], c[1, 0] = 0.2, -2.0
+    b[1, 0], b[0, 1] = 0.03, -0.01
+    c[0, 6], c[1, 0] = 0.02, -0.04
     d = np.zeros((3, 2))
-    d[2, 0], d[1, 1] = -4.0, 0.01
+    d[2, 0], d[1, 1] = -0.05, 0.01
     made = feedback(control.ss(a, b, c, d, inputs=["y", "x"], outputs=["u", "v", "w"]), SIGNALS)
     assert made.measured((a, b, c, d)) == [[1], [0], [1]]
 
@@ -431,6 +454,10 @@ def test_what_leaving_a_mode_out_costs_in_every_channel(step):
     assert asked[1] == pytest.approx(3.0)
     assert (plant.time_error, plant.sampled_error) == ("worst", 0.25)
     assert plant.record()["Ts"] == step
+    plant.truncation(0.05)
+    assert asked[2] == 0.05
+    assert (plant.input_names, plant.input_units) == (("torque",), ("N m",))
+    assert (plant.output_names, plant.output_units) == (("angle",), ("rad",))
     with pytest.raises(bc.InputError, match="exact"):
         _ = exact.exact
 
