@@ -160,6 +160,14 @@ def test_a_response_that_is_negative_on_one_side_of_its_crossing_alone(falls):
     assert found.gain == pytest.approx((1.0 / 0.3, 1.0))
 
 
+@pytest.mark.parametrize("size", [8e-6, 8e4])
+def test_loops_of_any_size_cross_the_phase(size):
+    """k / (s + 1)^3 is -k / 8 at sqrt(3)."""
+    found = figures(closed_of(alone(lambda s: size / (s + 1.0) ** 3)))
+    limit = found.gain if size < 8.0 else found.lowest
+    assert limit == pytest.approx((8.0 / size, np.sqrt(3.0)), rel=1e-8)
+
+
 def test_a_factor_just_above_one_limits_the_gain_and_not_its_fall():
     omega = np.arange(0.5, 4.0)
     real = {1.0: -1.0 / 0.4, 2.0: -1.0 / 1.05, 3.0: -0.1}

@@ -66,8 +66,9 @@ def test_the_matrices_behind_a_budget():
     np.testing.assert_allclose(found.stiffness - np.diag(np.diag(found.stiffness)), 0.0, atol=1e-6)
 
 
-FREE = """<mujoco><option gravity="0 0 0"/><worldbody><body><freejoint/>
-<inertial pos="0 0 0" mass="2" diaginertia="1 2 2.5"/><body pos="1 0 0">
+FREE = """<mujoco><option gravity="0 0 0"/><worldbody>
+<body pos="3 -2 5" euler="20 35 -50"><freejoint/>
+<inertial pos="0.1 0.2 0.3" mass="2" diaginertia="1 2 2.5"/><body pos="1 0 0" euler="10 40 5">
 <joint name="wheel" axis="0 0 1"/><inertial pos="0.3 0 0" mass="1" diaginertia="1 1 1"/>
 </body></body></worldbody></mujoco>"""
 
