@@ -117,6 +117,10 @@ def test_units_of_signals_do_not_change_what_they_link(inputs, outputs):
         for b, c in (([size, 1.0], [1.0, 1.0]), ([1.0, 1.0], [size, 1.0])):
             whole = -np.eye(2), inputs * np.array([b]).T, outputs * np.array([c]), np.zeros((1, 1))
             assert linking(whole) == kept
+    # a chain, whose elements of A are compared within their row
+    for size, kept in ((1e-13, [0, 1]), (1e-15, [])):
+        a = inputs * np.array([[-1.0, 0.0], [size, -1.0]])
+        assert linking((a, np.eye(2)[:, :1], np.eye(2)[1:], np.zeros((1, 1)))) == kept
 
 
 @pytest.mark.parametrize("spread", [1.0, 1e5, 1e-5])
