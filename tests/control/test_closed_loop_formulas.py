@@ -279,3 +279,11 @@ def test_motion_at_rest_that_a_loop_does_not_touch_is_no_part_of_it(step):
     z = 0.4 + 0.3j
     np.testing.assert_allclose(value(found.plant, z), value(plant, z))
     assert (found.step, found.held) == (step, None)
+
+
+def test_poles_at_z_zero_are_left_out():
+    """z = 0.5 is fed back with the gain 0.5."""
+    plant = control.ss([[0.5]], [[1.0]], [[1.0]], 0.0, 0.1)
+    assert bc.margins(plant, control.ss([], [], [], 0.5)).poles.size == 0
+    (pole,) = bc.margins(plant, control.ss([], [], [], 0.3)).poles
+    assert pole == pytest.approx(np.log(0.2) / 0.1)
