@@ -8,20 +8,19 @@ import inspect
 import json
 import re
 from importlib import import_module
-from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
 import msgspec
 import typer
 
+import beamchain
 from beamchain.cli import app
 
-#: packages beside the core, those that are there
-PRODUCTS = tuple(
-    name
-    for name in ("robust", "pointing", "identification", "worlds")
-    if find_spec(f"beamchain.{name}")
-)
+SOURCE = Path(beamchain.__file__).parent
+#: packages beside the core, and those that are there
+BESIDE = ("robust", "pointing", "identification", "worlds")
+PRODUCTS = tuple(name for name in BESIDE if (SOURCE / name / "__init__.py").is_file())
 #: modules whose public names stand beside those of `beamchain`
 MODULES = ("spec", "results", *PRODUCTS)
 #: TOML files that a user writes: page, title, what it is, and the struct that reads it
@@ -430,7 +429,7 @@ def _told(part: str) -> list[str]:
 def is_there(name: str) -> bool:
     """Whether the package that a name below `beamchain` stands in has not been taken out."""
     first = name.partition(".")[0]
-    return "." not in name or find_spec(f"beamchain.{first}") is not None
+    return first in PRODUCTS or first not in BESIDE
 
 
 def _thing(name: str) -> Any:

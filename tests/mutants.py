@@ -29,9 +29,13 @@ from _pytest.runner import runtestprotocol
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "generator" / "beamchain"
-FOLDERS = (
-    *("ports", "structure", "chain", "engine", "steps"),
-    *("fitting", "craft", "control", "robust", "pointing", "variants"),
+FOLDERS = tuple(
+    name
+    for name in (
+        *("ports", "structure", "chain", "engine", "steps"),
+        *("fitting", "craft", "control", "robust", "pointing", "variants"),
+    )
+    if (PACKAGE / name / "__init__.py").is_file()
 )
 ROUNDING = 1e-6  # constants up to here are thresholds of rounding, and stay
 OPERATORS: dict[type[ast.AST], tuple[str, str]] = {

@@ -17,11 +17,14 @@ import beamchain as bc
 import returned
 from command import app, main
 from pages import pieces
+from products import GONE, is_gone
 
 ROOT = Path(__file__).parent.parent
 README = ROOT / "README.md"
 HOWTO = sorted((ROOT / "docs" / "howto").glob("*.md"))
-PRODUCTS = sorted((ROOT / "docs" / "products").glob("*.md"))
+PRODUCTS = [
+    page for page in sorted((ROOT / "docs" / "products").glob("*.md")) if not is_gone(page.stem)
+]
 PAGES = [README, *sorted((ROOT / "docs").glob("*.md")), *HOWTO, *PRODUCTS]
 # these pages begin in an empty folder
 EMPTY = [ROOT / "docs" / "start.md", ROOT / "docs" / "gallery.md", *HOWTO]
@@ -164,6 +167,12 @@ def test_readme_has_examples():
     assert "command" in kinds
 
 
+def went_with_a_product(target):
+    """Whether a link leads to the page or a notebook of a product that was taken out."""
+    page = re.search(r"products/(\w+)\.\w+$", target)
+    return is_gone(page[1]) if page else bool(GONE) and "notebooks/" in target
+
+
 @readme
 @pytest.mark.parametrize("page", PAGES, ids=named)
 def test_links_lead_somewhere(page):
@@ -171,7 +180,7 @@ def test_links_lead_somewhere(page):
     for target in re.findall(r"\]\(([^)#]+)\)", text):
         # generated: tests/test_site.py
         if not target.startswith(("http:", "https:", "reference/", "../reference/")):
-            assert (page.parent / target).exists(), target
+            assert (page.parent / target).exists() or went_with_a_product(target), target
 
 
 @readme
@@ -180,7 +189,7 @@ def test_commands_that_the_page_names_exist(page):
     for kind, content in pieces(page.read_text(encoding="utf-8")):
         if kind == "command":
             word = content.split()[1]
-            assert word in COMMANDS or word.startswith("-"), content
+            assert word in COMMANDS or is_gone(word) or word.startswith("-"), content
 
 
 # -- help ------------------------------------------------------------------------------------------

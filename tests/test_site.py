@@ -18,6 +18,7 @@ from lxml import html
 import beamchain as bc
 import returned
 from command import app
+from products import PRODUCTS
 
 DOCS = Path(__file__).parent.parent / "docs"
 SOURCES = [DOCS.parent / "README.md", *sorted(DOCS.glob("*.md")), *sorted(DOCS.glob("howto/*.md"))]
@@ -115,12 +116,15 @@ def test_every_class_that_a_function_returns_has_a_page(pages):
         for name, one in returned.by_all().items()
         if f":: {one.__module__}.{name}\n" not in every
     ] == []
-    results = {"Worlds", "Plant", "ScheduledPlant", "UncertainPlant", "WorstCase", "Sweep", "Study"}
+    products = {"robust": ("UncertainPlant", "WorstCase"), "worlds": ("Worlds",)}
+    of_products = (name for one in PRODUCTS for name in products.get(one, ()))
+    results = {"Plant", "ScheduledPlant", "Sweep", "Study", *of_products}
     assert results <= set(NAMES)
     for name in results:
         assert "Returned by `" in pages[f"reference/python/{name}.md"]
 
 
+@pytest.mark.skipif("worlds" not in PRODUCTS, reason="worlds is not there")
 def test_the_environment_has_a_page(pages):
     text = pages["reference/results/gym.md"]
     assert all(

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "support"))
+sys.path.insert(0, str(Path(__file__).parent.parent / "identification"))
 
 from beamchain import identification
 from flight_log import Gyro, Hub, cramer_rao, record, steps_at, wings

@@ -19,6 +19,7 @@ from scipy.linalg import lstsq, toeplitz
 from scipy.signal import csd, welch
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "support"))
+sys.path.insert(0, str(Path(__file__).parent.parent / "identification"))
 
 from beamchain.identification.channels import time_channels
 from beamchain.identification.hub import bare

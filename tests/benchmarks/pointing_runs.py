@@ -13,6 +13,7 @@ import beamchain as bc
 from beamchain import pointing
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "support"))
+sys.path.insert(0, str(Path(__file__).parent.parent / "pointing"))
 from unbalanced_wheel import (
     BEAM,
     CRAFT,

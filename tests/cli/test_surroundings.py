@@ -4,10 +4,8 @@ import os
 import subprocess
 import sys
 
-import numpy as np
 import pytest
 
-from beamchain import identification
 from spacecraft import CRAFTS
 
 HUGE = """<mujoco><option gravity="0 0 -1e11" timestep="0.01"/><worldbody><body name="b">
@@ -70,24 +68,3 @@ def test_a_backend_of_matplotlib_that_there_is_not(tmp_path):
     assert outside(["init", "boom"], tmp_path).returncode == 0
     done = outside(["fit", "boom.toml", "-o", "out"], tmp_path, MPLBACKEND="nonsense")
     assert (done.returncode, done.stderr) == (0, "")
-
-
-def test_a_good_log_is_read_as_its_mapping_is(tmp_path):
-    omega = np.linspace(0.2, 8.0, 300)
-    s = 1j * omega
-    log = {
-        "omega": omega,
-        "rate_z/torque_z": 1.0 / (s * (130.0 - 36.0 * s**2 / (s**2 + 0.02 * s + 4.0))),
-    }
-    craft = """<mujoco><worldbody><body name="bus"><freejoint/>
-    <inertial pos="0 0 0" mass="300" diaginertia="90 90 90"/>
-    <site name="mount" pos="0.5 0 0"/></body></worldbody></mujoco>"""
-    path = tmp_path / "log.npz"
-    renamed = {"response": "rate_z/torque_z"}
-    arrays = {"omega": omega, "response": log["rate_z/torque_z"]}
-    np.savez_compressed(path, **arrays)
-    stored = identification.identify(path, craft, "mount", map=renamed)
-    given = identification.identify(log, craft, "mount")
-    np.testing.assert_array_equal(
-        [m.frequency for m in stored.modes], [m.frequency for m in given.modes]
-    )

@@ -1,5 +1,5 @@
-"""What no plant, margin, worst case or pointing budget can be is refused by one sentence that names
-the argument, its value and the cure. No tolerances: sentences only."""
+"""What no plant and no margin can be is refused by one sentence that names the argument,
+its value and the cure. No tolerances: sentences only."""
 
 from functools import cache
 from pathlib import Path

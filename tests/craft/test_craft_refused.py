@@ -14,7 +14,6 @@ import pytest
 import barge
 import beamchain as bc
 from arms import Arm, Link, mjcf, toml
-from beamchain import identification, worlds
 from refused import check_refused
 from spacecraft import spec
 from specs import spec_of
@@ -54,14 +53,6 @@ ARGUMENTS = {
     "mounts a list": (
         lambda: bc.sweep(CRAFT, mounts=[1]),
         ("mounts = [1] is a list", 'by place: {"mount": "array.toml"}'),
-    ),
-    "mount a number": (
-        lambda: identification.identify({}, CRAFT, mount=5),
-        ("mount = 5 is a int", "site or body"),
-    ),
-    "map": (
-        lambda: identification.identify({}, CRAFT, "mount", map=5),
-        ("map = 5 is a int", "by column"),
     ),
     "place": (
         lambda: bc.embed(CRAFT, {5: "array.toml"}),
@@ -170,23 +161,6 @@ CRAFTS = {
     "qpos nan": (lambda: bc.retime(made().model, 0.1, pose=nans("nq")), ("pose[0] is nan",)),
     "qvel nan": (lambda: start(qvel=nans("nv")), ("qvel[0] is nan",)),
     "one position": (lambda: start(qpos=[0.0]), ("qpos = [0.0] has the shape (1,)", "(8,)")),
-    "seed of worlds": (
-        lambda: worlds.make(made(), count=2, seed="3"),
-        ("seed = '3'", "whole number"),
-    ),
-    "observe": (
-        lambda: worlds.make(made(), count=2, observe=5),
-        ("observe = 5", "a list of names"),
-    ),
-    "field": (
-        lambda: worlds.make(made(), {5: 1.0}, count=2),
-        ("a field of variants = 5 is a int", "MuJoCo's model"),
-    ),
-    "state": (lambda: worlds.make(made(), count=2).restore(5), ("state = 5 is a int", "state()")),
-    "world": (
-        lambda: worlds.make(made(), count=2).model_of(2),
-        ("world = 2", "whole number from 0 to 1"),
-    ),
 }
 
 # -- embed -----------------------------------------------------------------------------------------
@@ -509,21 +483,6 @@ def test_the_argument_is_named(case):
 @pytest.mark.parametrize("case", REFUSED)
 def test_what_cannot_be_asked_of_a_craft_is_refused(case):
     check_refused(REFUSED[case][0], bc.InputError, REFUSED[case][1])
-
-
-def test_the_environment_takes_finite_numbers_only():
-    gymnasium = pytest.importorskip("gymnasium")
-    env = gymnasium.make(
-        "beamchain.worlds.gym:beamchain/FlexibleSatellite-v0",
-        variants=None,
-        disable_env_checker=True,
-    )
-    turn = {"turn": (0.1, NAN, 0.0)}
-    check_refused(lambda: env.reset(seed=0, options=turn), bc.InputError, ("turn[1] is nan",))
-    env.reset(seed=0)
-    check_refused(lambda: env.step(np.array([NAN, 0.0, 0.0])), bc.InputError, ("is nan",))
-    check_refused(lambda: env.step(np.zeros(2)), bc.InputError, ("action = ", "shape (2,)"))
-    env.close()
 
 
 def test_a_long_text_is_not_repeated():

@@ -9,30 +9,17 @@ import numpy as np
 import pytest
 
 import beamchain as bc
-from beamchain import robust
 from command import run
-from wheels_and_jets import ASKEW, CRAFT, TILT
+from wheels_and_jets import ASKEW, CRAFT, INPUTS, OUTPUTS, TILT, WHEELS, array, off, response
 
 ROUNDING = 1e-9  # of responses, channel by channel beside the largest of the output
 FIELD = 1e-8  # the same of a magnetometer, whose field is large beside what turns add to it
 RUN = 1e-4  # of a run of MuJoCo, for what is not linear in it
-PEAK = 0.02  # of the amplitude in a run of MuJoCo, which lasts until 2 % of a start is left
-S = np.geomspace(0.05, 30.0, 40) * (0.01 + 1j)
 
 
 @pytest.fixture(scope="module")
 def boom():
-    return bc.Spec(
-        name="boom",
-        segment=(
-            bc.Segment(
-                length=8.0, section=bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
-            ),
-        ),
-        modes=bc.Modes(xy=2),
-        damping=bc.Damping(ratio=0.003),
-        fit=bc.spec.FitOptions(springs="modes"),
-    )
+    return array()
 
 
 @pytest.fixture(scope="module")
@@ -40,21 +27,11 @@ def made(boom):
     return bc.embed(CRAFT, {"mount": boom})
 
 
-def off(found, true):
-    """Largest difference of responses `(p, m, k)`, of every output beside its largest."""
-    return float(np.max(np.abs(found - true).max((1, 2)) / np.abs(true).max((1, 2))))
-
-
-def response(plant):
-    return np.asarray(plant(S, squeeze=False))
-
-
 def columns(made, names, outputs=("attitude", "rate"), **more):
     return response(bc.plant(made, names, list(outputs), **more))
 
 
 # -- allocation ------------------------------------------------------------------------------------
-WHEELS = ["w1", "w2", "w3", "w4"]
 # axes of the wheels in the bus, as the file has them; the torque on the bus is against them
 AXES = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0], TILT @ np.ones(3) / 3**0.5])
 ON_BUS = -(AXES * np.array([[1.0], [1.0], [-2.0], [0.5]])).T
@@ -206,8 +183,6 @@ def test_names_are_told_apart(made):
 
 
 # -- every kind of plant ---------------------------------------------------------------------------
-INPUTS = {"torque": bc.allocate(WHEELS), "push": {"force:bus": 2.0}}
-OUTPUTS = {"attitude": bc.align("star"), "rate": bc.align("gyro_askew")}
 PLAIN = (["torque:bus", "force:bus"], ["attitude", "gyro"])
 DOUBLED = np.repeat([1.0, 2.0], 3)[:, None]
 
@@ -243,55 +218,6 @@ def test_a_sampled_plant_is_what_mujoco_runs(boom):
         states = plant.A @ states + plant.B @ torque
     difference = np.abs(np.array(told) - np.array(seen)).max()
     assert difference < RUN * np.abs(seen).max()
-
-
-UNCERTAIN = bc.spec.UncertainCraft(
-    body={
-        "bus": bc.spec.UncertainBody(
-            mass=bc.spec.Uncertainty(relative=0.1, distribution="uniform"),
-            centre_x=bc.spec.Uncertainty(absolute=0.05, distribution="uniform"),
-        )
-    }
-)
-
-
-def test_commands_do_not_change_with_an_uncertain_craft(made):
-    """A flight computer knows the nominal craft alone: of a sample whose mass centre has moved,
-    thrusters share a torque out as before."""
-    thrusters = ["t_px", "t_nx", "t_py", "t_ny", "t_pz", "t_nz"]
-    inputs = {"couple": bc.allocate(thrusters), "push": {"force:bus": 2.0}}
-    plant = bc.plant(made, inputs, OUTPUTS)
-    uncertain = robust.uncertain(plant, UNCERTAIN)
-    values = {"bus.mass": 320.0, "bus.centre_x": 0.14}
-    found = response(uncertain.sample(values))
-    changed = uncertain.model(values)
-    shares = plant.allocations["couple"].commands
-    motors = response(bc.plant(changed, [*thrusters, "force:bus"], OUTPUTS))
-    couples = np.einsum("pnk,na->pak", motors[:, :6], shares)
-    assert off(found, np.concatenate([couples, 2.0 * motors[:, 6:]], axis=1)) < 1e-7
-    # asked anew, the changed craft would have others
-    anew = bc.plant(changed, inputs, OUTPUTS).allocations["couple"].torque
-    assert not np.allclose(anew, plant.allocations["couple"].torque)
-
-
-@pytest.mark.slow
-def test_the_worst_sample_is_run_with_combined_signals(boom):
-    """The run applies the allocated torque and reads the turned sensor."""
-    made = bc.embed(CRAFT, {"mount": boom})
-    loops = [
-        bc.spec.Loop(
-            input=f"torque_{axis}",
-            output=f"attitude_{axis}",
-            numerator=(120.0, 20.0),
-            denominator=(0.05, 1.0),
-        )
-        for axis in "xyz"
-    ]
-    uncertain = robust.uncertain(bc.plant(made, INPUTS, OUTPUTS), UNCERTAIN)
-    controller = bc.spec.Controller(loop=tuple(loops))
-    worst = uncertain.worst_case(controller, "torque_z", "attitude_z", samples=3)
-    assert worst.stable
-    assert worst.simulated == pytest.approx(worst.gain, rel=PEAK)
 
 
 def test_combined_plants_travel(made):

@@ -8,7 +8,7 @@ import pytest
 
 from beamchain.identification.likelihood import Found, Likelihood
 from beamchain.identification.structure import Parts
-from formulas import resolution
+from identification_doors import resolution
 
 NOISE = 1e-4  # of what is measured of each mode
 SAMPLES = 100  # complex

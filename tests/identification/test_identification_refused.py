@@ -77,6 +77,11 @@ REFUSED = {
     "held out": (lambda: identified(held_out=0.9), ("held_out = 0.9",)),
     "modes": (lambda: identified(modes=0), ("modes = 0",)),
     "axes": (lambda: identified(axes="q"), ("axes = 'q' is unknown",)),
+    "mount a number": (
+        lambda: identified({}, mount=5),
+        ("mount = 5 is a int", "site or body"),
+    ),
+    "map a number": (lambda: identified({}, map=5), ("map = 5 is a int", "by column")),
     "place": (lambda: identified(mount="mout"), ("mount = 'mout'", "did you mean 'mount'")),
     **{
         f"file {number}, {name}": (partial(of_file, name, content), words)
@@ -99,3 +104,11 @@ REFUSED = {
 def test_a_log_that_cannot_be_one_is_refused(case, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     check_refused(REFUSED[case][0], bc.InputError, REFUSED[case][1])
+
+
+@pytest.mark.parametrize("column", ["time", "torque_z", "rate_z"])
+def test_logs_far_out(column):
+    log = {"time": np.arange(200.0), "torque_z": np.ones(200), "rate_z": np.ones(200)}
+    log[column] = log[column] * 1e300
+    with pytest.raises(bc.InputError, match=f"{column} = .*1e.300 in sample .*at most 1e.12"):
+        identified(log)

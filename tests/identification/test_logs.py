@@ -4,6 +4,7 @@ every kind of file gives the same columns. No tolerances: what is read is compar
 
 import numpy as np
 
+from beamchain import identification
 from beamchain.identification.channels import (
     active_torques,
     cut_pieces,
@@ -12,6 +13,7 @@ from beamchain.identification.channels import (
 )
 from beamchain.identification.logs import read_logs
 from command import run
+from spacecraft import spec
 
 CRAFT = """<mujoco><worldbody><body name="hub"><freejoint/>
 <inertial pos="0 0 0" mass="300" diaginertia="100 120 150"/>
@@ -132,3 +134,40 @@ def test_the_command_refuses_with_status_2_and_writes_nothing(tmp_path, capsys, 
     assert "must ascend" in said
     assert "Traceback" not in said
     assert sorted(p.name for p in tmp_path.iterdir()) == ["craft.xml", "log.csv"]
+
+
+def test_the_command_writes_no_output_onto_its_prior(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    written(tmp_path / "log.csv", LOG)
+    (tmp_path / "craft.xml").write_text(CRAFT)
+    (tmp_path / "rod.toml").write_bytes(spec("rod").read_bytes())
+    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    call = ["identify", "log.csv", "--craft", "craft.xml", "--mount", "mount"]
+    more = ["--prior", "rod.toml", "-o", "rod.toml", "--force"]
+    code, said, sentence = run([*call, *more], capsys, monkeypatch)
+    assert (code, said) == (2, "")
+    assert sentence.startswith("beamchain: ")
+    assert sentence.count("\n") == 1
+    assert "read for it" in sentence
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def test_a_good_log_is_read_as_its_mapping_is(tmp_path):
+    omega = np.linspace(0.2, 8.0, 300)
+    s = 1j * omega
+    log = {
+        "omega": omega,
+        "rate_z/torque_z": 1.0 / (s * (130.0 - 36.0 * s**2 / (s**2 + 0.02 * s + 4.0))),
+    }
+    craft = """<mujoco><worldbody><body name="bus"><freejoint/>
+    <inertial pos="0 0 0" mass="300" diaginertia="90 90 90"/>
+    <site name="mount" pos="0.5 0 0"/></body></worldbody></mujoco>"""
+    path = tmp_path / "log.npz"
+    renamed = {"response": "rate_z/torque_z"}
+    arrays = {"omega": omega, "response": log["rate_z/torque_z"]}
+    np.savez_compressed(path, **arrays)
+    stored = identification.identify(path, craft, "mount", map=renamed)
+    given = identification.identify(log, craft, "mount")
+    np.testing.assert_array_equal(
+        [m.frequency for m in stored.modes], [m.frequency for m in given.modes]
+    )

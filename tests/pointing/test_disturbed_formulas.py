@@ -1,5 +1,5 @@
-"""Closed forms beside crafts that are disturbed: inputs of wheels and drives, their runs, what a
-budget says of them, and channels of uncertain quantities."""
+"""Closed forms beside crafts that are disturbed: inputs of wheels and drives, their runs, and what
+a budget says of them."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -15,8 +15,7 @@ from beamchain.craft.modal_form import ModalForm
 from beamchain.engine.linear import Linear
 from beamchain.engine.operating_point import operating_point
 from beamchain.pointing.wheel_run import Acting, WheelRun
-from beamchain.robust.delta_channels import Channels
-from formulas import (
+from pointing_doors import (
     amplitudes_in_record,
     beyond_modes_kept,
     check_linear_in_speed,
@@ -349,45 +348,3 @@ def test_a_run_of_two_orders_measures_their_amplitudes():
     count = int(np.ceil(5e7 / 0.5)) + int(np.ceil(40.0 * np.pi / 1e-3 / 0.5))
     with pytest.raises(bc.InputError, match=f"take {count} steps of 0.5 s"):
         run_wheel(craft, [force], slow, 0, 1e7)
-
-
-# -- channels of uncertain quantities --------------------------------------------------------------
-def test_channels_act_as_changes_of_the_equations_of_motion():
-    """M q'' + D q' + K q = B u + sum of f w, w = delta z, z of motion, inputs and other w."""
-    random = np.random.default_rng(6)
-    model = compiled(SPUN)
-    linear = Linear.of(model, ["torque:bus"], ["attitude"])
-    nv, m = model.nv, 3
-    made = Channels(nv, m)
-    rows = [
-        {word: random.normal(size=nv) for word in ("position", "rate", "acceleration")}
-        | {"input": random.normal(size=m)}
-        for _ in range(3)
-    ]
-    forces = random.normal(size=(3, nv))
-    assert made.add(1, forces[0], **rows[0]) == 0
-    assert made.add(0, forces[1], {0: 0.7}, feedback=-0.4, **rows[1]) == 1
-    assert made.add(1, forces[2], {0: 0.2, 1: -1.1}, rate=rows[2]["rate"]) == 2
-    assert made.of == [1, 0, 1]
-    rows[2] = {"rate": rows[2]["rate"]}
-    order, reach = [2, 0, 1], np.array([0.5, 2.0, 0.3])
-    wider = made.add_to(linear, order, reach)
-    a, b, c, d = wider.first_order()
-    s = 0.3 + 1.7j
-    found = c @ np.linalg.solve(s * np.eye(len(a)) - a, b) + d
-    through = np.array([[0, 0, 0], [0.7, -0.4, 0], [0.2, -1.1, 0]])
-    zero = np.zeros(nv)
-    powers = {"position": 1.0, "rate": s, "acceleration": s**2}
-    motion = np.array([sum(powers[k] * row.get(k, zero) for k in powers) for row in rows])
-    direct = np.array([row.get("input", np.zeros(m)) for row in rows])
-    inverse = np.linalg.inv(s**2 * linear.mass + s * linear.damping + linear.stiffness)
-    # channels in their order, then the plant's own inputs and outputs
-    pushed = np.hstack([forces.T, linear.inputs.force])
-    q = inverse @ pushed
-    z = motion @ q + np.hstack([through, direct])
-    y = (linear.outputs.position + s * linear.outputs.rate + s**2 * linear.outputs.acceleration) @ q
-    y[:, 3:] += linear.outputs.feedthrough
-    wanted = np.vstack([(reach[:, None] * z)[order], y])[:, [*order, 3, 4, 5]]
-    np.testing.assert_allclose(found, wanted, rtol=1e-8, atol=1e-10)
-    assert [signal.name for signal in wider.inputs.signals[:3]] == ["w1", "w2", "w3"]
-    assert [signal.name for signal in wider.outputs.signals[:3]] == ["z1", "z2", "z3"]

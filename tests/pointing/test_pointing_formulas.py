@@ -9,8 +9,8 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 import beamchain as bc
 from beamchain import pointing
-from formulas import (
-    ModalForm,
+from formulas import ModalForm
+from pointing_doors import (
     ModalResponse,
     contributions_along_their_sum,
     named_shares,

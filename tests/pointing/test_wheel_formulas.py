@@ -9,7 +9,8 @@ from scipy.optimize import minimize_scalar
 import beamchain as bc
 from beamchain import pointing
 from beamchain.pointing.wheel_sweep import Order, SpeedCurve, SpinningSystem, joined, largest
-from formulas import ModalForm, WheelSweep, branches, high_places, wheel_error, wheel_orders
+from formulas import ModalForm
+from pointing_doors import WheelSweep, branches, high_places, wheel_error, wheel_orders
 
 WINDOW = 0.7
 RANDOM = np.random.default_rng(8)

@@ -10,7 +10,7 @@ import beamchain as bc
 from beamchain.robust.bounds import Bounder, Box, GainBound, Interval
 from beamchain.robust.multipliers import ComplexSystem, Multipliers
 from complex_systems import complex_system, gains_of, hermitian, value
-from formulas import (
+from robust_doors import (
     LocalLoop,
     LoopsOfSamples,
     extended_multipliers,

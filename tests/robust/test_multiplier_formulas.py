@@ -7,7 +7,7 @@ import pytest
 
 from beamchain.robust.multipliers import ComplexSystem, Delta, Multipliers
 from complex_systems import complex_system, gains_of, gaussian, hermitian, value
-from formulas import (
+from robust_doors import (
     balanced_channels,
     basis_of_hermitian,
     between_ends,

@@ -10,7 +10,7 @@ import pytest
 import beamchain as bc
 from beamchain.robust.least_margins import LeastMargin, WorstMargins
 from beamchain.robust.search import Peak, Resonances
-from formulas import (
+from robust_doors import (
     LoopsOfSamples,
     SampleLoops,
     SteppedController,

@@ -14,13 +14,8 @@ from beamchain.engine.normal_modes import NormalModes
 from beamchain.robust.lft import Lft
 from beamchain.robust.search import Peak, Resonances
 from beamchain.robust.uncertain_plant import UncertainPlant
-from formulas import (
-    follow_modes,
-    frequencies_of_curves,
-    power_sum,
-    structured_bound,
-    with_frequency_of_peak,
-)
+from formulas import follow_modes, power_sum, structured_bound
+from robust_doors import frequencies_of_curves, with_frequency_of_peak
 
 
 # -- deltas and values -----------------------------------------------------------------------------

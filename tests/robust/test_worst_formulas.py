@@ -9,13 +9,12 @@ import pytest
 from matplotlib.figure import Figure
 
 import beamchain as bc
-from formulas import (
+from formulas import balanced_bounds, structured_bound
+from robust_doors import (
     LoopsOfSamples,
     SampleLoops,
-    balanced_bounds,
     drawn_figure,
     plot_steps,
-    structured_bound,
     worst_figure,
     worst_sample,
 )

@@ -295,42 +295,7 @@ from beamchain.fitting.warnings import (
     step_warnings,
     turn_warning,
 )
-from beamchain.identification.resolution import resolution
 from beamchain.mjcf.craft import craft_from_text
-from beamchain.pointing.disturbed_craft import _check_linear as check_linear_in_speed
-from beamchain.pointing.disturbed_craft import _joint_force as torque_of_drive
-from beamchain.pointing.disturbed_craft import disturbed_craft, wheel_inputs
-from beamchain.pointing.error_indices import deviation_share, largest_deviation, windowed_variance
-from beamchain.pointing.modal_response import ModalResponse
-from beamchain.pointing.modal_response import _exponential_states as states_of_a_rising_load
-from beamchain.pointing.pointing import _beyond as beyond_modes_kept
-from beamchain.pointing.pointing import _check_stable as check_stable_craft
-from beamchain.pointing.pointing import _imbalances as imbalances_of_wheels
-from beamchain.pointing.pointing import _settling as settling_of_modes
-from beamchain.pointing.pointing import _total as total_index
-from beamchain.pointing.source_errors import _along as contributions_along_their_sum
-from beamchain.pointing.source_errors import _closed_in as closed_in
-from beamchain.pointing.source_errors import _integral as nodes_of_density
-from beamchain.pointing.source_errors import _mode_at as oscillator_nearest
-from beamchain.pointing.source_errors import _named_shares as named_shares
-from beamchain.pointing.source_errors import _periodic as periodic_of_harmonics
-from beamchain.pointing.source_errors import _running_mean as running_mean
-from beamchain.pointing.source_errors import _snap_times as snap_times
-from beamchain.pointing.source_errors import (
-    branches,
-    noise_error,
-    snap_error,
-    stepper_error,
-    stepper_harmonics,
-    wheel_error,
-    wheel_orders,
-)
-from beamchain.pointing.wheel_run import _amplitudes as amplitudes_in_record
-from beamchain.pointing.wheel_run import _nutation as nutation_of_craft
-from beamchain.pointing.wheel_run import _place as place_of_output
-from beamchain.pointing.wheel_run import run_wheel
-from beamchain.pointing.wheel_sweep import WheelSweep
-from beamchain.pointing.wheel_sweep import _high_places as high_places
 from beamchain.ports.compare import (
     as_compared,
     band_grid,
@@ -355,36 +320,6 @@ from beamchain.ports.model import Shapes
 from beamchain.ports.motions import body_mass_matrix, first_moment
 from beamchain.report.outlines import Drawn
 from beamchain.report.replay import _steepest as steepest
-from beamchain.robust.bounds import _extended as extended_multipliers
-from beamchain.robust.bounds import _halves as halves_of_box
-from beamchain.robust.bounds import _middle as middle_of
-from beamchain.robust.bounds import _narrow as is_narrow
-from beamchain.robust.bounds import _without_unknown as unknown_behind
-from beamchain.robust.bounds import frequencies as looked_at
-from beamchain.robust.least_margins import SampleLoops, smallness
-from beamchain.robust.least_margins import figure as figure_of_sample
-from beamchain.robust.local_loop import LocalLoop, delay_near, in_box, local_loop
-from beamchain.robust.multipliers import _between as between_ends
-from beamchain.robust.multipliers import _blocks as blocks_of_deltas
-from beamchain.robust.multipliers import _complex as from_real_symmetric
-from beamchain.robust.multipliers import _hermitian as basis_of_hermitian
-from beamchain.robust.multipliers import _moments as moments_of_delta
-from beamchain.robust.multipliers import _real as real_symmetric
-from beamchain.robust.multipliers import balanced as balanced_channels
-from beamchain.robust.multipliers import prove as proof_over
-from beamchain.robust.multipliers import solve_program, zero_crossings
-from beamchain.robust.plots import drawn_figure, plot_steps, worst_figure
-from beamchain.robust.search import Loops as LoopsOfSamples
-from beamchain.robust.search import _reaches as reaches_output
-from beamchain.robust.search import _stability_limit as stability_limit
-from beamchain.robust.search import ascent
-from beamchain.robust.search import search as worst_sample
-from beamchain.robust.simulated_gain import SteppedController, simulated_gain
-from beamchain.robust.simulated_gain import _measure as measured_in_mujoco
-from beamchain.robust.simulated_gain import _plan as plan_of_run
-from beamchain.robust.simulated_gain import _whole as whole_count
-from beamchain.robust.uncertain_plant import _grid as frequencies_of_curves
-from beamchain.robust.uncertain_plant import _with_peak as with_frequency_of_peak
 from beamchain.steps.culprit import culprit, inertia_words, stable_step
 from beamchain.steps.cures import Names, Setting, find_cure, round_down
 from beamchain.steps.driven import driven, run_of_turn
@@ -568,16 +503,13 @@ __all__ = [
     "LoadOfPort",
     "LoadedTree",
     "Loading",
-    "LocalLoop",
     "LoopOfMargins",
-    "LoopsOfSamples",
     "Margins",
     "MassBesideAxis",
     "MassPiece",
     "MassTable",
     "Measured",
     "ModalForm",
-    "ModalResponse",
     "ModeGroup",
     "ModeOfCraft",
     "ModelOfSlew",
@@ -604,7 +536,6 @@ __all__ = [
     "Root",
     "RootMotion",
     "RunOfDrive",
-    "SampleLoops",
     "SampledError",
     "SceneOfSlews",
     "Sections",
@@ -625,7 +556,6 @@ __all__ = [
     "StartOfPoles",
     "StatesOfRun",
     "StepOfCraft",
-    "SteppedController",
     "System",
     "Tendon",
     "Tendons",
@@ -636,13 +566,11 @@ __all__ = [
     "VariantMaker",
     "Wanted",
     "Way",
-    "WheelSweep",
     "acceleration_of_sections",
     "acting",
     "activation_names",
     "allocated",
     "almost_body",
-    "amplitudes_in_record",
     "apart",
     "apparent_hubs",
     "apparent_pole",
@@ -652,30 +580,23 @@ __all__ = [
     "apply_draw",
     "armatures_of",
     "as_compared",
-    "ascent",
     "assemble",
     "assemble_lowest",
     "assembly_at_rest",
     "assigned_poles",
     "assumed_hub",
     "balanced_bounds",
-    "balanced_channels",
     "ballast_for",
     "band_grid",
     "base",
     "base_place",
-    "basis_of_hermitian",
     "bent_keyframes",
     "bent_line",
     "best_cut",
-    "between_ends",
-    "beyond_modes_kept",
-    "blocks_of_deltas",
     "bodies",
     "body_departure",
     "body_in_port",
     "body_mass_matrix",
-    "branches",
     "build_exact",
     "candidate",
     "cantilever_names",
@@ -691,15 +612,12 @@ __all__ = [
     "check_body",
     "check_freedoms",
     "check_inertia",
-    "check_linear_in_speed",
     "check_outwards",
     "check_pushes",
-    "check_stable_craft",
     "check_steps",
     "choose",
     "choose_step",
     "climb",
-    "closed_in",
     "clusters",
     "column_range",
     "compared_ratios",
@@ -707,7 +625,6 @@ __all__ = [
     "condensed_mass",
     "continued_poles",
     "continuous_poles",
-    "contributions_along_their_sum",
     "control_names",
     "coordinate_names",
     "correlations_of_craft",
@@ -725,15 +642,11 @@ __all__ = [
     "damping_of_file",
     "default_hub",
     "default_length",
-    "delay_near",
     "departs",
-    "deviation_share",
     "distance",
     "disturbances",
-    "disturbed_craft",
     "dmig_matrices",
     "doubtful",
-    "drawn_figure",
     "drawn_samples",
     "draws",
     "drift_of_momentum",
@@ -748,12 +661,10 @@ __all__ = [
     "error_of_step",
     "even_cut",
     "exact_response",
-    "extended_multipliers",
     "extra_damping",
     "far_mount",
     "felt_by_modes",
     "fewest",
-    "figure_of_sample",
     "fillers_of",
     "find_cure",
     "first_moment",
@@ -766,8 +677,6 @@ __all__ = [
     "form4",
     "free_peaks",
     "freedoms_of_block",
-    "frequencies_of_curves",
-    "from_real_symmetric",
     "gain_of_pair",
     "grid_of",
     "growing_frequencies",
@@ -775,24 +684,20 @@ __all__ = [
     "growth",
     "growth_of_poles",
     "half_waves",
-    "halves_of_box",
     "hanging_liquid",
     "hanging_notes",
     "has_just_passed",
     "heavy",
     "held_joints",
-    "high_places",
     "hinge_armature",
     "hinge_counts",
     "hinge_to_turn",
     "holders_of_shape",
-    "imbalances_of_wheels",
     "implicit_stiffness",
     "imported_case",
     "imported_warnings",
     "impulse",
     "impulse_of_halves",
-    "in_box",
     "in_planes",
     "independent_parts",
     "inertia_matrix",
@@ -802,7 +707,6 @@ __all__ = [
     "internal_stiffness",
     "inverse_of_torques",
     "inverse_stiffness_root",
-    "is_narrow",
     "is_noisy",
     "is_soft",
     "is_stop",
@@ -816,7 +720,6 @@ __all__ = [
     "large_limits",
     "large_motion",
     "largest_angle",
-    "largest_deviation",
     "largest_forces",
     "largest_inner",
     "largest_norm_ratio",
@@ -837,10 +740,8 @@ __all__ = [
     "loaded_linear",
     "loading_at",
     "loadings_of",
-    "local_loop",
     "long_delays",
     "long_enough",
-    "looked_at",
     "loop_by_state",
     "loose_craft",
     "lowest_modes",
@@ -856,9 +757,7 @@ __all__ = [
     "mass_of_bodies",
     "maximum_of",
     "measure",
-    "measured_in_mujoco",
     "merge_close",
-    "middle_of",
     "mismatch",
     "modal_form",
     "modal_matrix",
@@ -870,7 +769,6 @@ __all__ = [
     "modes_at_pose",
     "modes_finely_divided",
     "modes_of_tendons",
-    "moments_of_delta",
     "momentum_beyond",
     "momentum_of_mode",
     "more_modes",
@@ -882,7 +780,6 @@ __all__ = [
     "moving_modes",
     "named_inputs",
     "named_output",
-    "named_shares",
     "names_of_models",
     "near_groups",
     "nearest_body",
@@ -890,8 +787,6 @@ __all__ = [
     "nearest_turn",
     "new_directions",
     "newton_step",
-    "nodes_of_density",
-    "noise_error",
     "noise_of_freedoms",
     "noise_of_motions",
     "norm_ratios",
@@ -900,13 +795,11 @@ __all__ = [
     "normal_shapes",
     "null_directions",
     "number_of_pole",
-    "nutation_of_craft",
     "off_by",
     "offset_cautions",
     "one_mode_more",
     "oscillating",
     "oscillations",
-    "oscillator_nearest",
     "own_direction",
     "owners_of_poles",
     "pairs_of_modes",
@@ -918,15 +811,11 @@ __all__ = [
     "peaks_of_craft",
     "peaks_of_poles",
     "pendulum_chain",
-    "periodic_of_harmonics",
     "phase_limit",
     "phase_of_two",
     "pieces_of_beam",
-    "place_of_output",
     "place_poles",
-    "plan_of_run",
     "plane_of_chain",
-    "plot_steps",
     "points_inward",
     "polar_inertias",
     "pole_moved",
@@ -941,17 +830,14 @@ __all__ = [
     "pose_label",
     "poses_of",
     "power_sum",
-    "proof_over",
     "proposed_axes",
     "push_of_actuators",
     "quantities",
     "raise_polar_inertia",
     "ranks_of_modes",
     "reach",
-    "reaches_output",
     "read_bulk",
     "real_polar",
-    "real_symmetric",
     "realisable_body",
     "realise",
     "realise_controller",
@@ -961,7 +847,6 @@ __all__ = [
     "relative_error",
     "represents",
     "required_hinges",
-    "resolution",
     "response_change",
     "response_of_loop",
     "rest_point",
@@ -982,10 +867,8 @@ __all__ = [
     "run_of_drive",
     "run_of_push",
     "run_of_turn",
-    "run_wheel",
     "runge_kutta_limit",
     "runge_kutta_step",
-    "running_mean",
     "safe_step",
     "same_planes",
     "sampled_delay_margin",
@@ -1000,7 +883,6 @@ __all__ = [
     "servos_that_chatter",
     "settle_links",
     "settle_rigid_mass",
-    "settling_of_modes",
     "shapes_of_fewer",
     "share",
     "shared_nodes",
@@ -1010,7 +892,6 @@ __all__ = [
     "shortest_link",
     "simulate_hub",
     "simulate_slew",
-    "simulated_gain",
     "skin_vertices",
     "slew_warnings",
     "slopes",
@@ -1018,12 +899,8 @@ __all__ = [
     "slow_modes",
     "small_inverse",
     "small_turn",
-    "smallness",
-    "snap_error",
-    "snap_times",
     "snapped",
     "soft_modulus",
-    "solve_program",
     "spans_of_motion",
     "spectral_norms",
     "split",
@@ -1033,13 +910,11 @@ __all__ = [
     "springs_as_modes",
     "springs_at_stated",
     "squared_phase",
-    "stability_limit",
     "stable_armature",
     "stable_step",
     "start_of_poles",
     "start_rate",
     "states_driven_for",
-    "states_of_a_rising_load",
     "stations_of",
     "steepest",
     "step_length",
@@ -1049,8 +924,6 @@ __all__ = [
     "step_response",
     "step_slopes",
     "step_warnings",
-    "stepper_error",
-    "stepper_harmonics",
     "stiffen_attachments",
     "stiffness_before",
     "still_copy",
@@ -1062,9 +935,7 @@ __all__ = [
     "time_error",
     "time_modes",
     "torque_of_actuator",
-    "torque_of_drive",
     "torques_of_allocation",
-    "total_index",
     "tune",
     "tuned_poses",
     "turn",
@@ -1077,7 +948,6 @@ __all__ = [
     "uniform_length",
     "unit_mass_of_port",
     "unit_of_control",
-    "unknown_behind",
     "unresolved_peaks",
     "unstable_count",
     "usual_gain",
@@ -1087,14 +957,8 @@ __all__ = [
     "warnings_of_loads",
     "weightless",
     "weights_of_modes",
-    "wheel_error",
-    "wheel_inputs",
-    "wheel_orders",
-    "whole_count",
-    "windowed_variance",
     "wished_hinges",
     "with_damping",
-    "with_frequency_of_peak",
     "with_length",
     "with_liquids_sprung",
     "with_polar_inertia",
@@ -1102,9 +966,6 @@ __all__ = [
     "within_body",
     "without_actuators",
     "without_rounding",
-    "worst_figure",
-    "worst_sample",
     "wrench_on_ports",
-    "zero_crossings",
     "zero_pole_product",
 ]

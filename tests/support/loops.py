@@ -1,4 +1,4 @@
-"""Margins of a controller as `beamchain plant --controller` states them."""
+"""Margins of a controller as `beamchain plant --controller` states them, and of a lone loop."""
 
 import copy
 import tempfile
@@ -6,8 +6,10 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import control
 import numpy as np
 
+import beamchain as bc
 from command import Answer, call
 from random_appendages import toml
 
@@ -59,3 +61,20 @@ def scaled(loops: list[dict[str, Any]], number: int, factor: float) -> list[dict
     out = copy.deepcopy(loops)
     out[number]["numerator"] = [factor * value for value in out[number]["numerator"]]
     return out
+
+
+def loop_of(plant: Any, delay: float = 0.0) -> Any:
+    """Margins of a plant under 1, the loop closed with minus."""
+    system = control.ss(plant)
+    controller = bc.spec.Controller(
+        loop=(
+            bc.spec.Loop(
+                input=system.input_labels[0],
+                output=system.output_labels[0],
+                numerator=[1.0],
+                denominator=[1.0],
+                delay=delay,
+            ),
+        )
+    )
+    return bc.margins(system, controller)

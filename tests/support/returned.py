@@ -7,8 +7,10 @@ from collections.abc import Callable, Iterator
 from functools import cached_property
 from typing import Any, get_args
 
+from products import PRODUCTS
+
 #: modules with public names
-PLACES = ("", ".spec", ".results", ".robust", ".pointing", ".identification", ".worlds")
+PLACES = ("", ".spec", ".results", *(f".{name}" for name in PRODUCTS))
 
 
 def public() -> dict[str, Any]:

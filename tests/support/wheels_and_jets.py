@@ -1,5 +1,9 @@
-"""A spacecraft with wheels, jets and sensors that lie askew, on which signals are combined."""
+"""A spacecraft with wheels, jets and sensors that lie askew, on which signals are combined; and
+responses of its plants."""
 
+import numpy as np
+
+import beamchain as bc
 from plant_truth import number, quat, turned
 
 ASKEW = turned(0.7, -0.4, 1.1)
@@ -56,3 +60,31 @@ CRAFT = f"""<mujoco><compiler angle="radian"/>
 <keyframe>
 <key name="turned" qpos="0 0 0 {quat(turned(0.4, -1.0, 0.6))} 0 0 0 0 0 0 0 0"/></keyframe>
 </mujoco>"""
+WHEELS = ["w1", "w2", "w3", "w4"]
+INPUTS = {"torque": bc.allocate(WHEELS), "push": {"force:bus": 2.0}}
+OUTPUTS = {"attitude": bc.align("star"), "rate": bc.align("gyro_askew")}
+S = np.geomspace(0.05, 30.0, 40) * (0.01 + 1j)
+
+
+def array():
+    """Of its place `mount`: two modes in one plane."""
+    return bc.Spec(
+        name="boom",
+        segment=(
+            bc.Segment(
+                length=8.0, section=bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
+            ),
+        ),
+        modes=bc.Modes(xy=2),
+        damping=bc.Damping(ratio=0.003),
+        fit=bc.spec.FitOptions(springs="modes"),
+    )
+
+
+def off(found, true):
+    """Largest difference of responses `(p, m, k)`, of every output beside its largest."""
+    return float(np.max(np.abs(found - true).max((1, 2)) / np.abs(true).max((1, 2))))
+
+
+def response(plant):
+    return np.asarray(plant(S, squeeze=False))

@@ -4,12 +4,14 @@ and what is refused.
 ROUNDING: sums of a few hundred doubles.
 """
 
+import importlib
 import sys
 
 import numpy as np
 import pytest
 
 import beamchain as bc
+from docstrings import run_example
 
 gymnasium = pytest.importorskip(
     "gymnasium", reason="Gymnasium is not installed: pip install 'beamchain[worlds]'"
@@ -171,3 +173,8 @@ def test_rendering():
     shape, _, spread = done.stdout.rpartition(" ")
     assert shape == "(480, 640, 3)"
     assert float(spread) > 5.0  # something is seen
+
+
+def test_the_example_of_the_environment_runs(tmp_path, monkeypatch):
+    name = ID.partition(":")[0]
+    run_example(importlib.import_module(name), name, tmp_path, monkeypatch)

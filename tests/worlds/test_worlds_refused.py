@@ -87,6 +87,14 @@ WORLDS = {
         lambda: of_two(observe=["speed"]),
         ("observe names 'speed'", "choose from attitude, rate, wheels, modes, gyro, place"),
     ),
+    "seed": (lambda: of_two(seed="3"), ("seed = '3'", "whole number")),
+    "observe a number": (lambda: of_two(observe=5), ("observe = 5", "a list of names")),
+    "field a number": (
+        lambda: of_two({5: 1.0}),
+        ("a field of variants = 5 is a int", "MuJoCo's model"),
+    ),
+    "state a number": (lambda: two().restore(5), ("state = 5 is a int", "state()")),
+    "model of world 2": (lambda: two().model_of(2), ("world = 2", "whole number from 0 to 1")),
     "field with a slip": (
         lambda: of_two({"freq": 0.1}),
         ("'freq'", "'body_mass'", "'frequency' and 'damping'"),
@@ -176,6 +184,16 @@ def test_what_no_worlds_can_be_asked_is_refused(case):
 @pytest.mark.parametrize("case", GYM)
 def test_what_no_environment_can_be_asked_is_refused(case):
     check_refused(GYM[case][0], bc.InputError, GYM[case][1])
+
+
+def test_the_environment_takes_finite_numbers_only():
+    env = environment(variants=None)
+    turn = {"turn": (0.1, NAN, 0.0)}
+    check_refused(lambda: env.reset(seed=0, options=turn), bc.InputError, ("turn[1] is nan",))
+    env.reset(seed=0)
+    check_refused(lambda: env.step(np.array([NAN, 0.0, 0.0])), bc.InputError, ("is nan",))
+    check_refused(lambda: env.step(np.zeros(2)), bc.InputError, ("action = ", "shape (2,)"))
+    env.close()
 
 
 @pytest.mark.parametrize("attempt", [pickle.dumps, copy.deepcopy, copy.copy])

@@ -1,0 +1,73 @@
+"""Doors to formulas of uncertain plants and worst cases that no public name reaches alone."""
+
+from beamchain.robust.bounds import _extended as extended_multipliers
+from beamchain.robust.bounds import _halves as halves_of_box
+from beamchain.robust.bounds import _middle as middle_of
+from beamchain.robust.bounds import _narrow as is_narrow
+from beamchain.robust.bounds import _without_unknown as unknown_behind
+from beamchain.robust.bounds import frequencies as looked_at
+from beamchain.robust.least_margins import SampleLoops, smallness
+from beamchain.robust.least_margins import figure as figure_of_sample
+from beamchain.robust.local_loop import LocalLoop, delay_near, in_box, local_loop
+from beamchain.robust.multipliers import _between as between_ends
+from beamchain.robust.multipliers import _blocks as blocks_of_deltas
+from beamchain.robust.multipliers import _complex as from_real_symmetric
+from beamchain.robust.multipliers import _hermitian as basis_of_hermitian
+from beamchain.robust.multipliers import _moments as moments_of_delta
+from beamchain.robust.multipliers import _real as real_symmetric
+from beamchain.robust.multipliers import balanced as balanced_channels
+from beamchain.robust.multipliers import prove as proof_over
+from beamchain.robust.multipliers import solve_program, zero_crossings
+from beamchain.robust.plots import drawn_figure, plot_steps, worst_figure
+from beamchain.robust.search import Loops as LoopsOfSamples
+from beamchain.robust.search import _reaches as reaches_output
+from beamchain.robust.search import _stability_limit as stability_limit
+from beamchain.robust.search import ascent
+from beamchain.robust.search import search as worst_sample
+from beamchain.robust.simulated_gain import SteppedController, simulated_gain
+from beamchain.robust.simulated_gain import _measure as measured_in_mujoco
+from beamchain.robust.simulated_gain import _plan as plan_of_run
+from beamchain.robust.simulated_gain import _whole as whole_count
+from beamchain.robust.uncertain_plant import _grid as frequencies_of_curves
+from beamchain.robust.uncertain_plant import _with_peak as with_frequency_of_peak
+
+__all__ = [
+    "LocalLoop",
+    "LoopsOfSamples",
+    "SampleLoops",
+    "SteppedController",
+    "ascent",
+    "balanced_channels",
+    "basis_of_hermitian",
+    "between_ends",
+    "blocks_of_deltas",
+    "delay_near",
+    "drawn_figure",
+    "extended_multipliers",
+    "figure_of_sample",
+    "frequencies_of_curves",
+    "from_real_symmetric",
+    "halves_of_box",
+    "in_box",
+    "is_narrow",
+    "local_loop",
+    "looked_at",
+    "measured_in_mujoco",
+    "middle_of",
+    "moments_of_delta",
+    "plan_of_run",
+    "plot_steps",
+    "proof_over",
+    "reaches_output",
+    "real_symmetric",
+    "simulated_gain",
+    "smallness",
+    "solve_program",
+    "stability_limit",
+    "unknown_behind",
+    "whole_count",
+    "with_frequency_of_peak",
+    "worst_figure",
+    "worst_sample",
+    "zero_crossings",
+]
