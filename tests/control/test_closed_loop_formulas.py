@@ -193,6 +193,37 @@ def test_a_loop_that_does_not_end_has_no_count(size):
     assert unstable_count(closed) == (None if size > 0.2 else 0)
 
 
+@pytest.mark.parametrize(
+    ("first", "last", "count"),
+    [
+        (1e-3, 4.7, 0),  # 0.21 at the end of the grid: it is counted farther on
+        (1e-6, 50.0, 0),  # from far below the crossover on
+        (1e-6, 5.1e-4, 0),  # to ten thousand times the end
+        (1e-6, 4.9e-4, None),  # and no farther
+    ],
+)
+def test_a_count_goes_on_until_the_loop_is_at_rest(first, last, count):
+    """exp(-1.5 s) / s is 0.2 at 5 rad/s."""
+    plant = (np.zeros((1, 1)), np.ones((1, 1)), np.ones((1, 1)), np.zeros((1, 1)))
+    law = (np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.ones((1, 1)))
+    closed = closed_loop(plant, law, 1.5)
+    closed.__dict__["omega"] = np.geomspace(first, last, 100)
+    assert unstable_count(closed) == count
+
+
+@pytest.mark.parametrize(("delay", "count"), [(0.3, 0), (2.0, 2), (4.5, 2), (5.0, 0)])
+def test_an_undamped_mode_counts_by_what_a_small_loop_does_to_it(delay, count):
+    """0.02 exp(-s T) s / (s^2 + 1) moves the pole j by -0.01 exp(-j T)."""
+    plant = (
+        np.array([[0.0, 1.0], [-1.0, 0.0]]), np.array([[0.0], [1.0]]), np.array([[0.0, 1.0]]),
+        np.zeros((1, 1)),
+    )  # fmt: skip
+    law = (np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.full((1, 1), 0.02))
+    closed = closed_loop(plant, law, delay)
+    closed.__dict__["omega"] = np.geomspace(1e-2, 50.0, 100)
+    assert unstable_count(closed) == count
+
+
 @pytest.mark.parametrize(("power", "radius"), [(3, 2.0), (3, 0.5), (-2, 2.0)])
 def test_the_turn_of_a_function_counts_what_is_inside(power, radius):
     around = radius * np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 5))
@@ -248,3 +279,11 @@ def test_motion_at_rest_that_a_loop_does_not_touch_is_no_part_of_it(step):
     z = 0.4 + 0.3j
     np.testing.assert_allclose(value(found.plant, z), value(plant, z))
     assert (found.step, found.held) == (step, None)
+
+
+def test_poles_at_z_zero_are_left_out():
+    """z = 0.5 is fed back with the gain 0.5."""
+    plant = control.ss([[0.5]], [[1.0]], [[1.0]], 0.0, 0.1)
+    assert bc.margins(plant, control.ss([], [], [], 0.5)).poles.size == 0
+    (pole,) = bc.margins(plant, control.ss([], [], [], 0.3)).poles
+    assert pole == pytest.approx(np.log(0.2) / 0.1)

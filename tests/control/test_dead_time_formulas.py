@@ -30,7 +30,7 @@ def closed_loop(plant, law, *, step):
     every = list(range(len(law[3])))
     fed = Feedback(every, every, lambda _: law, lambda z: value(law, z), step, (0.0,) * len(every))
     names = tuple("abcdef"[: len(plant[0])])
-    return ClosedLoop(plant, law, fed, ("u", "v")[: len(every)], ((),), names, (), step)
+    return ClosedLoop(plant, law, fed, ("u", "v", "w")[: len(every)], ((),), names, (), step)
 
 
 STEP = 0.5
@@ -149,6 +149,75 @@ def test_a_dead_time_at_which_samples_change_their_sign_every_time(w, ratio, pus
     assert found == pytest.approx(wanted, rel=1e-4)
 
 
+@pytest.mark.parametrize(
+    ("w", "ratio", "push", "lead", "gain"),
+    [(6.511, 0.1991, 4.372, -0.2818, 2.209), (8.028, 0.1259, -4.111, 0.2896, 2.669)],
+)
+def test_samples_that_change_their_sign_from_a_whole_late_sample_on(w, ratio, push, lead, gain):
+    """1 - k C (z - A)^-1 (B(T - f) + (B(T) - B(T - f)) / z) = 0 at z = -1, late by T + f."""
+    a, b = np.array([[0.0, 1.0], [-(w**2), -2.0 * ratio * w]]), np.array([[0.0], [push]])
+    c = np.array([[1.0, lead]])
+
+    def driven(time):
+        return np.linalg.solve(a, (expm(a * time) - np.eye(2)) @ b)
+
+    def rest(late):
+        acting = 2.0 * driven(STEP - late) - driven(STEP)
+        return 1.0 - gain * (c @ np.linalg.solve(-np.eye(2) - expm(a * STEP), acting))[0, 0]
+
+    law = (*(part[:, :1] for part in STATIC[:2]), np.zeros((1, 0)), gain * np.ones((1, 1)))
+    closed = closed_loop((expm(a * STEP), driven(STEP), c, np.zeros((1, 1))), law, step=STEP)
+    closed.__dict__["omega"] = np.linspace(0.05, np.pi / STEP, 300)
+    found = sampled_delay_margin(closed, (a, b, c, np.zeros((1, 1))), 0)
+    late = np.linspace(0.0, STEP, 101)
+    values = np.array([rest(one) for one in late])
+    first = int(np.flatnonzero(values[1:] * values[:-1] < 0.0)[0])
+    wanted = STEP + brentq(rest, late[first], late[first + 1])
+    assert found == pytest.approx(wanted, rel=1e-6)
+
+
+def test_a_mode_that_turns_several_times_in_a_sample():
+    """At 41 rad/s, 3.3 turns in each: the eigenvalues of its samples leave the unit circle."""
+    w, ratio, gain = 41.0, 0.004, 6.0
+    a, b = np.array([[0.0, 1.0], [-(w**2), -2.0 * ratio * w]]), np.array([[0.0], [1.0]])
+    c = np.array([[0.0, 1.0]])
+
+    def driven(time):
+        return np.linalg.solve(a, (expm(a * time) - np.eye(2)) @ b)
+
+    def radius(delay):
+        now, both = driven(STEP - delay), driven(STEP)
+        matrix = np.zeros((3, 3))
+        matrix[:2, :2] = expm(a * STEP) - gain * now @ c
+        matrix[:2, 2:] = both - now
+        matrix[2, :2] = -gain * c[0]
+        return np.abs(np.linalg.eigvals(matrix)).max()
+
+    law = (*(part[:, :1] for part in STATIC[:2]), np.zeros((1, 0)), gain * np.ones((1, 1)))
+    closed = closed_loop((expm(a * STEP), driven(STEP), c, np.zeros((1, 1))), law, step=STEP)
+    closed.__dict__["omega"] = np.linspace(0.05, np.pi / STEP, 600)
+    found = sampled_delay_margin(closed, (a, b, c, np.zeros((1, 1))), 0)
+    delays = np.linspace(0.0, STEP, 251)
+    first = int(np.flatnonzero([radius(delay) > 1.0 for delay in delays])[0])
+    wanted = brentq(lambda delay: radius(delay) - 1.0, delays[first - 1], delays[first])
+    assert 0.0 < found == pytest.approx(wanted, rel=1e-6)
+
+
+def test_the_loop_of_one_of_three_inputs():
+    """L_i = 1 / S_ii - 1, whatever the others do to each other."""
+    random = np.random.default_rng(8)
+    a, b = -np.diag([0.4, 1.0, 2.0]), random.normal(size=(3, 3))
+    c, d, gains = random.normal(size=(3, 3, 3)) * np.array([1.0, 0.1, 0.5])[:, None, None]
+    sampled = expm(a * STEP), np.linalg.solve(a, (expm(a * STEP) - np.eye(3)) @ b), c, d
+    law = (np.zeros((0, 0)), np.zeros((0, 3)), np.zeros((3, 0)), gains)
+    closed = closed_loop(sampled, law, step=STEP)
+    omega = np.array([0.4, 5.5])
+    wanted = np.linalg.inv(np.eye(3) + gains @ value(sampled, np.exp(1j * omega * STEP)))
+    for i in range(3):
+        left, direct, _ = loop_by_state(closed, i, omega)
+        np.testing.assert_allclose(left @ sampled[1][:, i] + direct, 1.0 / wanted[:, i, i] - 1.0)
+
+
 def test_crossings_of_size_one_between_points_of_a_grid():
     """By the logarithm of the size: 4 and 1/2 cross a third before the end."""
     omega = np.array([1.0, 2.0, 5.0, 6.0, 7.0])
@@ -177,6 +246,31 @@ def test_a_dead_time_turns_a_crossing_to_minus_one():
                 break
     assert len(wanted) == 2
     np.testing.assert_allclose(sorted(found), sorted(wanted))
+
+
+def test_crossings_are_paired_by_the_ratio_of_their_frequencies():
+    """2 and 2.1, 0.4 and 0.5, of which the products would be nearer to one crosswise."""
+    rises = np.array([True, True])
+    before = SizeOneCrossings(np.array([2.0, 0.4]), np.array([0.3, 0.1]), rises)
+    after = SizeOneCrossings(np.array([0.5, 2.1]), np.array([0.05, 0.25]), rises)
+    found = crossings_between(before, after, np.array([0.1, 0.2]), 0.25)
+    # 0.3 / (2 T) = 0.6 and 0.25 / (2.1 T) = 0.48 samples at the ends: a whole one a turn later
+    wanted = []
+    for w, v, lacks, later in ((2.0, 2.1, 0.3, 0.25), (0.4, 0.5, 0.1, 0.05)):
+        n = np.arange(50)
+        ends = np.array([lacks + 2.0 * np.pi * n, later + 2.0 * np.pi * n]) / (
+            0.25 * np.array([[w], [v]])
+        )
+        whole = np.ceil(ends.min(axis=0))
+        k = int(np.flatnonzero(whole <= ends.max(axis=0))[0])
+        share = (whole[k] - ends[0, k]) / (ends[1, k] - ends[0, k])
+        wanted.append((whole[k] * 0.25 + 0.1 + share * 0.1, w + share * (v - w)))
+    np.testing.assert_allclose(sorted(found), sorted(wanted))
+
+
+def test_a_dead_time_of_a_small_part_of_a_sample_is_polished_as_it_is():
+    found = polished_delay(lambda w, d: complex(w - 3.0, d - 0.02), 0.03, 2.9, 0.5)
+    assert found == pytest.approx(0.02, abs=1e-9)
 
 
 @pytest.mark.parametrize(

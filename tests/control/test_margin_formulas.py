@@ -4,16 +4,19 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq, minimize_scalar
+from scipy.optimize import brentq, minimize, minimize_scalar
 
 from beamchain.control.margins import Extremum
 from formulas import (
     LoopOfMargins,
+    balanced_bounds,
     long_delays,
     margin_figures,
     margins_of_all,
     peak_of_grid,
+    power_sum,
     refined_bounds,
+    structured_bound,
 )
 
 GRID, COARSE = np.geomspace(1e-2, 1e2, 400), np.geomspace(0.1, 10.0, 5)
@@ -145,6 +148,48 @@ def test_of_several_crossings_those_next_to_one_count():
     assert found.lowest == pytest.approx((0.4, 2.0))
 
 
+@pytest.mark.parametrize("falls", [True, False])
+def test_a_response_that_is_negative_on_one_side_of_its_crossing_alone(falls):
+    """0.3 and -0.9 at the points of the grid, -0.3 between them."""
+    ends = [0.3, -0.9] if falls else [-0.9, 0.3]
+
+    def at(s):
+        return np.interp(s.imag, [0.5, 1.5], ends) + 0.1j * np.cos(np.pi * s.imag / 2.0)
+
+    found = figures(closed_of(alone(at), np.array([0.5, 1.5])))
+    assert found.gain == pytest.approx((1.0 / 0.3, 1.0))
+
+
+@pytest.mark.parametrize("size", [8e-6, 8e4])
+def test_loops_of_any_size_cross_the_phase(size):
+    """k / (s + 1)^3 is -k / 8 at sqrt(3)."""
+    found = figures(closed_of(alone(lambda s: size / (s + 1.0) ** 3)))
+    limit = found.gain if size < 8.0 else found.lowest
+    assert limit == pytest.approx((8.0 / size, np.sqrt(3.0)), rel=1e-8)
+
+
+def test_a_factor_just_above_one_limits_the_gain_and_not_its_fall():
+    omega = np.arange(0.5, 4.0)
+    real = {1.0: -1.0 / 0.4, 2.0: -1.0 / 1.05, 3.0: -0.1}
+
+    def at(s):
+        value = np.interp(s.imag, list(real), list(real.values()))
+        return value + 0.1j * np.sin(np.pi * s.imag)
+
+    found = figures(closed_of(alone(at), omega))
+    assert found.gain == pytest.approx((1.05, 2.0))
+    assert found.lowest == pytest.approx((0.4, 1.0))
+
+
+@pytest.mark.parametrize("lacks", [40.0, -40.0])
+def test_a_phase_that_may_rise_is_reached_by_a_dead_time_most_of_a_turn_later(lacks):
+    """Of the size one at 2 rad/s alone."""
+    loop = alone(lambda s: -2.0 / s.imag * np.exp(1j * np.radians(lacks)))
+    found = figures(closed_of(loop))
+    assert found.phase == pytest.approx((lacks, 2.0))
+    assert found.delay == pytest.approx(np.radians(lacks % 360.0) / 2.0)
+
+
 def test_an_undamped_pole_is_passed_through_infinity_and_a_zero_through_nothing():
     """(s^2 + 4) / (s^2 + 1) under a lag that puts both in the left half plane."""
     loop = alone(lambda s: 3.0 * (s**2 + 4.0) / (s**2 + 1.0) / (0.1 * s + 1.0) ** 2)
@@ -159,8 +204,9 @@ def test_responses_at_rest_that_are_real_limit_the_gain(size, limited):
     found = figures(closed_of(loop))
     assert found.gain == (pytest.approx((2.0, 0.0)) if limited else (np.inf, np.inf))
     # an integrator is not at rest: its size still grows, and it is imaginary
-    for order in (1, 2):
-        rising = figures(closed_of(alone(lambda s, n=order: -0.01 / s**n / (s + 1.0) ** 2)))
+    for order, sign in ((1, -1.0), (2, -1.0), (2, 1.0)):
+        size = 0.01 * sign
+        rising = figures(closed_of(alone(lambda s, n=order, k=size: k / s**n / (s + 1.0) ** 2)))
         assert rising.lowest.frequency != 0.0
         assert rising.gain.frequency != 0.0
 
@@ -251,6 +297,66 @@ def test_peaks_between_and_at_the_ends_of_a_grid():
     for sign, end in ((1.0, 8.0), (-1.0, 1.0)):
         found = peak_of_grid(omega, sign * omega, lambda w, s=sign: s * w)
         assert found == pytest.approx((sign * end, end), rel=1e-6)
+
+
+# -- scaling ---------------------------------------------------------------------------------------
+RANDOM = np.random.default_rng(23)
+
+
+def of_rank_one(size):
+    """u v^T: its mu for one complex number per channel is the sum of |u_i v_i|."""
+    u, v = RANDOM.normal(size=(2, size, 2)) @ [1.0, 1.0j]
+    return np.outer(u, v), float(np.sum(np.abs(u * v)))
+
+
+def test_bounds_of_matrices_of_rank_one_are_their_mu():
+    """Of unit size, large, small, and of one channel."""
+    for size in (1, 2, 3):
+        matrix, mu = of_rank_one(size)
+        for scale in (1.0, 1e3, 1e-9):
+            assert structured_bound(scale * matrix) == pytest.approx(scale * mu, rel=2e-5)
+    assert structured_bound(np.zeros((2, 2)) + 0j) == 0.0
+
+
+def test_quick_bounds_make_rows_as_long_as_columns():
+    """Off the diagonal, of D M D^-1; of two channels d^2 = |m_01| / |m_10|."""
+    m = RANDOM.normal(size=(4, 2, 2)) + 1j * RANDOM.normal(size=(4, 2, 2))
+    m[1, 0, 1], m[2, 1, 0], m[3] = 40.0, 1e-4, np.diag([3.0, -7.0j])
+    wanted = []
+    for one in m[:3]:
+        d = np.array([1.0, np.sqrt(abs(one[0, 1] / one[1, 0]))])
+        wanted.append(np.linalg.norm(one * d[:, None] / d, 2))
+    np.testing.assert_allclose(balanced_bounds(m), [*wanted, 7.0], rtol=1e-6)
+    three = RANDOM.normal(size=(1, 3, 3)) + 0j
+    scale = np.array([1.0, 50.0, 0.3])
+    assert balanced_bounds(three * scale[:, None] / scale) == pytest.approx(balanced_bounds(three))
+    off = np.abs(three[0]) ** 2 * (1.0 - np.eye(3))
+    logs = minimize(
+        lambda x: np.sum(off * np.exp(2.0 * np.subtract.outer(np.append(0.0, x), [0.0, *x]))),
+        np.zeros(2),
+        tol=1e-12,
+    ).x  # rows and columns are alike where the sum of squares is least
+    d = np.exp(np.append(0.0, logs))
+    norm = np.linalg.norm(three[0] * d[:, None] / d, 2)
+    assert balanced_bounds(three)[0] == pytest.approx(norm, rel=1e-5)
+    assert balanced_bounds(np.array([[[3.0 - 4.0j]]])) == pytest.approx([5.0])
+
+
+def test_the_sum_of_powers_and_its_slope():
+    m = RANDOM.normal(size=(3, 3)) + 1j * RANDOM.normal(size=(3, 3))
+
+    def wanted(logs, exponent):
+        d = np.exp(np.append(0.0, logs))
+        sizes = np.linalg.svd(m * d[:, None] / d, compute_uv=False)
+        return np.log(np.sum(sizes**exponent)) / exponent
+
+    at, h = np.array([0.3, -0.8]), 1e-6
+    for exponent in (2.0, 5.0):
+        value, slope = power_sum(at, m, exponent)
+        assert value == pytest.approx(wanted(at, exponent), rel=1e-12)
+        for k, e in enumerate(h * np.eye(2)):
+            difference = (wanted(at + e, exponent) - wanted(at - e, exponent)) / (2.0 * h)
+            assert slope[k] == pytest.approx(difference, rel=1e-6)
 
 
 # -- words -----------------------------------------------------------------------------------------

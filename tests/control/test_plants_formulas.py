@@ -23,6 +23,17 @@ def test_gain_and_phase_margin_of_three_lags():
     assert abs(loop.phase) == pytest.approx(45.0, rel=1e-7)
 
 
+def test_curves_of_both_sensitivities_and_the_poles():
+    """L = 2 / (s + 1): S = (s + 1) / (s + 3), T = 2 / (s + 3)."""
+    found = loop_of(control.tf([2.0], [1.0, 1.0]))
+    s = 1j * found.omega
+    np.testing.assert_allclose(found.sensitivity, np.abs((s + 1.0) / (s + 3.0)))
+    np.testing.assert_allclose(found.complementary, np.abs(2.0 / (s + 3.0)))
+    np.testing.assert_allclose(found.loops[0].response, 2.0 / (s + 1.0))
+    assert found.poles == pytest.approx([-3.0])
+    assert found.peak_complementary.value == pytest.approx(2.0 / 3.0, rel=1e-4)
+
+
 @pytest.mark.parametrize(("delay", "told"), [(3.5, True), (3.0, False)])
 def test_a_dead_time_longer_than_a_period_of_the_crossover_is_told(delay, told):
     """4 / (s + 2 sqrt(3)) is 1 at 2 rad/s, a period of 3.14 s."""

@@ -1,5 +1,6 @@
 """Closed forms beside single poles that are followed, and beside whose they are."""
 
+import control
 import numpy as np
 import pytest
 from scipy.linalg import eig
@@ -7,6 +8,7 @@ from scipy.linalg import eig
 import beamchain as bc
 from beamchain.control.closed_loop import ClosedLoop
 from beamchain.control.feedback import Feedback
+from beamchain.control.instability import sentences as sentences_of
 from beamchain.control.pole_paths import Pole, crossing, follow, open_pole, pole_of
 from formulas import (
     StartOfPoles,
@@ -148,6 +150,22 @@ def test_poles_that_are_one_share_a_plane():
     assert apart[0] == 0
 
 
+@pytest.mark.parametrize(
+    ("at", "apart", "order"),
+    [
+        (0.0, 0.9e-6, [0, 1, 2]),
+        (0.0, 1.1e-6, [1, 0, 2]),
+        (2.0, 2.9e-6, [0, 1, 2]),
+        (2.0, 3.1e-6, [1, 0, 2]),
+    ],
+)
+def test_poles_within_a_millionth_are_told_apart_by_distance_alone(at, apart, order):
+    """1e-6 (at + 1e-3 1000), whatever their directions, which have changed places."""
+    poles = np.array([at, at + apart, 1000.0]) + 0j
+    swapped = np.eye(3)[:, [1, 0, 2]] + 0j
+    assert continued_poles(poles, np.eye(3) + 0j, poles, swapped).tolist() == order
+
+
 def test_poles_that_pass_each_other_keep_their_directions():
     """Two that swap places: by distance alone each would stay."""
     turned = np.linalg.qr(RANDOM.normal(size=(2, 2)))[0]
@@ -190,6 +208,14 @@ def test_the_gain_from_which_on_a_pole_grows(middle, gain, at):
     if at is not None:
         assert abs(there.imag) == pytest.approx(2.0)
         assert there.real == pytest.approx(0.0, abs=1e-6)
+
+
+def test_the_gain_is_found_between_two_poles_alone():
+    closed = second_order(lambda g: 0.4 - g, 4.0)
+    ends = [max(poles_at(closed, gain), key=lambda one: one.value.imag) for gain in (0.3, 0.5)]
+    found, there = crossing(closed, ends, growth)
+    assert found == pytest.approx(0.4, abs=1e-9)
+    assert there == pytest.approx(2j, abs=1e-6)
 
 
 def test_a_pole_that_comes_back_from_infinity():
@@ -263,6 +289,78 @@ def test_axes_of_one_design_have_each_their_own_pole():
     assert [one.stable_without for one in found] == [("u",), ("v",)]
 
 
+def test_one_loop_that_is_enough_is_told_from_one_that_only_helps():
+    """Of a damping of 0.3 one loop takes 0.302 and the other 0.1: the first grows alone, and
+    without the second it still does."""
+    closed = modal_loop([(3.0, 0.05, [1.0, 1.0], [1.0, 1.0])], [-0.1, -0.302])
+    (found,) = instabilities(closed)
+    assert found.alone == {"v": pytest.approx(0.3 / 0.302)}
+    assert found.stable_without == ("v",)
+    assert found.gain == pytest.approx(0.3 / 0.402)
+
+
+def test_the_pair_of_a_very_slow_mode_is_told_once():
+    closed = modal_loop([(1e-5, 0.05, [1.0], [1.0])], [-4e-6])
+    (found,) = instabilities(closed)
+    assert found.pole == pytest.approx(1.5e-6 + 1e-5j * np.sqrt(1.0 - 0.15**2))
+    assert found.gain == pytest.approx(1.0 / 4.0)
+
+
+def loop_of_one(plant, law, step=0.0, states=("x",)):
+    """A plant around a law, of which nothing is a mode."""
+    count = law[3].shape[0]
+    every = list(range(count))
+    fed = Feedback(every, every, lambda _: law, lambda _: law[3], step, (0.0,) * count)
+    return ClosedLoop(plant, law, fed, ("u", "v")[:count], ((),) * count, states, (), step)
+
+
+def constant(gains):
+    count = len(gains)
+    return np.zeros((0, 0)), np.zeros((0, count)), np.zeros((count, 0)), np.diag(gains)
+
+
+def test_a_sampled_loop_crosses_the_circle_at_its_angle_over_the_step():
+    """z = (rho + g) exp(+-j theta) of both loops; of one alone |z|^2 = rho (rho + g)."""
+    rho, theta, step, g = 0.95, 0.4, 0.2, 0.2
+    turn = np.array([[np.cos(theta), -np.sin(theta)], [np.sin(theta), np.cos(theta)]])
+    plant = rho * turn, np.eye(2), turn, np.zeros((2, 2))
+    (found,) = instabilities(loop_of_one(plant, constant([-g, -g]), step, ("x", "y")))
+    assert found.pole == pytest.approx((np.log(rho + g) + 1j * theta) / step)
+    assert found.gain == pytest.approx((1.0 - rho) / g, rel=1e-5)
+    assert found.crossing == pytest.approx(theta / step)
+    alone = (1.0 / rho - rho) / g
+    assert found.alone == {name: pytest.approx(alone, rel=1e-5) for name in "uv"}
+    assert found.stable_without == ()
+    assert found.timestep == step
+
+
+def test_a_pole_that_comes_back_from_infinity_crosses_there():
+    """-1 / (1 - 2 g)."""
+    plant = tuple(np.full((1, 1), value) for value in (-1.0, 1.0, -1.0, 1.0))
+    (found,) = instabilities(loop_of_one(plant, constant([-2.0])))
+    assert found.pole == pytest.approx(1.0)
+    assert found.gain == pytest.approx(0.5, abs=1e-6)
+    assert found.crossing == np.inf
+
+
+@pytest.mark.parametrize(
+    ("slow", "fast", "origin", "kind"),
+    [
+        (1.0, (2.0, 3.0), "state x with the controller", "several"),
+        (3.0, (1.0, 2.0), "the controller", "controller"),
+    ],
+)
+def test_a_pair_that_met_on_the_real_axis_has_two_origins(slow, fast, origin, kind):
+    """(s + 1) (s + 2) (s + 3) + 120: -1 and -2 meet, and grow from 60 on at sqrt(11)."""
+    law = control.ss(control.tf([120.0], np.polymul([1.0, fast[0]], [1.0, fast[1]])))
+    law = tuple(np.asarray(part) for part in (law.A, law.B, law.C, law.D))
+    plant = tuple(np.full((1, 1), value) for value in (-slow, 1.0, 1.0, 0.0))
+    (found,) = instabilities(loop_of_one(plant, law))
+    assert (found.origin, found.kind) == (origin, kind)
+    assert found.gain == pytest.approx(0.5)
+    assert found.crossing == pytest.approx(np.sqrt(11.0))
+
+
 @pytest.mark.parametrize(("second", "told"), [(30.3, True), (33.0, False)])
 def test_poles_that_lie_together_are_those_of_the_loops_that_have_them_alone(second, told):
     """Within a twentieth of each other; s^2 + (2 r w - k) s + w^2 of each."""
@@ -279,6 +377,28 @@ def test_poles_that_lie_together_are_those_of_the_loops_that_have_them_alone(sec
         ]
     else:
         assert found == [None, None]
+
+
+def test_a_loop_is_opened_wholly_to_see_whether_its_pole_ends():
+    """A tenth of either would still outdo a damping of 0.06."""
+    modes = [(30.0, 0.001, [1.0, 0.0], [1.0, 0.0]), (30.3, 0.001, [0.0, 1.0], [0.0, 1.0])]
+    closed = modal_loop(modes, [-5.0, -4.0])
+    poles = closed.to_s(closed.growing)
+    found = owners_of_poles(closed, poles[poles.imag > 0.0], start_of_poles(closed))
+    assert sorted((one.input, one.is_same, one.ends_without) for one in found) == [
+        ("u", True, True),
+        ("v", True, True),
+    ]
+
+
+def test_slow_poles_that_lie_together_are_told_apart_like_fast_ones():
+    """All of it 1e-4 times as fast, and as far from the open poles."""
+    modes = [(3e-3, 0.05, [1.0, 0.0], [1.0, 0.0]), (3.03e-3, 0.05, [0.0, 1.0], [0.0, 1.0])]
+    closed = modal_loop(modes, [-5e-4, -4e-4])
+    growth_of = np.array([2e-4, 0.97e-4]) / 2.0
+    poles = growth_of + 1j * np.sqrt(np.array([3e-3, 3.03e-3]) ** 2 - growth_of**2)
+    found = owners_of_poles(closed, poles, start_of_poles(closed))
+    assert [(one.input, one.is_same) for one in found] == [("u", True), ("v", True)]
 
 
 def test_told_of_progress_the_fastest_first():
@@ -325,6 +445,25 @@ def test_of_rigid_motions_at_rest_the_one_in_whose_direction_a_pole_leaves():
     assert own_direction(other, 0, Pole(1e-6, 0j, leaving, leaving)) == 0
 
 
+@pytest.mark.parametrize(("off", "number"), [(2.9e-6, 1), (3.1e-6, 0)])
+def test_open_poles_are_one_within_a_millionth_of_their_size_and_of_the_largest(off, number):
+    """1e-6 (2 + 1e-3 1000)."""
+    origin = start_of_poles(modal_loop([(3.0, 0.05, [1.0], [1.0])], [1.0])).origins[0]
+    poles = np.array([2.0, 2.0 + off, -1000.0]) + 0j
+    start = StartOfPoles(poles, np.eye(3) + 0j, [origin] * 3)
+    leaving = np.array([0.1, 0.9, 0.05]) + 0j
+    assert own_direction(start, 0, Pole(1e-6, 2.0 + 0j, leaving, leaving)) == number
+
+
+def test_of_a_double_pole_each_stays_its_own():
+    """Both have one direction."""
+    origin = start_of_poles(modal_loop([(3.0, 0.05, [1.0], [1.0])], [1.0])).origins[0]
+    start = StartOfPoles(np.zeros(2) + 0j, np.array([[1.0, 1.0], [0.0, 0.0]]) + 0j, [origin] * 2)
+    leaving = np.array([1.0, 0.0]) + 0j
+    for number in (0, 1):
+        assert own_direction(start, number, Pole(1e-6, 0j, leaving, leaving)) == number
+
+
 # -- words -----------------------------------------------------------------------------------------
 @pytest.mark.parametrize(
     ("pole", "alone", "words", "pushed"),
@@ -346,3 +485,34 @@ def test_a_growing_pole_in_words(pole, alone, words, pushed):
     assert made.hertz == pytest.approx(abs(pole) / (2.0 * np.pi))
     assert made.causes == ("u",)
     assert ("at any part of its gain" in made.finding) == (alone["u"] == 0.0)
+
+
+def test_signs_are_asked_for_once_where_two_poles_or_more_grow_at_any_gain():
+    def pushed(name):
+        return bc.results.Instability(0.3 + 0j, "m1", "mode", 0.0, 0.0, {name: 0.0}, (), 0.0)
+
+    ringing = bc.results.Instability(0.3 + 4j, "m2", "mode", 0.5, 4.0, {"w": 0.5}, (), 0.0)
+    assert sentences_of([pushed("u"), ringing]) == [pushed("u").sentence, ringing.sentence]
+    asked, *others = sentences_of([pushed("v"), ringing, pushed("u")])
+    assert "u and v" in asked
+    assert " 2 poles" in asked
+    assert others == [f"{one.finding}." for one in (pushed("v"), ringing, pushed("u"))]
+
+
+def test_the_gain_of_every_loop_to_blame_is_told_once_where_it_is_the_same():
+    def told(**alone):
+        return bc.results.Instability(0.3 + 4j, "m1", "mode", 0.9, 4.0, alone, (), 0.0).finding
+
+    assert told(u=0.123, v=0.1234).count("0.12 ") == 1
+    apart = told(u=0.123, v=0.456)
+    assert apart.index("u (") < apart.index("0.12 ") < apart.index("v (") < apart.index("0.46 ")
+    assert "0.05 " in told(u=0.05)
+    none = told()
+    assert "0.9 " in none
+    assert "no solution" not in none
+    endless = bc.results.Instability(0.3 + 4j, "m1", "mode", 0.9, np.inf, {}, (), 0.0)
+    assert endless.finding.startswith(none)
+    assert "0.9 of" in endless.finding.removeprefix(none)
+    both = bc.results.Instability(0.3 + 0j, "m1", "mode", 0.0, 0.0, {"w": 0.0, "u": 0.0, "v": 0.0},
+                                  (), 0.0)  # fmt: skip
+    assert "u, v and w" in sentences_of([both, both])[0]

@@ -29,6 +29,7 @@ from formulas import (
     crossing_of_zero,
     growth_of_poles,
     limited_by_modes_above,
+    limiting_modes,
     realise_controller,
     realise_fraction,
     response_of_loop,
@@ -107,6 +108,33 @@ def test_states_that_link_an_input_to_an_output():
         whole[1, 0] = size
         b = np.array([[1.0, 0, 0, 0, 0]]).T
         assert linking((whole, b, seen[None].astype(float), np.zeros((1, 1)))) == kept
+
+
+@pytest.mark.parametrize(("inputs", "outputs"), [(1e6, 1e-6), (1e-6, 1e6)])
+def test_units_of_signals_do_not_change_what_they_link(inputs, outputs):
+    """A state that is driven, or seen, by 1e-10 of the largest, and one by 1e-12."""
+    for size, kept in ((1e-10, [0, 1]), (1e-12, [1])):
+        for b, c in (([size, 1.0], [1.0, 1.0]), ([1.0, 1.0], [size, 1.0])):
+            whole = -np.eye(2), inputs * np.array([b]).T, outputs * np.array([c]), np.zeros((1, 1))
+            assert linking(whole) == kept
+    # a chain, whose elements of A are compared within their row
+    for size, kept in ((1e-13, [0, 1]), (1e-15, [])):
+        a = inputs * np.array([[-1.0, 0.0], [size, -1.0]])
+        assert linking((a, np.eye(2)[:, :1], np.eye(2)[1:], np.zeros((1, 1)))) == kept
+
+
+@pytest.mark.parametrize("spread", [1.0, 1e5, 1e-5])
+def test_what_stands_still_is_found_in_any_units_of_the_states(spread):
+    """A moves nothing along (1, 1/2, 2), and C does not see it."""
+    still, units = np.array([1.0, 0.5, 2.0]), np.array([1.0, spread, 1.0 / spread])
+    away = np.eye(3) - np.outer(still, still) / (still @ still)
+    a = away @ np.diag([-1.0, -2.0, -3.0]) @ away
+    c = np.array([[1.0, 2.0, -1.0]])
+    a, seen = units[:, None] * a / units, c @ away / units
+    found = standing_still(a, seen)
+    assert found.shape == (3, 1)
+    np.testing.assert_allclose(found[:, 0] / found[0, 0], still * units, rtol=1e-6)
+    assert standing_still(a, np.array([[1.0, 0.5, 2.0]]) / units).shape == (3, 0)
 
 
 def test_some_of_the_signals_and_their_states():
@@ -303,6 +331,29 @@ def test_systems_of_python_control_in_a_mapping_and_as_one():
         wanted = np.array([[2.0 / (s + 3.0), 0.7], [0.0, s / (s + 4.0)]])
         np.testing.assert_allclose(whole.response(S)[k], wanted, atol=1e-12)
     assert feedback({("u", "x"): 2.0}, SIGNALS).step is None
+    for rational in (made, whole):
+        assert rational.delays == (0.0, 0.0)
+        assert not rational.delayed
+
+
+def test_a_loop_that_gives_nothing_stands_beside_one_that_does():
+    made = feedback({("u", "x"): control.tf([0.0], [1.0, 1.0]), ("v", "y"): 2.0}, SIGNALS)
+    np.testing.assert_array_equal(made.response(S), np.broadcast_to(np.diag([0.0, 2.0]), (2, 2, 2)))
+    assert [part.shape for part in made.realise(0)] == [(0, 0), (0, 2), (2, 0), (2, 2)]
+    assert made.step is None
+
+
+def test_outputs_that_an_input_is_fed_from_go_through_any_number_of_states():
+    """x1 <- y, x2 <- x1, ..., x6 <- x5; u sees x6, v sees x0, which w drives."""
+    a = np.zeros((7, 7))
+    a[np.arange(2, 7), np.arange(1, 6)] = -0.05
+    b, c = np.zeros((7, 2)), np.zeros((3, 7))
+    b[1, 0], b[0, 1] = 0.03, -0.01
+    c[0, 6], c[1, 0] = 0.02, -0.04
+    d = np.zeros((3, 2))
+    d[2, 0], d[1, 1] = -0.05, 0.01
+    made = feedback(control.ss(a, b, c, d, inputs=["y", "x"], outputs=["u", "v", "w"]), SIGNALS)
+    assert made.measured((a, b, c, d)) == [[1], [0], [1]]
 
 
 @pytest.mark.parametrize(("factor", "kept"), [(1.0 + 0.9e-9, True), (1.0 + 1.1e-9, False)])
@@ -352,6 +403,84 @@ def test_frequencies_dampings_and_gains_of_modes(step):
         assert plant.gain[k, 0, 0] == pytest.approx(wanted, rel=1e-4 if step else 1e-12)
 
 
+def test_gains_of_a_plant_whose_states_hold_its_inputs():
+    """x' = A x + B (u + p)/2, p' = u: over the size of its polynomial at s = j w a gain is the
+    size of the mode's share of the response at z = exp(j w h)."""
+    _, (a, b, c) = oscillators(0.0)
+    step = 0.3
+    over, drive, _, _ = sampled_by_hand((a, b, c, None), step)
+    whole = np.zeros((5, 5))
+    whole[:4, :4], whole[:4, 4:] = over, drive / 2.0
+    names = ("one", "one_rate", "two", "two_rate", "held")
+    into, seen = np.vstack([drive / 2.0, [[1.0]]]), np.hstack([c, [[0.0]]])
+    form = ModalForm(whole, into, seen, np.zeros((1, 1)), names, ("",) * 5, np.ones(5), (0, 0))
+    signals = (["torque"], ["angle"], ["N m"], ["rad"])
+    plant = Plant(form, signals, ["one", "two"], timestep=step)
+    for k, (w, ratio) in enumerate(((3.0, 0.02), (8.0, 0.1))):
+        assert plant.frequency[k] == pytest.approx(w)
+        at = slice(2 * k, 2 * k + 2)
+        z = np.exp(1j * w * step)
+        acting = drive[at] * (1.0 + 1.0 / z) / 2.0
+        share = abs((c[:, at] @ np.linalg.solve(z * np.eye(2) - over[at, at], acting))[0, 0])
+        polynomial = abs((1j * w) ** 2 + 2.0 * ratio * w * (1j * w) + w**2)
+        assert plant.gain[k, 0, 0] == pytest.approx(share * polynomial, rel=1e-10)
+    assert plant.time_error is None
+    assert plant.sampled_error is None
+
+
+@pytest.mark.parametrize("step", [0.0, 0.05])
+def test_what_leaving_a_mode_out_costs_in_every_channel(step):
+    """|G - G_exact| / |G_exact|; of a channel that is none beside the largest, times 1e-12."""
+    exact, (a, b, c) = oscillators(0.0)
+    first = tuple(part[:2] if part is b else part[:, :2] for part in (b, c))
+    kept = (a[:2, :2], *first, np.zeros((1, 1)))
+    if step:
+        held = np.linalg.solve(kept[0], (expm(step * kept[0]) - np.eye(2)) @ kept[1])
+        kept = (expm(step * kept[0]), held, *kept[2:])
+    asked = []
+
+    def beyond(omega):
+        asked.append(omega)
+        return exact
+
+    form = ModalForm(*kept, ("one", "one_rate"), ("",) * 2, np.ones(2), (0, 0))
+    signals = (["torque"], ["angle"], ["N m"], ["rad"])
+    errors = lambda: ("worst", 0.25)  # noqa: E731
+    plant = Plant(form, signals, ["one"], timestep=step or None, exact=beyond, errors=errors)
+    omega = np.array([1.0, 7.0, 4.0])
+    found = plant.truncation(omega)
+    for k, w in enumerate(omega):
+        true = value((a, b, c, np.zeros((1, 1))), 1j * w)
+        ours = value(kept, np.exp(1j * w * step) if step else 1j * w)
+        assert found[0, 0, k] == pytest.approx(abs((ours - true) / true)[0, 0])
+    assert asked == [7.0]
+    assert plant.exact is exact
+    assert asked[1] == pytest.approx(3.0)
+    assert (plant.time_error, plant.sampled_error) == ("worst", 0.25)
+    assert plant.record()["Ts"] == step
+    plant.truncation(0.05)
+    assert asked[2] == 0.05
+    assert (plant.input_names, plant.input_units) == (("torque",), ("N m",))
+    assert (plant.output_names, plant.output_units) == (("angle",), ("rad",))
+    with pytest.raises(bc.InputError, match="exact"):
+        _ = exact.exact
+
+
+def test_a_channel_that_is_none_is_compared_with_the_largest():
+    """1e-12 of it, at the same frequency."""
+
+    def plant(quiet, exact=""):
+        c = np.array([[1.0, 0.0], [quiet, 0.0]])
+        a, b = np.array([[0.0, 1.0], [-9.0, -0.6]]), np.array([[0.0], [1.0]])
+        form = ModalForm(a, b, c, np.zeros((2, 1)), ("m", "m_rate"), ("",) * 2, np.ones(2), (0, 0))
+        return Plant(form, (["u"], ["x", "y"], [""], ["", ""]), ["m"], exact=exact)
+
+    exact = plant(1e-15)
+    found = plant(3e-12, lambda _: exact).truncation([1.0, 5.0])
+    assert found[0, 0] == pytest.approx([0.0, 0.0])
+    assert found[1, 0] == pytest.approx([2.999, 2.999])
+
+
 def test_products_of_zeros_and_poles_of_a_step():
     """prod (z - z_i) / (s - s_i), and its limit at a pole itself."""
     s, step = 0.2 + 1.5j, 0.3
@@ -360,6 +489,52 @@ def test_products_of_zeros_and_poles_of_a_step():
     wanted = np.prod((z - poles) / (s - of))
     assert zero_pole_product(poles, z, step) == pytest.approx(wanted)
     assert zero_pole_product(np.array([z]), z, step) == pytest.approx(step * z)
+
+
+# -- the mode that limits a figure -----------------------------------------------------------------
+def limited_at(omega, frequency, ratio, gain, names, step=0.0):
+    gain = np.array(gain, dtype=float)
+    plant = SimpleNamespace(
+        modes=tuple(names),
+        frequency=np.array(frequency),
+        damping_ratio=np.array(ratio),
+        gain=gain.reshape(len(names), -1, 1),
+        output_names=["angle", "rate"],
+        input_names=["torque"],
+    )
+    outputs = ("angle", "rate")[: plant.gain.shape[1]]
+    loop = SimpleNamespace(outputs=outputs, input="torque", limited={"gain": omega})
+    return limiting_modes(plant, loop, step).get("gain")
+
+
+@pytest.mark.parametrize(("beside", "name"), [(1.85, "at"), (1.95, "beside")])
+def test_the_mode_that_answers_most_limits_a_figure(beside, name):
+    """1 / (2 0.05 10 10) = 0.1 of a mode at 10 rad/s, 1.9 / (10^2 - 9^2) of one at 9, undamped."""
+    found = limited_at(10.0, [10.0, 9.0], [0.05, 0.0], [1.0, beside], ["at", "beside"])
+    assert found == name
+
+
+@pytest.mark.parametrize(("mode", "near"), [(8.1, True), (7.9, False), (11.9, True), (12.1, False)])
+def test_a_mode_within_a_fifth_of_a_figure_may_limit_it(mode, near):
+    found = limited_at(10.0, [mode], [0.01], [1.0], ["mode"])
+    assert found == ("mode" if near else None)
+
+
+@pytest.mark.parametrize(("size", "shown"), [(0.011, True), (0.009, False)])
+def test_modes_show_beside_the_largest_of_the_appendages_in_any_output(size, shown):
+    """In the second output; a wheel's own mode is as large as it likes, all gains are small."""
+    gains = 1e-6 * np.array([[500.0, 900.0], [1.0, 1.0], [0.0001, size]])
+    names = ["wheel", "boom_mode1_xy", "boom_mode2_xy"]
+    found = limited_at(10.0, [3.0, 1.0, 10.0], [0.01] * 3, gains, names)
+    assert found == ("boom_mode2_xy" if shown else None)
+
+
+@pytest.mark.parametrize("turns", [0, 1, 2])
+def test_samples_show_a_fast_mode_as_a_slow_one(turns):
+    """3 rad/s and 5 or 10 more or less, sampled every 2 pi / 5 s: 2 rad/s."""
+    for frequency in (5.0 * turns + 2.0, 5.0 * turns + 3.0):
+        assert limited_at(2.0, [frequency], [0.01], [1.0], ["m"], 2.0 * np.pi / 5.0) == "m"
+        assert limited_at(3.0, [frequency], [0.01], [1.0], ["m"], 2.0 * np.pi / 5.0) is None
 
 
 # -- what stands above the modes kept --------------------------------------------------------------

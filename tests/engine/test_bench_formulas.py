@@ -271,7 +271,7 @@ def test_a_place_farther_out_and_turned():
     assert on_body.position == pytest.approx([0.7, 0.0, 0.0])
     assert on_body.quaternion == pytest.approx([1.0, 0.0, 0.0, 0.0])
     for kind, name in (("site", "none"), ("body", "world")):
-        with pytest.raises(bc.InputError, match="at x"):
+        with pytest.raises(bc.InputError, match="--mount x"):
             mount(model, "x", kind, name)
 
 

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import control
 import numpy as np
+from numpy.typing import NDArray
 
 from beamchain.control.controllers import ORDER, Controller
 from beamchain.control.feedback import Feedback, Given, Signals, feedback
@@ -35,6 +36,12 @@ ALGEBRAIC = 1e-12  # relative, of an algebraic loop that is singular
 BESIDE = 1e-6  # rad beside the imaginary axis, where Nyquist's criterion counts
 TURN = 0.4  # rad between neighbouring points of the count
 ROUNDS = 40  # of points put between
+DEAD_BEAT = 600.0  # of |s| T: z = 0, which is taken as 1e-300 where a logarithm is
+
+
+def dead_beat(poles: Complex, step: float) -> NDArray[np.bool_]:
+    """`(k,)` which poles s of a loop that is sampled with a step [s] are at z = 0."""
+    return np.abs(poles) * step > DEAD_BEAT
 
 
 class Names(NamedTuple):
@@ -176,7 +183,7 @@ class ClosedLoop:
         poles = np.concatenate([self.to_s(self.eigenvalues), self.open_poles])
         limit = np.pi / self.step if self.step else np.inf
         size = np.abs(poles)
-        seen = (size > max(self.rest, ROUNDED * self.top)) & (size < 1e3 * limit)
+        seen = (size > max(self.rest, ROUNDED * self.top)) & ~dead_beat(poles, self.step)
         poles = poles[seen & (poles.imag >= 0.0)]
         if not poles.size:
             poles = np.ones(1, dtype=np.complex128)

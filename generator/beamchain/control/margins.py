@@ -10,7 +10,7 @@ from scipy.optimize import minimize_scalar
 
 from beamchain import report
 from beamchain.caution import Caution
-from beamchain.control.closed_loop import ClosedLoop
+from beamchain.control.closed_loop import ClosedLoop, dead_beat
 from beamchain.control.controllers import Response
 from beamchain.control.crossings import crossing
 from beamchain.control.delay_margin import sampled_delay_margin
@@ -251,7 +251,6 @@ def margins_of(closed: ClosedLoop) -> Margins:
     sensitivity = np.asarray(np.linalg.inv(eye + loop), dtype=np.complex128)
     at_all, peak_s, peak_t = _of_all(closed, sensitivity)
     poles = closed.to_s(closed.eigenvalues)
-    limit = 1e3 * np.pi / closed.step if closed.step else np.inf
     return Margins(
         loops=tuple(
             _loop_margins(closed, i, 1.0 / sensitivity[:, i, i] - 1.0)
@@ -261,7 +260,7 @@ def margins_of(closed: ClosedLoop) -> Margins:
         all_at_once=at_all,
         peak_sensitivity=peak_s,
         peak_complementary=peak_t,
-        poles=poles[np.abs(poles) < limit],
+        poles=poles[~dead_beat(poles, closed.step)],
         instabilities=(),
         timestep=closed.step,
         pose="",
