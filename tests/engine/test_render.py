@@ -141,7 +141,7 @@ def test_no_mp4_without_ffmpeg(without_ffmpeg):
 def test_render_without_ffmpeg_says_so(say, boom, tmp_path, monkeypatch, without_ffmpeg):
     """Every picture but the film: what was asked for and did not come out is told,
     whatever else is silent."""
-    monkeypatch.setattr(backend, "choose", lambda: "none")
+    monkeypatch.setattr(backend, "choose_renderer", lambda: "none")
     blank = np.zeros((64, 64, 3), dtype=np.uint8)
     monkeypatch.setattr(
         draw, "draw_frames", lambda model, body, shown, ghosts, **_: iter([blank] * len(shown))

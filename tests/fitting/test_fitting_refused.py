@@ -281,7 +281,7 @@ ADDED = {
     "damping": ("[damping]\nratio = 0.01\n", ("[slosh] and damping", "slosh.ratio")),
     "uncertain": ("[uncertain]\nfrequency = { relative = 0.1 }\n", ("a liquid is not varied",)),
     "target": ('[root]\ntarget = "free"\n', ('root.target = "free" and',)),
-    "timing": ("[fit]\ntimestep = 0.01\n", ("[fit] and [slosh]",)),
+    "springs": ('[fit]\nsprings = "modes"\n', ("[fit] and [slosh]",)),
     "sensors": ("[sensors]\nmodes = true\n", ("root_load alone",)),
     "tip": ("[scene]\ntip = true\n", ("scene.tip",)),
 }

@@ -89,7 +89,7 @@ def models(tmp_path_factory):
 
 
 def test_all_forms(models):
-    assert len(models) == 7  # the six forms; <attach> once by embed and once by hand
+    assert len(models) == 6  # by embed, by hand, through MjSpec
     assert len({model.ntendon for model in models.values()}) == 1
 
 

@@ -80,7 +80,7 @@ def test_spec_text_holds_every_kind_of_value():
         damping=bc.Damping(ratio={"xy": (0.005, 0.004), "torsion": (0.01,)}, form="hinge"),
         modes=bc.Modes(xy=2, torsion=1),
         root=bc.spec.Root(target="clamped", hub=HUB),
-        fit=bc.spec.FitOptions(springs="modes", cuts=(1.0, 2.0), timestep=0.01),
+        fit=bc.spec.FitOptions(springs="modes", cuts=(1.0, 2.0)),
         scene=bc.Scene(bandwidth=10.0, axes=("z",), tip=True, visuals=False),
     )
     assert spec_from_dict(tomllib.loads(spec_toml(spec))) == spec

@@ -315,8 +315,8 @@ class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             )
         if self.fit != FitOptions():
             raise InputError(
-                "[fit] and [slosh] do not go together: pendulums have neither springs nor cuts, "
-                "and no timing; remove [fit]."
+                "[fit] and [slosh] do not go together: pendulums have neither springs nor cuts; "
+                "remove [fit]."
             )
         if self.sensors.modes or self.sensors.points:
             raise InputError(
