@@ -1,7 +1,7 @@
 """Change formulas of the package one at a time, and say which changes the quick tests notice.
 
-`python tests/mutants.py --seed n` draws 200 changes of constants, signs, operators, indices and
-comparisons inside functions of FOLDERS. The quick tests of a folder are collected once and run once
+`python tests/mutants.py --seed n ...` draws 200 changes of constants, signs, operators, indices and
+comparisons inside functions of FOLDERS for each seed. The quick tests of a folder are collected once and run once
 unchanged, to learn which of them call which function; those that fail then are left out. For each
 change a fork of that process swaps the code of the changed function and runs the tests that call
 it, the shortest first. What a module computes when it is imported stays as it was.
@@ -341,26 +341,33 @@ def _named(words: str) -> Change:
 def main() -> None:
     """Draw, run, print; the exit status says nothing about the share."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--count", type=int, default=200)
+    parser.add_argument("--seed", type=int, nargs="+", default=[1])
+    parser.add_argument("--count", type=int, default=200, help="for each seed, over all folders")
     parser.add_argument("--folders", nargs="+", choices=FOLDERS, default=FOLDERS)
     parser.add_argument("--limit", type=float, default=300.0, help="seconds for each change")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--changes", nargs="+", type=_named, help="FILE|LINE|COLUMN|OLD|NEW")
     given = parser.parse_args()
     # drawn from all folders, so that a seed means the same changes whichever folders run
-    drawn = random.Random(given.seed).sample(list(_every(FOLDERS)), given.count)
-    drawn = given.changes or [change for change in drawn if change.folder in given.folders]
-    drawn.sort(key=lambda change: (change.file, change.line, change.column))
-    total = Counter(change.folder for change in drawn)
-    by_folder = {name: [one for one in drawn if one.folder == name] for name in total}
+    every = list(_every(FOLDERS))
+    drawn = {f"seed {seed}": random.Random(seed).sample(every, given.count) for seed in given.seed}
+    if given.changes:
+        drawn = {"these": given.changes}
+    wanted = {one for each in drawn.values() for one in each if one.folder in given.folders}
+    by_folder = defaultdict[str, list[Change]](list)
+    for change in sorted(wanted, key=lambda one: (one.file, one.line, one.column)):
+        change.within((PACKAGE / change.file).read_bytes())  # raises where it does not fit
+        by_folder[change.folder].append(change)
     with ThreadPoolExecutor(given.workers) as pool:
-        limits = [given.limit] * len(total)
-        results = list(pool.map(_of_folder, by_folder, by_folder.values(), limits))
-    seen = Counter(change.folder for each in results for change, word in each if word == "noticed")
-    for folder, count in total.items():
-        print(f"{folder}: {seen[folder]} of {count} noticed")
-    print(f"together: {seen.total()} of {total.total()} noticed")
+        limits = [given.limit] * len(by_folder)
+        results = pool.map(_of_folder, by_folder, by_folder.values(), limits)
+        words = {change: word for each in results for change, word in each}
+    for name, those in drawn.items():
+        total = Counter(one.folder for one in those if one in wanted)
+        seen = Counter(one.folder for one in those if words.get(one) == "noticed")
+        for folder, count in sorted(total.items()):
+            print(f"{name}, {folder}: {seen[folder]} of {count} noticed")
+        print(f"{name}: {seen.total()} of {total.total()} noticed")
 
 
 if __name__ == "__main__":
