@@ -1,10 +1,10 @@
 """Change formulas of the package one at a time, and say which changes the quick tests notice.
 
 `python tests/mutants.py --seed n ...` draws 200 changes of constants, signs, operators, indices and
-comparisons inside functions of FOLDERS for each seed. The quick tests of a folder are collected once and run once
-unchanged, to learn which of them call which function; those that fail then are left out. For each
-change a fork of that process swaps the code of the changed function and runs the tests that call
-it, the shortest first. What a module computes when it is imported stays as it was.
+comparisons inside functions of FOLDERS for each seed. The quick tests of a folder are collected
+once and run once unchanged, to learn which of them call which function; those that fail then are
+left out. For each change a fork of that process swaps the code of the changed function and runs the
+tests that call it, the shortest first. What a module computes when it is imported stays as it was.
 """
 
 import argparse
