@@ -78,13 +78,15 @@ OPTIONAL = r"\[([^\]]*)\]\(([^)#\s]*(?:products/[\w-]+\.md|notebooks/\w+\.ipynb)
 
 
 def without_links(text: str, here: Path) -> str:
-    """A page's text without its links to pages and notebooks that are not there."""
+    """A page's text without its links to pages and notebooks that are not there, nor an entry of a
+    toctree that no page is left of."""
     bases = (here, HERE.parent, HERE.parent / "notebooks")  # of the site; README; notebooks
     lines = []
     for line in text.splitlines(keepends=True):
         links = re.finditer(OPTIONAL, line)
         gone = [m for m in links if not any((base / m[2]).exists() for base in bases)]
-        if gone and line.startswith(("* ", "| ")):
+        no_page = line == "/products/*\n" and not list(HERE.glob("products/*.md"))
+        if no_page or (gone and line.startswith(("* ", "| "))):
             continue
         for link in gone:
             line = line.replace(link[0], link[1])
