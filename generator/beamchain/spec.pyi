@@ -1,6 +1,8 @@
 from .control.controllers import Controller as Controller
 from .control.controllers import Filter as Filter
 from .control.controllers import Loop as Loop
+from .engine.allocation import Allocation as Allocation
+from .engine.combinations import Alignment as Alignment
 from .fitting.hub import Hub as Hub
 from .fitting.options import Damping as Damping
 from .fitting.options import FitOptions as FitOptions

@@ -25,7 +25,7 @@ class Allocation(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
     Example:
         >>> import beamchain as bc
-        >>> bc.results.Allocation(actuators=("rw1", "rw2", "rw3"), axes="bus").about
+        >>> bc.spec.Allocation(actuators=("rw1", "rw2", "rw3"), axes="bus").about
         'xyz'
     """
 

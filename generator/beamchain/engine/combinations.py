@@ -34,7 +34,7 @@ class Alignment(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
     Example:
         >>> import beamchain as bc
-        >>> bc.results.Alignment(sensor="star", body="bus").sensor
+        >>> bc.spec.Alignment(sensor="star", body="bus").sensor
         'star'
     """
 
