@@ -1,11 +1,13 @@
-"""Linear models of dense matrices: their own equations beside every form of them."""
+"""Closed forms beside a linear model: its states, its response, its smaller and larger forms, all
+of dense matrices; and beside that of a craft."""
 
 import mujoco
 import numpy as np
 import pytest
 from scipy.linalg import block_diag, eigh
 
-from beamchain import Linear, PortModel
+import beamchain as bc
+from beamchain import PortModel
 from formulas import (
     Activations,
     Inputs,
@@ -17,203 +19,249 @@ from formulas import (
     slopes,
 )
 
-NV, NA, M, P = 4, 2, 3, 2
-OMEGA = np.array([0.6, 2.3])
+N, ACTS, IN, OUT = 4, 2, 3, 2
+OMEGA = np.array([0.4, 1.7, 6.0])
+RANDOM = np.random.default_rng(8)
 
 
-def spread(random, size):
+def spread(size, least=1.0, random=RANDOM):
     rows = random.normal(size=(size, size))
-    return rows @ rows.T + size * np.eye(size)
+    return rows @ rows.T + least * np.eye(size)
 
 
-def dense(*, active=True, loose=0):
-    """All matrices full; `loose`: coordinates without a spring."""
-    random = np.random.default_rng(11)
-    stiffness = 3.0 * spread(random, NV)
-    stiffness[:loose], stiffness[:, :loose] = 0.0, 0.0
-    na = NA if active else 0
-    names = [Signal(f"q{k}", "m") for k in range(NV)]
-    return Linear(
-        spread(random, NV),
-        random.normal(size=(NV, NV)),
-        stiffness,
-        tuple(names),
-        Inputs(tuple(Signal(f"u{k}", "N") for k in range(M)), random.normal(size=(NV, M))),
-        Outputs(
-            tuple(Signal(f"y{k}", "m") for k in range(P)),
-            *random.normal(size=(3, P, NV)),
-            random.normal(size=(P, M)),
-        ),
-        Activations(
-            ("lag",) * na,
-            random.normal(size=(NV, na)),
-            -2.0 * np.eye(na) + random.normal(size=(na, na)) / 3.0,
-            random.normal(size=(na, M)),
-            random.normal(size=(P, na)),
-        ),
+M, K = spread(N, 3.0), spread(N)
+D = 0.1 * RANDOM.normal(size=(N, N))
+B, F = RANDOM.normal(size=(N, IN)), RANDOM.normal(size=(N, ACTS))
+L, E = -spread(ACTS), RANDOM.normal(size=(ACTS, IN))
+Y0, Y1, Y2 = (RANDOM.normal(size=(OUT, N)) for _ in range(3))
+YU, YA = RANDOM.normal(size=(OUT, IN)), RANDOM.normal(size=(OUT, ACTS))
+
+
+@pytest.fixture
+def random():
+    return np.random.default_rng(5)
+
+
+def names(letter, count):
+    return tuple(Signal(f"{letter}{k}", "m") for k in range(count))
+
+
+def linear(acts=ACTS):
+    return bc.Linear(
+        M,
+        D,
+        K,
+        names("q", N),
+        Inputs(names("u", IN), B),
+        Outputs(names("y", OUT), Y0, Y1, Y2, YU),
+        Activations(("one", "two")[:acts], F[:, :acts], L[:acts, :acts], E[:acts], YA[:, :acts]),
     )
 
 
-def response(linear, omega):
-    """From the equations: s a = L a + E u; (s^2 M + s D + K) q = F a + B u."""
+def response(acts=ACTS, appendages=np.zeros_like):
+    """y = Y2 q'' + Y1 q' + Y0 q + Yu u + Ya a of M q'' + D q' + K q = F a + B u, a' = L a + E u."""
     out = []
-    for s in 1j * omega:
-        a = linear.activations
-        lag = np.linalg.inv(s * np.eye(len(a.names)) - a.rate) @ a.feed
-        dynamic = s**2 * linear.mass + s * linear.damping + linear.stiffness
-        q = np.linalg.inv(dynamic) @ (linear.inputs.force + a.force @ lag)
-        y = linear.outputs
-        seen = y.position @ q + s * y.rate @ q + s**2 * y.acceleration @ q
-        out.append(seen + y.feedthrough + a.seen @ lag)
-    return np.moveaxis(np.array(out), 0, -1)
+    for s in 1j * OMEGA:
+        a = np.linalg.solve(s * np.eye(acts) - L[:acts, :acts], E[:acts])
+        q = np.linalg.solve(s**2 * (M + appendages(s)) + s * D + K, F[:, :acts] @ a + B)
+        out.append((Y2 * s**2 + Y1 * s + Y0) @ q + YU + YA[:, :acts] @ a)
+    return np.moveaxis(out, 0, -1)
 
 
-@pytest.mark.parametrize("active", [True, False])
-def test_response_and_states_are_those_of_the_equations(active):
-    linear = dense(active=active)
-    wanted = response(linear, OMEGA)
-    assert linear.response(OMEGA) == pytest.approx(wanted, rel=1e-11)
-    a, b, c, d = linear.first_order()
-    assert a.shape == (2 * NV + linear.activations.force.shape[1],) * 2
+@pytest.mark.parametrize("acts", [ACTS, 0])
+def test_response_and_states_are_those_of_the_equations(acts):
+    wanted = response(acts)
+    assert linear(acts).response(OMEGA) == pytest.approx(wanted, rel=1e-11)
+    a, b, c, d = linear(acts).first_order()
+    assert a.shape == (2 * N + acts, 2 * N + acts)
+    found = [c @ np.linalg.solve(1j * w * np.eye(len(a)) - a, b) + d for w in OMEGA]
+    assert np.moveaxis(found, 0, -1) == pytest.approx(wanted, rel=1e-11)
+    # positions stand first, then their rates
+    assert a[:N] == pytest.approx(np.eye(2 * N + acts)[N : 2 * N])
+    assert a[N : 2 * N, :N] == pytest.approx(-np.linalg.solve(M, K))
+
+
+def test_some_inputs_and_outputs():
+    found = linear().picked([2, 0], [1])
+    assert found.response(OMEGA) == pytest.approx(response()[[1]][:, [2, 0]], rel=1e-11)
+    assert [one.name for one in found.inputs.signals] == ["u2", "u0"]
+    assert [one.name for one in found.outputs.signals] == ["y1"]
+
+
+def test_other_coordinates_have_the_same_response(random):
+    turn = random.normal(size=(N, N))
+    found = linear().in_coordinates(turn, names("x", N))
+    assert found.response(OMEGA) == pytest.approx(response(), rel=1e-9)
+    assert found.coordinates == names("x", N)
+    some = turn[:, :2]
+    fewer = linear().in_coordinates(some, names("x", 2))
+    for one, own in ((fewer.mass, M), (fewer.damping, D), (fewer.stiffness, K)):
+        assert one == pytest.approx(some.T @ own @ some)
+
+
+def test_the_accelerance_of_a_body(random):
+    motion = random.normal(size=(6, N))
+    found = linear().on_body(motion)
     for k, s in enumerate(1j * OMEGA):
-        found = c @ np.linalg.inv(s * np.eye(len(a)) - a) @ b + d
-        assert found == pytest.approx(wanted[:, :, k], rel=1e-11)
-    assert a[0, NV] == 1.0  # q, then q'
-
-
-def test_what_is_picked_keeps_its_responses():
-    linear = dense()
-    picked = linear.picked([2, 0], [1])
-    assert picked.response(OMEGA) == pytest.approx(response(linear, OMEGA)[[1]][:, [2, 0]])
-    assert [signal.name for signal in picked.inputs.signals] == ["u2", "u0"]
-    assert [signal.name for signal in picked.outputs.signals] == ["y1"]
-
-
-def test_other_coordinates_of_all_motions_have_the_same_responses():
-    linear = dense()
-    motion = spread(np.random.default_rng(2), NV) + 0.3 * np.triu(np.ones((NV, NV)))
-    names = [Signal(f"x{k}", "") for k in range(NV)]
-    other = linear.in_coordinates(motion, names)
-    assert other.response(OMEGA) == pytest.approx(response(linear, OMEGA), rel=1e-9)
-    assert other.coordinates == tuple(names)
-    assert other.mass == pytest.approx(motion.T @ linear.mass @ motion)
-
-
-def test_on_a_body_the_response_is_its_accelerance():
-    linear = dense()
-    motion = np.random.default_rng(5).normal(size=(6, NV))
-    on_body = linear.on_body(motion)
-    for k, s in enumerate(1j * OMEGA):
-        dynamic = linear.mass + linear.damping / s + linear.stiffness / s**2
-        wanted = motion @ np.linalg.inv(dynamic) @ motion.T
-        assert on_body.response(OMEGA)[:, :, k] == pytest.approx(wanted, rel=1e-11)
-    assert [s.name for s in on_body.inputs.signals][2:4] == ["force_z", "torque_x"]
-    assert [s.unit for s in on_body.inputs.signals] == ["N"] * 3 + ["N m"] * 3
-    units = [s.unit for s in on_body.outputs.signals]
-    assert units == ["m/s^2"] * 3 + ["rad/s^2"] * 3
-    free = rigid_body(motion @ motion.T + np.eye(6))
-    wanted = np.linalg.inv(motion @ motion.T + np.eye(6))
-    assert free.response(OMEGA)[:, :, 1] == pytest.approx(wanted, rel=1e-9)
-    assert [(s.name, s.unit) for s in free.coordinates][2:4] == [
+        wanted = s**2 * motion @ np.linalg.inv(s**2 * M + s * D + K) @ motion.T
+        assert found.response(OMEGA)[:, :, k] == pytest.approx(wanted, rel=1e-11)
+    assert [tuple(one) for one in found.inputs.signals] == [
+        *((f"force_{axis}", "N") for axis in "xyz"),
+        *((f"torque_{axis}", "N m") for axis in "xyz"),
+    ]
+    assert [tuple(one) for one in found.outputs.signals] == [
+        *((f"acceleration_{axis}", "m/s^2") for axis in "xyz"),
+        *((f"angular_acceleration_{axis}", "rad/s^2") for axis in "xyz"),
+    ]
+    assert found.outputs.feedthrough.shape == (6, 6)
+    mass = spread(6, random=random)
+    free = rigid_body(mass)
+    assert free.response(OMEGA)[:, :, 1] == pytest.approx(np.linalg.inv(mass), rel=1e-9)
+    assert [tuple(one) for one in free.coordinates][2:4] == [
         ("position_z", "m"),
         ("attitude_x", "rad"),
     ]
 
 
-def test_appendages_stand_behind_the_coordinates_with_their_roots_motion():
-    linear = dense()
-    random = np.random.default_rng(8)
+def test_appendages_stand_behind_the_coordinates_with_the_motion_of_their_roots(random):
+    """D(s) = M - s^2 L^T (s^2 + 2 z w s + w^2)^-1 L at each root, by the response and by modal
+    coordinates."""
     models = [
         PortModel(
-            spread(random, 6) + 20.0 * np.eye(6),
-            np.sort(random.uniform(0.5, 3.0, n)),
-            random.normal(size=(n, 6)),
-            np.linspace(0.02, 0.05, n),
+            spread(6, 4.0, random),
+            np.sort(random.uniform(1.0, 4.0, modes)),
+            random.normal(size=(modes, 6)) / 3.0,
+            random.uniform(0.01, 0.05, modes),
         )
-        for n in (2, 1)
+        for modes in (2, 1)
     ]
-    roots = random.normal(size=(2, 6, NV))
-    whole = linear.with_appendages(models, roots)
-    mass = block_diag(linear.mass, np.eye(3))
-    at = NV
-    for model, root in zip(models, roots, strict=True):
-        mass[:NV, :NV] += root.T @ model.rigid_mass @ root
-        modes = slice(at, at + model.modes)
-        mass[modes, :NV] = model.participation @ root
-        mass[:NV, modes] = mass[modes, :NV].T
-        at += model.modes
-    w = np.concatenate([model.frequencies for model in models])
-    ratio = np.concatenate([model.damping for model in models])
-    assert whole.mass == pytest.approx(mass, rel=1e-12)
-    assert whole.stiffness == pytest.approx(block_diag(linear.stiffness, np.diag(w**2)))
-    assert whole.damping == pytest.approx(block_diag(linear.damping, np.diag(2.0 * ratio * w)))
-    assert [s.name for s in whole.coordinates][-2:] == ["mode 2", "mode 3"]
-    # condensed to the roots it is the dynamic mass
-    found = linear.response(OMEGA, models, roots)
-    assert found == pytest.approx(response(whole, OMEGA), rel=1e-9)
+    roots = random.normal(size=(2, 6, N))
+    rigid = sum(root.T @ one.rigid_mass @ root for one, root in zip(models, roots, strict=True))
+    rows = np.vstack([one.participation @ root for one, root in zip(models, roots, strict=True)])
+    own = np.concatenate([one.frequencies for one in models])
+    ratio = np.concatenate([one.damping for one in models])
+
+    def felt(s):
+        return rigid - rows.T @ np.diag(s**2 / (s**2 + 2.0 * ratio * own * s + own**2)) @ rows
+
+    wanted = response(appendages=felt)
+    assert linear().response(OMEGA, models, roots) == pytest.approx(wanted, rel=1e-10)
+    whole = linear().with_appendages(models, roots)
+    assert whole.response(OMEGA) == pytest.approx(wanted, rel=1e-10)
+    assert whole.mass == pytest.approx(np.block([[M + rigid, rows.T], [rows, np.eye(3)]]))
+    assert whole.stiffness == pytest.approx(block_diag(K, np.diag(own**2)))
+    assert whole.damping == pytest.approx(block_diag(D, np.diag(2.0 * ratio * own)))
+    assert [one.name for one in whole.coordinates][N - 1 :] == ["q3", "mode 1", "mode 2", "mode 3"]
 
 
-def test_condensed_modes_are_kept_and_the_static_response_of_the_rest():
-    random = np.random.default_rng(4)
-    size, loose = 9, 1
-    mass, stiffness = spread(random, size), 40.0 * spread(random, size)
-    stiffness[:loose], stiffness[:, :loose] = 0.0, 0.0
-    nothing, one = np.zeros((1, size)), random.normal(size=(1, size))
+def test_fewer_coordinates_keep_the_slow_modes_and_what_is_static(random):
+    """Without dampers: the modes up to there, and all that a constant load does."""
+    size = 9
+    mass, stiffness = spread(size, 4.0, random), spread(size, 1.0, random)
+    stiffness[0] = stiffness[:, 0] = 0.0  # one rigid motion
+    squares, shapes = eigh(stiffness, mass)
+    w = np.sqrt(np.clip(squares, 0.0, None))
+    force, seen = random.normal(size=(size, 1)), random.normal(size=(1, size))
     none = np.zeros((size, 0))
-    linear = Linear(
+    whole = bc.Linear(
         mass,
         np.zeros((size, size)),
         stiffness,
-        tuple(Signal(f"q{k}", "m") for k in range(size)),
-        Inputs((Signal("u", "N"),), random.normal(size=(size, 1))),
-        Outputs((Signal("y", "m"),), nothing, nothing, one, np.zeros((1, 1))),
+        names("q", size),
+        Inputs(names("u", 1), force),
+        Outputs(names("y", 1), 0.0 * seen, 0.0 * seen, seen, np.zeros((1, 1))),
         Activations((), none, np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0))),
     )
-    squares, shapes = eigh(stiffness, mass)
-    w = np.sqrt(np.maximum(squares, 0.0))
-    fewer = linear.condensed(1.0001 * w[3])  # three modes, and one static shape each
-    assert len(fewer.coordinates) == loose + 3 + 2
-    assert [s.name for s in fewer.coordinates][-1] == "shape 6"
-    found = np.sqrt(np.maximum(eigh(fewer.stiffness, fewer.mass)[0], 0.0))
-    assert found[1:4] == pytest.approx(w[1:4], rel=1e-9)
-    # the modes kept answer as they did; the others as at rest
-    products = (one @ shapes).ravel() * (shapes.T @ linear.inputs.force).ravel()
-    s = 1j * OMEGA * 1e-3
-    kept = products[:1].sum() + (products[1:4, None] * s**2 / (s**2 + squares[1:4, None])).sum(0)
-    at_rest = (products[4:, None] * s**2 / squares[4:, None]).sum(0)
-    assert fewer.response(OMEGA * 1e-3)[0, 0] == pytest.approx(kept + at_rest, rel=1e-7)
-    assert linear.condensed(1.0001 * w[-1]) is linear
+    found = whole.condensed(1.0001 * w[3])
+    # one rigid motion, three modes, and what the load and the output have of those beyond
+    assert len(found.coordinates) == 6
+    assert found.coordinates[5].name == "shape 6"
+    kept = np.sqrt(np.clip(eigh(found.stiffness, found.mass, eigvals_only=True), 0.0, None))
+    assert kept[1:4] == pytest.approx(w[1:4], rel=1e-9)
+    # what is left out falls as the fourth power of frequency
+    products = (seen @ shapes).ravel() * (shapes.T @ force).ravel()
+    for omega, miss in ((0.02 * w[1], 1e-7), (0.2 * w[1], 1e-3)):
+        elastic = np.sum(products[1:] * omega**2 / (omega**2 - squares[1:]))
+        ours = found.response(np.array([omega]))[0, 0, 0]
+        assert abs(ours - products[0] - elastic) < miss * abs(elastic)
+    assert whole.condensed(1.0001 * w[-1]) is whole
 
 
-def test_slopes_by_five_points_are_exact_to_the_fourth_power():
-    def function(i, by):
-        x = np.array([0.3, 0.7])
-        x[i] += by
-        return np.array([x[0] ** 4 - x[1] ** 3, 2.0 * x[0] * x[1], x[1] ** 4])
+def test_slopes_of_a_polynomial_of_degree_four_are_exact():
+    """Five points see no even power, and of a fifth 4 steps^4."""
 
-    wanted = np.array([[4.0 * 0.027, -3.0 * 0.49], [1.4, 0.6], [0.0, 4.0 * 0.343]])
-    assert slopes(function, 2, 0.2) == pytest.approx(wanted, rel=1e-12, abs=1e-14)
-    assert slopes(function, 0, 0.2).shape == (0, 0)
+    def function(i, x):
+        several = 5.0 * x + 7.0 * x**2 + 11.0 * x**3 + 13.0 * x**4
+        return np.array([2.0 + 3.0 * x, i + (i + 1.0) * several])
 
-
-JOINTS = """<mujoco><worldbody><body name="bus"><freejoint name="free"/><geom size=".1"/>
-<body><joint name="ball" type="ball"/><geom size=".1"/><body><joint type="slide"/>
-<joint name="hinge"/><geom size=".1"/></body></body></body>{more}</worldbody><actuator>
-<motor joint="hinge"/><general name="lag" joint="hinge" dyntype="filter"/></actuator></mujoco>"""
+    assert slopes(function, 2, 0.3) == pytest.approx(np.array([[3.0, 3.0], [5.0, 10.0]]), rel=1e-12)
+    fifth = slopes(lambda i, x: np.array([x**5 + i]), 1, 0.3)
+    assert fifth == pytest.approx(np.array([[-4.0 * 0.3**4]]), rel=1e-10)
+    assert slopes(function, 0, 0.3).shape == (0, 0)
 
 
-@pytest.mark.parametrize("several", [False, True])
-def test_names_of_coordinates_and_of_states_of_actuators(several):
-    more = '<body name="other"><freejoint name="loose"/><geom size=".1"/></body>'
-    model = mujoco.MjModel.from_xml_string(JOINTS.format(more=more if several else ""))
-    found = [(s.name, s.unit) for s in coordinate_names(model)]
-    wanted = [
+def test_coordinates_and_activations_have_names():
+    bodies = """<body name="bus"><freejoint name="free"/><geom size=".1"/><body><joint name="ball"
+    type="ball"/><geom size=".1"/></body><body><joint type="slide"/><geom size=".1"/></body>
+    <body><joint name="turn"/><geom size=".1"/></body></body>"""
+    actuators = """<actuator><motor name="plain" joint="turn"/><general name="lag" joint="turn"
+    dyntype="filter" dynprm="1"/><general joint="turn" dyntype="integrator"/></actuator>"""
+    other = '<body name="other"><freejoint name="loose"/><geom size=".1"/></body>'
+    one, two = (
+        mujoco.MjModel.from_xml_string(
+            f"<mujoco><worldbody>{bodies}{more}</worldbody>{actuators}</mujoco>"
+        )
+        for more in ("", other)
+    )
+    assert [tuple(signal) for signal in coordinate_names(one)] == [
+        *((f"position_{axis}", "m") for axis in "xyz"),
+        *((f"attitude_{axis}", "rad") for axis in "xyz"),
         *((f"ball_{axis}", "rad") for axis in "xyz"),
         ("joint 2", "m"),
-        ("hinge", "rad"),
+        ("turn", "rad"),
     ]
-    assert found[6:11] == wanted
-    prefix = "bus_" if several else ""
-    assert found[2:4] == [(f"{prefix}position_z", "m"), (f"{prefix}attitude_x", "rad")]
-    assert len(found) == (17 if several else 11)
-    assert activation_names(model) == ("lag",)
+    found = [signal.name for signal in coordinate_names(two)]
+    assert (found[:6:5], len(found)) == (["bus_position_x", "bus_attitude_z"], 17)
+    assert found[11] == "other_position_x"
+    assert activation_names(one) == ("lag", "actuator 2")
+
+
+def test_a_linear_model_of_wheels_wrenches_and_lags():
+    """A body that turns at a rate beside what is found: gyroscopic moments are not symmetric, and
+    dampers are; a wrench at a site is felt with its arm."""
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><option gravity="0 0 -9"/><worldbody><body name="hub"><freejoint/>
+        <inertial pos="0 0 0" mass="40" diaginertia="5 6 7"/><site name="port" pos=".5 .2 -.3"/>
+        <body name="rotor"><joint name="wheel" axis="0 1 0" damping=".4" stiffness="3"/>
+        <inertial pos="0 0 0" mass="2" diaginertia=".2 .3 .2"/></body></body></worldbody>
+        <actuator><general name="lag" joint="wheel" dyntype="filter" dynprm=".5" gear="3"/>
+        <motor name="spin" joint="wheel" gear="2"/></actuator>
+        <sensor><gyro name="gyro" site="port"/><accelerometer name="felt" site="port"/></sensor>
+        </mujoco>"""
+    )
+    inputs = ["lag", "spin", "wrench:port"]
+    found = bc.Linear.of(model, inputs, ["gyro", "felt"], rates={"wheel": 50.0})
+    momentum = 0.3 * 50.0
+    damping = np.zeros((7, 7))
+    damping[6, 6] = 0.4
+    # h along y: w x h is (-w_z, 0, w_x) times it
+    damping[3, 5], damping[5, 3] = -momentum, momentum
+    assert found.damping == pytest.approx(damping, abs=1e-9)
+    stiffness = np.zeros((7, 7))
+    stiffness[6, 6] = 3.0
+    assert found.stiffness == pytest.approx(stiffness, abs=1e-9)
+    force = np.zeros((7, 8))
+    force[6, 1] = 2.0
+    force[:3, 2:5] = force[3:6, 5:8] = np.eye(3)
+    for k in range(3):
+        force[3:6, 2 + k] = np.cross([0.5, 0.2, -0.3], np.eye(3)[k])
+    assert found.inputs.force == pytest.approx(force, abs=1e-9)
+    assert found.activations.force == pytest.approx(np.array([[0.0]] * 6 + [[3.0]]), abs=1e-9)
+    assert found.activations.rate == pytest.approx(np.array([[-2.0]]))
+    assert found.activations.feed == pytest.approx(np.array([[2.0] + [0.0] * 7]), abs=1e-9)
+    assert found.outputs.rate[:3, 3:6] == pytest.approx(np.eye(3), abs=1e-9)
+    arm = np.array([[0.0, -0.3, -0.2], [0.3, 0.0, 0.5], [0.2, -0.5, 0.0]])
+    assert found.outputs.acceleration[3:, :3] == pytest.approx(np.eye(3), abs=1e-9)
+    assert found.outputs.acceleration[3:, 3:6] == pytest.approx(arm, abs=1e-9)
+    assert np.abs(found.outputs.position).max() < 1e-6
+    assert np.abs(found.outputs.feedthrough).max() < 1e-9
