@@ -107,7 +107,6 @@ CASES = {
     "target": (GOOD + '[root]\ntarget = "fixed"\n', "fixed"),
     "target hub without hub": (GOOD + '[root]\ntarget = "hub"\n', "hub"),
     "springs": (GOOD + '[fit]\nsprings = "mode"\n', "did you mean 'modes'"),
-    "two timesteps": (GOOD + "[fit]\ntimestep = 0.1\n[scene]\ntimestep = 0.2\n", "timestep"),
     "integrator": (GOOD + '[scene]\nintegrator = "euler"\n', "did you mean 'Euler'"),
     "torsion rigid": (
         'name = "a"\n[[segment]]\nlength = 1.0\n'

@@ -57,7 +57,7 @@ def true_error(modes, ratios):
     return np.max(np.abs(accelerance(omega, modes, ratios) - exact) / size)
 
 
-def fitted(modes, damping, **more):
+def fitted(modes, damping, timestep=None):
     section = bc.Equivalent(
         bending_stiffness_xy=2e4,
         torsion_stiffness=STIFFNESS,
@@ -70,8 +70,13 @@ def fitted(modes, damping, **more):
         hub=bc.Hub(mass=200.0, inertia=(HUB, 300.0, 300.0)),
         target="clamped",
         damping=damping,
-        scene=bc.Scene(bandwidth=BANDWIDTH, axes=("x",), tolerance=1e-2, integrator="RK4"),
-        **more,
+        scene=bc.Scene(
+            bandwidth=BANDWIDTH,
+            axes=("x",),
+            tolerance=1e-2,
+            integrator="RK4",
+            timestep=timestep,
+        ),
     )
 
 
