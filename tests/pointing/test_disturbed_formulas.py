@@ -265,6 +265,12 @@ def test_what_disturbs_above_the_modes_kept_is_told(speed, top, words):
     assert not words or words in found[0]
 
 
+def test_snaps_and_drives_alone_reach_no_modes_however_slow():
+    modes = SimpleNamespace(frequency=np.array([0.01, 0.05]))
+    whole = SimpleNamespace(craft=SimpleNamespace(mode_names=("a_mode1", "a_mode2"), modes=modes))
+    assert beyond_modes_kept(whole, SimpleNamespace(wheel=(), psd=())) == []
+
+
 @pytest.mark.parametrize(
     ("real", "size", "refused"),
     [(1.1e-6, 1.0, True), (0.9e-6, 1.0, False), (0.5, 1.1e-6, True), (0.5, 0.85e-6, False)],
@@ -348,3 +354,16 @@ def test_a_run_of_two_orders_measures_their_amplitudes():
     count = int(np.ceil(5e7 / 0.5)) + int(np.ceil(40.0 * np.pi / 1e-3 / 0.5))
     with pytest.raises(bc.InputError, match=f"take {count} steps of 0.5 s"):
         run_wheel(craft, [force], slow, 0, 1e7)
+
+
+def test_a_run_pushes_with_nothing_but_the_orders_of_its_wheel():
+    """An order that gives nothing leaves the mass at rest."""
+    model = compiled(SPRING)
+    craft = craft_of([("a", 1.0, 0.1)])
+    craft.point, craft.linear = operating_point(model, None, None), Linear.of(model)
+    craft.outputs = [SimpleNamespace(labels=("x",), read=lambda data: data.qpos.copy())]
+    force = SimpleNamespace(apply=lambda data, value: None)
+    acting = [Acting(9.0, np.array([0.0j]), 0.0)]
+    _, values, found, _ = run_wheel(craft, [force], acting, 0, 0.1)
+    assert np.abs(values).max() < 1e-9
+    assert found == pytest.approx([0.0], abs=1e-9)

@@ -134,6 +134,14 @@ def test_a_maximum_between_samples_is_closed_in(top):
     assert found == pytest.approx(top, abs=1e-4)
 
 
+def test_a_maximum_is_closed_in_no_farther_than_the_next_sample():
+    """A higher one stands between the next sample and the one after it."""
+    times = np.arange(5.0)
+    found = closed_in(lambda t: 1.0 - (t - 1.1) ** 2 + 9.0 * np.exp(-((20.0 * t - 50.0) ** 2)),
+                      times, 1)  # fmt: skip
+    assert found == pytest.approx(1.1, abs=1e-3)
+
+
 def test_shares_of_a_harmonic_in_a_window():
     """Largest distance of cos(phi + w t) from its mean over a window about 0, by trying all."""
     phi, phases = np.linspace(0.0, 2.0 * np.pi, 361), np.array([0.2, 1.0, 2.0, 4.0, 8.0])

@@ -120,6 +120,22 @@ def test_an_undamped_mode_inside_a_density_has_no_variance():
             assert found.ape.rms == pytest.approx(np.sqrt(area), rel=1e-6)
 
 
+@pytest.mark.parametrize(("low", "refused"), [(0.99, True), (1.1, False)])
+def test_a_density_begins_at_its_lowest_frequency(low, refused):
+    """An undamped mode at 1 Hz, just inside of it or below it, where it gives 1 / (w^2 - x^2)."""
+    w = 2.0 * np.pi
+    form = modal_form(("one",), [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]], (w,), (0.0,))
+    noise = pointing.NoiseDisturbance(input="force", frequency=(low, 2.0), density=(1e-3, 1e-3))
+    craft = craft_of(form, ("one",))
+    if refused:
+        with pytest.raises(bc.InputError, match="psd"):
+            noise_error(craft, 0, "psd", noise, WINDOW)
+        return
+    area = quad(lambda f: 1e-3 / (w**2 - (w * f) ** 2) ** 2, low, 2.0)[0]
+    found = noise_error(craft, 0, "psd", noise, WINDOW)
+    assert found.ape.rms == pytest.approx([np.sqrt(area)], rel=1e-6)
+
+
 def test_an_undamped_mode_that_a_zero_hides_is_no_hindrance():
     """Two of one frequency, driven against each other."""
     b = [[0.0], [1.0], [0.0], [-1.0]]
@@ -284,6 +300,16 @@ def test_the_error_of_a_snap_is_that_of_its_modes(window, monkeypatch):
     assert found.rpe.peak == pytest.approx(wanted, rel=5e-2 if window < 2e-3 else 1e-2)
     assert np.isnan(found.ape.rms).all()
     assert np.isnan(found.rpe.rms).all()
+
+
+def test_a_snap_that_is_seen_as_it_is_deviates_most_as_it_begins():
+    """1 - exp(-t / tau), which ends at 1: in the window from its start on, the mean is
+    1 - (tau / w) (1 - exp(-w / tau))."""
+    form = modal_form(("one",), [[0.0], [1.0]], [[0.0, 0.0]], [[1.0]], (9.0,), (0.1,))
+    snap = pointing.ThermalSnap(appendage="array_", time_constant=0.5, moment=1.0)
+    found = snap_error(craft_of(form, ("one",)), 0, "snap", snap, 2.0)
+    assert found.ape.peak == pytest.approx([1.0], rel=1e-4)
+    assert found.rpe.peak == pytest.approx([1.0 - (1.0 - np.exp(-4.0)) / 4.0], rel=1e-2)
 
 
 @pytest.mark.parametrize(
