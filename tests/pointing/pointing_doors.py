@@ -28,6 +28,7 @@ from beamchain.pointing.source_errors import (
     wheel_error,
     wheel_orders,
 )
+from beamchain.pointing.tables import pointing_table
 from beamchain.pointing.wheel_run import _amplitudes as amplitudes_in_record
 from beamchain.pointing.wheel_run import _nutation as nutation_of_craft
 from beamchain.pointing.wheel_run import _place as place_of_output
@@ -57,6 +58,7 @@ __all__ = [
     "oscillator_nearest",
     "periodic_of_harmonics",
     "place_of_output",
+    "pointing_table",
     "run_wheel",
     "running_mean",
     "settling_of_modes",

@@ -24,6 +24,7 @@ from pointing_doors import (
     imbalances_of_wheels,
     nutation_of_craft,
     place_of_output,
+    pointing_table,
     run_wheel,
     settling_of_modes,
     torque_of_drive,
@@ -286,6 +287,34 @@ def test_a_craft_whose_motion_grows_has_no_budget(real, size, refused):
             check_stable_craft(whole)
     else:
         check_stable_craft(whole)
+
+
+def error_of(name, ape, rpe, shares, speed=None):
+    index = [SimpleNamespace(rms=np.array(peak) / 2.0, peak=np.array(peak)) for peak in (ape, rpe)]
+    return SimpleNamespace(name=name, ape=index[0], rpe=index[1], speed=speed, shares=shares)
+
+
+def test_errors_of_all_sources_and_the_mode_that_each_comes_from():
+    """An error of 1e-9 of the largest of its unit is rounding, and comes from none; a slow one
+    does not deviate from its mean, but comes from a mode."""
+    slow = error_of("slow", [3.0, 1e-9], [0.0, 9.0], ({"one": 0.8}, {"two": 0.7}))
+    wheel = error_of(
+        "wheel", [1.0, 5.0], [4.0, 6.0], ({}, {"three": 0.6, "one": 0.4}), np.array([7.0, 8.0])
+    )
+    all_of = error_of("", [4.0, 5.0], [4.0, 6.0], None)
+    found = pointing_table(
+        SimpleNamespace(
+            sources=(slow, wheel), outputs=("a", "b"), units=("rad", "rad"), window=1.0,
+            ape=all_of.ape, rpe=all_of.rpe,
+        )
+    )  # fmt: skip
+    columns = {column.key: list(column.values) for column in found.columns}
+    assert columns["output"] == ["a", "b"] * 3
+    assert columns["ape_peak"] == [3.0, 1e-9, 1.0, 5.0, 4.0, 5.0]
+    assert columns["rpe_peak"] == [0.0, 9.0, 4.0, 6.0, 4.0, 6.0]
+    assert columns["speed"] == [None, None, 7.0, 8.0, None, None]
+    modes = [text.partition(" ")[0] for text in found.columns[-1].values]
+    assert modes == ["one", "", "", "three", "", ""]
 
 
 def craft_of(modes):

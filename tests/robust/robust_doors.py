@@ -6,6 +6,7 @@ from beamchain.robust.bounds import _middle as middle_of
 from beamchain.robust.bounds import _narrow as is_narrow
 from beamchain.robust.bounds import _without_unknown as unknown_behind
 from beamchain.robust.bounds import frequencies as looked_at
+from beamchain.robust.delta_channels import channels as channels_of_craft
 from beamchain.robust.least_margins import SampleLoops, smallness
 from beamchain.robust.least_margins import figure as figure_of_sample
 from beamchain.robust.local_loop import LocalLoop, delay_near, in_box, local_loop
@@ -14,11 +15,12 @@ from beamchain.robust.multipliers import _blocks as blocks_of_deltas
 from beamchain.robust.multipliers import _complex as from_real_symmetric
 from beamchain.robust.multipliers import _hermitian as basis_of_hermitian
 from beamchain.robust.multipliers import _moments as moments_of_delta
+from beamchain.robust.multipliers import _of_block as positive_block
 from beamchain.robust.multipliers import _real as real_symmetric
 from beamchain.robust.multipliers import balanced as balanced_channels
 from beamchain.robust.multipliers import prove as proof_over
 from beamchain.robust.multipliers import solve_program, zero_crossings
-from beamchain.robust.plots import drawn_figure, plot_steps, worst_figure
+from beamchain.robust.plots import drawn_figure, plot_steps, plot_worst, worst_figure
 from beamchain.robust.search import Loops as LoopsOfSamples
 from beamchain.robust.search import _reaches as reaches_output
 from beamchain.robust.search import _stability_limit as stability_limit
@@ -28,6 +30,7 @@ from beamchain.robust.simulated_gain import SteppedController, simulated_gain
 from beamchain.robust.simulated_gain import _measure as measured_in_mujoco
 from beamchain.robust.simulated_gain import _plan as plan_of_run
 from beamchain.robust.simulated_gain import _whole as whole_count
+from beamchain.robust.tables import worst_margin_table
 from beamchain.robust.uncertain_plant import _grid as frequencies_of_curves
 from beamchain.robust.uncertain_plant import _with_peak as with_frequency_of_peak
 
@@ -41,6 +44,7 @@ __all__ = [
     "basis_of_hermitian",
     "between_ends",
     "blocks_of_deltas",
+    "channels_of_craft",
     "delay_near",
     "drawn_figure",
     "extended_multipliers",
@@ -57,6 +61,8 @@ __all__ = [
     "moments_of_delta",
     "plan_of_run",
     "plot_steps",
+    "plot_worst",
+    "positive_block",
     "proof_over",
     "reaches_output",
     "real_symmetric",
@@ -68,6 +74,7 @@ __all__ = [
     "whole_count",
     "with_frequency_of_peak",
     "worst_figure",
+    "worst_margin_table",
     "worst_sample",
     "zero_crossings",
 ]

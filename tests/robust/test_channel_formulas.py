@@ -2,9 +2,12 @@
 
 import mujoco
 import numpy as np
+import pytest
 
 from beamchain.engine.linear import Linear
 from beamchain.robust.delta_channels import Channels
+from formulas import Quantity, linear_craft
+from robust_doors import channels_of_craft
 
 SPUN = """<mujoco><option gravity="0 0 0"/><worldbody><body name="bus"><freejoint name="free"/>
 <inertial pos="0.1 0 0.05" mass="50" diaginertia="9 8 7"/>
@@ -54,3 +57,54 @@ def test_channels_act_as_changes_of_the_equations_of_motion():
     np.testing.assert_allclose(found, wanted, rtol=1e-8, atol=1e-10)
     assert [signal.name for signal in wider.inputs.signals[:3]] == ["w1", "w2", "w3"]
     assert [signal.name for signal in wider.outputs.signals[:3]] == ["z1", "z2", "z3"]
+
+
+def closed_with(craft, kind, index, delta):
+    """From the inputs to the outputs of a craft, `w = delta z` in all channels of one quantity."""
+    made = channels_of_craft(craft, [Quantity(f"one.{kind}", "", 1.0, None, index, "one")])
+    n = len(made.of)
+    a, b, c, d = made.add_to(craft.linear, range(n), np.ones(n)).first_order()
+    s = 0.2 + 1.7j
+    g = c @ np.linalg.solve(s * np.eye(len(a)) - a, b) + d
+    inner = np.linalg.solve(np.eye(n) - delta * g[:n, :n], delta * g[:n, n:])
+    return g[n:, n:] + g[n:, :n] @ inner
+
+
+SLIDES = """<mujoco><option gravity="0 0 0"/><worldbody><body><joint name="x" type="slide"
+axis="1 0 0" stiffness="5"/><inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/>
+<body><joint name="y" type="slide" axis="1 0 0"/><inertial pos="0 0 0" mass="4"
+diaginertia="1 1 1"/></body></body></worldbody>
+<tendon><fixed name="one" stiffness="9" damping="0.6"><joint joint="x" coef="0.7"/>
+<joint joint="y" coef="1.4"/></fixed></tendon>
+<actuator><motor name="u" joint="x"/><motor name="v" joint="y"/></actuator>
+<sensor><jointpos name="at" joint="x"/><jointpos name="in" joint="y"/></sensor></mujoco>"""
+
+
+def test_a_participation_divides_what_a_mode_gives_back_by_its_square():
+    """E = eta'' + 0.6 eta' + 9 eta along 0.7 x + 1.4 y, of which p = 1.25 leaves E / p^2."""
+    model = mujoco.MjModel.from_xml_string(SLIDES)
+    craft = linear_craft(model, None, None, ["u", "v"], ["at", "in"])
+    s, line = 0.2 + 1.7j, np.array([0.7, 1.4])
+    rest = s**2 * np.array([[6.0, 4.0], [4.0, 4.0]]) + np.diag([5.0, 0.0])
+    rest += np.outer(line, line) * (0.6 * s + 9.0)
+    rest += np.outer(line, line) * (1.0 / 1.25**2 - 1.0) * (s**2 + 0.6 * s + 9.0)
+    found = closed_with(craft, "participation", 0, 0.25)
+    np.testing.assert_allclose(found, np.linalg.inv(rest), rtol=1e-9)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_mass_centre_moves_as_that_of_a_body_whose_frame_moves(axis):
+    """The panel's by 0.03 m along one of its axes: M of MuJoCo, from a torque to the attitude."""
+    model = mujoco.MjModel.from_xml_string(SPUN)
+    craft = linear_craft(model, None, None, ["torque:bus"], ["attitude"])
+    found = closed_with(craft, f"centre_{'xyz'[axis]}", model.body("panel").id, 0.03)
+    model.body("panel").ipos[axis] += 0.03
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    mass = np.zeros((model.nv, model.nv))
+    for row, unit in zip(mass, np.eye(model.nv), strict=True):
+        mujoco.mj_mulM(model, data, row, unit)
+    s = 0.2 + 1.7j
+    rest = s**2 * mass + s * np.diag(model.dof_damping)
+    rest += np.diag([*np.zeros(7), 60.0])
+    np.testing.assert_allclose(found, np.linalg.inv(rest)[3:6, 3:6], rtol=1e-7, atol=1e-12)

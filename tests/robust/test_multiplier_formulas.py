@@ -1,6 +1,7 @@
 """Closed forms beside upper bounds: multipliers and what they prove, programs, parts of ranges."""
 
 from itertools import product
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from robust_doors import (
     blocks_of_deltas,
     from_real_symmetric,
     moments_of_delta,
+    positive_block,
     proof_over,
     real_symmetric,
     solve_program,
@@ -163,6 +165,28 @@ def test_hermitian_matrices_as_real_ones_and_back():
     found = from_real_symmetric(uneven)
     np.testing.assert_allclose(found.real, uneven[:2, :2] + uneven[2:, 2:])
     np.testing.assert_allclose(found.imag, uneven[2:, :2] - uneven[:2, 2:])
+
+
+class Asked(np.ndarray):
+    """A matrix that says of itself what is asked for."""
+
+    def __rshift__(self, least):
+        return np.asarray(self), least
+
+
+def test_a_block_of_d_is_positive_by_a_little_more_than_nothing():
+    """Its second block, two rows after one, as a real symmetric matrix."""
+    basis = np.concatenate([basis_of_hermitian(slice(0, 1), 3), basis_of_hermitian(slice(1, 3), 3)])
+    weights = np.array([9.0, 2.0, 0.8, -0.6, 3.0])
+    arrays = SimpleNamespace(reshape=lambda *given, order: np.reshape(*given, order).view(Asked))
+    found, least = positive_block(arrays, basis, slice(1, 3), weights)
+    wanted = np.tensordot(weights, basis, 1)[1:, 1:]
+    assert least == 0
+    assert np.linalg.matrix_rank(wanted) == 2
+    np.testing.assert_allclose(
+        found, np.block([[wanted.real, -wanted.imag], [wanted.imag, wanted.real]]), atol=1e-5
+    )
+    assert np.linalg.eigvalsh(found).max() < np.linalg.eigvalsh(wanted).max()
 
 
 def test_mean_and_variance_of_a_delta_in_the_worst_case():

@@ -22,6 +22,7 @@ from robust_doors import (
     simulated_gain,
     stability_limit,
     whole_count,
+    worst_margin_table,
     worst_sample,
 )
 
@@ -472,3 +473,31 @@ def test_a_run_reads_the_rate_beside_that_of_the_point():
     gain = 1.0 / (2.6 * 3.0j + 0.7)
     wanted = (gain * np.exp(3.0j * times)).real
     np.testing.assert_allclose(found, wanted, atol=5e-5 * abs(gain))
+
+
+@pytest.mark.parametrize("proved", [0.0, None, 0.4])
+def test_what_is_proved_has_a_column_where_something_is(proved):
+    row = LeastMargin("u", "disk", "", 0.9, 0.7, 1.3, {}, proved, {})
+    free = LeastMargin("u", "phase", "degrees", 40.0, 30.0, 2.0, {}, 0.0, {})
+    table = worst_margin_table([WorstMargins((row, free), True, {}, "")])
+    columns = {column.key: list(column.values) for column in table.columns}
+    assert columns["nominal"] == [0.9, 40.0]
+    assert columns["worst"] == [0.7, 30.0]
+    assert columns["frequency"] == [1.3, 2.0]
+    assert columns.get("proved") == ([proved, 0.0] if proved else None)
+
+
+def test_a_phase_that_may_rise_is_looked_for_on_the_negative_imaginary_axis():
+    """4 s^2 / (s + 1)^2 is of size one at 1 / sqrt(3), at 120 degrees: E = -j / (2 tan(30))."""
+    plant = (
+        np.array([[0.0, 1.0], [-1.0, -2.0]]), np.array([[0.0], [1.0]]), np.array([[-1.0, -2.0]]),
+        np.ones((1, 1)),
+    )  # fmt: skip
+    law = bc.spec.Controller(
+        loop=(bc.spec.Loop(input="u", output="y", numerator=[4.0], denominator=[1.0]),)
+    )
+    made = SampleLoops(plant, [], ["u"], ["y"], law)
+    found = made.reach(np.zeros(0))
+    at = made.figures.index(("u", "phase"))
+    assert found.sizes[at] == pytest.approx(np.sqrt(3.0) / 2.0, rel=1e-3)
+    assert found.omega[at] == pytest.approx(1.0 / np.sqrt(3.0), rel=1e-2)

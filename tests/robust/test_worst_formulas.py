@@ -15,6 +15,7 @@ from robust_doors import (
     SampleLoops,
     drawn_figure,
     plot_steps,
+    plot_worst,
     worst_figure,
     worst_sample,
 )
@@ -196,6 +197,16 @@ def test_worst_cases_stand_one_below_the_other():
     assert nominal.get_ydata().tolist() == [0.5, 2.0, 8.0]
     assert peak.get_xydata().tolist() == [[2.0, 4.1]]
     assert len(second.get_lines()) == 2
+
+
+def test_a_worst_case_stands_alone_where_no_picture_is_given():
+    ax = plot_worst(drawn())
+    assert ax.figure.axes == [ax]
+    assert [line.get_ydata().tolist() for line in ax.get_lines()] == [
+        [0.25, 4.0, 64.0],
+        [0.5, 2.0, 8.0],
+        [4.1],
+    ]
 
 
 def test_a_bound_is_drawn_as_steps_within_the_picture():
