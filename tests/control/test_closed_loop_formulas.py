@@ -183,6 +183,18 @@ def test_growing_poles_of_an_integrator_with_a_dead_time(delay, count):
     assert unstable_count(closed) == count
 
 
+@pytest.mark.parametrize(("delay", "count"), [(0.6, 0), (0.7, 2), (3.6, 2), (3.8, 4)])
+def test_growing_poles_of_a_rigid_body_under_a_late_law(delay, count):
+    """(1 + 2 s) exp(-s T) / s^2 is of size one at w^2 = 2 + sqrt(5), and a pair grows from
+    T = (arctan(2 w) + 2 pi n) / w on: 0.647, 3.70, ..."""
+    plant = (np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [1.0]]), np.array([[1.0, 2.0]]),
+             np.zeros((1, 1)))  # fmt: skip
+    law = (np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.ones((1, 1)))
+    closed = closed_loop(plant, law, delay)
+    closed.__dict__["omega"] = np.geomspace(1e-2, 50.0, 100)
+    assert unstable_count(closed) == count
+
+
 @pytest.mark.parametrize("size", [0.9, 0.1])
 def test_a_loop_that_does_not_end_has_no_count(size):
     """A dead time with a direct part: at infinite frequency it turns for ever."""

@@ -70,6 +70,35 @@ def test_a_pole_settles_where_the_matrix_has_one():
     assert pole_settled(A, complex("nan"), np.ones(5) + 0j, np.ones(5) + 0j) is None
 
 
+def test_a_pole_at_rest_settles_beside_fast_ones():
+    """Zero, of which no part is small, beside -1000: rounding is that of the matrix."""
+    turn = np.array([[np.cos(0.4), -np.sin(0.4)], [np.sin(0.4), np.cos(0.4)]])
+    matrix = turn @ np.diag([0.0, -1000.0]) @ turn.T
+    value, right, _ = pole_settled(matrix, 1e-9 + 0j, turn[:, 0] + 0.01 + 0j, turn[:, 0] + 0j)
+    assert abs(value) < 1e-11
+    assert abs(np.vdot(right, turn[:, 0])) == pytest.approx(1.0)
+
+
+def test_a_pole_that_swings_by_a_tenth_is_not_real():
+    """-1 - g +- 0.1 j."""
+    swinging = np.array([[-1.0, 0.1], [-0.1, -1.0]])
+    one = Pole(0.0, -1.0 + 0.1j, np.array([1.0, 1.0j]) / np.sqrt(2.0) + 0j,
+               np.array([1.0, 1.0j]) / np.sqrt(2.0) + 0j)  # fmt: skip
+    found = pole_moved(lambda g: swinging - g * np.eye(2), one, 0.01)
+    assert found.value == pytest.approx(-1.01 + 0.1j, rel=1e-9)
+
+
+def test_a_real_pole_stays_real_whatever_the_phase_of_its_direction():
+    every = np.diag([-1.0, -2.0, -4.0]) + 0.3 * A[:3, :3]
+    values, vectors = np.linalg.eig(every)
+    turned = np.exp(0.7j) * vectors[:, 0]
+    pole = pole_of(lambda g: every + g * B[:3, :3], 0.0, complex(values[0]), turned)
+    found = pole_moved(lambda g: every + g * B[:3, :3], pole, 1e-3)
+    assert values[0].imag == found.value.imag == 0.0
+    wanted = np.linalg.eigvals(every + 1e-3 * B[:3, :3])
+    assert np.abs(wanted - found.value).min() < 1e-9
+
+
 def test_a_pole_moves_by_small_steps_and_not_past_a_doubt():
     for pole in poles_at(between, 0.3):
         moved = pole_moved(between, pole, 0.303)

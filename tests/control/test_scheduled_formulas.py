@@ -36,6 +36,22 @@ def test_modes_take_the_order_and_the_signs_of_those_before():
     np.testing.assert_allclose(found.shapes, modes_at(0.1).shapes)
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_mode_that_is_hardly_alike_keeps_its_sign_too(sign):
+    """A mirror (1 - 2 v v^T) of nine modes leaves 0.05 of the first in its place, and more than
+    0.8 of all others, of which none takes more than 0.4 of it."""
+    v = np.append(np.sqrt(0.475), np.full(8, np.sqrt(0.525 / 8.0)))
+    mirror = np.eye(9) - 2.0 * np.outer(v, v)
+    mirror[:, 0] *= sign
+    frequency, none = np.arange(1.0, 10.0), np.zeros((9, 0))
+    before = NormalModes(none, (), np.eye(9), frequency, np.eye(9))
+    after = NormalModes(none, (), mirror, frequency, np.eye(9))
+    found = follow_modes(way(0.01), None, before, after, (0.0, 1.0))
+    assert found.frequency.tolist() == frequency.tolist()
+    assert found.shapes[0, 0] == pytest.approx(0.05)
+    assert (np.diag(found.shapes)[1:] > 0.8).all()
+
+
 def test_modes_are_compared_by_the_mean_of_both_masses():
     """v^T (M + N)/2 w: of masses 1 and 3 of one coordinate, and 3 and 1 of the other,
     (1 + 3)/2 / sqrt(3) = 1.155 of each; the modes in the first one's order."""

@@ -34,6 +34,7 @@ from formulas import (
     realise_fraction,
     response_of_loop,
     sampled_system,
+    with_held_input,
     zero_pole_product,
 )
 
@@ -223,6 +224,19 @@ def test_a_plant_at_the_samples_of_a_controller():
         with pytest.raises(bc.InputError, match="no multiple"):
             sampled_system(held, 0.1, step)
     sampled_system(held, 0.1, 0.3 * (1.0 + 3e-10))
+
+
+def test_a_step_fed_with_the_mean_of_this_and_the_last_input():
+    """Two states, one input, and an output that shows half of both inputs at once."""
+    a, b = np.array([[0.9, 0.1], [-0.2, 0.8]]), np.array([[0.3], [1.0]])
+    c, d = np.array([[1.0, -0.5]]), np.array([[0.4]])
+    held = with_held_input((a, b, c, d))
+    x, before, state = np.zeros(2), 0.0, np.zeros(3)
+    for u in (1.0, -0.5, 2.0, 0.0):
+        mean = (u + before) / 2.0
+        assert held[2] @ state + held[3] @ [u] == pytest.approx(c @ x + d[0] * mean, rel=1e-12)
+        state = held[0] @ state + held[1] @ [u]
+        x, before = a @ x + b[:, 0] * mean, u
 
 
 @pytest.mark.parametrize(("low", "high"), [(0.5, 4.0), (0.5, 2.0), (2.0, 4.0)])

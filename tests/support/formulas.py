@@ -63,6 +63,7 @@ from beamchain.control.margins import _long_delays as long_delays
 from beamchain.control.margins import _of_all as margins_of_all
 from beamchain.control.margins import _peak as peak_of_grid
 from beamchain.control.margins import _refined as refined_bounds
+from beamchain.control.plant import _held_input as with_held_input
 from beamchain.control.pole_paths import _assigned as assigned_poles
 from beamchain.control.pole_paths import _continued as continued_poles
 from beamchain.control.pole_paths import _moved as pole_moved
@@ -959,6 +960,7 @@ __all__ = [
     "weights_of_modes",
     "wished_hinges",
     "with_damping",
+    "with_held_input",
     "with_length",
     "with_liquids_sprung",
     "with_polar_inertia",
