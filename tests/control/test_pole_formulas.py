@@ -1,5 +1,7 @@
 """Closed forms beside single poles that are followed, and beside whose they are."""
 
+from types import SimpleNamespace
+
 import control
 import numpy as np
 import pytest
@@ -22,6 +24,7 @@ from formulas import (
     pole_settled,
     shift_of_pole,
     start_of_poles,
+    way_from_open,
 )
 
 RANDOM = np.random.default_rng(17)
@@ -388,6 +391,30 @@ def test_a_pair_that_met_on_the_real_axis_has_two_origins(slow, fast, origin, ki
     assert (found.origin, found.kind) == (origin, kind)
     assert found.gain == pytest.approx(0.5)
     assert found.crossing == pytest.approx(np.sqrt(11.0))
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_both_of_a_pair_are_followed_to_the_open_loop_itself(side, monkeypatch):
+    """s^2 + 2 m s + 1, m = 1.5 - g / 1.8, met at 0.9 and came from (-3 +- sqrt(5)) / 2; a pole at
+    -3 stands still, and until then its direction changes places with that of their rates."""
+
+    def matrix(gain):
+        angle = np.pi / 2.0 * min(gain / 0.85, 1.0)
+        turn = np.eye(3)
+        turn[1:, 1:] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+        inner = np.array([[0.0, 1.0, 0.0], [-1.0, gain / 0.9 - 3.0, 0.0], [0.0, 0.0, -3.0]])
+        return turn @ inner @ turn.T
+
+    monkeypatch.setattr("beamchain.control.pole_paths.FIRST", 2.0**-4)
+    origins = start_of_poles(modal_loop([(3.0, 0.05, [1.0], [1.0])], [1.0])).origins
+    start = StartOfPoles(*(part + 0j for part in np.linalg.eig(matrix(0.0))), [origins[0]] * 3)
+    (pole,) = (one for one in poles_at(matrix, 1.0) if side * one.value.imag > 0.0)
+    loop = SimpleNamespace(closed=lambda gain, loops: matrix(gain))
+    way = way_from_open(loop, np.ones(1), pole, start)
+    found = np.sort(start.poles[list(way.numbers)].real)
+    assert found == pytest.approx([(-3.0 - np.sqrt(5.0)) / 2.0, (-3.0 + np.sqrt(5.0)) / 2.0])
+    assert way.poles[0].value == start.poles[way.numbers[0]]
+    assert way.poles[-1].value == pole.value
 
 
 @pytest.mark.parametrize(("second", "told"), [(30.3, True), (33.0, False)])

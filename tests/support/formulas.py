@@ -37,6 +37,7 @@ from beamchain.chain.tendons import _nearest_flexibility as nearest_flexibility
 from beamchain.chain.tendons import _nearest_turn as nearest_turn
 from beamchain.chain.tendons import _stiffen_attachments as stiffen_attachments
 from beamchain.chain.tendons import _unfelt as unfelt_motions
+from beamchain.control.blame import _from_open as way_from_open
 from beamchain.control.blame import _own_direction as own_direction
 from beamchain.control.blame import _owners as owners_of_poles
 from beamchain.control.blame import _Start as StartOfPoles
@@ -956,6 +957,7 @@ __all__ = [
     "vary_samples",
     "visible_modes",
     "warnings_of_loads",
+    "way_from_open",
     "weightless",
     "weights_of_modes",
     "wished_hinges",
