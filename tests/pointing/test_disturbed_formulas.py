@@ -14,6 +14,7 @@ from beamchain import pointing
 from beamchain.craft.modal_form import ModalForm
 from beamchain.engine.linear import Linear
 from beamchain.engine.operating_point import operating_point
+from beamchain.pointing.pointing import Pointing
 from beamchain.pointing.wheel_run import Acting, WheelRun
 from pointing_doors import (
     amplitudes_in_record,
@@ -315,6 +316,36 @@ def test_errors_of_all_sources_and_the_mode_that_each_comes_from():
     assert columns["speed"] == [None, None, 7.0, 8.0, None, None]
     modes = [text.partition(" ")[0] for text in found.columns[-1].values]
     assert modes == ["one", "", "", "three", "", ""]
+
+
+@pytest.mark.parametrize(
+    ("source", "output", "chosen"),
+    [
+        (None, None, ("wheel a", 2)),
+        ("wheel b", None, ("wheel b", 2)),
+        (None, "a", ("wheel b", 0)),
+        (None, "b", ("wheel a", 1)),
+        ("wheel b", "b", ("wheel b", 1)),
+    ],
+)
+def test_a_run_is_of_the_largest_error_of_any_wheel(source, output, chosen, monkeypatch):
+    """Among outputs of the unit of the first; noise is no wheel."""
+    monkeypatch.setattr(
+        "beamchain.pointing.pointing._simulate", lambda whole, *what: (what[0], what[2], what[1])
+    )
+    wheels = {
+        name: pointing.WheelDisturbance(joint=name[-1], speeds=(1.0, 2.0), static=1e-5)
+        for name in ("wheel a", "wheel b")
+    }
+    noise = pointing.NoiseDisturbance(input="force", frequency=(0.2, 1.0), density=(1e-3, 1e-3))
+    peaks = {"wheel a": [1.0, 99.0, 3.0], "noise": [7.0, 700.0, 7.0], "wheel b": [2.0, 98.0, 2.5]}
+    errors = tuple(error_of(name, each, each, None) for name, each in peaks.items())
+    given = SimpleNamespace(named=[*wheels.items(), ("noise", noise)])
+    budget = Pointing(
+        ("a", "b", "c"), ("rad", "m", "rad"), 1.0, errors, errors[0].ape, errors[0].rpe, (),
+        None, given,
+    )  # fmt: skip
+    assert budget.simulate(source, output) == (*chosen, wheels[chosen[0]])
 
 
 def craft_of(modes):
