@@ -126,6 +126,21 @@ def test_an_integral_over_frequency_resolves_resonances_and_the_density_s_corner
     assert weights @ sizes == pytest.approx(whole - below - above, rel=1e-6)
 
 
+@pytest.mark.parametrize(("low", "high"), [(1.001, 3.0), (1.01, 3.0), (0.1, 0.997), (0.1, 0.99)])
+def test_a_density_that_ends_beside_an_undamped_mode(low, high):
+    """Of 1 Hz, where the integrand is 1/(w^2 - x^2)^2, whose integral is in the tables."""
+    w = 2.0 * np.pi
+    omega, weights = nodes_of_density(
+        np.array([1j * w]), SimpleNamespace(frequency=(low, high)), window=3.0
+    )
+
+    def primitive(x):
+        return x / (2.0 * w**2 * (w**2 - x**2)) + np.log(np.abs((w + x) / (w - x))) / (4.0 * w**3)
+
+    whole = primitive(w * high) - primitive(w * low)
+    assert weights @ (1.0 / (w**2 - omega**2) ** 2) == pytest.approx(whole, rel=1e-9)
+
+
 @pytest.mark.parametrize("top", [0.13, 0.5, 0.96])
 def test_a_maximum_between_samples_is_closed_in(top):
     times = np.array([0.0, 0.5, 1.0])

@@ -40,7 +40,8 @@ Kind = Literal["wheel", "stepper", "psd", "snap"]
 # gain just beside an undamped mode over that a little farther away, from which it is driven
 BESIDE, AWAY, DRIVEN = 1e-6, 1e-3, 10.0
 GAUSS = np.polynomial.legendre.leggauss(10)  # nodes and weights of an interval of an integral
-HALVINGS = 2.0 ** np.arange(-1.0, 12.0)  # half widths of a resonance, where intervals end
+# half widths of a resonance, where intervals end: those of an undamped one reach half its frequency
+HALVINGS = 2.0 ** np.arange(-1.0, 20.0)
 LOBES = 64  # of the window's weight that are integrated one by one
 OCTAVE = np.sqrt(2.0)  # longest interval of an integral
 HARMONICS = 256, 20_000  # least and most of a stepping drive
