@@ -1,25 +1,34 @@
 """Closed forms beside what one step of MuJoCo makes of a craft, when timing is worth it, how modes
 and poses are named, and what disturbs an appendage."""
 
+from types import SimpleNamespace
+
 import mujoco
 import numpy as np
 import pytest
+from lxml import etree
 from scipy.linalg import eigh
 
 import beamchain as bc
+from beamchain.craft.stability import StabilityStudy
 from formulas import (
     AppendageOnLoad,
+    Embedded,
     Way,
     cantilever_names,
     disturbances,
     hanging_notes,
     is_worth_timing,
+    lightest_of_bodies,
     linear_craft,
     mode_names,
+    motion_warnings,
     mount,
+    owner_of_place,
     pose_label,
     poses_of,
     response_change,
+    rest_point,
     step_slopes,
 )
 from specs import spec_of
@@ -288,3 +297,84 @@ def test_where_a_body_apart_from_its_port_stands():
     assert "stands behind it, at (-2, 0.3, 0.4) m in its axes" in said
     (said,) = map(str, notes(hand="1.1 3 4", carries=["hand"]))
     assert "stands beside it, at (1, 3, 4) m in its axes" in said
+
+
+def test_a_strong_motor_is_moved_by_what_little_it_needs():
+    """A pendulum, of which a motor of 1e6 N m may not be turned on: the series of RK4 at rest."""
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><option timestep="0.1" integrator="RK4" gravity="0 0 -10"/><worldbody><body>
+        <joint name="a" axis="0 1 0"/><inertial pos="0 0 -1" mass="2" diaginertia=".3 .5 .3"/>
+        </body></worldbody><actuator><motor name="m" joint="a" gear="1e6"/></actuator></mujoco>"""
+    )
+    inertia = 2.5
+    linear = SimpleNamespace(
+        mass=np.array([[inertia]]),
+        inputs=SimpleNamespace(force=np.array([[1e6]])),
+        activations=SimpleNamespace(feed=np.zeros((0, 1))),
+    )
+
+    class Motor:
+        def apply(self, data, by):
+            data.ctrl[0] = by
+
+    found, driven = step_slopes(rest_point(model, np.zeros(1)), linear, [Motor()])
+    a = 0.1 * np.array([[0.0, 1.0], [-20.0 / inertia, 0.0]])
+    b = 0.1 * np.array([[0.0], [1e6 / inertia]])
+    powers = [np.linalg.matrix_power(a, k) for k in range(5)]
+    step = powers[0] + powers[1] + powers[2] / 2.0 + powers[3] / 6.0 + powers[4] / 24.0
+    pushed = (powers[0] + powers[1] / 2.0 + powers[2] / 6.0 + powers[3] / 24.0) @ b
+    np.testing.assert_allclose(found, step, rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(driven, pushed, rtol=1e-6)
+
+
+def test_the_fastest_mode_of_no_appendage_is_damped_by_no_step():
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><option timestep="0.1" integrator="discrete" gravity="0 0 0"/><worldbody>
+        <body><freejoint/><geom size=".3"/></body></worldbody></mujoco>"""
+    )
+    assert motion_warnings(model, [], model) == []
+
+
+def test_a_site_stands_on_its_body():
+    spec = mujoco.MjSpec.from_string(
+        """<mujoco><worldbody><body name="bus"><geom size="1"/><body name="end"><geom size="1"/>
+        <site name="tip"/></body><site name="end"/></body></worldbody></mujoco>"""
+    )
+    assert owner_of_place(spec, "site", "tip").name == "end"
+    assert owner_of_place(spec, "body", "end").name == "end"
+    assert owner_of_place(spec, "site", "end").name == "bus"
+
+
+def test_the_lightest_body_that_moves_is_behind_the_first_hinge():
+    """The root's own does not count: it is held to the spacecraft."""
+    root = etree.fromstring(
+        """<body><inertial mass="0.1" diaginertia="1e-4 1e-4 1e-4"/><body>
+        <inertial mass="0.7" diaginertia="0.03 0.2 0.2"/><body>
+        <inertial mass="3" diaginertia="0.5 0.4 0.6"/></body></body></body>"""
+    )
+    made = SimpleNamespace(fit=SimpleNamespace(appendage=lambda timed: root))
+    assert lightest_of_bodies([made]) == (0.7, 0.03)
+
+
+def test_mass_centres_are_told_from_the_base_wherever_it_stands():
+    """3 m along the appendage, which points along y of a base that is turned by 90 degrees."""
+    craft = mujoco.MjModel.from_xml_string(
+        """<mujoco><worldbody><body name="bus" pos="1 2 3" euler="0 0 90"><freejoint/>
+        <geom size="1"/></body></worldbody></mujoco>"""
+    )
+    # x of the base is y of the world, and y of the base -x
+    axes = np.array([[-1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0]])
+    mass = np.diag([2.0, 2.0, 2.0, 0.1, 20.0, 20.0])
+    mass[1, 5] = mass[5, 1] = 6.0  # the force along y has the moment m x about z
+    mass[2, 4] = mass[4, 2] = -6.0
+    held = SimpleNamespace(body=1, origin=np.array([1.0, 2.5, 3.0]), axes=axes)
+    fit = SimpleNamespace(measured=SimpleNamespace(rigid_mass=mass))
+    made = SimpleNamespace(craft=craft, appendages=[SimpleNamespace(at="m", mount=held, fit=fit)])
+    found = Embedded.mass_centres.func(made)["m"]
+    assert found == pytest.approx([0.5, 3.0, 0.0], abs=1e-12)
+
+
+def test_a_study_counts_no_cases_of_the_suite():
+    extremes = StabilityStudy([], [], {}, [], "").as_dict()["extremes"]
+    assert [extremes[key] for key in ("cases", "passed", "refused", "failed")] == [0, 0, 0, 0]
+    assert extremes["rows"] == []

@@ -80,6 +80,7 @@ from beamchain.control.verdicts import _beyond as limited_by_modes_above
 from beamchain.control.verdicts import _limiting as limiting_modes
 from beamchain.craft.appendage import carried as carried_by_craft
 from beamchain.craft.appendage import lightest as lightest_of_bodies
+from beamchain.craft.appendage import motion_warnings
 from beamchain.craft.assembly import Assembly, assembly_at_rest, modes_at_pose
 from beamchain.craft.bent_line import BentLine, bent_line, turned_by
 from beamchain.craft.bent_line import _lowest as lowest_modes
@@ -778,6 +779,7 @@ __all__ = [
     "more_modes",
     "motion_at",
     "motion_of_modes",
+    "motion_warnings",
     "motor_freedoms",
     "mount",
     "mounts_by_base",
