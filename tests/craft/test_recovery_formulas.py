@@ -26,6 +26,7 @@ from formulas import (
     run_of_data,
     sections_at,
     stations_of,
+    tip_displacement,
     wrench_on_ports,
 )
 
@@ -457,3 +458,42 @@ def test_an_appendage_carries_what_stands_on_its_port():
         (at["hand_link1"], model.site("arm_end").id): 1,
         (at["camera"], model.site("arm_elbow").id): 0,
     }
+
+
+def with_tendon(frequency, coefficients, **more):
+    """An appendage of two hinges in xy with one mode, and a model that has it beside others."""
+    freedoms = ((0, "xy"), (1, "xy"))
+    tendon = SimpleNamespace(
+        label="mode1_xy",
+        stiffness=frequency**2,
+        freedoms=freedoms,
+        coefficients=coefficients,
+        is_mode=True,
+    )
+    spec = SimpleNamespace(name="arm", further={}, **more)
+    fit = SimpleNamespace(chain=SimpleNamespace(tendons=(tendon,)), spec=spec)
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><worldbody><body><freejoint/><geom size="1"/><body>
+        <joint name="arm_hinge1_xy"/><geom size="1"/><body><joint name="arm_hinge2_xy"/>
+        <geom size="1"/></body></body></body></worldbody></mujoco>"""
+    )
+    made = SimpleNamespace(at="mount", prefix="arm_", rigid=False, spec=spec, fit=fit)
+    return model, made, fit
+
+
+def test_the_tip_of_a_beam_moves_with_its_mode():
+    """A cantilever, whose tip moves by 2 / sqrt(m) in its first mode."""
+    beam = beam_of(4.0).fit.spec.beam
+    mass, stiff = 0.04 * 0.02 * 2700.0, 7e10 * 0.02 * 0.04**3 / 12.0
+    wave = 1.8751040687 / 4.0
+    frequency = wave**2 * np.sqrt(stiff / mass)
+    model, made, fit = with_tendon(frequency, [0.3, -0.8], beam=beam, root=bc.spec.Root())
+    tip = 2.0 / np.sqrt(4.0 * mass)
+    fit.target = {
+        "xy": SimpleNamespace(
+            modes=1, frequencies=np.array([frequency]), tip=np.array([[tip, 1.3765 * tip / 4.0]])
+        )
+    }
+    fit.kept_for = "clamped"
+    found = tip_displacement(model, made, "xy")
+    assert found == pytest.approx([0.0] * 6 + [0.3 * tip, -0.8 * tip], rel=1e-9)

@@ -147,7 +147,7 @@ from beamchain.craft.poses import Way, pose_label, poses_of
 from beamchain.craft.proof import _bent_keyframes as bent_keyframes
 from beamchain.craft.quantities import Quantity, draws, inertia_matrix, quantities
 from beamchain.craft.quantities import _check_inertia as check_inertia
-from beamchain.craft.recovered_body import Coordinates, place_of, tip_displacement
+from beamchain.craft.recovered_body import Coordinates, imported_body, place_of, tip_displacement
 from beamchain.craft.recovered_body import _participation as participation_of_tendon
 from beamchain.craft.recovery import History, Recovery, appendage_at
 from beamchain.craft.recovery import _acceleration as acceleration_of_sections
@@ -363,6 +363,7 @@ from beamchain.steps.limits import (
 from beamchain.steps.limits import normalise as unit_mass_of_port
 from beamchain.steps.modal import condensed_mass, made_for, modal_tendons, stiffness_before
 from beamchain.steps.poles import PoleRow, growing_frequencies, mismatch, phase_limit, pole_rows
+from beamchain.steps.retime_file import retimed_file
 from beamchain.steps.sampled import (
     SampledError,
     exact_response,
@@ -699,6 +700,7 @@ __all__ = [
     "hinge_to_turn",
     "holders_of_shape",
     "implicit_stiffness",
+    "imported_body",
     "imported_case",
     "imported_warnings",
     "impulse",
@@ -861,6 +863,7 @@ __all__ = [
     "response_change",
     "response_of_loop",
     "rest_point",
+    "retimed_file",
     "rigid_body",
     "rigid_hubs",
     "rigid_load",
