@@ -17,6 +17,7 @@ from formulas import (
     appendage_at,
     carried_load,
     felt_by_modes,
+    imported_body,
     load_of_modes_left_out,
     participation_of_tendon,
     place_of,
@@ -497,3 +498,32 @@ def test_the_tip_of_a_beam_moves_with_its_mode():
     fit.kept_for = "clamped"
     found = tip_displacement(model, made, "xy")
     assert found == pytest.approx([0.0] * 6 + [0.3 * tip, -0.8 * tip], rel=1e-9)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_slow_imported_mode_is_told_by_its_tendon(sign):
+    """Of 0.2 rad/s; a second one, of 5 rad/s, is left out: L / w^2 of it is static."""
+    model, made, fit = with_tendon(0.2, [0.3, -0.8])
+    (soft,) = fit.chain.tendons
+    soft.label = "mode1"
+    filler = SimpleNamespace(
+        label="filler", stiffness=30.0, freedoms=soft.freedoms, coefficients=[0.5, 0.9],
+        is_mode=False,
+    )  # fmt: skip
+    rows = RNG.uniform(0.1, 0.3, (2, 6))
+    shapes = np.linalg.inv([soft.coefficients, filler.coefficients])
+    # masses of unit rows of which the hinges move as the mode does
+    elastic = RNG.standard_normal((6, 2))
+    rigid = np.linalg.lstsq((elastic @ shapes[:, :1]).T, sign * rows[:1], rcond=None)[0]
+    fit.chain = SimpleNamespace(tendons=(soft, filler), rows=lambda _: (rigid, elastic))
+    fit.kept_for = "clamped"
+    data = bc.ModalData(
+        rigid_mass=np.diag([9.0] * 6), frequencies=np.array([0.2, 5.0]), participation=rows
+    )
+    fit.space = SimpleNamespace(data=data, numbers=(1,))
+    found = imported_body(model, made)
+    np.testing.assert_allclose(found.kept, [[sign, 0.0]], atol=1e-12)
+    np.testing.assert_allclose(found.static, [np.zeros(6), -rows[1] / 25.0], atol=1e-12)
+    assert found.coordinates.frequencies == pytest.approx([0.2])
+    np.testing.assert_allclose(found.coordinates.rows, [[0.3, -0.8]])
+    assert found.coordinates.dofs.tolist() == [6, 7]
