@@ -1,6 +1,7 @@
 """Closed forms beside what one step of MuJoCo makes of a craft, when timing is worth it, how modes
 and poses are named, and what disturbs an appendage."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import mujoco
@@ -13,6 +14,7 @@ import beamchain as bc
 from beamchain.craft.stability import StabilityStudy
 from formulas import (
     AppendageOnLoad,
+    CraftError,
     Embedded,
     Way,
     cantilever_names,
@@ -378,3 +380,49 @@ def test_a_study_counts_no_cases_of_the_suite():
     extremes = StabilityStudy([], [], {}, [], "").as_dict()["extremes"]
     assert [extremes[key] for key in ("cases", "passed", "refused", "failed")] == [0, 0, 0, 0]
     assert extremes["rows"] == []
+
+
+def test_loads_left_out_are_told_of_the_base_that_they_change_most(monkeypatch):
+    """Two ships that keyframes push: both, one, and none; changes put in by hand."""
+    ship = """<body name="{0}"><freejoint/><geom size="1" mass="2"/><site name="{0}"/></body>"""
+    motor = """<motor name="{0}" site="{0}" gear="1 0 0 0 0 0"/>"""
+    still = "0 0 0 1 0 0 0 0 0 0 1 0 0 0"
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><option gravity="0 0 0"/><worldbody>{ship.format("one")}{ship.format("two")}
+        </worldbody><actuator>{motor.format("one")}{motor.format("two")}</actuator><keyframe>
+        <key name="both" qpos="{still}" ctrl="3 1"/><key name="second" qpos="{still}" ctrl="0 2"/>
+        <key name="coasts" qpos="{still}"/></keyframe></mujoco>"""
+    )
+    mounts = [SimpleNamespace(body=model.body(name).id) for name in ("one", "two")]
+    whole = SimpleNamespace(rigid_mass=np.eye(6))
+    items = [SimpleNamespace(mount=mount, whole=whole) for mount in mounts]
+    monkeypatch.setattr("beamchain.craft.embedded.carried", lambda *_: items)
+    changes = {("both", 1): 0.02, ("both", 2): 0.05, ("second", 1): 0.0, ("second", 2): 0.0}
+
+    def pose(name, body):
+        return SimpleNamespace(body=body, changed_by=lambda *_: changes[name, body])
+
+    exact = {name: [pose(name, 1), pose(name, 2)] for name in ("rest", "both", "second", "coasts")}
+    made = SimpleNamespace(
+        loaded=False, craft=model, untimed=model, appendages=(), _exact_poses=exact
+    )
+    left_out = Embedded.loads_left_out.fget
+    assert {name: change for name, (_, change) in left_out(made).items()} == {
+        "both": 0.05, "second": 0.0,
+    }  # fmt: skip
+    changes["both", 1] = 0.07
+    assert left_out(made)["both"][1] == 0.07
+    made.loaded = True
+    assert left_out(made) == {}
+
+
+def test_of_two_poses_the_worse_is_named():
+    promise = CraftError(0.03, 0.8, {"folded": 0.01, "unfolded": 0.03}, (5,), "bus", {})
+    made = SimpleNamespace(
+        promise=promise, tolerance=None, appendages=[SimpleNamespace(rigid=False)], loaded=False,
+        by_step=False, ruined=False, _growth_words="",
+    )  # fmt: skip
+    assert "unfolded" in Embedded.headline.fget(made)
+    made.promise = replace(promise, poses={"folded": 0.03, "unfolded": 0.01})
+    assert "unfolded" not in Embedded.headline.fget(made)
+    assert "folded" in Embedded.headline.fget(made)
