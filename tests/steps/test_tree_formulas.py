@@ -13,6 +13,7 @@ from formulas import (
     SeenAtPose,
     Tendons,
     modal_tendons,
+    motion_at,
     newton_step,
     outer_motions,
     step_length,
@@ -210,3 +211,24 @@ def test_a_craft_is_seen_in_its_base_and_in_a_hinge_that_hangs_on_an_appendage()
     np.testing.assert_allclose(found[:3], axes.T @ shift, atol=1e-12)
     np.testing.assert_allclose(found[3:6], axes.T @ turn, atol=1e-12)
     np.testing.assert_array_equal(found[6:], np.eye(8)[[7]])
+
+
+def test_a_slow_craft_is_compared_at_its_slow_mode():
+    """Of a few mrad/s, in a band of 0.01: where MuJoCo's own masses have it."""
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><option gravity="0 0 0" timestep="0.5"/><worldbody><body><freejoint/>
+        <inertial pos="0 0 0" mass="4" diaginertia="1 1 1"/><body pos="1 0 0">
+        <joint name="h1" axis="0 0 1"/><inertial pos="1 0 0" mass="1" diaginertia=".1 .1 .1"/>
+        </body></body></worldbody><tendon><fixed name="arm_mode1" stiffness="1e-6">
+        <joint joint="h1" coef="1"/></fixed></tendon></mujoco>"""
+    )
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    # what a moment at the hinge moves while all else is free
+    moved = np.zeros((1, 7))
+    mujoco.mj_solveM(model, data, moved, np.eye(7)[[6]])
+    pole = np.sqrt(1e-6 * moved[0, 6])
+    assert 2e-3 < pole < 9e-3
+    qpos, joints = np.array(model.qpos0), np.zeros(7)
+    found = SeenAtPose.of(model, modal_tendons(model), qpos, motion_at(model), 0.01, joints)
+    assert np.min(np.abs(found.omega / pole - 1.0)) < 1e-6
