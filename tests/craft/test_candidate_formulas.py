@@ -1,7 +1,7 @@
 """Closed forms beside what an appendage would be with one mode more, what may cure a craft, what a
 step makes of it, and what a load makes of a liquid: uniform booms across a bus."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import mujoco
@@ -404,3 +404,38 @@ def test_a_file_whose_timing_was_taken_out_is_not_judged():
     for error, step, met in ((0.0297, 0.01, True), (0.0298, 0.01, False), (0.02, 1.31, False)):
         proof.sampled_error = error
         assert RetimedCraft(None, step, proof, "").met is met
+
+
+@dataclass
+class OnTendons:
+    """An appendage whose one mode stands on a tendon."""
+
+    fit: SimpleNamespace
+    spec: SimpleNamespace
+
+
+def test_a_model_with_timing_turns_by_w_h_in_a_step():
+    """q_2 + q_0 = 2 cos(w h) q_1 of exact samples, where the step has 2 asin(w h / 2)."""
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><option gravity="0 0 0" timestep="0.01"/><worldbody><body>
+        <joint name="h1" axis="0 0 1"/><inertial pos="0 0 0" mass="1" diaginertia=".2 .2 .25"/>
+        </body></worldbody><tendon><fixed name="arm_mode1" stiffness="35">
+        <joint joint="h1" coef="0.5"/></fixed></tendon></mujoco>"""
+    )
+    chain = SimpleNamespace(hung=False, hinges=(1,), tendons=(SimpleNamespace(stiffness=35.0),))
+    spec = SimpleNamespace(scene=None, undamped_ratio=0.01)
+    made = OnTendons(SimpleNamespace(chain=chain, spec=spec), spec)
+    plain, timed = models_at_setting(
+        Setting("implicitfast", 0.05, True), model, (made,), lambda _: None, joints=False
+    )
+    turn = np.sqrt(35.0) * 0.05
+    for each, cosine in ((plain, np.cos(2.0 * np.arcsin(turn / 2.0))), (timed, np.cos(turn))):
+        assert each.opt.timestep == 0.05
+        assert each.opt.integrator == mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        data = mujoco.MjData(each)
+        data.qpos[0] = 0.1
+        places = []
+        for _ in range(3):
+            places.append(float(data.qpos[0]))
+            mujoco.mj_step(each, data)
+        assert places[2] + places[0] == pytest.approx(2.0 * cosine * places[1], rel=1e-9)

@@ -366,3 +366,18 @@ def test_bases_and_counterparts():
     text = CRAFT.replace('<body name="bus"', '<body name="other"/><body name="bus"')
     assert counterpart(MODEL, mujoco.MjModel.from_xml_string(text), 1) == 2
     assert counterpart(MODEL, mujoco.MjModel.from_xml_string(text), 2) == 2
+
+
+def test_a_joint_that_moves_the_base_a_little_is_not_held_with_those_that_do_not():
+    """A mode of 5 rad/s alone, beside a joint on its own spring that it pushes."""
+    mass, stiffness = np.diag([1.0, 1.0]), np.array([[144.0, 0.0], [0.0, 25.0]])
+    mass[0, 1] = mass[1, 0] = 0.4
+    outputs = SimpleNamespace(acceleration=np.array([[0.05, 0.0], [-0.02, 0.0]]))
+    craft = SimpleNamespace(
+        mass=mass, damping=np.zeros((2, 2)), stiffness=stiffness, outputs=outputs
+    )
+    found = peaks_of_craft(craft)[:, 0]
+    both = np.sqrt(eigh(stiffness, mass, eigvals_only=True))
+    for wanted in (*both, 5.0):
+        assert np.min(np.abs(found - wanted)) < 1e-7
+    assert np.abs(both - 5.0).min() > 0.05

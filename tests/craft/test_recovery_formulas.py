@@ -17,12 +17,17 @@ from formulas import (
     appendage_at,
     carried_load,
     felt_by_modes,
+    imported_body,
     load_of_modes_left_out,
+    participation_of_tendon,
+    place_of,
+    recovery_of_beam,
     rigid_load,
     root_factors,
     run_of_data,
     sections_at,
     stations_of,
+    tip_displacement,
     wrench_on_ports,
 )
 
@@ -347,3 +352,178 @@ def test_stress_is_largest_in_the_corner_that_both_moments_pull():
         first, second = bends[1][s]
         assert row.smallest_from == ("one" if first > second else "two")
         assert row.largest_from == "modes left out"
+
+
+# -- histories -------------------------------------------------------------------------------------
+def test_loads_and_motions_of_the_modes_of_a_beam_by_force_and_moment():
+    """One mode of xy and one of torsion at two stations, of a root that stands still."""
+    inside = {
+        port: SimpleNamespace(
+            frequencies=np.array([w]),
+            momentum=RNG.standard_normal((1, 2, len(COLUMNS[port]))),
+            motion=RNG.standard_normal((1, 2, len(COLUMNS[port]))),
+            drive=RNG.standard_normal((1, len(COLUMNS[port]))),
+        )
+        for port, w in (("xy", 3.0), ("torsion", 7.0))
+    }
+    target = {port: SimpleNamespace(participation=one.drive) for port, one in inside.items()}
+    held = beam_of(4.0)
+    held.fit.spec.further = {}
+    held.fit.target = target
+    still, none = np.zeros((3, 6)), np.zeros((3, 3))
+    motion = SimpleNamespace(roots=(RootMotion(still, none, none, still, np.zeros((3, 0, 6))),))
+    amplitudes, accelerations = RNG.standard_normal((2, 3, 2))
+    modes = SimpleNamespace(
+        names=("one", "two"),
+        columns={"xy": slice(0, 1), "torsion": slice(1, 2)},
+        amplitudes=amplitudes,
+        rates=np.zeros((3, 2)),
+        accelerations=accelerations,
+    )
+    found = recovery_of_beam(
+        held,
+        SimpleNamespace(ports=()),
+        SimpleNamespace(ports=inside),
+        SimpleNamespace(time=np.arange(3.0)),
+        motion,
+        modes,
+        stations=np.array([0.5, 2.0]),
+        static=False,
+    ).histories
+    bends, twists = inside["xy"], inside["torsion"]
+    wanted = {
+        "root force": [(1, 0, 9.0 * bends.drive[0, 0])],
+        "root moment": [(2, 0, 9.0 * bends.drive[0, 1]), (0, 1, 49.0 * twists.drive[0, 0])],
+        "force": [(1, 0, 9.0 * bends.momentum[0, :, 0])],
+        "moment": [
+            (2, 0, 9.0 * bends.momentum[0, :, 1]), (0, 1, 49.0 * twists.momentum[0, :, 0]),
+        ],
+        "displacement": [(1, 0, bends.motion[0, :, 0])],
+        "rotation": [(2, 0, bends.motion[0, :, 1]), (0, 1, twists.motion[0, :, 0])],
+    }  # fmt: skip
+    wanted["acceleration"], wanted["angular acceleration"] = (
+        wanted["displacement"], wanted["rotation"],
+    )  # fmt: skip
+    for name, entries in wanted.items():
+        factors = np.zeros((1 if "root" in name else 2, 3, 2))
+        for axis, mode, values in entries:
+            factors[:, axis, mode] = values
+        one = found[name]
+        np.testing.assert_allclose(one.factors, factors, atol=1e-12, err_msg=name)
+        if "root" not in name:
+            by = accelerations if "acceleration" in name else amplitudes
+            np.testing.assert_allclose(
+                one.values, np.einsum("sin,tn->tsi", factors, by), atol=1e-12, err_msg=name
+            )
+        assert len(one.units) == len(one.parts) == 3
+
+
+def test_a_mode_takes_part_by_the_masses_that_its_tendon_moves():
+    """Two tendons over two hinges, as soft as those of a slow body; a third is over another, and a
+    fourth is none."""
+    both, other = (("one", "xy"), ("two", "xy")), (("three", "xy"),)
+    shapes = np.array([[0.8, -0.3], [0.4, 1.1]])  # of the hinges, by mode
+    rows = np.linalg.inv(shapes)
+
+    def tendon(stiffness, freedoms, row):
+        return SimpleNamespace(stiffness=stiffness, freedoms=freedoms, coefficients=row)
+
+    tendons = (
+        tendon(0.0, both, rows[0]), tendon(0.03, both, rows[0]), tendon(50.0, other, [1.0]),
+        tendon(0.07, both, rows[1]),
+    )  # fmt: skip
+    rigid, elastic = RNG.standard_normal((9, 6)), RNG.standard_normal((9, 2))
+    chain = SimpleNamespace(tendons=tendons, rows=lambda freedoms: (rigid, elastic))
+    for k, one in enumerate((tendons[1], tendons[3])):
+        wanted = rigid.T @ (elastic[:, 0] * shapes[0, k] + elastic[:, 1] * shapes[1, k])
+        np.testing.assert_allclose(participation_of_tendon(chain, one), wanted, atol=1e-12)
+
+
+def test_an_appendage_carries_what_stands_on_its_port():
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><worldbody><body name="bus"><geom size="1"/><body name="arm_link1">
+        <joint name="a"/><geom size="1"/><site name="arm_elbow"/><body name="arm_link2">
+        <joint name="b"/><geom size="1"/><site name="arm_end"/>
+        <body name="hand_link1"><geom size="1"/></body></body>
+        <body name="camera"><geom size="1"/></body></body></body></worldbody></mujoco>"""
+    )
+    spec = SimpleNamespace(further={"elbow": 1.0, "end": 2.0})
+    fit = SimpleNamespace(spec=spec, chain=SimpleNamespace(links=(None, None)))
+    arm = SimpleNamespace(at="mount", prefix="arm_", carries={"elbow": ("camera",)}, fit=fit)
+    hand = SimpleNamespace(at="mount:end", prefix="hand_")
+    found = place_of(model, arm, [arm, hand])
+    at = {name: model.body(name).id for name in ("arm_link1", "hand_link1", "camera")}
+    assert found.root.body == at["arm_link1"]
+    carried = dict(zip(found.root.carried, found.ports, strict=True))
+    assert carried == {
+        (at["hand_link1"], model.site("arm_end").id): 1,
+        (at["camera"], model.site("arm_elbow").id): 0,
+    }
+
+
+def with_tendon(frequency, coefficients, **more):
+    """An appendage of two hinges in xy with one mode, and a model that has it beside others."""
+    freedoms = ((0, "xy"), (1, "xy"))
+    tendon = SimpleNamespace(
+        label="mode1_xy",
+        stiffness=frequency**2,
+        freedoms=freedoms,
+        coefficients=coefficients,
+        is_mode=True,
+    )
+    spec = SimpleNamespace(name="arm", further={}, **more)
+    fit = SimpleNamespace(chain=SimpleNamespace(tendons=(tendon,)), spec=spec)
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><worldbody><body><freejoint/><geom size="1"/><body>
+        <joint name="arm_hinge1_xy"/><geom size="1"/><body><joint name="arm_hinge2_xy"/>
+        <geom size="1"/></body></body></body></worldbody></mujoco>"""
+    )
+    made = SimpleNamespace(at="mount", prefix="arm_", rigid=False, spec=spec, fit=fit)
+    return model, made, fit
+
+
+def test_the_tip_of_a_beam_moves_with_its_mode():
+    """A cantilever, whose tip moves by 2 / sqrt(m) in its first mode."""
+    beam = beam_of(4.0).fit.spec.beam
+    mass, stiff = 0.04 * 0.02 * 2700.0, 7e10 * 0.02 * 0.04**3 / 12.0
+    wave = 1.8751040687 / 4.0
+    frequency = wave**2 * np.sqrt(stiff / mass)
+    model, made, fit = with_tendon(frequency, [0.3, -0.8], beam=beam, root=bc.spec.Root())
+    tip = 2.0 / np.sqrt(4.0 * mass)
+    fit.target = {
+        "xy": SimpleNamespace(
+            modes=1, frequencies=np.array([frequency]), tip=np.array([[tip, 1.3765 * tip / 4.0]])
+        )
+    }
+    fit.kept_for = "clamped"
+    found = tip_displacement(model, made, "xy")
+    assert found == pytest.approx([0.0] * 6 + [0.3 * tip, -0.8 * tip], rel=1e-9)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_slow_imported_mode_is_told_by_its_tendon(sign):
+    """Of 0.2 rad/s; a second one, of 5 rad/s, is left out: L / w^2 of it is static."""
+    model, made, fit = with_tendon(0.2, [0.3, -0.8])
+    (soft,) = fit.chain.tendons
+    soft.label = "mode1"
+    filler = SimpleNamespace(
+        label="filler", stiffness=30.0, freedoms=soft.freedoms, coefficients=[0.5, 0.9],
+        is_mode=False,
+    )  # fmt: skip
+    rows = RNG.uniform(0.1, 0.3, (2, 6))
+    shapes = np.linalg.inv([soft.coefficients, filler.coefficients])
+    # masses of unit rows of which the hinges move as the mode does
+    elastic = RNG.standard_normal((6, 2))
+    rigid = np.linalg.lstsq((elastic @ shapes[:, :1]).T, sign * rows[:1], rcond=None)[0]
+    fit.chain = SimpleNamespace(tendons=(soft, filler), rows=lambda _: (rigid, elastic))
+    fit.kept_for = "clamped"
+    data = bc.ModalData(
+        rigid_mass=np.diag([9.0] * 6), frequencies=np.array([0.2, 5.0]), participation=rows
+    )
+    fit.space = SimpleNamespace(data=data, numbers=(1,))
+    found = imported_body(model, made)
+    np.testing.assert_allclose(found.kept, [[sign, 0.0]], atol=1e-12)
+    np.testing.assert_allclose(found.static, [np.zeros(6), -rows[1] / 25.0], atol=1e-12)
+    assert found.coordinates.frequencies == pytest.approx([0.2])
+    np.testing.assert_allclose(found.coordinates.rows, [[0.3, -0.8]])
+    assert found.coordinates.dofs.tolist() == [6, 7]

@@ -1,25 +1,36 @@
 """Closed forms beside what one step of MuJoCo makes of a craft, when timing is worth it, how modes
 and poses are named, and what disturbs an appendage."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import mujoco
 import numpy as np
 import pytest
+from lxml import etree
 from scipy.linalg import eigh
 
 import beamchain as bc
+from beamchain.craft.stability import StabilityStudy
 from formulas import (
     AppendageOnLoad,
+    CraftError,
+    Embedded,
     Way,
     cantilever_names,
     disturbances,
     hanging_notes,
     is_worth_timing,
+    lightest_of_bodies,
     linear_craft,
     mode_names,
+    motion_warnings,
     mount,
+    owner_of_place,
     pose_label,
     poses_of,
     response_change,
+    rest_point,
     step_slopes,
 )
 from specs import spec_of
@@ -288,3 +299,130 @@ def test_where_a_body_apart_from_its_port_stands():
     assert "stands behind it, at (-2, 0.3, 0.4) m in its axes" in said
     (said,) = map(str, notes(hand="1.1 3 4", carries=["hand"]))
     assert "stands beside it, at (1, 3, 4) m in its axes" in said
+
+
+def test_a_strong_motor_is_moved_by_what_little_it_needs():
+    """A pendulum, of which a motor of 1e6 N m may not be turned on: the series of RK4 at rest."""
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><option timestep="0.1" integrator="RK4" gravity="0 0 -10"/><worldbody><body>
+        <joint name="a" axis="0 1 0"/><inertial pos="0 0 -1" mass="2" diaginertia=".3 .5 .3"/>
+        </body></worldbody><actuator><motor name="m" joint="a" gear="1e6"/></actuator></mujoco>"""
+    )
+    inertia = 2.5
+    linear = SimpleNamespace(
+        mass=np.array([[inertia]]),
+        inputs=SimpleNamespace(force=np.array([[1e6]])),
+        activations=SimpleNamespace(feed=np.zeros((0, 1))),
+    )
+
+    class Motor:
+        def apply(self, data, by):
+            data.ctrl[0] = by
+
+    found, driven = step_slopes(rest_point(model, np.zeros(1)), linear, [Motor()])
+    a = 0.1 * np.array([[0.0, 1.0], [-20.0 / inertia, 0.0]])
+    b = 0.1 * np.array([[0.0], [1e6 / inertia]])
+    powers = [np.linalg.matrix_power(a, k) for k in range(5)]
+    step = powers[0] + powers[1] + powers[2] / 2.0 + powers[3] / 6.0 + powers[4] / 24.0
+    pushed = (powers[0] + powers[1] / 2.0 + powers[2] / 6.0 + powers[3] / 24.0) @ b
+    np.testing.assert_allclose(found, step, rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(driven, pushed, rtol=1e-6)
+
+
+def test_the_fastest_mode_of_no_appendage_is_damped_by_no_step():
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><option timestep="0.1" integrator="discrete" gravity="0 0 0"/><worldbody>
+        <body><freejoint/><geom size=".3"/></body></worldbody></mujoco>"""
+    )
+    assert motion_warnings(model, [], model) == []
+
+
+def test_a_site_stands_on_its_body():
+    spec = mujoco.MjSpec.from_string(
+        """<mujoco><worldbody><body name="bus"><geom size="1"/><body name="end"><geom size="1"/>
+        <site name="tip"/></body><site name="end"/></body></worldbody></mujoco>"""
+    )
+    assert owner_of_place(spec, "site", "tip").name == "end"
+    assert owner_of_place(spec, "body", "end").name == "end"
+    assert owner_of_place(spec, "site", "end").name == "bus"
+
+
+def test_the_lightest_body_that_moves_is_behind_the_first_hinge():
+    """The root's own does not count: it is held to the spacecraft."""
+    root = etree.fromstring(
+        """<body><inertial mass="0.1" diaginertia="1e-4 1e-4 1e-4"/><body>
+        <inertial mass="0.7" diaginertia="0.03 0.2 0.2"/><body>
+        <inertial mass="3" diaginertia="0.5 0.4 0.6"/></body></body></body>"""
+    )
+    made = SimpleNamespace(fit=SimpleNamespace(appendage=lambda timed: root))
+    assert lightest_of_bodies([made]) == (0.7, 0.03)
+
+
+def test_mass_centres_are_told_from_the_base_wherever_it_stands():
+    """3 m along the appendage, which points along y of a base that is turned by 90 degrees."""
+    craft = mujoco.MjModel.from_xml_string(
+        """<mujoco><worldbody><body name="bus" pos="1 2 3" euler="0 0 90"><freejoint/>
+        <geom size="1"/></body></worldbody></mujoco>"""
+    )
+    # x of the base is y of the world, and y of the base -x
+    axes = np.array([[-1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0]])
+    mass = np.diag([2.0, 2.0, 2.0, 0.1, 20.0, 20.0])
+    mass[1, 5] = mass[5, 1] = 6.0  # the force along y has the moment m x about z
+    mass[2, 4] = mass[4, 2] = -6.0
+    held = SimpleNamespace(body=1, origin=np.array([1.0, 2.5, 3.0]), axes=axes)
+    fit = SimpleNamespace(measured=SimpleNamespace(rigid_mass=mass))
+    made = SimpleNamespace(craft=craft, appendages=[SimpleNamespace(at="m", mount=held, fit=fit)])
+    found = Embedded.mass_centres.func(made)["m"]
+    assert found == pytest.approx([0.5, 3.0, 0.0], abs=1e-12)
+
+
+def test_a_study_counts_no_cases_of_the_suite():
+    extremes = StabilityStudy([], [], {}, [], "").as_dict()["extremes"]
+    assert [extremes[key] for key in ("cases", "passed", "refused", "failed")] == [0, 0, 0, 0]
+    assert extremes["rows"] == []
+
+
+def test_loads_left_out_are_told_of_the_base_that_they_change_most(monkeypatch):
+    """Two ships that keyframes push: both, one, and none; changes put in by hand."""
+    ship = """<body name="{0}"><freejoint/><geom size="1" mass="2"/><site name="{0}"/></body>"""
+    motor = """<motor name="{0}" site="{0}" gear="1 0 0 0 0 0"/>"""
+    still = "0 0 0 1 0 0 0 0 0 0 1 0 0 0"
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><option gravity="0 0 0"/><worldbody>{ship.format("one")}{ship.format("two")}
+        </worldbody><actuator>{motor.format("one")}{motor.format("two")}</actuator><keyframe>
+        <key name="both" qpos="{still}" ctrl="3 1"/><key name="second" qpos="{still}" ctrl="0 2"/>
+        <key name="coasts" qpos="{still}"/></keyframe></mujoco>"""
+    )
+    mounts = [SimpleNamespace(body=model.body(name).id) for name in ("one", "two")]
+    whole = SimpleNamespace(rigid_mass=np.eye(6))
+    items = [SimpleNamespace(mount=mount, whole=whole) for mount in mounts]
+    monkeypatch.setattr("beamchain.craft.embedded.carried", lambda *_: items)
+    changes = {("both", 1): 0.02, ("both", 2): 0.05, ("second", 1): 0.0, ("second", 2): 0.0}
+
+    def pose(name, body):
+        return SimpleNamespace(body=body, changed_by=lambda *_: changes[name, body])
+
+    exact = {name: [pose(name, 1), pose(name, 2)] for name in ("rest", "both", "second", "coasts")}
+    made = SimpleNamespace(
+        loaded=False, craft=model, untimed=model, appendages=(), _exact_poses=exact
+    )
+    left_out = Embedded.loads_left_out.fget
+    assert {name: change for name, (_, change) in left_out(made).items()} == {
+        "both": 0.05, "second": 0.0,
+    }  # fmt: skip
+    changes["both", 1] = 0.07
+    assert left_out(made)["both"][1] == 0.07
+    made.loaded = True
+    assert left_out(made) == {}
+
+
+def test_of_two_poses_the_worse_is_named():
+    promise = CraftError(0.03, 0.8, {"folded": 0.01, "unfolded": 0.03}, (5,), "bus", {})
+    made = SimpleNamespace(
+        promise=promise, tolerance=None, appendages=[SimpleNamespace(rigid=False)], loaded=False,
+        by_step=False, ruined=False, _growth_words="",
+    )  # fmt: skip
+    assert "unfolded" in Embedded.headline.fget(made)
+    made.promise = replace(promise, poses={"folded": 0.03, "unfolded": 0.01})
+    assert "unfolded" not in Embedded.headline.fget(made)
+    assert "folded" in Embedded.headline.fget(made)

@@ -35,6 +35,21 @@ def flaps(*names):
     return mujoco.MjModel.from_xml_string(DRIVEN.format(inside, " ".join("0" for _ in names)))
 
 
+def test_a_run_goes_on_after_its_last_hinge_has_latched():
+    """0.25 rad at 0.8 rad/s on the way to 0.3 rad: there it stays."""
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><compiler angle="radian"/><option timestep="0.01" gravity="0 0 0"/><worldbody>
+        <body><joint name="coasts" axis="0 0 1" range="-1 0.3"/><inertial pos="0 0 0" mass="1"
+        diaginertia=".2 .2 .3"/></body></worldbody>
+        <keyframe><key name="moving" qpos="0.25" qvel="0.8"/></keyframe></mujoco>"""
+    )
+    run = simulate_run(model, "moving", 0.2, 5, [["coasts"]])
+    assert run.waiting == ()
+    assert [one.time for one in run.latched] == pytest.approx([0.05 / 0.8], abs=0.0101)
+    assert run.positions[0, 0] == 0.25
+    assert run.positions[1, 0] == pytest.approx(0.25 + 0.05 * 0.8, abs=1e-9)
+
+
 def test_hinges_unfold_stage_by_stage_as_closed_forms_say():
     model = flaps("a_left", "a_right", "b")
     before = np.array(model.jnt_stiffness)

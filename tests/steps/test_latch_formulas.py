@@ -248,3 +248,15 @@ def test_an_appendage_alone_is_one_without_its_craft_and_its_load():
         held = np.linalg.inv(mass[6:, 6:])
         assert found.free == pytest.approx(np.linalg.inv(rows @ free @ rows.T))
         assert found.held == pytest.approx(np.linalg.inv(rows @ held @ rows.T))
+
+
+def test_what_accelerates_is_not_known_before_the_first_step():
+    """A torque of 60 N m on 0.3 kg m^2 turns by 200 h^2 within a step, from data in which nothing
+    has been worked out."""
+    model, data = panel()
+    data.qfrc_applied[0] = 60.0
+    assert data.qacc[0] == data.qvel[0] == 0.0
+    done = bc.latch(model, data, "hinge", angle=0.05, stiffness=5.0)
+    assert done is not None
+    assert done.time == pytest.approx(np.sqrt(2.0 * 0.05 / 200.0), rel=1e-9)
+    assert data.qpos[0] == pytest.approx(0.05, abs=1e-13)

@@ -45,6 +45,20 @@ def test_poles_of_a_step_are_paired_with_those_that_are_wanted():
     assert found.error == pytest.approx(np.abs(near - z) / np.abs(z - 1.0))
 
 
+def test_pairs_are_those_of_the_least_squares():
+    """One exact and one off by 0.5, 0.25 in all, or off by 0.4 and 0.35, 0.2825 in all, of which
+    the sum of cubes were the smaller one."""
+    wanted = np.array([0.7, 0.5])
+    along = (0.25**2 + 0.2**2 - 0.105**2) / (2.0 * 0.2)
+    third = 0.5 + along + 1j * np.sqrt(0.25**2 - along**2)
+    found = pole_pairs(of_poles(stepped=[third, 0.7]), of_poles(np.log(wanted)))
+    assert found.wanted == pytest.approx(np.log(wanted) / H)
+    assert found.shown == pytest.approx(np.array([0.7, third]) - 1.0)
+    assert found.error == pytest.approx([0.0, 0.5], abs=1e-12)
+    swapped = np.abs(np.array([third, 0.7]) - wanted) / (1.0 - wanted)
+    assert swapped == pytest.approx([0.35, 0.4])
+
+
 @pytest.mark.parametrize(("ratio", "undamped"), [(0.02, 0.005), (0.0, 0.005), (2e-6, 0.005)])
 def test_what_a_step_makes_of_the_response_at_a_resonance(ratio, undamped):
     w = np.array([3.0, 8.0])

@@ -6,6 +6,7 @@ import math
 import mujoco
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.optimize import fsolve
 
 from formulas import (
@@ -32,6 +33,7 @@ from formulas import (
     start_rate,
     step_pole,
     time_modes,
+    turn_error,
 )
 
 M, C, K, H = 1.3, 0.4, 50.0, 0.02
@@ -413,3 +415,18 @@ def test_links_without_a_hinge_in_a_plane_are_one_body_in_it():
 def test_steps_are_rounded_down_to_two_digits():
     given = (0.01968, 0.3, 7.99, 0.29999999999999999)
     assert [round_down(step) for step in given] == [0.019, 0.3, 7.9, 0.3]
+
+
+def test_a_flat_body_turns_though_rounding_makes_it_flatter_than_flat():
+    """Of a plate, the third moment is the sum of the others: Euler's rule and equations."""
+    moments, rates, h, count = np.array([1.0, 2.0, 3.0]), np.array([0.4, -0.3, 0.5]), 0.1, 15
+    ours = rates.copy()
+    for _ in range(count):
+        ours -= h * np.cross(ours, moments * ours) / moments
+    exact = solve_ivp(
+        lambda _, w: -np.cross(w, moments * w) / moments, (0.0, count * h), rates, rtol=1e-9
+    ).y[:, -1]
+    wanted = np.linalg.norm(ours - exact) / np.linalg.norm(rates)
+    found = turn_error(np.diag([1.0, 2.0, 3.0 + 1e-7]), rates, h)
+    assert count == np.ceil(1.0 / (np.linalg.norm(rates) * h))
+    assert found == pytest.approx(wanted, rel=1e-3)

@@ -2,10 +2,22 @@
 
 from types import SimpleNamespace
 
+import mujoco
 import numpy as np
 import pytest
 
-from formulas import Alone, Compared, Room, SeenAtPose, Tendons, newton_step, step_length
+from formulas import (
+    Alone,
+    Compared,
+    Room,
+    SeenAtPose,
+    Tendons,
+    modal_tendons,
+    motion_at,
+    newton_step,
+    outer_motions,
+    step_length,
+)
 
 STEP = 0.05
 STIFFNESS = np.array([40.0, 90.0, 60.0])
@@ -177,3 +189,46 @@ def test_a_newton_step_goes_down_the_objective_and_is_halved_until_it_does():
     lowered = [objective(UNKNOWNS + t * step) < now - 1e-4 * t * decrease for t in tried]
     assert length == tried[lowered.index(True)]
     assert step_length(made, [compared], weight, UNKNOWNS, -step, decrease) == 0.0
+
+
+def test_a_craft_is_seen_in_its_base_and_in_a_hinge_that_hangs_on_an_appendage():
+    """Of a point of the base in its axes, and not in those of the world: MuJoCo's own Jacobians."""
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><worldbody><body name="bus" pos="1 2 3" euler="20 30 40"><freejoint/>
+        <geom size=".5"/><body pos="1 0 0"><joint name="h1" axis="0 0 1"/>
+        <geom size=".1"/><body pos="1 0 0"><joint name="drive" axis="0 1 0"/><geom size=".1"/>
+        </body></body></body></worldbody><tendon><fixed name="arm_mode1" stiffness="35">
+        <joint joint="h1" coef="1"/></fixed></tendon></mujoco>"""
+    )
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    modal = modal_tendons(model)
+    assert modal.names == ("arm_mode1",)
+    found = outer_motions(model, modal, data)
+    shift, turn = np.zeros((3, 8)), np.zeros((3, 8))
+    mujoco.mj_jacBody(model, data, shift, turn, 1)
+    axes = data.xmat[1].reshape(3, 3)
+    np.testing.assert_allclose(found[:3], axes.T @ shift, atol=1e-12)
+    np.testing.assert_allclose(found[3:6], axes.T @ turn, atol=1e-12)
+    np.testing.assert_array_equal(found[6:], np.eye(8)[[7]])
+
+
+def test_a_slow_craft_is_compared_at_its_slow_mode():
+    """Of a few mrad/s, in a band of 0.01: where MuJoCo's own masses have it."""
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><option gravity="0 0 0" timestep="0.5"/><worldbody><body><freejoint/>
+        <inertial pos="0 0 0" mass="4" diaginertia="1 1 1"/><body pos="1 0 0">
+        <joint name="h1" axis="0 0 1"/><inertial pos="1 0 0" mass="1" diaginertia=".1 .1 .1"/>
+        </body></body></worldbody><tendon><fixed name="arm_mode1" stiffness="1e-6">
+        <joint joint="h1" coef="1"/></fixed></tendon></mujoco>"""
+    )
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    # what a moment at the hinge moves while all else is free
+    moved = np.zeros((1, 7))
+    mujoco.mj_solveM(model, data, moved, np.eye(7)[[6]])
+    pole = np.sqrt(1e-6 * moved[0, 6])
+    assert 2e-3 < pole < 9e-3
+    qpos, joints = np.array(model.qpos0), np.zeros(7)
+    found = SeenAtPose.of(model, modal_tendons(model), qpos, motion_at(model), 0.01, joints)
+    assert np.min(np.abs(found.omega / pole - 1.0)) < 1e-6

@@ -381,3 +381,10 @@ def test_modes_of_timed_tendons_as_they_are_said():
     assert (slow.mass, fast.mass) == pytest.approx((1.3, 1.7))
     assert (slow.damping, fast.damping) == pytest.approx((0.48, 2.4))
     assert (slow.slowed, fast.slowed) == (False, True)
+
+
+def test_a_damped_motion_and_a_drifting_one_do_not_grow():
+    """At 1 and 2 rad/s of ratio a quarter, at 0.05 s."""
+    model = two_slides(((2.0, 1.0), (20.0, 5.0)), 0.0, 0.0)
+    assert growing_frequencies(model, np.zeros(2)).size == 0
+    assert growing_frequencies(two_slides(((0, 0), (0, 0)), 0.0, 0.0), np.zeros(2)).size == 0

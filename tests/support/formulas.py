@@ -82,6 +82,7 @@ from beamchain.control.verdicts import _beyond as limited_by_modes_above
 from beamchain.control.verdicts import _limiting as limiting_modes
 from beamchain.craft.appendage import carried as carried_by_craft
 from beamchain.craft.appendage import lightest as lightest_of_bodies
+from beamchain.craft.appendage import motion_warnings
 from beamchain.craft.assembly import Assembly, assembly_at_rest, modes_at_pose
 from beamchain.craft.bent_line import BentLine, bent_line, turned_by
 from beamchain.craft.bent_line import _lowest as lowest_modes
@@ -106,6 +107,7 @@ from beamchain.craft.cures import models_at as models_at_setting
 from beamchain.craft.disturbances import disturbances
 from beamchain.craft.embedded import Embedded
 from beamchain.craft.embedding import _load_warnings as warnings_of_loads
+from beamchain.craft.embedding import _owner as owner_of_place
 from beamchain.craft.error import (
     Carried,
     CraftError,
@@ -147,12 +149,14 @@ from beamchain.craft.poses import Way, pose_label, poses_of
 from beamchain.craft.proof import _bent_keyframes as bent_keyframes
 from beamchain.craft.quantities import Quantity, draws, inertia_matrix, quantities
 from beamchain.craft.quantities import _check_inertia as check_inertia
-from beamchain.craft.recovered_body import Coordinates
+from beamchain.craft.recovered_body import Coordinates, imported_body, place_of, tip_displacement
+from beamchain.craft.recovered_body import _participation as participation_of_tendon
 from beamchain.craft.recovery import History, Recovery, appendage_at
 from beamchain.craft.recovery import _acceleration as acceleration_of_sections
 from beamchain.craft.recovery import _carried_load as carried_load
 from beamchain.craft.recovery import _felt as felt_by_modes
 from beamchain.craft.recovery import _left_out as load_of_modes_left_out
+from beamchain.craft.recovery import _of_beam as recovery_of_beam
 from beamchain.craft.recovery import _on_ports as wrench_on_ports
 from beamchain.craft.recovery import _rigid_load as rigid_load
 from beamchain.craft.recovery import _root_factors as root_factors
@@ -361,6 +365,7 @@ from beamchain.steps.limits import (
 from beamchain.steps.limits import normalise as unit_mass_of_port
 from beamchain.steps.modal import condensed_mass, made_for, modal_tendons, stiffness_before
 from beamchain.steps.poles import PoleRow, growing_frequencies, mismatch, phase_limit, pole_rows
+from beamchain.steps.retime_file import retimed_file
 from beamchain.steps.sampled import (
     SampledError,
     exact_response,
@@ -387,13 +392,14 @@ from beamchain.steps.step_map import (
 )
 from beamchain.steps.step_map import _by_differences as map_by_differences
 from beamchain.steps.tree_draws import TreeDraws
-from beamchain.steps.tree_response import Compared, Tendons
+from beamchain.steps.tree_response import Compared, Tendons, outer_motions
 from beamchain.steps.tree_response import Seen as SeenAtPose
 from beamchain.steps.tree_time import Alone, appendages_alone, tuned_poses
 from beamchain.steps.tree_time import _modes as modes_of_tendons
 from beamchain.steps.tree_time import _newton_step as newton_step
 from beamchain.steps.tree_time import _Room as Room
 from beamchain.steps.tree_time import _step_length as step_length
+from beamchain.steps.turn import turn_error
 from beamchain.structure.discretise import Parts
 from beamchain.structure.discretise import _body as body_in_port
 from beamchain.structure.discretise import _edges as edges_of_pieces
@@ -696,6 +702,7 @@ __all__ = [
     "hinge_to_turn",
     "holders_of_shape",
     "implicit_stiffness",
+    "imported_body",
     "imported_case",
     "imported_warnings",
     "impulse",
@@ -776,6 +783,7 @@ __all__ = [
     "more_modes",
     "motion_at",
     "motion_of_modes",
+    "motion_warnings",
     "motor_freedoms",
     "mount",
     "mounts_by_base",
@@ -802,9 +810,12 @@ __all__ = [
     "one_mode_more",
     "oscillating",
     "oscillations",
+    "outer_motions",
     "own_direction",
+    "owner_of_place",
     "owners_of_poles",
     "pairs_of_modes",
+    "participation_of_tendon",
     "patterns_of_cuts",
     "peak_clusters",
     "peak_of_grid",
@@ -816,6 +827,7 @@ __all__ = [
     "phase_limit",
     "phase_of_two",
     "pieces_of_beam",
+    "place_of",
     "place_poles",
     "plane_of_chain",
     "points_inward",
@@ -844,6 +856,7 @@ __all__ = [
     "realise",
     "realise_controller",
     "realise_fraction",
+    "recovery_of_beam",
     "reduced_to_kept",
     "refined_bounds",
     "relative_error",
@@ -852,6 +865,7 @@ __all__ = [
     "response_change",
     "response_of_loop",
     "rest_point",
+    "retimed_file",
     "rigid_body",
     "rigid_hubs",
     "rigid_load",
@@ -936,12 +950,14 @@ __all__ = [
     "taper_cuts",
     "time_error",
     "time_modes",
+    "tip_displacement",
     "torque_of_actuator",
     "torques_of_allocation",
     "tune",
     "tuned_poses",
     "turn",
     "turn_along",
+    "turn_error",
     "turn_into_planes",
     "turn_warning",
     "turned_by",

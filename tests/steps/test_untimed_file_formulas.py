@@ -1,0 +1,39 @@
+"""A file from which timing is taken out again, beside its numbers before."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from formulas import retimed_file
+
+FILE = """<mujoco><option gravity="0 0 0" timestep="0.02" integrator="implicitfast"/><worldbody>
+<body name="arm"><joint name="h1" axis="0 0 1"/>
+<inertial pos="0 0 0" mass="1" diaginertia=".2 .2 .25"/></body></worldbody><tendon>
+<fixed name="arm_mode1" stiffness="35" damping="0.2"><joint joint="h1" coef="0.5"/></fixed></tendon>
+</mujoco>"""
+
+
+def test_without_timing_a_file_has_the_springs_that_it_had(tmp_path):
+    """0.25 kg m^2 over 0.5^2 is a mass of 1; exact at 0.05 s: exp(s h) of s^2 + 0.2 s + 35."""
+    plain, timed = tmp_path / "plain.xml", tmp_path / "timed.xml"
+    plain.write_text(FILE)
+    there = retimed_file(plain, 0.05, None, tmp_path)
+    timed.write_bytes(there.text)
+    model = mujoco.MjModel.from_xml_path(str(timed))
+    assert model.opt.timestep == 0.05
+    data, found = mujoco.MjData(model), []
+    for start in ((0.1, 0.0), (0.0, 0.1)):
+        mujoco.mj_resetData(model, data)
+        data.qpos[0], data.qvel[0] = start
+        mujoco.mj_step(model, data)
+        found.append(np.array([data.qpos[0], data.qvel[0]]) / 0.1)
+    poles = np.sort_complex(np.linalg.eigvals(np.array(found).T))
+    wanted = np.sort_complex(np.exp(0.05 * np.roots([1.0, 0.2, 35.0])))
+    assert poles == pytest.approx(wanted, rel=1e-6)
+    back = retimed_file(timed, 0.0, None, tmp_path)
+    (tmp_path / "back.xml").write_bytes(back.text)
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "back.xml"))
+    assert model.opt.timestep == 0.05
+    assert model.tendon_stiffness[0] == pytest.approx(35.0, rel=1e-12)
+    assert model.tendon_damping[0] == pytest.approx(0.2, rel=1e-12)
+    assert model.tendon_armature[0] == 0.0
