@@ -1,5 +1,7 @@
 """Closed forms beside the formulas of what is read from a model."""
 
+from types import SimpleNamespace
+
 import mujoco
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ from formulas import (
     Signal,
     Turn,
     check_workers,
+    draw_frames,
     drive_in_hinge,
     drive_of,
     fractions_of,
@@ -375,3 +378,20 @@ def test_the_accelerance_as_a_sum_of_poles_of_a_damped_oscillator(stiffness):
     free = 3.0 - 1.0 / 2.0
     wanted = -(omega**2) / (stiffness + 0.7j * omega - free * omega**2)
     assert found == pytest.approx(wanted, rel=1e-9)
+
+
+def test_a_ghost_is_mixed_with_the_sky_behind_what_is_shown(monkeypatch):
+    """0.3 of it; pictures of one point: sky 100, ghost 200, and what is shown 50 or nothing."""
+    model = craft('<geom size=".5"/>')
+    here, there, gone = (np.array([x, 0.0, 0.0, 1.0, 0, 0, 0]) for x in (0.0, 1.0, 2.0))
+    colours = {0.0: 50.0, 1.0: 200.0, 2.0: 100.0}
+
+    def picture(model, at, renderer, camera, *, hidden=False):
+        return np.full((1, 1, 3), 100.0 if hidden else colours[at[0]])
+
+    monkeypatch.setattr("beamchain.engine.draw._picture", picture)
+    monkeypatch.setattr(mujoco, "Renderer", lambda *_: SimpleNamespace(close=lambda: None))
+    shown, ghosts = np.array([here, gone]), np.array([there, there])
+    first, second = draw_frames(model, "bus", shown, ghosts, width=1, height=1)
+    assert first.ravel().tolist() == [50] * 3
+    assert second.ravel().tolist() == [130] * 3

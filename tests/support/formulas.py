@@ -9,6 +9,7 @@ from beamchain.chain.chain import Chain, Hinge, Link, Tendon
 from beamchain.chain.cut import _best as best_cut
 from beamchain.chain.cut import _climb as climb
 from beamchain.chain.cut import _even as even_cut
+from beamchain.chain.cut import _fewest as fewest_hinges
 from beamchain.chain.cut import _margin_sentence as margin_sentence
 from beamchain.chain.cut import _merge_close as merge_close
 from beamchain.chain.cut import _patterns as patterns_of_cuts
@@ -196,6 +197,7 @@ from beamchain.engine.bench import (
 )
 from beamchain.engine.bench import _freedoms as freedoms_of_block
 from beamchain.engine.bench import _in_planes as in_planes
+from beamchain.engine.draw import draw_frames
 from beamchain.engine.drawn import skin_vertices
 from beamchain.engine.driven_hinge import Drive, Seen, Turn, drive_of, seen
 from beamchain.engine.driven_hinge import Drive as DriveOfHinge
@@ -267,7 +269,9 @@ from beamchain.engine.slew import _run as run_of_push
 from beamchain.engine.slew import _without_actuators as without_actuators
 from beamchain.engine.slew import simulate as simulate_slew
 from beamchain.fitting.choose import _modes_below as half_waves
+from beamchain.fitting.choose import whole_beam
 from beamchain.fitting.cure import _one_mode_more as one_mode_more
+from beamchain.fitting.cure import cure_of
 from beamchain.fitting.document import safe_step
 from beamchain.fitting.exact import _normal_modes as normal_modes_of
 from beamchain.fitting.exact import exact_appendage, reduced_to_kept
@@ -461,12 +465,12 @@ from beamchain.structure.section import soft_modulus
 from beamchain.structure.sections_at import Sections, sections_at
 from beamchain.structure.slosh import Slosh
 from beamchain.variants.fields import Modes as DrawnModes
-from beamchain.variants.fields import Table as TableOfVariants
 from beamchain.variants.samples import Gain as GainOfModes
 from beamchain.variants.samples import _scale_participation as scaled_participation
 from beamchain.variants.samples import gain as gain_of_pair
 from beamchain.variants.samples import normal_shapes, usual_gain
 from beamchain.variants.samples import vary as vary_samples
+from beamchain.variants.sweep import Sweep
 from beamchain.variants.sweep import _correlations as correlations_of_craft
 from beamchain.variants.sweep import _draw as drawn_samples
 from beamchain.variants.sweep import _spread as spread_of
@@ -566,8 +570,8 @@ __all__ = [
     "StartOfPoles",
     "StatesOfRun",
     "StepOfCraft",
+    "Sweep",
     "System",
-    "TableOfVariants",
     "Tendon",
     "Tendons",
     "TimeError",
@@ -650,6 +654,7 @@ __all__ = [
     "crossings_between",
     "crossings_of_size_one",
     "culprit",
+    "cure_of",
     "damped_by",
     "damped_modes",
     "damping_of_file",
@@ -660,6 +665,7 @@ __all__ = [
     "disturbances",
     "dmig_matrices",
     "doubtful",
+    "draw_frames",
     "drawn_samples",
     "draws",
     "drift_of_momentum",
@@ -679,6 +685,7 @@ __all__ = [
     "far_mount",
     "felt_by_modes",
     "fewest",
+    "fewest_hinges",
     "fillers_of",
     "find_cure",
     "first_moment",
@@ -978,6 +985,7 @@ __all__ = [
     "warnings_of_loads",
     "weightless",
     "weights_of_modes",
+    "whole_beam",
     "wished_hinges",
     "with_damping",
     "with_length",
