@@ -13,6 +13,7 @@ from formulas import (
     ModeGroup,
     Wanted,
     best_cut,
+    choose_cut,
     climb,
     even_cut,
     fewest_hinges,
@@ -361,3 +362,18 @@ def test_a_port_gives_up_the_hinges_that_another_needed():
     search = Margins(MassTable(LINE), (first.more(),), ())
     (found,) = fewest_hinges(search, x, [first], [first.more()])
     assert found.counts == {"xy": 3, "torsion": 1}
+
+
+def test_hinges_are_added_where_there_are_too_few_for_any_margin(monkeypatch):
+    """A rod that twists, with a port at 1 m: one hinge cannot move it and the root apart."""
+    monkeypatch.setattr("beamchain.chain.cut.SWEEPS", 1)
+    group = ModeGroup(("torsion",), np.ones(1), np.array([[0.1, 0.0]]), np.zeros(1))
+    found = choose_cut(LINE, [Wanted(group, {"torsion": 1}, {})], (), (1.0,))
+    assert (found.added, found.ports) == (1, (("torsion",),) * 2)
+    behind = POLAR * (LENGTH - found.x)
+    moved = np.array([behind, found.x < 1.0])
+    reached = moved @ np.linalg.solve(np.minimum.outer(behind, behind), moved.T)
+    blocks = np.diag([POLAR * LENGTH - 0.01, reached[1, 1]])
+    share = eigh(reached - np.diag([0.01, 0.0]), blocks, eigvals_only=True)[0]
+    assert found.margin == pytest.approx(share, rel=1e-4)
+    assert found.margin >= ENOUGH

@@ -13,6 +13,7 @@ from beamchain.chain.cut import _fewest as fewest_hinges
 from beamchain.chain.cut import _margin_sentence as margin_sentence
 from beamchain.chain.cut import _merge_close as merge_close
 from beamchain.chain.cut import _patterns as patterns_of_cuts
+from beamchain.chain.cut import choose_cut
 from beamchain.chain.links import _without_rounding as without_rounding
 from beamchain.chain.links import (
     bodies,
@@ -633,6 +634,7 @@ __all__ = [
     "check_steps",
     "check_workers",
     "choose",
+    "choose_cut",
     "choose_step",
     "climb",
     "clusters",
