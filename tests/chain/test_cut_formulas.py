@@ -366,7 +366,8 @@ def test_a_port_gives_up_the_hinges_that_another_needed():
 
 def test_hinges_are_added_where_there_are_too_few_for_any_margin(monkeypatch):
     """A rod that twists, with a port at 1 m: one hinge cannot move it and the root apart."""
-    monkeypatch.setattr("beamchain.chain.cut.SWEEPS", 1)
+    for name, few in (("SWEEPS", 1), ("NEAR", (0.2,)), ("SPREADS", np.array([0.3]))):
+        monkeypatch.setattr(f"beamchain.chain.cut.{name}", few)
     group = ModeGroup(("torsion",), np.ones(1), np.array([[0.1, 0.0]]), np.zeros(1))
     found = choose_cut(LINE, [Wanted(group, {"torsion": 1}, {})], (), (1.0,))
     assert (found.added, found.ports) == (1, (("torsion",),) * 2)
