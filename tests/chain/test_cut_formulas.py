@@ -13,8 +13,10 @@ from formulas import (
     ModeGroup,
     Wanted,
     best_cut,
+    choose_cut,
     climb,
     even_cut,
+    fewest_hinges,
     least_share,
     margin_sentence,
     merge_close,
@@ -338,3 +340,41 @@ def test_hinges_go_as_far_as_the_margin_allows():
     (found,) = even_cut(told(lambda x: ENOUGH * (x[0] <= 0.7295)), np.array([0.4]), np.zeros(0))
     assert found == pytest.approx(1.0 - 0.3 * 0.97**3, rel=1e-9)
     assert even_cut(told(lambda x: -1.0), np.array([0.4]), np.zeros(0)).tolist() == [0.4]
+
+
+def test_a_first_hinge_in_the_middle_is_tried():
+    found, _ = best_cut(told(lambda _: ENOUGH), np.zeros(0), 1)
+    assert found == pytest.approx([1.0])
+
+
+def test_a_port_gives_up_the_hinges_that_another_needed():
+    """Bending needs the third hinge, torsion has no need of a second one."""
+    x, rows = np.array([0.3, 0.8, 1.4]), 0.374 * np.array([[0.0, 1.0, 0.0]])
+    kinematics, inertia = integrals(x, twists=True)
+    enough = {}
+    for bent, twisted in ((2, 1), (2, 2), (3, 1), (3, 2)):
+        taken = [*range(bent), *range(3, 3 + twisted)]
+        share = least_of(rows, kinematics[:, taken], inertia[np.ix_(taken, taken)], 3)
+        enough[bent, twisted] = bool(share >= ENOUGH)
+    assert enough == {(2, 1): False, (2, 2): False, (3, 1): True, (3, 2): True}
+    group = ModeGroup(("xy", "torsion"), np.ones(1), rows, np.zeros(1))
+    first = Wanted(group, {"xy": 2, "torsion": 1}, {})
+    search = Margins(MassTable(LINE), (first.more(),), ())
+    (found,) = fewest_hinges(search, x, [first], [first.more()])
+    assert found.counts == {"xy": 3, "torsion": 1}
+
+
+def test_hinges_are_added_where_there_are_too_few_for_any_margin(monkeypatch):
+    """A rod that twists, with a port at 1 m: one hinge cannot move it and the root apart."""
+    for name, few in (("SWEEPS", 1), ("NEAR", (0.2,)), ("SPREADS", np.array([0.3]))):
+        monkeypatch.setattr(f"beamchain.chain.cut.{name}", few)
+    group = ModeGroup(("torsion",), np.ones(1), np.array([[0.1, 0.0]]), np.zeros(1))
+    found = choose_cut(LINE, [Wanted(group, {"torsion": 1}, {})], (), (1.0,))
+    assert (found.added, found.ports) == (1, (("torsion",),) * 2)
+    behind = POLAR * (LENGTH - found.x)
+    moved = np.array([behind, found.x < 1.0])
+    reached = moved @ np.linalg.solve(np.minimum.outer(behind, behind), moved.T)
+    blocks = np.diag([POLAR * LENGTH - 0.01, reached[1, 1]])
+    share = eigh(reached - np.diag([0.01, 0.0]), blocks, eigvals_only=True)[0]
+    assert found.margin == pytest.approx(share, rel=1e-4)
+    assert found.margin >= ENOUGH

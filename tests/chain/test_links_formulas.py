@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from beamchain import Beam, Equivalent, PortModel, Segment
 from beamchain.errors import RealisationError
 from formulas import (
     Chain,
@@ -12,13 +13,16 @@ from formulas import (
     Link,
     ModeGroup,
     Nodes,
+    Wishes,
     bodies,
     build_exact,
     hinge_counts,
+    modes_to_give,
     polar_inertias,
     raise_polar_inertia,
     real_polar,
     required_hinges,
+    rigid_link,
     settle_links,
     shared_nodes,
     with_real_polar,
@@ -302,3 +306,28 @@ def test_an_appendage_without_modes_is_one_body():
     assert (only.start, only.length, built.chain.length) == (0.0, 4.0, 4.0)
     assert built.chain.rigid_mass() == pytest.approx(points(MASSES, PLACES), rel=1e-9)
     assert built.status.ok
+
+
+# -- bodies and modes that are handed on -----------------------------------------------------------
+def test_a_frozen_piece_of_a_line():
+    """4 m of 0.5 kg/m, between 1 and 3 m."""
+    section = Equivalent(bending_stiffness_xy=1.0, linear_mass=0.5)
+    found = rigid_link(Beam(segments=(Segment(length=4.0, section=section),)), 1.0, 3.0)
+    assert (found.start, found.length) == (1.0, 2.0)
+    assert (found.mass, found.com) == pytest.approx((1.0, 2.0))
+    assert found.inertia == pytest.approx((0.0, 1.0 / 3.0, 1.0 / 3.0))
+
+
+@pytest.mark.parametrize("column", [0, 1, 2])
+def test_modes_have_the_motion_of_their_further_ports(column):
+    """Of three of them, two motions each."""
+    rows, tip = np.array([[1.0, 2.0], [3.0, 4.0]]), np.arange(12.0).reshape(2, 6)
+    target = PortModel(
+        9.0 * np.eye(2), np.array([2.0, 5.0]), rows / 10.0, np.array([0.01, 0.02]), tip=tip
+    )
+    for per_mode in (True, False):
+        found = modes_to_give("xy", target, Wishes(columns=(column,), per_mode=per_mode), 1)
+        wanted = np.hstack([rows / 10.0, tip[:, 2 * column : 2 * column + 2]])
+        assert np.array_equal(found.rows, wanted)
+        assert found.damping.tolist() == ([0.01, 0.02] if per_mode else [0.0, 0.0])
+        assert found.normal == 1

@@ -17,6 +17,7 @@ from formulas import (
     armatures_of,
     damped_modes,
     fillers_of,
+    given_modes,
     joint_damping,
     modal_matrix,
     nearest_flexibility,
@@ -363,3 +364,27 @@ def test_the_damper_of_one_hinge_is_that_of_an_oscillator():
         "xz": 0.7,
         "xy": pytest.approx(2.0 * 0.03 * np.sqrt(5.0 * inertia), rel=1e-9),
     }
+
+
+def test_a_tendon_over_some_hinges_does_not_pull_the_others():
+    tied = Chain(LINKS, CHAIN.hinges, 3.0, tendons=(Tendon("own", FREEDOMS[1:], np.ones(1), 7.0),))
+    assert tied.stiffness(FREEDOMS) == pytest.approx(np.diag([5.0, 3.0 + 7.0]))
+
+
+def test_modes_that_are_given_are_damped_and_stand_in_the_chain():
+    """w^2 and 2 zeta w on tendons; with the inertia between hinges, the modes are these."""
+    limp_chain = Chain(LINKS, tuple(Hinge(x, {"xy": 0.0}) for x in (1.0, 2.0)), 3.0)
+    rows, w, ratios = np.array([[0.5, 0.9], [0.2, -0.1]]), np.array([2.0, 7.0]), [0.02, 0.05]
+    modes = ModeGroup(("xy",), w, rows, np.array(ratios))
+    found = given_modes(limp_chain, [modes])
+    assert found.stiffness(FREEDOMS).shape == (2, 2)
+    across = sum(
+        t.armature * np.outer(t.coefficients, t.coefficients) for t in found.tendons if t.armature
+    )
+    squares, shapes = eigh(found.stiffness(FREEDOMS), MASS + across)
+    assert np.sqrt(squares) == pytest.approx(w, rel=1e-9)
+    rates = shapes.T @ found.damping(FREEDOMS) @ shapes
+    assert rates == pytest.approx(np.diag(2.0 * np.array(ratios) * w), abs=1e-9)
+    numbered = [t.label for t in found.tendons if t.armature]
+    assert numbered == [f"armature{k + 1}" for k in range(len(numbered))]
+    assert numbered

@@ -1,16 +1,25 @@
 """Closed forms beside the formulas of what is read from a model."""
 
+from types import SimpleNamespace
+
 import mujoco
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from beamchain import PortModel
+from beamchain import InputError, Linear, PortModel
 from formulas import (
+    Activations,
     Carrying,
+    Inputs,
+    Outputs,
+    Signal,
     Turn,
+    check_workers,
+    draw_frames,
     drive_in_hinge,
     drive_of,
+    fractions_of,
     linear_at,
     mount,
     named_output,
@@ -23,6 +32,7 @@ from formulas import (
     simulate_hub,
     skin_vertices,
     small_turn,
+    spacecraft_body,
     sum_of_poles,
     turn,
     unit_of_control,
@@ -329,3 +339,59 @@ def test_response_of_a_body_with_appendages_that_carry_is_that_of_all_coordinate
         held[6:] = 0.06 * w / s + (w / s) ** 2
         wanted = np.linalg.inv(mass + np.diag(held))[:6, :6]
         assert got[:, :, k] == pytest.approx(wanted, rel=1e-9, abs=1e-12)
+
+
+def test_a_craft_without_a_free_body_is_its_first_body():
+    arm = '<body name="{}">{}<geom size=".1"/></body>'
+    for joint, wanted in (("", "one"), ("<freejoint/>", "two")):
+        both = arm.format("one", "") + arm.format("two", joint)
+        model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{both}</worldbody></mujoco>")
+        assert spacecraft_body(model) == wanted
+
+
+def test_one_worker_is_a_number_of_workers():
+    check_workers(None)
+    check_workers(1)
+    for wrong in (0, -1):
+        with pytest.raises(InputError):
+            check_workers(wrong)
+
+
+@pytest.mark.parametrize("stiffness", [0.5, 50.0, 5e4])
+def test_the_accelerance_as_a_sum_of_poles_of_a_damped_oscillator(stiffness):
+    """3 q'' + 0.7 q' + k q = f, beside a body of 2 kg that it pulls along."""
+    names = (Signal("u", "N"),)
+    mass = np.array([[3.0, 1.0], [1.0, 2.0]])
+    damping, spring = np.diag([0.7, 0.0]), np.diag([stiffness, 0.0])
+    none = np.zeros((1, 2))
+    made = Linear(
+        mass,
+        damping,
+        spring,
+        (Signal("q", "m"), Signal("x", "m")),
+        Inputs(names, np.array([[1.0], [0.0]])),
+        Outputs(names, none, none, np.array([[1.0, 0.0]]), np.zeros((1, 1))),
+        Activations((), np.zeros((2, 0)), np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0))),
+    )
+    omega = np.array([0.3, 4.0, 90.0])
+    found = fractions_of(made)(omega)[0, 0]
+    free = 3.0 - 1.0 / 2.0
+    wanted = -(omega**2) / (stiffness + 0.7j * omega - free * omega**2)
+    assert found == pytest.approx(wanted, rel=1e-9)
+
+
+def test_a_ghost_is_mixed_with_the_sky_behind_what_is_shown(monkeypatch):
+    """0.3 of it; pictures of one point: sky 100, ghost 200, and what is shown 50 or nothing."""
+    model = craft('<geom size=".5"/>')
+    here, there, gone = (np.array([x, 0.0, 0.0, 1.0, 0, 0, 0]) for x in (0.0, 1.0, 2.0))
+    colours = {0.0: 50.0, 1.0: 200.0, 2.0: 100.0}
+
+    def picture(model, at, renderer, camera, *, hidden=False):
+        return np.full((1, 1, 3), 100.0 if hidden else colours[at[0]])
+
+    monkeypatch.setattr("beamchain.engine.draw._picture", picture)
+    monkeypatch.setattr(mujoco, "Renderer", lambda *_: SimpleNamespace(close=lambda: None))
+    shown, ghosts = np.array([here, gone]), np.array([there, there])
+    first, second = draw_frames(model, "bus", shown, ghosts, width=1, height=1)
+    assert first.ravel().tolist() == [50] * 3
+    assert second.ravel().tolist() == [130] * 3

@@ -319,3 +319,22 @@ def test_a_turn_without_a_free_body_or_a_spring_is_refused():
         simulate_slew(mujoco.MjModel.from_xml_string(FIXED), angle=0.1, frames=5)
     with pytest.raises(InputError, match="no joint of the scene has a spring"):
         simulate_slew(craft(ARM), angle=0.1, frames=5)
+
+
+@pytest.mark.parametrize("angle", [0.9, -0.5])
+def test_the_inertia_that_a_hinge_feels_is_that_of_the_way_it_turns(angle):
+    """From 30 degrees on, two bodies close in or stretch out."""
+    bent = craft(ARM.replace('pos=".5 0 0">', 'pos=".5 0 0" euler="0 0 30">'))
+    push = drive_in_hinge(bent, bent.joint("hinge").id, [], angle)(angle, 2.0)
+    data = mujoco.MjData(bent)
+    push(data, 0.9, 1.0)  # in the first half
+    turned, rate = 0.5 * angle * 0.95**2, angle * 0.95
+    reduced = 60.0 / 23.0
+
+    def felt(at):
+        both, own = reduced * np.cos(np.pi / 6.0 + at), 0.4 + reduced * 4.0
+        return own - (own + both) ** 2 / (6.0 + reduced * 0.25 + own + 2.0 * both)
+
+    slope = (felt(turned + 1e-4) - felt(turned - 1e-4)) / 2e-4
+    wanted = felt(turned) * angle + slope * rate**2 / 2.0 + 0.7 * rate
+    assert data.qfrc_applied[6] == pytest.approx(wanted, rel=1e-5)

@@ -67,3 +67,9 @@ def test_half_waves_of_a_beam_are_its_length_over_half_a_wavelength():
     assert half_waves(beam, "torsion", omega) == pytest.approx(twist * length / np.pi)
     stretch = omega * np.sqrt(1.7 / 7e3)
     assert half_waves(beam, "axial", omega) == pytest.approx(stretch * length / np.pi)
+
+
+def test_a_matrix_that_is_a_correlation_is_taken_as_it_is():
+    names, matrix = ("a.frequency", "b.frequency"), ((1.0, -0.5), (-0.5, 1.0))
+    taken = bc.spec.Correlation(of=names, matrix=matrix)
+    assert np.array_equal(taken.matrix, matrix)

@@ -1,9 +1,11 @@
 """Closed forms beside the formulas of a choice of modes."""
 
+from dataclasses import dataclass, field
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import beamchain as bc
 from beamchain import PortModel
@@ -12,8 +14,10 @@ from beamchain.fitting.spec import schema
 from beamchain.structure.section import SOFT
 from formulas import (
     Promise,
+    cure_of,
     departs,
     doubtful,
+    exact_appendage,
     fewest,
     imported_warnings,
     normal_modes_of,
@@ -22,6 +26,7 @@ from formulas import (
     safe_step,
     step_warnings,
     weights_of_modes,
+    whole_beam,
 )
 
 
@@ -289,10 +294,10 @@ def test_the_fewest_modes_in_the_order_of_their_weight(parts, tolerance, fixed, 
 def test_beyond_six_modes_left_out_the_lightest_are_told_together():
     rows = np.array([[0.9], [0.8], [0.7], [0.6], [0.5], [0.4], [0.3], [0.2]])
     full = PortModel(np.array([[10.0]]), np.arange(1.0, 9.0), rows, np.full(8, 0.01))
-    _, choice = fewest(Told([0.1] * 8), full, ("xy",) * 8, 9.0, {})
+    _, choice = fewest(Told(0.01 * np.arange(1.0, 9.0)), full, ("xy",) * 8, 9.0, {})
     assert len(choice.left_out) == 7
     assert choice.left_out[-1].what == "2 lighter modes"
-    assert choice.left_out[-1].cost == pytest.approx(0.2)
+    assert choice.left_out[-1].cost == pytest.approx(0.07 + 0.08)
 
 
 # -- one mode more ---------------------------------------------------------------------------------
@@ -318,3 +323,68 @@ def test_only_one_of_a_reader_s_steps_says_that_a_body_is_almost_rigid():
     assert departs(Caution("almost-rigid", "off"))
     assert not departs(Caution("ignored-damping", "off"))
     assert not departs("almost-rigid")
+
+
+# -- what is asked of a beam -----------------------------------------------------------------------
+def cantilever(count, stiffness, mass, length):
+    def lean(z):
+        return np.cos(z) + 1.0 / np.cosh(z)
+
+    places = [brentq(lean, k * np.pi + 1e-9, (k + 1) * np.pi, xtol=1e-14) for k in range(count)]
+    return np.array(places) ** 2 * np.sqrt(stiffness / mass) / length**2
+
+
+def boom(xz=1200.0, **more):
+    section = bc.Equivalent(bending_stiffness_xy=400.0, bending_stiffness_xz=xz, linear_mass=1.7)
+    return bc.Spec(name="boom", segment=(bc.Segment(length=3.0, section=section),), **more)
+
+
+def test_a_beam_has_all_modes_up_to_25_bands():
+    w = cantilever(28, 400.0, 1.7, 3.0)
+    spec = boom(xz=1e9, scene=bc.Scene(bandwidth=1.03 * w[-1] / 25.0))
+    found = whole_beam(spec, spec.beam)
+    assert list(found) == ["xy", "xz"]
+    assert found["xy"].frequencies[:28] == pytest.approx(w, rel=1e-9)
+
+
+def test_the_modes_of_a_beam_that_are_kept_stand_among_all_in_their_order():
+    one, two = cantilever(3, 400.0, 1.7, 3.0), cantilever(3, 1200.0, 1.7, 3.0)
+    spec = boom(modes=bc.Modes(xy=2, xz=1))
+    target = {
+        port: PortModel(9.0 * np.eye(2), w, np.zeros((len(w), 2)))
+        for port, w in (("xy", one[:2]), ("xz", two[:1]))
+    }
+    measured = SimpleNamespace(rigid_mass=np.eye(6))
+    fit = SimpleNamespace(space=None, spec=spec, target=target, full={}, measured=measured)
+    found = exact_appendage(fit, 3)
+    assert len(found.kept) == found.ports["xy"].modes + found.ports["xz"].modes
+    both = [(w, k < 2) for k, w in enumerate(one)] + [(w, k < 1) for k, w in enumerate(two)]
+    lowest = sorted(both)[:5]
+    assert found.model.frequencies[:5] == pytest.approx([w for w, _ in lowest], rel=1e-9)
+    assert found.kept[:5].tolist() == [kept for _, kept in lowest]
+    assert found.kept.sum() == 3
+    assert found.band == {"xy": pytest.approx(one[1]), "xz": pytest.approx(two[0])}
+
+
+@dataclass(frozen=True)
+class Stepped:
+    """Off by a hundred times its step, whatever integrates it."""
+
+    spec: bc.Spec
+    target: dict = field(default_factory=dict)
+    full: dict = field(default_factory=dict)
+    space: None = None
+    in_band_error: None = None
+
+    @property
+    def decisive(self):
+        return 100.0 * self.spec.scene.timestep
+
+
+def test_without_a_band_a_shorter_step_is_the_cure_of_a_step():
+    spec = boom(modes=bc.Modes(xy=1), scene=bc.Scene(timestep=0.01, integrator="implicitfast"))
+    found = cure_of(Stepped(spec), lambda _: pytest.fail("nothing else is to be fitted"))
+    # below 0.1
+    assert 1e-4 < found.setting.timestep < 1e-3
+    assert found.error == pytest.approx(100.0 * found.setting.timestep)
+    assert not found.setting.change

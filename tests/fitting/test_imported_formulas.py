@@ -16,11 +16,13 @@ from formulas import (
     ImportedCase,
     check_body,
     damping_of_file,
+    exact_appendage,
     first_of_ports,
     imported_case,
     line_with_room,
     same_planes,
     spread_mass,
+    takes_a_tendon_per_mode,
     visible_modes,
 )
 
@@ -296,3 +298,49 @@ def test_planes_with_unequal_numbers_of_modes_stay():
     alone = {"xz": plane(), "torsion": plane()}
     same_planes(alone, 1.0)
     assert list(alone) == ["xz", "torsion"]
+
+
+@pytest.mark.parametrize(
+    ("damping", "springs", "step", "integrator", "sensors", "each"),
+    [
+        (None, "auto", 0.0, "Euler", False, True),  # the file's own ratios
+        ("modal", "auto", 0.0, "Euler", False, True),
+        ("joint", "auto", 0.0, "Euler", False, False),
+        ("joint", "auto", 0.01, "implicitfast", False, True),
+        ("joint", "modes", 0.01, "implicitfast", False, True),
+        ("joint", "hinges", 0.01, "implicitfast", False, False),
+        ("joint", "auto", 0.0, "Euler", True, True),
+    ],
+)
+def test_a_mode_takes_a_tendon_to_be_damped_timed_or_sensed(
+    damping, springs, step, integrator, sensors, each
+):
+    spec = SimpleNamespace(
+        exact_step=step,
+        integrator=integrator,
+        fit=SimpleNamespace(springs=springs),
+        damping=damping and SimpleNamespace(form=damping),
+        sensors=SimpleNamespace(modes=sensors),
+    )
+    assert takes_a_tendon_per_mode(spec, data(damping=np.full(4, 0.01))) is each
+    if not step and not sensors:
+        assert not takes_a_tendon_per_mode(spec, data())
+
+
+def test_the_exact_appendage_of_imported_modes_has_six_motions():
+    live = (1, 5)
+    full = PortModel(
+        RIGID[np.ix_(live, live)], W[[0, 2]], ROWS[np.ix_([0, 2], live)], np.array([0.01, 0.02])
+    )
+    space = SimpleNamespace(
+        live=live, full=full, target=full.picked([1]), numbers=(2,), couples=True
+    )
+    fit = SimpleNamespace(space=space, measured=SimpleNamespace(rigid_mass=3.0 * np.eye(6)))
+    found = exact_appendage(fit)
+    rigid = 3.0 * np.eye(6)  # what the file has not
+    rigid[np.ix_(live, live)] = RIGID[np.ix_(live, live)]
+    assert np.array_equal(found.model.rigid_mass, rigid)
+    assert np.array_equal(found.model.participation, ROWS[[0, 2]])
+    assert found.model.damping.tolist() == [0.01, 0.02]
+    assert found.kept.tolist() == [False, True]
+    assert found.band == {"space": 7.0}

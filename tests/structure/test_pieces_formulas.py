@@ -328,3 +328,18 @@ def test_an_equivalent_segment_s_stiffness_and_inertia_along_it():
     assert (at.mass[0], at.torsion[0]) == (pytest.approx(0.4), pytest.approx(2.5))
     assert at.axial[0] == pytest.approx(2.0)
     assert (at.polar[0], at.shear_xy[0], at.rotary_xz[0]) == (0.0, 0.0, 0.0)
+
+
+def test_a_long_piece_beside_short_ones_has_its_modes_too():
+    """A rod of 1 m as one of 0.995 m and five of 1 mm, which are alike to 1e-13: as many functions
+    in each as the long one needs."""
+
+    def part(length, more):
+        section = Equivalent(
+            bending_stiffness_xy=1.0, axial_stiffness=400.0 * (1.0 + more), linear_mass=1.0
+        )
+        return Segment(length=length, section=section)
+
+    rod = Beam(segments=(part(0.995, 1e-13), *(part(0.001, 1e-13 * (k % 2)) for k in range(5))))
+    wanted = (np.arange(5) + 0.5) * np.pi * 20.0
+    assert rod.port("axial", 5).frequencies[:5] == pytest.approx(wanted, rel=1e-10)

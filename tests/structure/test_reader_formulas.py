@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
+from beamchain import InputError, read_modes
 from formulas import (
     Boundary,
     almost_body,
     body_departure,
     dmig_matrices,
+    header_of_text,
     is_noisy,
     is_soft,
     largest_forces,
@@ -282,3 +284,25 @@ def test_a_support_is_soft_where_the_whole_goes_on_it_a_thousand_times_slower(wh
         held[i, j] = part * limit
         boundary = Boundary(tuple(outer), motion)
         assert is_soft(held, mass, k_ii, follow, inner, boundary) is soft
+
+
+# -- headers of matrices ---------------------------------------------------------------------------
+@pytest.mark.parametrize("wide", [False, True])
+def test_a_header_with_fields_of_8_or_of_16(wide):
+    """Columns, rows, form, type, name, and the form of numbers."""
+    sizes, end = ((16, 16, 8, 8), "|I16") if wide else ((8, 8, 8, 8), "")
+    fields = "".join(f"{n:{size}d}" for n, size in zip((7, 5, 2, 2), sizes, strict=True))
+    header, layout = header_of_text(f"{fields}KAA     1P,3E23.16{end}")
+    assert (header.name, header.rows, header.columns, header.kind) == ("KAA", 5, 7, 2)
+    other, same = header_of_text(f"{7:8d}{5:8d}{2:8d}{2:8d}KAA     1P,3E23.16")
+    assert (header, layout) == (other, same)
+
+
+def test_the_largest_number_of_a_grid(tmp_path):
+    """999,999,999 is looked for, one more is none."""
+    path = tmp_path / "a.op4"
+    path.write_text("")
+    for grid, words in ((999_999_999, None), (1_000_000_000, "999999999")):
+        with pytest.raises(InputError) as caught:
+            read_modes(path, ports={"root": grid})
+        assert ("ports.root" in str(caught.value)) is (words is not None)

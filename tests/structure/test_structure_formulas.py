@@ -246,3 +246,14 @@ def test_a_rod_s_rounded_inertia_becomes_that_of_masses():
             assert found == pytest.approx(wanted)
         else:  # the nearest: what is missing, 0.1, is spread as (1, 1, -1) / 3 of it
             assert found == pytest.approx(np.array(moments) + np.array([1, 1, -1]) * 0.1 / 3.0)
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e9])
+def test_freedoms_that_a_spring_joins_are_one_part_in_every_unit(size):
+    """A mass below the noise stays within a part; 1e-14 of its springs is no spring."""
+    mass = np.eye(8)
+    mass[6, 7] = mass[7, 6] = 1e-6
+    for part, kept in ((0.5, True), (1.5e-14, True), (0.5e-14, False)):
+        stiffness = size * np.array([[1.0, part], [part, 1.0]])
+        found = independent_parts(mass, stiffness, np.full(8, 1e-2))
+        assert found[6, 7] == (1e-6 if kept else 0.0)

@@ -1,16 +1,19 @@
 """Doors to formulas that no public name reaches alone, so that closed forms stand beside them."""
 
+from beamchain.chain.build import Wishes, build_exact, with_real_polar
 from beamchain.chain.build import _counts as hinge_counts
+from beamchain.chain.build import _modes_of as modes_to_give
 from beamchain.chain.build import _required_hinges as required_hinges
 from beamchain.chain.build import _shared_nodes as shared_nodes
-from beamchain.chain.build import build_exact, with_real_polar
 from beamchain.chain.chain import Chain, Hinge, Link, Tendon
 from beamchain.chain.cut import _best as best_cut
 from beamchain.chain.cut import _climb as climb
 from beamchain.chain.cut import _even as even_cut
+from beamchain.chain.cut import _fewest as fewest_hinges
 from beamchain.chain.cut import _margin_sentence as margin_sentence
 from beamchain.chain.cut import _merge_close as merge_close
 from beamchain.chain.cut import _patterns as patterns_of_cuts
+from beamchain.chain.cut import choose_cut
 from beamchain.chain.links import _without_rounding as without_rounding
 from beamchain.chain.links import (
     bodies,
@@ -23,9 +26,11 @@ from beamchain.chain.links import (
 from beamchain.chain.margin import Margins, MassTable, Wanted, shortest_link
 from beamchain.chain.margin import _least_share as least_share
 from beamchain.chain.recursion import Nodes, realise, split
+from beamchain.chain.rivals import rigid_link
 from beamchain.chain.tendons import (
     ModeGroup,
     damped_modes,
+    given_modes,
     joint_damping,
     modal_matrix,
     port_rows,
@@ -199,12 +204,14 @@ from beamchain.engine.bench import (
 )
 from beamchain.engine.bench import _freedoms as freedoms_of_block
 from beamchain.engine.bench import _in_planes as in_planes
+from beamchain.engine.draw import draw_frames
 from beamchain.engine.drawn import skin_vertices
 from beamchain.engine.driven_hinge import Drive, Seen, Turn, drive_of, seen
 from beamchain.engine.driven_hinge import Drive as DriveOfHinge
 from beamchain.engine.driven_hinge import Run as RunOfDrive
 from beamchain.engine.driven_hinge import Run as StatesOfRun
 from beamchain.engine.driven_hinge import run as run_of_drive
+from beamchain.engine.jobs import check_workers
 from beamchain.engine.linear import (
     Activations,
     Carrying,
@@ -240,7 +247,8 @@ from beamchain.engine.mount import apparent_hubs, held_joints, mount, rigid_hubs
 from beamchain.engine.normal_modes import normal_modes
 from beamchain.engine.operating_point import OperatingPoint, rest_point, still_copy
 from beamchain.engine.partial_fractions import _accelerance as sum_of_poles
-from beamchain.engine.reach import reach, turn
+from beamchain.engine.partial_fractions import _fractions as fractions_of
+from beamchain.engine.reach import reach, spacecraft_body, turn
 from beamchain.engine.rollout import _rotation as rotation_vectors
 from beamchain.engine.rollout import seconds_of
 from beamchain.engine.rollout import simulate as simulate_hub
@@ -268,10 +276,12 @@ from beamchain.engine.slew import _run as run_of_push
 from beamchain.engine.slew import _without_actuators as without_actuators
 from beamchain.engine.slew import simulate as simulate_slew
 from beamchain.fitting.choose import _modes_below as half_waves
+from beamchain.fitting.choose import whole_beam
 from beamchain.fitting.cure import _one_mode_more as one_mode_more
+from beamchain.fitting.cure import cure_of
 from beamchain.fitting.document import safe_step
 from beamchain.fitting.exact import _normal_modes as normal_modes_of
-from beamchain.fitting.exact import reduced_to_kept
+from beamchain.fitting.exact import exact_appendage, reduced_to_kept
 from beamchain.fitting.fewest import fewest
 from beamchain.fitting.fewest import weights as weights_of_modes
 from beamchain.fitting.hub import assumed_hub, default_hub, port_hub_mass
@@ -279,6 +289,7 @@ from beamchain.fitting.imported import ImportedCase, imported_case, same_planes
 from beamchain.fitting.imported import _check_body as check_body
 from beamchain.fitting.imported import _departs as departs
 from beamchain.fitting.imported import _first as first_of_ports
+from beamchain.fitting.imported import _per_mode as takes_a_tendon_per_mode
 from beamchain.fitting.imported import _ratios as damping_of_file
 from beamchain.fitting.imported import _roomy as line_with_room
 from beamchain.fitting.imported import _visible_modes as visible_modes
@@ -450,6 +461,7 @@ from beamchain.structure.readers.craig_bampton import _largest_inner as largest_
 from beamchain.structure.readers.craig_bampton import _noise_of_freedoms as noise_of_freedoms
 from beamchain.structure.readers.imported import check_outwards, proposed_axes, with_length
 from beamchain.structure.readers.nastran_bulk import System, dmig_matrices, read_bulk
+from beamchain.structure.readers.nastran_op4 import _text_header as header_of_text
 from beamchain.structure.rigid_body import (
     body_departure,
     independent_parts,
@@ -461,11 +473,13 @@ from beamchain.structure.rigid_body import (
 from beamchain.structure.section import soft_modulus
 from beamchain.structure.sections_at import Sections, sections_at
 from beamchain.structure.slosh import Slosh
+from beamchain.variants.fields import Modes as DrawnModes
 from beamchain.variants.samples import Gain as GainOfModes
 from beamchain.variants.samples import _scale_participation as scaled_participation
 from beamchain.variants.samples import gain as gain_of_pair
 from beamchain.variants.samples import normal_shapes, usual_gain
 from beamchain.variants.samples import vary as vary_samples
+from beamchain.variants.sweep import Sweep
 from beamchain.variants.sweep import _correlations as correlations_of_craft
 from beamchain.variants.sweep import _draw as drawn_samples
 from beamchain.variants.sweep import _spread as spread_of
@@ -492,6 +506,7 @@ __all__ = [
     "Craft",
     "CraftError",
     "Drawn",
+    "DrawnModes",
     "Drive",
     "DriveOfHinge",
     "Embedded",
@@ -564,6 +579,7 @@ __all__ = [
     "StartOfPoles",
     "StatesOfRun",
     "StepOfCraft",
+    "Sweep",
     "System",
     "Tendon",
     "Tendons",
@@ -574,6 +590,7 @@ __all__ = [
     "VariantMaker",
     "Wanted",
     "Way",
+    "Wishes",
     "acceleration_of_sections",
     "acting",
     "activation_names",
@@ -623,7 +640,9 @@ __all__ = [
     "check_outwards",
     "check_pushes",
     "check_steps",
+    "check_workers",
     "choose",
+    "choose_cut",
     "choose_step",
     "climb",
     "clusters",
@@ -645,6 +664,7 @@ __all__ = [
     "crossings_between",
     "crossings_of_size_one",
     "culprit",
+    "cure_of",
     "damped_by",
     "damped_modes",
     "damping_of_file",
@@ -655,6 +675,7 @@ __all__ = [
     "disturbances",
     "dmig_matrices",
     "doubtful",
+    "draw_frames",
     "drawn_samples",
     "draws",
     "drift_of_momentum",
@@ -668,11 +689,13 @@ __all__ = [
     "equal_parts",
     "error_of_step",
     "even_cut",
+    "exact_appendage",
     "exact_response",
     "extra_damping",
     "far_mount",
     "felt_by_modes",
     "fewest",
+    "fewest_hinges",
     "fillers_of",
     "find_cure",
     "first_moment",
@@ -683,9 +706,11 @@ __all__ = [
     "form2",
     "form2_many",
     "form4",
+    "fractions_of",
     "free_peaks",
     "freedoms_of_block",
     "gain_of_pair",
+    "given_modes",
     "grid_of",
     "growing_frequencies",
     "growing_poses",
@@ -695,6 +720,7 @@ __all__ = [
     "hanging_liquid",
     "hanging_notes",
     "has_just_passed",
+    "header_of_text",
     "heavy",
     "held_joints",
     "hinge_armature",
@@ -778,6 +804,7 @@ __all__ = [
     "modes_at_pose",
     "modes_finely_divided",
     "modes_of_tendons",
+    "modes_to_give",
     "momentum_beyond",
     "momentum_of_mode",
     "more_modes",
@@ -868,6 +895,7 @@ __all__ = [
     "retimed_file",
     "rigid_body",
     "rigid_hubs",
+    "rigid_link",
     "rigid_load",
     "rigid_mass",
     "rigid_plane",
@@ -917,6 +945,7 @@ __all__ = [
     "small_turn",
     "snapped",
     "soft_modulus",
+    "spacecraft_body",
     "spans_of_motion",
     "spectral_norms",
     "split",
@@ -947,6 +976,7 @@ __all__ = [
     "structured_bound",
     "sum_of_poles",
     "sums_behind",
+    "takes_a_tendon_per_mode",
     "taper_cuts",
     "time_error",
     "time_modes",
@@ -976,6 +1006,7 @@ __all__ = [
     "way_from_open",
     "weightless",
     "weights_of_modes",
+    "whole_beam",
     "wished_hinges",
     "with_damping",
     "with_held_input",

@@ -2,6 +2,7 @@
 participation, and jobs."""
 
 import copy
+import json
 from types import SimpleNamespace
 
 import mujoco
@@ -13,8 +14,11 @@ from scipy.linalg import eigh
 import beamchain as bc
 from beamchain.craft.model_fields import FIELDS
 from formulas import (
+    DrawnModes,
     GainOfModes,
+    Sweep,
     correlations_of_craft,
+    craft_from_text,
     drawn_samples,
     gain_of_pair,
     normal_shapes,
@@ -244,3 +248,64 @@ def test_a_boom_on_a_heavy_bus_rings_by_its_drawn_stiffness_and_density():
         assert model.body_mass.sum() - 1e7 == pytest.approx(32.0 * dense, rel=1e-6)
     with pytest.raises(bc.InputError, match="nothing is uncertain"):
         bc.sweep(HEAVY, 2, mounts={"left": structs.replace(boom, uncertain=None)})
+
+
+# -- draws and records -----------------------------------------------------------------------------
+def test_drawn_modes_have_their_frequencies_and_ratios():
+    model = mujoco.MjModel.from_xml_string(CHAIN.format(filler=9.0))
+    stiffness, damping = np.array(model.tendon_stiffness), np.array([0.3, 0.4, 0.5, 0.6])
+    model.tendon_damping[:] = damping
+    drawn = DrawnModes(model, {"frequency": 0.05, "damping": 0.3}, None, None)
+    modes = [0, 2, 3]
+    keys = np.array([[[1.0, -0.5, 0.2], [-1.0, 0.4, 0.1]], [[0.0, 0.7, -1.0], [0.3, 1.0, 0.0]]])
+    found = drawn.fields(keys)
+    faster, more = 1.0 + 0.05 * keys[:, 0], 1.0 + 0.3 * keys[:, 1]
+    assert found["tendon_stiffness"][:, modes] == pytest.approx(stiffness[modes] * faster**2)
+    assert found["tendon_damping"][:, modes] == pytest.approx(damping[modes] * faster * more)
+    assert found["tendon_stiffness"][:, 1].tolist() == [stiffness[1]] * 2
+    assert found["tendon_damping"][:, 1].tolist() == [0.4] * 2
+    assert drawn.drawn(keys)["frequency"] == pytest.approx(faster)
+
+
+def swept():
+    """Two of three samples of a free body whose mass is drawn."""
+    case = SimpleNamespace(
+        model=free(),
+        gains=(SimpleNamespace(name="spin=turns", unit="1"),),
+        quantities=(SimpleNamespace(name="bus.mass", unit="kg", nominal=9.0),),
+    )
+    return Sweep(
+        name="one",
+        source=craft_from_text("<mujoco><worldbody/></mujoco>"),
+        case=case,
+        seed=4,
+        indices=np.array([0, 2]),
+        values=np.array([[9.5], [8.5]]),
+        fields={"body_mass": np.array([[0.0, 9.5, 1.0], [0.0, 8.5, 1.0]])},
+        coupled=np.array([[1.0, 3.0], [2.0, 5.0]]),
+        gains={"spin=turns": np.array([[0.1, 0.2], [0.3, 0.4]])},
+        participation={},
+        left_out={1: "too heavy"},
+        seconds=0.5,
+    )
+
+
+def test_the_record_of_a_sweep_counts_its_samples():
+    found = swept().as_dict()
+    assert (found["samples"], found["variants"], found["seed"]) == (3, 2, 4)
+    assert found["left_out"] == [{"sample": 1, "why": "too heavy"}]
+    assert found["fields"] == {"body_mass": [3]}
+    assert [one["mean"] for one in found["coupled_frequencies"]] == [1.5, 4.0]
+    (gain,) = found["gains"]
+    assert [one["mean"] for one in gain["modes"]] == pytest.approx([0.2, 0.3])
+
+
+def test_a_sweep_is_written_beside_its_model(tmp_path, monkeypatch):
+    monkeypatch.setattr("beamchain.report.sweep_pictures", lambda _: {"a.svg": "<svg/>"})
+    written = swept().write(tmp_path)
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(p.name for p in written)
+    assert mujoco.MjModel.from_xml_path(str(tmp_path / "flexible.xml")).nbody == 1
+    with np.load(tmp_path / "variants.npz") as archive:
+        assert archive["body_mass"].tolist() == [[0.0, 9.5, 1.0], [0.0, 8.5, 1.0]]
+        assert archive["sample"].tolist() == [0, 2]
+    assert json.loads((tmp_path / "sweep.json").read_text())["variants"] == 2
