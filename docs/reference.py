@@ -29,26 +29,26 @@ FILES = (
         "specification",
         "Keys of a specification",
         "A `SPEC.toml` describes one appendage (`beamchain fit`).",
-        "beamchain.Spec",
+        "Spec",
     ),
     (
         "controller",
         "Keys of a controller",
         "A `LOOPS.toml` is given to `beamchain plant --controller`.",
-        "beamchain.spec.Controller",
+        "spec.Controller",
     ),
     (
         "craft",
         "Keys of an uncertain spacecraft",
         "A `CRAFT.toml` is given to `beamchain sweep --uncertain` and `beamchain worst-case "
         "--uncertain`.",
-        "beamchain.spec.UncertainCraft",
+        "spec.UncertainCraft",
     ),
     (
         "disturbances",
         "Keys of disturbances",
         "A `DISTURBANCES.toml` is given to `pointing.budget` and `beamchain pointing`.",
-        "beamchain.pointing.Disturbances",
+        "pointing.Disturbances",
     ),
 )
 #: classes that public functions return, and which call returns each
@@ -416,7 +416,7 @@ def _page(title: str, about: str, shown: str, name: str) -> str:
 def _told(part: str) -> list[str]:
     """The option that leaves out fields of a tuple that its docstring tells,
     or which have a comment of their own."""
-    thing = _thing(f"beamchain.{part}")
+    thing = _thing(part)
     source = inspect.getsource(thing)
     fields = [
         field
@@ -433,7 +433,8 @@ def is_there(name: str) -> bool:
 
 
 def _thing(name: str) -> Any:
-    module, _, last = name.rpartition(".")
+    """What a name below `beamchain` is of."""
+    module, _, last = f"beamchain.{name}".rpartition(".")
     return getattr(import_module(module), last)
 
 
@@ -447,6 +448,6 @@ def pages() -> dict[str, str]:
     files = {
         f"reference/{name}.md": keys(title, about, _thing(struct))
         for name, title, about, struct in FILES
-        if is_there(struct.removeprefix("beamchain."))
+        if is_there(struct)
     }
     return {**files, "reference/commands.md": commands(), **python()}
