@@ -284,11 +284,11 @@ class Loops:
 
 def _reaches(whole: System, blocks: NDArray[np.intp], driven: int, seen: int) -> bool:
     """Whether an input of a closed loop reaches an output, beside what its other inputs do there:
-    at deltas without symmetry, about its poles."""
+    at deltas without symmetry, about its poles and beside the axis, where undamped modes stand."""
     deltas = np.random.default_rng(0).uniform(-1.0, 1.0, int(blocks.max(initial=-1)) + 1)
     system = with_deltas(whole, deltas[blocks])
     poles = np.abs(np.linalg.eigvals(system[0]))
-    s = 1j * np.geomspace(max(1e-3 * poles.max(), poles.min()), poles.max(), 30)
+    s = (0.1 + 1j) * np.geomspace(max(1e-3 * poles.max(), poles.min()), poles.max(), 30)
     row = np.abs(response(system, s.astype(np.complex128))[:, seen - blocks.size])
     return bool(row[:, driven - blocks.size].max() > UNSEEN * row.max())
 
