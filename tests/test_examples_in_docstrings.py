@@ -12,5 +12,6 @@ MARKED = [pytest.param(n, marks=pytest.mark.slow) if n in SLOW else n for n in E
 
 
 @pytest.mark.parametrize("name", MARKED)
+@pytest.mark.slow
 def test_its_example_runs(name, tmp_path, monkeypatch):
     run_example(EVERY[name], name, tmp_path, monkeypatch)

@@ -214,6 +214,7 @@ def test_importing_beamchain_loads_nothing_heavy():
     assert run(code) == "[]"
 
 
+@pytest.mark.slow
 def test_port_structure_and_chain_load_nothing_heavy():
     names = [m for m in modules() if m.partition(".")[0] in ("ports", "structure", "chain")]
     assert len(names) > 10
@@ -226,6 +227,7 @@ def test_the_command_line_starts_without_the_heavy_ones():
     assert run(code) == "[]"
 
 
+@pytest.mark.slow
 def test_a_fit_needs_no_pictures():
     code = (
         "import sys, beamchain as b; e = b.Equivalent(bending_stiffness_xy=1.0, linear_mass=1.0); "
@@ -236,6 +238,7 @@ def test_a_fit_needs_no_pictures():
 
 
 # -- who knows whom --------------------------------------------------------------------------------
+@pytest.mark.slow
 def test_each_folder_imports_only_what_stands_before_it():
     graph = units()
     for unit in SENTENCE:

@@ -55,6 +55,7 @@ def rows(text):
 @pytest.mark.parametrize(
     ("page", "struct"), [("specification", bc.Spec), ("controller", bc.spec.Controller)]
 )
+@pytest.mark.slow
 def test_every_key_is_in_the_reference(pages, page, struct):
     """As often as there are tables with a key of that name."""
     definitions = msgspec.json.schema(struct)["$defs"].values()

@@ -144,6 +144,7 @@ def test_fit(tmp_path):
     assert "other" not in found
 
 
+@pytest.mark.slow
 def test_stability_and_inspect(tmp_path):
     bare = BUS.replace(' springref="30"', "").replace("0.5", "0.01")
     made = bc.embed(bare, {"mount": spec("rod")}, retime=False)

@@ -190,6 +190,7 @@ def test_fewer_modes_than_asked_for_is_said_where_springs_must_stand_on_hinges()
     )
 
 
+@pytest.mark.slow
 def test_torsion_of_a_wide_appendage_keeps_all_its_modes():
     # so much polar inertia that no thin link could hold it: the bodies are broad,
     # with the same rigid mass
@@ -221,6 +222,7 @@ def test_good_status_names_what_was_made():
     assert result.status.history == ()
 
 
+@pytest.mark.slow
 def test_the_same_input_gives_the_same_file():
     one, two = (fit(deployed_array(), modes={"xy": 3, "xz": 3, "torsion": 2}) for _ in range(2))
     assert one.chain.tendons

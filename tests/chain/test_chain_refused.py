@@ -83,6 +83,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("case", REFUSED)
+@pytest.mark.slow
 def test_what_a_chain_cannot_be_is_refused(case):
     call, kind, words = REFUSED[case]
     with pytest.raises(kind) as caught:

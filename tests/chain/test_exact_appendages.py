@@ -90,6 +90,7 @@ def test_the_same_with_torsion(tmp_path, joint_at):
 
 
 @pytest.mark.parametrize("modes", [1, 3, 8, 12])
+@pytest.mark.slow
 def test_one_plane(tmp_path, modes):
     """A planar chain, up to 12 modes; the other plane is left rigid on purpose."""
     spec = uniform({"xy": modes, "xz": 0})
@@ -125,6 +126,7 @@ def test_random_appendages(tmp_path, seed):
 
 
 @pytest.mark.parametrize("seed", [0, 3, 8])
+@pytest.mark.slow
 def test_coupled_to_a_hub_as_the_kept_modes_say(tmp_path, seed):
     """The file on a free base, through MuJoCo's derivatives,
     against finite elements reduced to the kept modes."""
@@ -249,6 +251,7 @@ def payload(spec, ratio):
     return mass, (0.002 * mass, 0.003 * mass, 0.0025 * mass)
 
 
+@pytest.mark.slow
 def test_the_second_port_is_exact(carried):
     """Normal modes at both ends, and the static flexibility of the second port."""
     spec, site, x, text = carried

@@ -149,6 +149,7 @@ COUNTS = {
 
 
 @pytest.mark.parametrize("case", COUNTS)
+@pytest.mark.slow
 def test_a_body_gets_no_more_hinges_than_its_modes_need(case, tmp_path):
     make, kept, motions, hinges = COUNTS[case]
     body = make()
@@ -195,6 +196,7 @@ def test_fillers_take_coupled_frequencies_towards_the_truth(kept, masses, tmp_pa
         assert error < without / 10.0
 
 
+@pytest.mark.slow
 def test_fillers_of_a_body_with_a_further_port_do_not_set_its_step():
     """One mode a plane and the static responses of the port take a hinge more than they are."""
     tube = {"shape": "tube", "outer_diameter": 0.06, "wall": 0.002}

@@ -108,6 +108,7 @@ def test_unit_beam_has_the_printed_chain(target, n, masses, lengths, stiffness):
 
 # -- forward ---------------------------------------------------------------------------------------
 @pytest.mark.parametrize(("kind", "target", "n"), SPREAD)
+@pytest.mark.slow
 def test_the_chain_has_the_target_s_port(kind, target, n):
     make = REALISABLE[kind]
     result = fitted(make, target, n)

@@ -75,6 +75,7 @@ def test_root_and_tip_are_exact_for_every_mode(make, n):
 
 
 @pytest.mark.parametrize(("make", "n"), [(unit_beam, 1), (unit_beam, 3), (tapered_boom, 2)])
+@pytest.mark.slow
 def test_the_tip_is_exact_through_mujoco_s_differences(make, n):
     wanted = make().port("xy", 2 * n + 4).truncated(n)
     result = fit(make(), name="boom", modes={"xy": n}, scene=Scene(tip=True))
@@ -100,6 +101,7 @@ def test_both_planes(make, kept):
         assert result.readback_error[port].participation < ROOT
 
 
+@pytest.mark.slow
 def test_tip_of_the_uniform_beam_in_closed_form():
     # |phi_k(L)| = 2 / sqrt(m) for every clamped-free mode of a uniform beam (Blevins, table 8-1)
     result = fit(space_beam(), name="boom", modes={"xy": 4}, scene=Scene(tip=True))
@@ -109,6 +111,7 @@ def test_tip_of_the_uniform_beam_in_closed_form():
 
 
 @pytest.mark.parametrize(("make", "n"), [(unit_beam, 1), (tapered_boom, 2), (stepped_boom, 3)])
+@pytest.mark.slow
 def test_the_tip_s_static_flexibility_is_exact(make, n):
     """A force or a moment at the tip: the kept modes and the attachment modes carry it as
     the whole beam does."""
@@ -127,6 +130,7 @@ def test_without_care_the_tip_of_mode_one_is_off():
         assert error * 100.0 == close(percent, abs=0.06)
 
 
+@pytest.mark.slow
 def test_tip_angle_in_torsion():
     result = fit(tube(), modes={"torsion": 3})
     assert result.tip_error["torsion"].size == 3
@@ -159,6 +163,7 @@ def test_slow_base_acceleration_bends_the_chain_as_the_beam(n, bounds):
 
 
 @pytest.mark.parametrize("n", [1, 3])
+@pytest.mark.slow
 def test_with_the_tip_matched_the_kept_modes_sag_as_the_beam_s(n):
     # the kept modes' static share is the beam's own: 97 %, 99.9 % of q L^4 / 8 EI
     full = unit_beam().port("xy", 10)
@@ -169,6 +174,7 @@ def test_with_the_tip_matched_the_kept_modes_sag_as_the_beam_s(n):
 
 
 @pytest.mark.parametrize("n", [2])
+@pytest.mark.slow
 def test_with_the_attachment_modes_nothing_is_missing(n):
     # a slow base acceleration bends the tip by what the static shapes of a tip load see
     # of it: all of it
@@ -218,6 +224,7 @@ def test_root_rotation_under_a_slow_force_on_the_free_root():
     assert np.all(np.diff(np.abs(np.array(shares[1:]) - 1.0)) < 0.0)
 
 
+@pytest.mark.slow
 def test_static_shapes_for_the_tip_are_not_counted_as_modes_kept():
     result = fit(
         tube(), modes={"xy": 2, "xz": 0}, scene=Scene(bandwidth=6.0, axes=("z",), tip=True)

@@ -92,6 +92,7 @@ def needed(beam, port, n):
 
 
 @pytest.mark.parametrize(("make", "kept"), CASES)
+@pytest.mark.slow
 def test_both_planes_are_exact(make, kept):
     result = chosen(make, tuple(kept.items()))
     judge(make(), result, kept)
@@ -156,6 +157,7 @@ def test_planes_with_different_hub_targets(make):
 
 
 # -- random arrays ---------------------------------------------------------------------------------
+@pytest.mark.slow
 def test_a_random_array():
     kept = {"xy": 2, "xz": 2}
     judge(random_array(0), fit(random_array(0), modes=kept), kept)
@@ -216,6 +218,7 @@ def test_a_lump_at_the_tip_belongs_to_the_last_body():
     assert result.chain.links[-1].mass > 0.5
 
 
+@pytest.mark.slow
 def test_modes_on_springs_and_on_tendons_are_the_same_chain():
     beam = tube()
     kept = {"xy": 3, "xz": 3, "torsion": 2}
@@ -230,6 +233,7 @@ def test_modes_on_springs_and_on_tendons_are_the_same_chain():
     judge(beam, plain, kept)
 
 
+@pytest.mark.slow
 def test_the_whole_chain_is_found_from_its_own_model():
     """The package's port of a chain with tendons is what MuJoCo reads."""
     beam = deployed_array()

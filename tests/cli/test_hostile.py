@@ -88,6 +88,7 @@ def test_the_good_file_is_good(name, tmp_path):
         "spec",
     ],
 )
+@pytest.mark.slow
 def test_a_file_cut_anywhere(name, tmp_path):
     ending, good, read = READERS[name]
     path = tmp_path / f"cut.{ending}"

@@ -118,6 +118,7 @@ def test_no_escape_codes_when_piped(arguments):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="a pseudo terminal needs a POSIX system")
 @pytest.mark.parametrize("no_color", [False, True])
+@pytest.mark.slow
 def test_no_color_on_a_terminal(no_color):
     import pty
 
@@ -193,6 +194,7 @@ def test_the_promised_starts_are_there():
 
 
 @pytest.mark.parametrize("kind", ["boom", "array", "mast"])
+@pytest.mark.slow
 def test_init_writes_a_spec_that_fits(kind, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     code, told, _ = run(["init", kind], capsys, monkeypatch)

@@ -76,6 +76,7 @@ POINTS = """<mujoco><option gravity="0 0 0"/><worldbody><body name="bus"><freejo
 </mujoco>"""
 
 
+@pytest.mark.slow
 def test_points_in_signals():
     """python-control takes no point; names stay different, and each still drives what it drove."""
     section = bc.Equivalent(bending_stiffness_xy=2e3, bending_stiffness_xz=3e3, linear_mass=4.0)

@@ -112,6 +112,7 @@ def test_a_craft_is_updated_in_place(place, capsys, monkeypatch):
     assert (place / "craft.xml").read_bytes().split() == original.split()
 
 
+@pytest.mark.slow
 def test_python_does_not_either(place):
     craft = bc.embed("craft.xml", {"mount": "rod.toml"})
     before = contents(place)
@@ -142,6 +143,7 @@ COMMANDS = [words for words in EVERY if words[0] in KNOWN]
 
 @pytest.mark.parametrize("name", NO_NAMES)
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda arguments: arguments[0])
+@pytest.mark.slow
 def test_names_that_are_none(command, name, place, capsys, monkeypatch):
     option = "--file" if command[0] == "plant" else "-o"
     refused([*command, option, name], place, capsys, monkeypatch)

@@ -38,6 +38,7 @@ def test_mujoco_s_warnings_are_a_sentence_and_no_file(tmp_path):
     assert all(sentence.startswith("beamchain: ") for sentence in sentences)
 
 
+@pytest.mark.slow
 def test_a_user_s_own_handler_stays(tmp_path):
     """Of Python programs that handle MuJoCo's warnings themselves."""
     code = (
@@ -55,6 +56,7 @@ def test_a_user_s_own_handler_stays(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["huge.xml"]
 
 
+@pytest.mark.slow
 def test_a_renderer_that_there_is_not(tmp_path):
     done = outside(["inspect", str(CRAFTS / "planar.xml")], tmp_path, MUJOCO_GL="nonsense")
     assert done.returncode == 2

@@ -272,5 +272,6 @@ def _in_a_folder_of_its_own(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("case", REFUSED)
+@pytest.mark.slow
 def test_what_no_plant_can_be_is_refused(case):
     check_refused(REFUSED[case][0], bc.InputError, REFUSED[case][1])

@@ -297,6 +297,7 @@ def transfer(plant, system, w, factors):
 
 
 @pytest.mark.parametrize("form", ["tf", "ss", "mapping of zpk", "whole matrix"])
+@pytest.mark.slow
 def test_every_form_of_a_controller_is_the_same_at_its_margins(form, plant):
     zpk = control.zpk(*(np.asarray(v) for v in (LAG.zeros(), LAG.poles())), 6e5)
     if form == "tf":
@@ -330,6 +331,7 @@ def test_every_form_of_a_controller_is_the_same_at_its_margins(form, plant):
         assert min(rim) < 0.02
 
 
+@pytest.mark.slow
 def test_names_and_order_match_alike(plant):
     """A matrix by its labels, in another order, is the matrix in order."""
     labels = [f"torque_{axis}" for axis in "zy"], [f"attitude_{axis}" for axis in "zy"]
@@ -370,6 +372,7 @@ def loops_at(plant, gain, w):
 
 
 @pytest.mark.parametrize("count", [2, 3])
+@pytest.mark.slow
 def test_the_margin_of_all_loops_is_where_a_perturbation_destabilises(count):
     """Up to three channels the bound is mu: at its frequency there are factors in a disk larger by
     a thousandth that make det(1 + F L) zero, and none inside."""
@@ -411,6 +414,7 @@ def test_the_margin_of_all_loops_is_where_a_perturbation_destabilises(count):
 
 
 @pytest.mark.parametrize("count", [2, 4])
+@pytest.mark.slow
 def test_no_factors_in_the_disk_destabilise(count):
     """Real factors of gain and dead-beat phases inside the disk: det(1 + F L) is never zero along
     the axis, and the closed loop of every real draw is stable."""
@@ -476,6 +480,7 @@ def test_a_slow_controller_sees_the_plant_held_over_its_step(plant, stepped):
             assert abs(1.0 + factor * k * g[0, 0]) < SINGULAR
 
 
+@pytest.mark.slow
 def test_a_sampled_plant_agrees_with_the_continuous_one(plant, stepped):
     """What the step of 0.01 s does to the modes below pi/0.25 rad/s is of the order (w h)^2/12 =
     1e-3."""
@@ -638,6 +643,7 @@ def servoed(kv, kp, kd, ki):
     "gains",
     [(60.0, 300.0, -0.06), (-2e-5, 0.05, 0.0), (0.06, 5.0, 6e-5), (2e-5, 0.05, 0.0)],
 )
+@pytest.mark.slow
 def test_slow_growth_beside_a_fast_servo_is_unstable(kv, gains):
     """The servo's fastest pole, some kv/0.02, is 1e6 to 1e9 times as fast as what grows."""
     kp, kd, ki = gains
@@ -662,6 +668,7 @@ def test_slow_growth_beside_a_fast_servo_is_unstable(kv, gains):
 
 @pytest.mark.parametrize("step", [0.0, 0.01, 1.0])
 @pytest.mark.parametrize("integral", [-1e-14, 1e-14])
+@pytest.mark.slow
 def test_slow_loops_beside_a_fast_mode_are_judged_by_their_integral(integral, step):
     """kd s^2 + kp s + ki on two bodies with a mode of 2,000 rad/s, one of them under no loop. At
     1e-4 rad/s the mode follows the body, and the characteristic polynomial begins with ki: below
@@ -694,6 +701,7 @@ def closed_poles(plant, factors):
     return control.feedback(pick, both).poles()
 
 
+@pytest.mark.slow
 def test_the_loop_to_blame_is_named(plant):
     hot = 2.0 * bc.margins(plant, each(LAG)).loops[1].gain
     factors = np.array([1.0, hot])
@@ -760,6 +768,7 @@ def test_a_mode_that_a_slow_controller_drives_is_named(plant):
     assert one.sentence.startswith(f"UNSTABLE: {one.origin} (")
 
 
+@pytest.mark.slow
 def test_rigid_motion_that_fast_lags_destabilise_is_named(plant):
     """The pair comes from the real axis, where a pole of rigid motion meets one of the lags, at
     -20 and -33 rad/s."""

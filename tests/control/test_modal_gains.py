@@ -78,6 +78,7 @@ def test_gains_are_those_of_a_craft_assembled_by_hand(name):
         assert np.max(np.abs(plant.gain[k] - np.abs(numerator))) < AGREE * np.abs(numerator).max()
 
 
+@pytest.mark.slow
 def test_gains_of_a_discrete_plant_tend_to_those_of_the_continuous_one():
     made = embedded(SPUN)
     model = copy.copy(made.untimed)

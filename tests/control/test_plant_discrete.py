@@ -48,6 +48,7 @@ def distance(found, true, s, rigid):
 
 
 @pytest.mark.parametrize("phase", SOME)
+@pytest.mark.slow
 def test_one_undamped_appendage_is_sampled_within_the_figures(phase):
     name = "one undamped boom"
     made = embedded(name, retime=True)
@@ -75,6 +76,7 @@ def test_one_undamped_appendage_is_sampled_within_the_figures(phase):
 
 @pytest.mark.parametrize("phase", SOME)
 @pytest.mark.parametrize("name", NAMES[:3])
+@pytest.mark.slow
 def test_embedded_craft_stay_within_the_figures(name, phase):
     craft = CRAFTS[name]
     made = embedded(name, retime=True)
@@ -95,6 +97,7 @@ def test_embedded_craft_stay_within_the_figures(name, phase):
 
 
 @pytest.mark.parametrize("name", NAMES)
+@pytest.mark.slow
 def test_it_is_what_mujoco_runs(name):
     craft = CRAFTS[name]
     made = embedded(name, retime=True)

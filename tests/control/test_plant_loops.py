@@ -101,6 +101,7 @@ def found(file):
     return margins(file, LOOPS, *ANGLES)
 
 
+@pytest.mark.slow
 def test_at_the_gain_margin_the_loops_are_singular(plant, found):
     assert all(one.stable for one in found)
     for k, one in enumerate(found):
@@ -118,6 +119,7 @@ def test_beyond_the_gain_margin_the_closed_loop_is_unstable(file, found):
         assert not any(m.stable for m in margins(file, scaled(LOOPS, k, 1.005 * one.gain), *ANGLES))
 
 
+@pytest.mark.slow
 def test_at_the_delay_margin_the_loops_are_singular(plant, found):
     one = found[0]
     near = np.linspace(0.9, 1.1, 2001) * one.phase_frequency
@@ -163,6 +165,7 @@ def test_a_controller_without_loops_is_told(file, tmp_path):
     assert "has no loop; give at least one [[loop]]" in answer.err
 
 
+@pytest.mark.slow
 def test_loops_on_one_input_add_up(embedded, file):
     """An attitude loop from a star tracker and a gyro, both on one input;
     another loop beside it."""
@@ -190,6 +193,7 @@ def test_loops_on_one_input_add_up(embedded, file):
         assert margins(file, louder, *words)[0].stable == stable
 
 
+@pytest.mark.slow
 def test_a_wrong_sign_is_unstable_and_has_no_margins(file, tmp_path, capsys, monkeypatch):
     answer = asked(file, scaled(LOOPS, 0, -1.0), *ANGLES)
     assert answer.status == 3
@@ -210,6 +214,7 @@ def test_a_wrong_sign_is_unstable_and_has_no_margins(file, tmp_path, capsys, mon
     assert re.search(r"UNSTABLE(\W+-){4}\W", told)
 
 
+@pytest.mark.slow
 def test_margins_above_the_kept_modes_of_their_axis_are_told(file, found, plant):
     """About z the boom bends in the plane xy, about y in xz: each loop has its own highest mode."""
     kept = dict(zip(plant.modes, plant.frequency, strict=True))

@@ -68,6 +68,7 @@ def at_speed(name, degrees):
 
 
 @pytest.mark.parametrize(("name", "degrees"), TURNED)
+@pytest.mark.slow
 def test_the_plant_is_the_craft_with_its_kept_modes(name, degrees):
     craft = CRAFTS[name]
     s = np.geomspace(0.05, band(craft), 80) * (OFF + 1j)

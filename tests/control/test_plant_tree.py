@@ -152,6 +152,7 @@ def polished(plant, zeros):
 
 
 @pytest.mark.parametrize("pose", EACH)
+@pytest.mark.slow
 def test_poles_and_zeros_from_the_elbow_are_those_of_finite_elements(made, pose):
     plant = bc.plant(made, ["elbow"], ["angle"], pose=None if pose == "rest" else pose).exact
     truth = Truth(POSES[pose])

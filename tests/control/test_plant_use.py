@@ -67,6 +67,7 @@ def test_it_is_a_state_space_with_names_and_units():
         plant.A[0, 0] = 1.0
 
 
+@pytest.mark.slow
 def test_units_of_actuators():
     """Motors are forces or torques, servos set points; what MuJoCo does not say is left empty."""
     section = bc.Equivalent(bending_stiffness_xy=1e3, linear_mass=2.0)
@@ -105,6 +106,7 @@ def test_units_of_actuators():
     }
 
 
+@pytest.mark.slow
 def test_what_makes_up_a_chain_is_no_mode():
     section = bc.Equivalent(bending_stiffness_xy=1e3, bending_stiffness_xz=4e3, linear_mass=2.0)
     spec = bc.Spec(
@@ -148,6 +150,7 @@ def test_defaults_are_all_actuators_and_attitude_with_rate():
     ]
 
 
+@pytest.mark.slow
 def test_control_works_on_it():
     plant = bc.plant(embedded(NAME), ["torque:hub"])
     one = plant["attitude_z", "torque_z"]
@@ -305,6 +308,7 @@ def test_gravity_is_left_out_and_said():
 
 
 @pytest.mark.parametrize("kind", ["magnetometer", "framexaxis", "framepos", "velocimeter"])
+@pytest.mark.slow
 def test_an_output_that_sees_few_directions_alone_is_what_it_is_beside_others(tmp_path, kind):
     """Directions that no output sees are left out of the states; what is seen stays."""
     sensor = f'<{kind} name="seen" objtype="site" objname="imu"/>'

@@ -58,6 +58,7 @@ def test_what_a_plant_carries_travels_too(made):
     )
 
 
+@pytest.mark.slow
 def test_an_embedded_craft_and_its_fits_travel(made):
     other = pickled(made)
     assert other.to_mjcf() == made.to_mjcf()

@@ -36,6 +36,7 @@ def positions(model, **joints):
     return out
 
 
+@pytest.mark.slow
 def test_poses_are_joints_keyframes_and_positions(made):
     poses = [
         {"drive": np.radians(45.0), "turn": np.radians(-30.0)},
@@ -73,6 +74,7 @@ def test_poses_are_joints_keyframes_and_positions(made):
     assert [tick.get_text() for tick in axis.get_xticklabels()] == list(scheduled.labels)
 
 
+@pytest.mark.slow
 def test_a_grid_of_one_joint_stays(made):
     grid = bc.plant(made, ["torque:bus"], pose={"drive": [0.0, 0.5], "turn": 0.25})
     listed = bc.plant(made, ["torque:bus"], pose=[{"drive": a, "turn": 0.25} for a in (0.0, 0.5)])
@@ -137,6 +139,7 @@ def attitude_of_arm(damping, kp, angle):
 
 
 @pytest.mark.parametrize(("damping", "kp"), [(124, 0), (800, 0), (150, 300)])
+@pytest.mark.slow
 def test_what_oscillates_in_one_pose_and_not_in_another(damping, kp, tmp_path):
     """The states are the modes' own coordinates, so that a plant between two poses can be had from
     theirs."""
@@ -219,6 +222,7 @@ def test_poses_are_given_in_degrees_and_metres(place, capsys, monkeypatch):
     assert np.load(place / "p.npz")["A"].ndim == 2
 
 
+@pytest.mark.slow
 def test_radians_typed_for_degrees_are_noted(place, capsys, monkeypatch):
     """A slide's metres and plain degrees are not."""
 
@@ -237,6 +241,7 @@ def test_radians_typed_for_degrees_are_noted(place, capsys, monkeypatch):
     assert noted("--pose", "drive", "--pose", "turn=45") == []
 
 
+@pytest.mark.slow
 def test_angle_is_another_word_for_it(place, capsys, monkeypatch):
     code, out, _ = asked(place, capsys, monkeypatch, "--angle", "drive=0,45", "--json")
     record = json.loads(out)

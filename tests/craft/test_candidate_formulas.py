@@ -60,6 +60,7 @@ def pair():
     return embedded(left=boom(), right=boom())
 
 
+@pytest.mark.slow
 def test_one_mode_more_of_every_port(pair):
     """Cantilever frequencies by the roots of cos cosh = -1, and those of a rod in torsion."""
     now = candidate(pair.appendages[0])
@@ -149,6 +150,7 @@ def test_changes_that_may_help(pair):
         assert list(specs) == ["right"]
 
 
+@pytest.mark.slow
 def test_typed_numbers_and_dampers_on_hinges_are_changes_as_well():
     hinged = bc.Damping(ratio=0.01, form="hinge")
     one = embedded(
@@ -333,6 +335,7 @@ def test_a_pendulum_more():
     assert typed.further(9.0) == {}
 
 
+@pytest.mark.slow
 def test_one_mode_more_keeps_what_a_load_on_a_port_bends():
     """x^3 / 3 EI and x^2 / 2 EI of a force, x / EI of a moment."""
     x = 0.6 * LENGTH

@@ -200,6 +200,7 @@ def test_everything_shown_is_of_the_band_and_the_axes_asked_for(tmp_path):
     assert page.count(">kept, beyond the band</td>") == len(beyond)
 
 
+@pytest.mark.slow
 def test_without_a_scene_nothing_is_promised(tmp_path):
     spec = boom()
     del spec["scene"]
@@ -210,6 +211,7 @@ def test_without_a_scene_nothing_is_promised(tmp_path):
     assert done.craft_error > 0.0
 
 
+@pytest.mark.slow
 def test_a_fit_for_the_same_hub_is_used_as_it_is(tmp_path):
     (tmp_path / "boom.toml").write_text(toml(boom()))
     first = bc.embed(LIGHT, {"place": tmp_path / "boom.toml"}, retime=False, max_modes=0)
@@ -233,6 +235,7 @@ def in_one_file(*craft):
     return f"<mujoco>{option}<worldbody>{''.join(craft)}</worldbody></mujoco>"
 
 
+@pytest.mark.slow
 def test_of_two_craft_in_a_file_the_worst_is_named(tmp_path):
     light = bus("light", 50, 20)
     spec = boom(modes={"xy": 1, "xz": 1}, damping={"ratio": 0.005}, root={"target": "clamped"})
@@ -275,6 +278,7 @@ def stiff_boom(axes):
         (LIGHT, ["x", "y", "z", "tx", "ty", "tz"], "bus (tx, ty, tz, x, y, z)"),
     ],
 )
+@pytest.mark.slow
 def test_the_headline_says_what_pushes(text, axes, said):
     assert said in bc.embed(text, {"place": stiff_boom(axes)}).headline
 

@@ -476,11 +476,13 @@ def _in_a_folder_of_its_own(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("case", ARGUMENTS)
+@pytest.mark.slow
 def test_the_argument_is_named(case):
     check_refused(ARGUMENTS[case][0], bc.InputError, ARGUMENTS[case][1])
 
 
 @pytest.mark.parametrize("case", REFUSED)
+@pytest.mark.slow
 def test_what_cannot_be_asked_of_a_craft_is_refused(case):
     check_refused(REFUSED[case][0], bc.InputError, REFUSED[case][1])
 

@@ -57,6 +57,7 @@ def written(observer, tmp_path_factory):
     return observer.write(tmp_path_factory.mktemp("deep") / "below" / "out.xml")[-1]
 
 
+@pytest.mark.slow
 def test_a_result_can_be_pickled(embedded, tmp_path):
     made = embedded("planar hub on slides and a hinge")
     again = pickle.loads(pickle.dumps(made))
@@ -98,6 +99,7 @@ class TestStyles:
         assert bare(path, crafts).read_bytes() == (CRAFTS / STYLES[style][0]).read_bytes()
 
     @pytest.mark.parametrize("style", STYLES)
+    @pytest.mark.slow
     def test_coupled_modes(self, style, embedded):
         assembly = embedded(style).assembly
         kept = [m for m in assembly.modes if m.kept]
@@ -254,6 +256,7 @@ class TestTheUsersFile:
         assert text.count("meshdir") == 1
         mujoco.MjModel.from_xml_path(str(crafts / "out.xml"))
 
+    @pytest.mark.slow
     def test_units_of_the_craft_do_not_matter(self):
         """Degrees or radians, angles by default classes: the appendage's file holds no angle."""
         text = (CRAFTS / "drive.xml").read_text()
@@ -350,12 +353,14 @@ class TestHub:
         hub = next(a.hub for a in observer.appendages if a.at == "boom_mount")
         assert hub.mass == pytest.approx(412.3456789012345 + 6.0 + arrays, rel=1e-12)
 
+    @pytest.mark.slow
     def test_moved_frame_moves_the_hub(self):
         planar = bc.embed(CRAFTS / "planar.xml", {"side": spec("rod")}).appendages[0].hub
         # centre at (0.03, -0.01), site at (0, 0.4), its x along the body's y, its y along minus x
         np.testing.assert_allclose(planar.offset, [0.41, 0.03, 0.0], atol=1e-12)
         np.testing.assert_allclose([planar.mass, planar.inertia[2]], [60.0, 8.0], rtol=1e-12)
 
+    @pytest.mark.slow
     def test_planar_target_hub_needs_no_numbers(self):
         """One appendage in the plane it moves in:
         coupled modes of hub and beam to the chain's own precision."""
@@ -372,6 +377,7 @@ class TestHub:
         ours = frequencies(done.model)
         np.testing.assert_allclose(ours[:2], exact[:2], rtol=1e-6)  # force differences of 1e-4 rad
 
+    @pytest.mark.slow
     def test_drive(self, embedded):
         """What turns with the drive is 11 kg, what the array feels far more:
         only the apparent hub is right."""
@@ -480,6 +486,7 @@ class TestHub:
         assert alone.assembly.worst < 1e-6
         assert done.assembly.worst < COUPLED
 
+    @pytest.mark.slow
     def test_hub_of_the_spec_is_replaced(self):
         given = bc.read_spec(spec("rod"))
         own = bc.Spec(
@@ -495,6 +502,7 @@ class TestHub:
 
 
 class TestMjSpec:
+    @pytest.mark.slow
     def test_same_as_the_file(self, embedded):
         craft = mujoco.MjSpec.from_file(str(CRAFTS / "drive.xml"))
         at = {"panel_mount": spec("array_left")}
@@ -561,6 +569,7 @@ class TestFlexiblePanel:
 
 
 class TestCommand:
+    @pytest.mark.slow
     def test_json_table_plot_and_remove(self, tmp_path, capsys, monkeypatch):
         out = tmp_path / "out.xml"
         picture = tmp_path / "hub.svg"
@@ -598,6 +607,7 @@ class TestCommand:
             (["--mount", f"mount={spec('rod')}", "--mount", f"mount={spec('rod')}"], "twice"),
         ],
     )
+    @pytest.mark.slow
     def test_bad_words(self, words, message, tmp_path, capsys, monkeypatch):
         out = tmp_path / "out.xml"
         code, _, error = run(
@@ -656,6 +666,7 @@ def test_a_body_that_does_not_hang_where_it_stands_is_named(
         ("bus", "", "0 0 5", "body 'hand', which the appendage carries"),
     ],
 )
+@pytest.mark.slow
 def test_an_appendage_runs_to_what_it_carries(at, site, hand, said, tmp_path):
     port = "[[port]]\nname = 'end'\nx = 5.0\ncarries = ['hand']\n"
     (tmp_path / "spec.toml").write_text(slender(5.0, port))
@@ -667,6 +678,7 @@ def test_an_appendage_runs_to_what_it_carries(at, site, hand, said, tmp_path):
     assert not said or (said in found[0] and "site whose x axis points to the body" in found[0])
 
 
+@pytest.mark.slow
 def test_what_an_appendage_should_carry_is_no_mass_to_point_away_from(tmp_path):
     """The hand outweighs the bus, stands at the end, and `carries` was forgotten: one note."""
     (tmp_path / "spec.toml").write_text(slender(5.0))

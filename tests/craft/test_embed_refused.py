@@ -124,6 +124,7 @@ def clean():
 
 class TestRefused:
     @pytest.mark.parametrize("name", REFUSED)
+    @pytest.mark.slow
     def test_bad_craft(self, name, tmp_path, capsys, monkeypatch):
         text, at, word = REFUSED[name]
         path = tmp_path / "craft.xml"
@@ -146,6 +147,7 @@ class TestRefused:
         text = craft(before='<compiler discardvisual="true"/>')
         assert bc.embed(text, {"mount": plain}).model.ngeom == 0
 
+    @pytest.mark.slow
     def test_material_that_the_compiler_drops(self):
         text = craft(before='<compiler discardvisual="true"/>')
         section = bc.Rectangle(width_y=0.02, width_z=1.2)
@@ -197,6 +199,7 @@ class TestRefused:
         with pytest.raises(bc.BeamchainError, match="out of it"):
             bc.embed(reached, {"mount": spec("rod_in_boxes")})
 
+    @pytest.mark.slow
     def test_output_exists(self, done, tmp_path):
         (tmp_path / "out.xml").write_text("mine")
         with pytest.raises(bc.BeamchainError, match="--force"):
@@ -221,6 +224,7 @@ class TestHostile:
         <tendon stiffness="30" springlength="0.2" frictionloss="0.4"/>
         <default class="near"><joint damping="5"/><site rgba="1 0 0 1"/></default></default>"""
 
+    @pytest.mark.slow
     def test_defaults_and_child_classes(self, done):
         hostile = craft(before=f'<compiler angle="radian"/>{self.DEFAULTS}').replace(
             'name="hub"', 'name="hub" childclass="near"'
@@ -244,6 +248,7 @@ class TestHostile:
                 for w in bc.embed(text, {"mount": spec("rod")}).warnings
             )
 
+    @pytest.mark.slow
     def test_the_warned_step_is_the_limit(self):
         """MuJoCo blows up above the step that the warning names, and not below."""
         text = craft(before='<option timestep="{}" gravity="0 0 0" integrator="implicitfast"/>')

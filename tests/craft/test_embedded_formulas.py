@@ -80,6 +80,7 @@ def replace_of(made, **changes):
         (0.01, 0.01, None, True, True, False),
     ],
 )
+@pytest.mark.slow
 def test_the_larger_error_is_held_against_the_tolerance(
     made, craft_error, sampled, tolerance, loaded, growth, met
 ):
@@ -175,6 +176,7 @@ def test_mass_centres_are_told_from_the_base_in_its_axes(made):
 
 # -- hubs ------------------------------------------------------------------------------------------
 @pytest.mark.parametrize("mass", [5e-4, 3.0, 2e6])
+@pytest.mark.slow
 def test_only_a_loose_joint_makes_a_hub_another_than_what_is_rigidly_behind(mass):
     """Of half a gram or of thousands of tons."""
     light = boom(7.0 * mass, 0.01 * mass)

@@ -47,6 +47,7 @@ def compiled(craft: str, appendage, folder) -> mujoco.MjModel:
 
 
 @pytest.mark.parametrize("look", ["drawn", "bare", "touching"])
+@pytest.mark.slow
 def test_links_keep_their_mass_and_the_craft_its_frequencies(look, tmp_path):
     """Beside a hub whose numbers are stated with <inertial>,
     which no setting of the compiler moves."""

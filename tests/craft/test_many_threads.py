@@ -82,6 +82,7 @@ def test_reports_of_one_craft_are_alike():
     assert dict(mpl.rcParams) == style
 
 
+@pytest.mark.slow
 def test_linearise_leaves_the_model_alone():
     """While threads linearise, the one model that they share keeps its integrator."""
     model = embedded().model

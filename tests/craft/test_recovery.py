@@ -389,6 +389,7 @@ def any_state(flexible, size):
     return data
 
 
+@pytest.mark.slow
 def test_root_loads_are_those_of_newton_and_euler(specs):
     """In a tree in large motion, under gravity and forces on its bodies."""
     flexible = bc.embed(TREE, specs, carry={"mount:end": ["hand"]}, retime=False)
@@ -442,6 +443,7 @@ def test_straight_in_a_tree_the_root_has_all_that_lies_beyond(specs):
 TIP = replace(TRUTH, tip_mass=4.0, tip_inertia=0.7)
 
 
+@pytest.mark.slow
 def test_what_a_port_carries_loads_the_beam(tmp_path):
     """A body on the end, against finite elements with the body on the last node."""
     (tmp_path / "boom.toml").write_text(
@@ -582,6 +584,7 @@ springs = "modes"
         (0.0, (1.0, 1.0), "matrices"),
     ],
 )
+@pytest.mark.slow
 def test_rows_over_imported_modes(tmp_path, turn, units, kind):
     """One mode of each plane is kept; those that are not give the static part."""
     spec = imported(tmp_path, turn, units, kind)

@@ -244,6 +244,7 @@ def test_without_a_hinge_to_slew_nothing_changes(tmp_path, joint, free):
     assert study.warnings == []
 
 
+@pytest.mark.slow
 def test_marks_that_lead_nowhere_leave_the_step_limits(tmp_path):
     """A drive whose mark was taken out of the file: its limits stay, and why it was not slewed."""
     path = driven(tmp_path, "")
@@ -272,6 +273,7 @@ def test_a_servo_whose_kv_limits_rk4_is_slewed_at_a_step_that_it_leaves(tmp_path
     assert max(row.error_rk4 for row in study.slews) < 5e-6
 
 
+@pytest.mark.slow
 def test_a_hinge_that_is_not_slewed_is_refused_by_name(tmp_path):
     path = driven(tmp_path, "")
     done = call("stability", path, "-o", tmp_path / "out", "--joint", "driver")

@@ -57,6 +57,7 @@ def written(tmp_path_factory):
     return path, bc.embed(CRAFT, {"mount": spec}, retime=False).model
 
 
+@pytest.mark.slow
 def test_modes_of_a_file_that_is_exact_in_time_are_the_structures_own(written):
     path, plain = written
     own = frequencies(plain)

@@ -101,6 +101,7 @@ def test_embedded(name, rod, tmp_path):
         assert (tmp_path / "back.xml").read_bytes() == craft.read_bytes()
 
 
+@pytest.mark.slow
 def test_back_beside_its_parts(rod, tmp_path):
     for path in [*(CRAFTS / "strangers").glob("*.xml"), *(CRAFTS / "strangers/parts").iterdir()]:
         target = tmp_path / path.relative_to(CRAFTS / "strangers")
@@ -180,6 +181,7 @@ def test_a_limit_at_or_beside_the_rest_pose_makes_no_modes(limits, codes, rod, t
     np.testing.assert_allclose(both[1], both[0], rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_plant_that_excites_no_mode_has_its_page(rod, tmp_path):
     """Thrust along the axis of a rod on the centre of mass."""
     craft = (
@@ -267,6 +269,7 @@ MADE = {
 
 
 @pytest.mark.parametrize("kind", MADE)
+@pytest.mark.slow
 def test_places_that_mujoco_makes(kind, tmp_path):
     name, text, place, (mass, centre, inertia) = MADE[kind]
     (tmp_path / "part.xml").write_text(PART)
@@ -292,6 +295,7 @@ def test_places_that_mujoco_makes(kind, tmp_path):
     assert own_frequencies(model) == pytest.approx(wanted, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_short_keyframe_is_padded_as_mujoco_does(rod):
     craft = """<mujoco><worldbody><body name="bus" pos="0 0 3"><freejoint/>
     <inertial pos="0 0 0" mass="300" diaginertia="90 90 90"/><site name="mount" pos=".5 0 0"/>

@@ -154,6 +154,7 @@ class OnBus:
 
 class TestPlant:
     @pytest.mark.parametrize("acceleration", [0.05, 9.80665])
+    @pytest.mark.slow
     def test_attitude_by_torque_is_that_of_the_flow(self, tmp_path, acceleration):
         result = embedded(tmp_path, acceleration)
         plant = bc.plant(result, ["torque:bus"], ["attitude"], pose="burn", loaded=True)
@@ -196,6 +197,7 @@ class TestPlant:
 
 
 class TestPromise:
+    @pytest.mark.slow
     def test_a_burn_is_met(self, tmp_path):
         scene = "[scene]\nbandwidth = 1.0\ntolerance = 1e-2\n"
         result = embedded(tmp_path, 0.05, scene=scene)
@@ -247,6 +249,7 @@ class TestSaid:
         tilted = embedded(tmp_path, 0.05, axes="0 0.4 1 0 1 -0.4")
         assert self.codes(tilted) == ["slosh-weightless", "slosh-tilt"]
 
+    @pytest.mark.slow
     def test_a_plant_without_a_load(self, tmp_path):
         result = embedded(tmp_path, 0.05, arrays=BOTH)
         with pytest.raises(bc.InputError, match="nothing acts"):
@@ -266,6 +269,7 @@ class TestSaid:
         assert result.appendages[0].timed is None
         assert not {"exact-in-time", "time-error"} & {w.code for w in result.warnings}
 
+    @pytest.mark.slow
     def test_embed_speaks_of_no_scene(self, tmp_path):
         for loaded in (False, True):
             result = embedded(tmp_path, 0.05, loaded=loaded)
@@ -273,6 +277,7 @@ class TestSaid:
         assert any("scene.xml" in w for w in bc.fit(tmp_path / "tank.toml").warnings)
 
     @pytest.mark.parametrize("turned", [False, True])
+    @pytest.mark.slow
     def test_thrust_beside_the_centre_of_mass(self, tmp_path, turned):
         """The bus turns away by the moment that is told, as plain MuJoCo has it."""
         text = craft(BURN).replace('"nozzle" pos="0 0 -0.8"', '"nozzle" pos="0.014 0 -0.8"')
@@ -311,6 +316,7 @@ class TestSaid:
         usual = embedded(tmp_path, 0.05).warnings
         assert "heavy-liquid" not in {w.code for w in usual}
 
+    @pytest.mark.slow
     def test_key_lists_every_kept_mode(self, tmp_path):
         embedded(tmp_path, 0.05)
         (tmp_path / "craft.xml").write_text(craft(BURN))
@@ -452,6 +458,7 @@ class TestAxis:
         bc.embed(spec, {"tank": spec_along(tmp_path, "z")}, retime=False)
         self.assert_same(spec.compile(), along.model)
 
+    @pytest.mark.slow
     def test_on_a_body(self, tmp_path, along):
         """The axes of a body are those of the place."""
         turned = f'<body name="bottom" pos="0 0 -0.4" xyaxes="{PLACES["-y"]}"/></body></worldbody>'
@@ -462,6 +469,7 @@ class TestAxis:
         mass, wanted = (self.numbers(one)[0] for one in (result.model, along.model))
         assert np.max(np.abs(mass - wanted)) < ROUNDING * np.max(wanted)
 
+    @pytest.mark.slow
     def test_on_a_place_that_leans(self, tmp_path):
         """The turn is about the axes of the place, wherever they point."""
         x = np.array([0.8, 0.6, 0.05])

@@ -16,6 +16,7 @@ CRAFT = """<mujoco><option gravity="0 0 0" timestep="0.5"/><worldbody><body name
 </mujoco>"""
 
 
+@pytest.mark.slow
 def test_a_file_that_is_unstable_without_timing_is_called_so():
     section = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
     wing = bc.Spec(
@@ -49,6 +50,7 @@ def test_a_step_that_misses_is_told_of_springs_on_hinges_too(
     assert mujoco.MjModel.from_xml_path("flexible.xml").ntendon == 0
 
 
+@pytest.mark.slow
 def test_a_resonance_just_beyond_the_band_is_made_exact_in_time():
     """Euler moves the one at 3.38 rad/s by 2.7e-4, which is 2.2e-3 of the motion at 3 rad/s."""
     text = """<mujoco><option gravity="0 0 0" timestep="0.01"/>

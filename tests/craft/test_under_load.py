@@ -243,6 +243,7 @@ def test_of_imported_modes_it_is_said_that_the_load_cannot_be_judged():
 
 
 @pytest.mark.parametrize("thrust", [100.0, pytest.param(260.0, marks=SLOW)])
+@pytest.mark.slow
 def test_near_buckling_the_exact_frequencies_are_those_of_finite_elements(thrust):
     """At 35 and 92 % of the thrust under which the free spacecraft buckles, 283 N."""
     modes = pressed(thrust, loaded=True).modes_at("burn", beyond=True)
@@ -258,6 +259,7 @@ GROWING = {"neither": (200.0, 2, 250.0), "both": (200.0, 2, 400.0), "the file": 
 
 
 @pytest.mark.parametrize("case", GROWING)
+@pytest.mark.slow
 def test_what_grows_under_its_load_is_called_unstable(case):
     tip, modes, thrust = GROWING[case]
     result = pressed(thrust, modes, tip, loaded=True)
@@ -318,6 +320,7 @@ def test_a_rod_that_its_weight_buckles_is_called_unstable(tmp_path, share, grows
     assert "gravity" not in [each["code"] for each in answer.record["warning_codes"]]
 
 
+@pytest.mark.slow
 def test_what_its_weight_buckles_is_not_within_a_tolerance(tmp_path):
     spec = tmp_path / "rod.toml"
     spec.write_text(f"{ROD}[scene]\nbandwidth = 1.0\ntolerance = 0.02\n")

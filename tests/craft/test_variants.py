@@ -206,6 +206,7 @@ def test_rows_are_models_built_one_by_one(swept, arrays, folder, count):
         np.testing.assert_allclose(step_of(model), step_of(truth), atol=STEP)
 
 
+@pytest.mark.slow
 def test_a_participation_above_1_is_that_of_the_assembly(arrays, folder):
     for row in chosen(arrays, above=True):
         values = drawn(arrays, row)
@@ -233,6 +234,7 @@ def amplitudes(model):
     return np.linalg.inv(np.vstack([own, rows]))
 
 
+@pytest.mark.slow
 def test_the_arrays_alone_give_the_same_simulation(swept, arrays, folder):
     """With and without `mj_setConst`, as `apply_variants.py` calls it."""
     for row in (0, 7):

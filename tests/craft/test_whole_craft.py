@@ -70,6 +70,7 @@ def test_equal_appendages_get_prefixes_of_their_places(flexible, one):
         (("array",), ["array_"]),
     ],
 )
+@pytest.mark.slow
 def test_no_prefix_says_the_appendages_name_twice(places, prefixes):
     sites = "".join(
         f'<body name="{at}" pos="0 {i} 0"><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
@@ -84,12 +85,14 @@ def test_no_prefix_says_the_appendages_name_twice(places, prefixes):
     assert [file.model.body(f"{prefix}link1").id for prefix in prefixes]
 
 
+@pytest.mark.slow
 def test_a_second_equal_appendage_leaves_the_first_its_prefix(one, tmp_path):
     file = one.write(tmp_path / "one.xml")[-1]
     both = bc.embed(file, {"-y": PANEL})
     assert {a.at: a.prefix for a in both.appendages} == {"+y": "array_", "-y": "array_-y_"}
 
 
+@pytest.mark.slow
 def test_an_appendage_embedded_again_keeps_its_prefix(flexible, tmp_path):
     both = flexible.write(tmp_path / "both.xml")[-1]
     again = bc.embed(both, {"+y": PANEL.replace(modes=1)})
@@ -117,6 +120,7 @@ def rigid_inertia(model, qpos):
     return out
 
 
+@pytest.mark.slow
 def test_the_rigid_twin_has_the_same_bodies_and_keyframes(flexible, tmp_path):
     twin = bc.embed(CRAFT, {"+y": PANEL, "-y": PANEL}, rigid=True)
     model = mujoco.MjModel.from_xml_path(str(twin.write(tmp_path / "rigid.xml")[-1]))
@@ -138,11 +142,13 @@ def test_the_rigid_twin_has_the_same_bodies_and_keyframes(flexible, tmp_path):
     assert "rigid twin" in twin.headline
 
 
+@pytest.mark.slow
 def test_the_rigid_twin_becomes_flexible_again(tmp_path):
     twin = bc.embed(CRAFT, {"+y": PANEL}, rigid=True).write(tmp_path / "rigid.xml")[-1]
     assert bc.embed(twin, {"+y": PANEL}).model.nv > 7
 
 
+@pytest.mark.slow
 def test_modes_at_a_keyframe(flexible):
     rest = flexible.modes_at("rest")
     turned = flexible.modes_at("turned")
@@ -185,6 +191,7 @@ def slowed(result):
     return [said for said in result.warnings if said.code == "slowed-modes"]
 
 
+@pytest.mark.slow
 def test_modes_that_the_step_slows_are_told():
     timed = CRAFT.replace(
         '<option gravity="0 0 0"/>',

@@ -79,6 +79,7 @@ def rigid_mass():
 KEPT = (1, 2, 4, 7)
 
 
+@pytest.mark.slow
 def test_kept_modes_have_their_numbers_in_the_file(folder):
     fit = kept_fit()
     assert "Kept: modes 1, 2, 4, 7 of the 8 of the file." in fit.status.message
@@ -160,6 +161,7 @@ def foot_rows():
     )
 
 
+@pytest.mark.slow
 def test_forces_of_the_feet_add_up_to_the_load_of_the_root(folder):
     flexible = as_shipped()
     data = mujoco.MjData(flexible.model)
@@ -187,6 +189,7 @@ def test_forces_of_the_feet_add_up_to_the_load_of_the_root(folder):
     assert part.as_dict()["modes_of_the_file"] == list(part.in_file)
 
 
+@pytest.mark.slow
 def test_element_forces_hold_what_the_modes_of_the_file_hold(folder):
     """No mode of the file moves along x: a push along x loads the feet, and the bar hardly."""
     bar = bc.spec.RecoveryRows(names=["fx", "fy", "fz"], modes=WING.bar[:3, 12:])
@@ -206,6 +209,7 @@ def test_element_forces_hold_what_the_modes_of_the_file_hold(folder):
     assert held < 0.05 * abs(root[0]) / 2.0  # half of it is the foot's, and truly the bar's
 
 
+@pytest.mark.slow
 def test_a_point_has_the_centripetal_acceleration_of_a_spin(folder):
     """Of a point that moves with the root, against MuJoCo's accelerometer there."""
     at = np.array([0.8, 0.2, 0.1]) + np.array([-CORNER[1], CORNER[0], CORNER[2]])
@@ -282,6 +286,7 @@ def test_damping_by_mode_of_the_file(folder):
     assert bc.read_spec("wing.toml").replace(damping=[0.01, 0.02]).damping.ratio == (0.01, 0.02)
 
 
+@pytest.mark.slow
 def test_a_table_that_leaves_modes_undamped_is_asked_about(folder):
     spec = wing({"xz": [0.005, 0.01]})
     fit = bc.fit(spec)
@@ -310,6 +315,7 @@ def test_a_table_in_place_of_an_object(folder):
 
 
 # -- the step, the terminal ------------------------------------------------------------------------
+@pytest.mark.slow
 def test_a_step_that_misses_poles_says_why(folder):
     craft = CRAFT.replace('timestep="0.001"', 'timestep="0.02" integrator="implicitfast"')
     flexible = bc.embed(craft, {"mount": wing()}, retime=True)
@@ -354,6 +360,7 @@ def test_embed_counts_modes_that_are_left_out_in_the_band(folder):
     assert "timing for" not in out
 
 
+@pytest.mark.slow
 def test_a_wing_that_runs_through_the_bus_is_noted(folder):
     outwards = CRAFT.replace('pos="0.8 0.2 0.1"', 'pos="0.1 0.9 0"')
     inwards = outwards.replace('xyaxes="0 1 0 -1 0 0"', 'xyaxes="0 -1 0 1 0 0"')
@@ -361,6 +368,7 @@ def test_a_wing_that_runs_through_the_bus_is_noted(folder):
     assert "points-inward" in codes(bc.embed(inwards, {"mount": wing()}).warnings)
 
 
+@pytest.mark.slow
 def test_init_writes_a_delivery_that_fits(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert call("init", "wing")[0] == 0
@@ -393,6 +401,7 @@ def test_the_command_says_where_the_delivery_of_init_is_held(tmp_path, monkeypat
     assert "(800, -900, 350): place" in said
 
 
+@pytest.mark.slow
 def test_a_heavy_bus_on_a_slide_joint_gives_the_1_g_case(folder):
     """Mass and first moment of the mesh times 9.81 m/s^2, held until the wing has settled."""
     slide = CRAFT.replace("<freejoint/>", '<joint type="slide" axis="0 0 1"/>')

@@ -3,6 +3,8 @@
 No specification gives a chain along x whose ports couple, so that a body is moved aside by hand.
 """
 
+import pytest
+
 from arrays import tube
 from beamchain import fit
 from beamchain.engine.bench import measure
@@ -11,6 +13,7 @@ DECOUPLED = 1e-9  # 0 measured
 BLOCKS = (("xy",), ("xz",), ("torsion",), ("axial",))
 
 
+@pytest.mark.slow
 def test_what_couples_the_ports_is_named():
     # a body whose mass sits off the axis: bending in xy turns the root about x
     tree = fit(tube(), modes={"xy": 2, "xz": 2, "torsion": 1}).appendage()

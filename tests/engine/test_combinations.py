@@ -38,6 +38,7 @@ ON_BUS = -(AXES * np.array([[1.0], [1.0], [-2.0], [0.5]])).T
 
 
 @pytest.mark.parametrize("at", [None, "turned"])
+@pytest.mark.slow
 def test_torque_is_shared_out_by_the_pseudo_inverse(made, at):
     """With gears, gains, a turned wheel and one on a bracket; whatever the attitude."""
     plant = bc.plant(made, {"torque": bc.allocate(WHEELS, axes="bus")}, pose=at)
@@ -125,6 +126,7 @@ def test_sensors_are_turned_into_the_axes_of_a_body(made, at):
     assert off(others, true[[0, 1, 2, 0, 1, 2, 3, 4, 5, 6, 7, 8]]) < ROUNDING
 
 
+@pytest.mark.slow
 def test_a_field_is_turned_too(boom):
     made = bc.embed(
         CRAFT.replace('gravity="0 0 0"', 'gravity="0 0 0" magnetic="0 -0.5 2e-5"'), {"mount": boom}
@@ -193,6 +195,7 @@ def test_the_exact_plant_has_the_same_signals(made):
     assert off(found, true) < 1e-6
 
 
+@pytest.mark.slow
 def test_a_sampled_plant_is_what_mujoco_runs(boom):
     """Commands of the wheels as the allocation says, held over a step."""
     made = bc.embed(CRAFT, {"mount": boom}, retime=True)
@@ -258,6 +261,7 @@ def names(out, kind):
     return [row["name"] for row in json.loads(out)[kind]]
 
 
+@pytest.mark.slow
 def test_tables_of_a_controller_make_its_signals(place, capsys, monkeypatch):
     code, out, _ = asked(place, capsys, monkeypatch)
     assert code == 0

@@ -141,6 +141,7 @@ def test_mujoco_has_lagrange_s_accelerations(count, seed):
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 4])
+@pytest.mark.slow
 def test_the_exact_chain_of_the_seed_boom_too(n):
     chain = fit(seed_boom(), name="chain", modes={"xy": n, "xz": 0})
     for seed in range(STATES):

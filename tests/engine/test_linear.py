@@ -91,6 +91,7 @@ def test_a_turning_wheel_adds_its_gyroscopic_moment():
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.6])
+@pytest.mark.slow
 def test_mujocos_own_linearisation_proves_it(angle):
     spec = bc.Spec(
         segment=(

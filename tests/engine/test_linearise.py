@@ -115,6 +115,7 @@ def test_scalar_ports_come_back(port):
 
 
 @pytest.mark.parametrize("make", [tube, deployed_array])
+@pytest.mark.slow
 def test_several_ports_on_one_bench_do_not_mix(make):
     result = bc.fit(make(), modes={"xy": 2, "xz": 3, "torsion": 1, "axial": 1})
     file = rb.read(result.to_mjcf())

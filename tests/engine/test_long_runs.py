@@ -32,6 +32,7 @@ def ringing(integrator):
 
 
 @pytest.mark.parametrize("integrator", EACH)
+@pytest.mark.slow
 def test_momenta_are_conserved_to_the_integrator_s_order(integrator):
     order = 4.0 if integrator == "RK4" else 1.0
     coarse = tumbling(integrator, 0.02)

@@ -302,6 +302,7 @@ def test_moving_modes_leave_the_mass_centre_where_it_is():
         np.testing.assert_allclose(mode.positions[0], mode.rest, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_render_without_a_renderer_says_what_to_install(boom, tmp_path):
     done = command(["render", str(boom / "scene.xml"), "-o", "o"], tmp_path, MUJOCO_GL="glfw")
     if done.returncode == 0:
@@ -316,6 +317,7 @@ def test_render_without_a_renderer_says_what_to_install(boom, tmp_path):
     ("option", "value"),
     [("--exaggerate", "-1"), ("--angle", "1000"), ("--width", "1"), ("--height", "99999")],
 )
+@pytest.mark.slow
 def test_render_checks_its_numbers(option, value, boom, tmp_path):
     done = command(["render", str(boom / "scene.xml"), "-o", "o", option, value], tmp_path)
     assert done.returncode == 2
@@ -325,6 +327,7 @@ def test_render_checks_its_numbers(option, value, boom, tmp_path):
 @pytest.mark.skipif(
     sys.platform != "linux", reason="only Linux says beforehand that it has no screen"
 )
+@pytest.mark.slow
 def test_view_without_a_screen_says_so(boom, tmp_path):
     done = command(["view", str(boom / "scene.xml")], tmp_path)
     assert done.returncode == 2

@@ -223,6 +223,7 @@ def test_free_modes_that_hang_on_a_light_root_are_left_out():
     assert judge(case, result) == ""
 
 
+@pytest.mark.slow
 def test_deeper_than_a_file_nests():
     spec = Case("x", slenderness=1000.0).spec()
     scene = rival_scene(equal_links(spec.beam, 494, "classical"), spec.root.hub)

@@ -356,6 +356,7 @@ class TestFiles:
         self.refused(["inspect", str(tmp_path / "no.xml")], capsys, monkeypatch, "does not exist")
 
 
+@pytest.mark.slow
 def test_unknown_option_is_a_usage_error(tmp_path):
     done = subprocess.run(
         [sys.executable, "-m", "beamchain", "fit", "--nonsense"],

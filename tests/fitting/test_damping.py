@@ -88,6 +88,7 @@ def poles_of_rk4(a, h):
 @pytest.mark.parametrize("integrator", ["implicit", "implicitfast"])
 @pytest.mark.parametrize("h", [1e-3, 1e-2, 0.1])
 @MADE
+@pytest.mark.slow
 def test_each_mode_has_its_own_ratio_under_implicit_steps(springs, integrator, h):
     model = standing(fitted(RATIOS, springs), h, integrator)
     linear = linearise(model)
@@ -114,6 +115,7 @@ def test_each_mode_has_its_own_ratio_in_mujoco_s_own_rk4_steps(springs):
 
 
 @pytest.mark.parametrize("make", [tube, deployed_array])
+@pytest.mark.slow
 def test_the_whole_walk_achieves_every_ratio(make):
     wanted = {"xy": (0.001, 0.05, 0.01), "xz": (0.02, 0.002, 0.03), "torsion": (0.05, 0.004)}
     result = fit(make(), modes={"xy": 3, "xz": 3, "torsion": 2}, damping=Damping(ratio=wanted))
@@ -289,6 +291,7 @@ def test_what_joint_damping_misses_is_measured_and_said():
     assert "tendon" not in result.to_mjcf()
 
 
+@pytest.mark.slow
 def test_no_ratio_no_damping():
     bare = fit(space_beam(), name="boom", modes={"xy": 2, "xz": 0}).to_mjcf()
     for form in ("hinge", "modal"):

@@ -107,6 +107,7 @@ def test_targets_keep_the_modes_they_promise(target, poles):
 
 # -- MJCF ------------------------------------------------------------------------------------------
 @pytest.mark.parametrize("make", [tube, deployed_array])
+@pytest.mark.slow
 def test_the_drop_in_file_compiles_and_is_named_after_the_appendage(make):
     text = bc.fit(make(), name="wing", modes=KEPT, damping=bc.Damping(ratio=0.01)).to_mjcf()
     tree = etree.fromstring(text)
@@ -136,6 +137,7 @@ def test_the_drop_in_file_compiles_and_is_named_after_the_appendage(make):
     assert {"wing_root", "wing_tip"} == {model.site(i).name for i in range(model.nsite)}
 
 
+@pytest.mark.slow
 def test_masses_of_the_compiled_file_are_the_beam_s():
     result = bc.fit(deployed_array(), modes=KEPT)
     model = mujoco.MjModel.from_xml_string(result.to_mjcf())
@@ -182,6 +184,7 @@ def test_the_scene_has_the_coupled_modes():
 
 @pytest.mark.parametrize("integrator", ["Euler", "implicitfast", "RK4"])
 @pytest.mark.parametrize("hub", [None, bc.Hub(mass=3.0, inertia=(0.2, 0.3, 0.3))])
+@pytest.mark.slow
 def test_a_scene_without_a_step_is_written_with_one_that_is_stable(tmp_path, integrator, hub):
     """A thin boom with fast modes, alone and on a light hub: run by mj_step, it does not grow."""
     boom = bc.Beam(
@@ -264,6 +267,7 @@ def test_attach_twice_under_two_names():
 SHORT_PAGE = {"torsion": 1, "xy": 0, "xz": 0}  # whose page is made soonest
 
 
+@pytest.mark.slow
 def test_write_gives_every_file_and_asks_before_it_replaces(tmp_path):
     result = bc.fit(tube(), name="boom", modes=SHORT_PAGE)
     files = result.write(tmp_path / "out")

@@ -148,6 +148,7 @@ def test_a_singular_residual_with_a_scene():
     assert result.kept_for == "clamped"
 
 
+@pytest.mark.slow
 def test_stated_numbers_overrule():
     data = boom_data()
     scene = Scene(bandwidth=float(data.frequencies[0]) * 1.5)
@@ -252,6 +253,7 @@ def test_a_rigid_appendage_goes_through_every_command(spec, tmp_path):
 @pytest.mark.parametrize(
     ("modes", "reach", "told"), [(3, 3.4, True), (3, 12.0, False), (12, 3.4, False)]
 )
+@pytest.mark.slow
 def test_modes_that_end_too_soon_for_the_band_are_told(modes, reach, told):
     """The modes of a uniform cantilever in one plane: what is left to those beyond moves some
     m_left (band / last)^2 of the mass."""

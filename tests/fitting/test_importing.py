@@ -117,6 +117,7 @@ def print_of_the_plate(tmp_path):
     return {"file": str(path), "units": {"length": 1e-3, "mass": 1e3}}
 
 
+@pytest.mark.slow
 def test_all_21_modes_of_the_plate_through_mujoco(print_of_the_plate):
     result = fit(
         spec_of({"name": "plate", "imported": print_of_the_plate, "damping": {"ratio": 0.005}})
@@ -150,6 +151,7 @@ def test_all_21_modes_of_the_plate_through_mujoco(print_of_the_plate):
 
 
 @pytest.mark.parametrize("count", [1, 5])
+@pytest.mark.slow
 def test_the_first_modes_of_the_plate_are_exact_as_a_chain(print_of_the_plate, count):
     numbers = list(range(1, count + 1))
     result = fit(spec_of({"name": "plate", "imported": {**print_of_the_plate, "modes": numbers}}))
@@ -344,6 +346,7 @@ def test_embedded_in_a_spacecraft(tmp_path, modes):
     assert max(abs(ours / exact - 1.0) for exact, ours in pairs) < MUJOCO
 
 
+@pytest.mark.slow
 def test_no_link_is_without_mass_where_the_mass_lies_at_two_places():
     """Three quarters of the mass near the root, the rest at the end: all that moments know of it
     would be two points, and a link between them would have nothing."""

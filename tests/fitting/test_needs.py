@@ -344,6 +344,7 @@ def test_ports_that_cannot_move_an_axis_that_matters_are_rigid():
     assert any("torsion" in line for line in result.choice.cannot)
 
 
+@pytest.mark.slow
 def test_a_number_in_modes_overrules_the_choice():
     scene = Scene(bandwidth=20.0, tolerance=1e-3, axes=("z",))
     free = fit(tube(), root=Root(hub=HUB), scene=scene)
@@ -362,6 +363,7 @@ def test_a_number_in_modes_overrules_the_choice():
     assert "above the tolerance" in rigid.status.message
 
 
+@pytest.mark.slow
 def test_a_tolerance_no_model_meets_is_said_and_the_best_is_given():
     result = fit(
         tube(), root=Root(hub=HUB), scene=Scene(bandwidth=3000.0, tolerance=1e-9, axes=("z",))
@@ -385,6 +387,7 @@ def test_free_ports_do_not_fill_up_where_typed_modes_miss_the_tolerance():
     assert result.choice.modes["axial"] <= 1  # further ones lower the error by less than 1 %
 
 
+@pytest.mark.slow
 def test_elements_that_nothing_uses_are_left_out():
     scene = Scene(bandwidth=20.0, axes=("z",), visuals=False)
     bare = fit(tube(), root=Root(hub=HUB), scene=scene).to_mjcf()
@@ -431,6 +434,7 @@ def test_full_keeps_no_fewer_than_the_scene_needs(tmp_path):
     assert full["scene"]["error"] <= 1e-3
 
 
+@pytest.mark.slow
 def test_no_neighbour_of_the_choice_is_better():
     """The joint that is soft in one plane only: neighbours in both planes were never looked at."""
     spec = spec_of(tube_and_strip(0, {}, scene={"bandwidth": 40.0, "tolerance": 1e-3}))
@@ -448,6 +452,7 @@ def test_no_neighbour_of_the_choice_is_better():
             assert other.promise > 1e-3 or step > 0
 
 
+@pytest.mark.slow
 def test_numbers_beside_a_scene_stay():
     spec = spec_of(
         tube_and_strip(0, {"xy": 1, "xz": 5}, scene={"bandwidth": 40.0, "tolerance": 1e-3})

@@ -27,6 +27,7 @@ def said(length=5.0, diameter=0.02, modulus=7e10, density=2700.0, theory="euler"
     return " ".join(fit.warnings)
 
 
+@pytest.mark.slow
 def test_sound_numbers_pass_in_silence():
     assert said() == ""
     for beam in (seed_boom(), stepped_boom(), panels()):
@@ -53,6 +54,7 @@ def test_slips_are_asked_about(wrong, words):
         ({"xy": [0.3], "xz": [0.4]}, "ratio.xy[0]"),
     ],
 )
+@pytest.mark.slow
 def test_damping_in_per_cent_is_asked_about(ratio, place):
     damping = bc.Damping(ratio=ratio)
     said_of = bc.fit(seed_boom(), damping=damping).warnings

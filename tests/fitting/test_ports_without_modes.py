@@ -41,6 +41,7 @@ def fitted(folder, spec, document=None):
 
 
 # -- closed forms ----------------------------------------------------------------------------------
+@pytest.mark.slow
 def test_a_body_on_a_twisting_rod_without_inertia(tmp_path):
     rod = {"shape": "equivalent", "bending_stiffness_xy": 3e2, "linear_mass": 1.3}
     spec = {
@@ -59,6 +60,7 @@ def test_a_body_on_a_twisting_rod_without_inertia(tmp_path):
     assert "a free root leaves 0 of 1 modes in torsion" in " ".join(answer.err.split())
 
 
+@pytest.mark.slow
 def test_a_boom_without_polar_inertia_and_a_body_with_it_for_a_scene(tmp_path):
     section = {
         "shape": "equivalent",
@@ -81,6 +83,7 @@ def test_a_boom_without_polar_inertia_and_a_body_with_it_for_a_scene(tmp_path):
     assert found[:2] == pytest.approx(truth[:2], rel=1e-3)  # those in the band
 
 
+@pytest.mark.slow
 def test_bodies_on_springs_take_all_mass_with_them(tmp_path):
     mass, reach = np.array([3.0, 4.5]), np.array([1.0, 3.0])
     rows = np.sqrt(mass) * np.array([np.ones(2), reach])  # across, about z
@@ -120,6 +123,7 @@ def clamped_by_transition(file):
 
 
 @pytest.mark.parametrize("stiffness", [1e-3, 1e6])
+@pytest.mark.slow
 def test_a_figure_says_which_reading_it_comes_from(stiffness, tmp_path):
     """A root that is 1e9 times softer than the rod costs the differences of A and B digits."""
     rod = {"shape": "equivalent", "bending_stiffness_xy": 2e2, "linear_mass": 0.9}
@@ -172,6 +176,7 @@ def test_some_combinations(case, tmp_path):
     checked(case, tmp_path, "--no-report")
 
 
+@pytest.mark.slow
 def test_a_beam_that_is_rigid_in_its_band_has_a_report(tmp_path):
     """Its error is 0 at every frequency."""
     rod = {"shape": "equivalent", "bending_stiffness_xy": 3e2, "bending_stiffness_xz": 3e5}

@@ -59,6 +59,7 @@ def leaning():
     return result, *settled(result, (0.0, -ACCELERATION, 0.0))
 
 
+@pytest.mark.slow
 def test_amplitudes_are_the_modal_coordinates(leaning):
     """Phi'' + w^2 Phi = -L a at rest: amplitude -L a / w^2, with L and w of the beam itself."""
     _, _, data = leaning
@@ -118,10 +119,12 @@ def test_root_load_is_the_weight(leaning):
     assert np.max(np.abs(force[[0, 2]])) < 1e-6 * abs(force[1])
 
 
+@pytest.mark.slow
 def test_nothing_is_written_without_being_asked():
     assert mujoco.MjModel.from_xml_string(bc.fit(held(tube())).to_mjcf()).nsensor == 0
 
 
+@pytest.mark.slow
 def test_sensors_travel_into_a_spacecraft(tmp_path):
     spec = sensing(
         deployed_array(),

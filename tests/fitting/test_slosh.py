@@ -144,6 +144,7 @@ class TestFlow:
         assert roll < 1e-6 * rigid[1, 1]
 
     @pytest.mark.parametrize("name", TANKS)
+    @pytest.mark.slow
     def test_force_and_moment_of_sway_and_pitch(self, tmp_path, name):
         """What two pendulums leave out falls as the square of frequency; what six leave is less."""
         radius, height = TANKS[name]
@@ -176,6 +177,7 @@ class TestFile:
         ratio = np.diag(damping) / mass / (2.0 * bench.frequencies())
         assert ratio == pytest.approx(0.02 * np.sqrt(0.05 / acceleration), rel=DIFFERENCED)
 
+    @pytest.mark.slow
     def test_shapes_are_left_out_where_asked(self, tmp_path):
         drawn = mujoco.MjModel.from_xml_string(fitted(tmp_path, 0.5, 0.8).to_mjcf())
         assert sorted(drawn.geom_type.tolist()) == [2, 2, 5]  # two balls in a cylinder
@@ -198,6 +200,7 @@ class TestFile:
     @pytest.mark.parametrize(
         ("axis", "along"), [("y", [0, 1, 0]), ("z", [0, 0, 1]), ("-x", [-1, 0, 0])]
     )
+    @pytest.mark.slow
     def test_another_axis_of_the_place(self, tmp_path, axis, along):
         """The file, its balls and its thrust point along it; what is read back is not changed."""
         fits = [fitted(tmp_path, 0.5, 0.8, acceleration=0.05, axis=one) for one in ("x", axis)]

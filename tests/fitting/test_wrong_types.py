@@ -60,6 +60,7 @@ def typed(n, seq):
 
 
 @pytest.mark.parametrize("kind", [np.float32, Fraction])
+@pytest.mark.slow
 def test_numbers_of_any_kind_are_pythons_own(kind, tmp_path):
     plain = typed(float, tuple)
     other = typed(kind, list)

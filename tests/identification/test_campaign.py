@@ -204,6 +204,7 @@ def verdict(case, folder):
 
 
 @pytest.mark.parametrize("seed", [0, 3, 5, 12])
+@pytest.mark.slow
 def test_cases(seed, tmp_path):
     judged = verdict(draw(seed), tmp_path)
     assert judged.verdict in ("right", "undetermined", "refused rightly"), judged

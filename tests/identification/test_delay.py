@@ -95,6 +95,7 @@ def test_a_late_torque_is_found_with_a_prior(halves, prior):
 
 
 @pytest.mark.parametrize("known", KNOWN, ids=WITH)
+@pytest.mark.slow
 def test_a_punctual_torque_is_said_to_be_punctual(known, prior):
     found = identification.identify(late(0), HUB.xml, "mount", prior=prior if known else None)
     assert abs(found.delay) < REACH * found.delay_std
@@ -108,6 +109,7 @@ def test_a_log_that_begins_in_motion_may_be_five_samples_late():
     check(found, 5.0 * STEP)
 
 
+@pytest.mark.slow
 def test_unequal_steps_and_gaps_change_nothing():
     """The torque is logged at unequal times, and acts 0.03 s after them."""
     rng = np.random.default_rng(4)
@@ -123,6 +125,7 @@ def test_unequal_steps_and_gaps_change_nothing():
 
 
 @pytest.mark.parametrize("known", KNOWN, ids=WITH)
+@pytest.mark.slow
 def test_a_rate_integrating_gyro_is_named_by_its_column(known, prior):
     found = identification.identify(
         integrated("mean_rate_z"), HUB.xml, "mount", prior=prior if known else None
@@ -133,6 +136,7 @@ def test_a_rate_integrating_gyro_is_named_by_its_column(known, prior):
     assert verdict.verdict != "wrong", verdict
 
 
+@pytest.mark.slow
 def test_a_rate_integrating_gyro_called_a_rate_is_half_a_sample_late(prior):
     found = identification.identify(integrated("rate_z"), HUB.xml, "mount", prior=prior)
     assert abs(found.delay / STEP - 0.5) < 0.01
@@ -153,6 +157,7 @@ def test_without_noise_delay_and_modes_are_exact(halves):
         assert abs(mode.frequency / true - 1.0) < EXACT
 
 
+@pytest.mark.slow
 def test_a_frequency_response_with_a_delay():
     omega = np.linspace(0.2, 20.0, 600)
     rng = np.random.default_rng(2)

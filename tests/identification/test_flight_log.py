@@ -110,6 +110,7 @@ def test_seen_from_a_hub_that_cannot_be_pushed_the_modes_are_the_clamped_ones():
     assert np.allclose(np.abs(rows), np.abs(about_centre), atol=1e-8)
 
 
+@pytest.mark.slow
 def test_the_bound_on_the_variance_shrinks_with_the_root_of_the_samples():
     pair = wings(5.0, 1.0, 200.0, 350.0, 50.0, 0.05)
     pair = pair.kept(np.flatnonzero(pair.participation[5])[:1])

@@ -60,6 +60,7 @@ def relative(found, truth):
 
 # -- without noise ---------------------------------------------------------------------------------
 @pytest.mark.parametrize("prior", [None, 1.2], ids=["no prior", "a prior 20 % off"])
+@pytest.mark.slow
 def test_without_noise_two_modes_are_found_exactly(prior, tmp_path):
     path = None if prior is None else write_prior(tmp_path, TWO, frequency=prior, participation=0.8)
     found = identification.identify(log_about_z(TWO, Gyro()), HUB.xml, "mount", modes=2, prior=path)
@@ -143,12 +144,14 @@ def test_intervals_hold_the_truth_in_many_draws_with_the_order_found():
     agrees_with_theory(*draws(100))
 
 
+@pytest.mark.slow
 def test_of_forty_modes_those_that_show_are_right():
     found = identification.identify(log_about_z(), HUB.xml, "mount")
     verdict = judge(found, PAIR, [2], [0, 1])
     assert verdict.verdict == "right", verdict
 
 
+@pytest.mark.slow
 def test_the_held_out_piece_is_predicted_to_the_noise():
     log = log_about_z()
     found = identification.identify(log, HUB.xml, "mount", modes=3)
@@ -218,6 +221,7 @@ def test_two_close_modes_are_two_or_lie_within_the_stated_resolution(apart, mode
 
 
 @pytest.mark.parametrize("ratio", [0.0005, 0.05])
+@pytest.mark.slow
 def test_damping_is_right_from_slight_to_high(ratio):
     pair = PAIR.damped(ratio)
     found = identification.identify(log_about_z(pair), HUB.xml, "mount")
@@ -228,6 +232,7 @@ def test_damping_is_right_from_slight_to_high(ratio):
     assert first.damping_std < 0.1 * ratio
 
 
+@pytest.mark.slow
 def test_a_mode_above_half_the_sample_rate_is_not_taken_for_a_slow_one():
     time = np.arange(0.0, 300.0, 0.4)  # half the rate is 7.85 rad/s; 12.46 rad/s folds to 3.2 rad/s
     found = identification.identify(
@@ -290,6 +295,7 @@ def test_a_gyro_that_reads_whole_steps_of_most_of_its_signal_is_not_trusted():
 
 
 # -- what the log does not say ---------------------------------------------------------------------
+@pytest.mark.slow
 def test_rows_of_other_axes_are_undetermined_without_a_prior():
     found = identification.identify(log_about_z(), HUB.xml, "mount", modes=2)
     for mode in found.modes:
@@ -318,6 +324,7 @@ def test_rows_of_other_axes_come_from_the_prior(tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_without_a_prior_a_boom_on_a_free_hub_is_not_called_clamped():
     hub = Hub(port=np.array([0.5, 0.0, 0.0]))
     elastic = boom(8.0, 1.2, 500.0, 900.0, 60.0, 0.05)

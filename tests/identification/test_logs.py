@@ -3,6 +3,7 @@ every kind of file gives the same columns. No tolerances: what is read is compar
 """
 
 import numpy as np
+import pytest
 
 from beamchain import identification
 from beamchain.identification.channels import (
@@ -152,6 +153,7 @@ def test_the_command_writes_no_output_onto_its_prior(tmp_path, capsys, monkeypat
     assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
+@pytest.mark.slow
 def test_a_good_log_is_read_as_its_mapping_is(tmp_path):
     omega = np.linspace(0.2, 8.0, 300)
     s = 1j * omega

@@ -36,6 +36,7 @@ def written(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_the_file_of_modes_has_no_mass_and_says_so(written):
     with pytest.raises(bc.InputError, match="mass"):
         bc.fit(written / "wing.toml")

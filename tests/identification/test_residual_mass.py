@@ -42,6 +42,7 @@ def log(inertia: float) -> dict[str, np.ndarray]:
 
 
 @pytest.mark.parametrize("inertia", [40.0, 70.0])
+@pytest.mark.slow
 def test_modes_that_are_not_excited_leave_a_positive_mass(inertia):
     found = identification.identify(log(inertia), CRAFT, "mount", prior=prior())
     rows = np.array([mode.participation for mode in found.modes])

@@ -163,12 +163,14 @@ def test_a_difference_has_added_lines_only(name, command, tmp_path):
     assert all(line.endswith("\r\n") == ("\r\n" in before) for line in after.splitlines(True))
 
 
+@pytest.mark.slow
 def test_a_keyframe_that_changes_stays_in_its_comment(command, tmp_path):
     after = embed_and_remove(command, tmp_path, ODD[KEYED].encode())
     assert r"<key name=\"one\" qpos=\"0 0 0 1 0 0 0\" />" in after
     assert mujoco.MjModel.from_xml_path(str(tmp_path / "flexible.xml")).nkey == 1
 
 
+@pytest.mark.slow
 def test_what_the_user_adds_beside_an_appendage_stays(command, tmp_path):
     """A body that had no content, opened for an appendage;
     he writes a site into it before he takes the appendage out."""
@@ -203,6 +205,7 @@ def test_other_encodings_are_refused_with_their_cure(declared, tmp_path, capsys,
     assert not (tmp_path / "out.xml").exists()
 
 
+@pytest.mark.slow
 def test_a_mark_changed_by_hand_is_one_sentence(command, tmp_path, capsys, monkeypatch):
     (tmp_path / "craft.xml").write_text(PLAIN)
     command("embed", "craft.xml", "--mount", "mount=rod.toml", "-o", "flexible.xml", "--no-report")

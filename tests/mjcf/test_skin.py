@@ -207,6 +207,7 @@ def errors_of(found):
 
 
 @pytest.mark.parametrize("given", [WING, MAST, BOOM, STEPPED], ids=lambda given: given["name"])
+@pytest.mark.slow
 def test_the_surface_follows_every_kept_mode(given):
     fit = fitted(given)
     _, _, found = compared(given, fit)
@@ -229,6 +230,7 @@ def test_the_shipped_examples_do(name):
     assert max(errors_of(found).values()) < FOLLOWED
 
 
+@pytest.mark.slow
 def test_what_no_weights_can_follow_is_as_near_as_can_be():
     """Two bending planes and torsion of one sheet share two hinges.
 

@@ -34,6 +34,7 @@ def wheel_error(truth):
     return np.abs(amplitudes).sum(axis=0)
 
 
+@pytest.mark.slow
 def test_the_budget_of_its_wheel(craft):
     wheel = pointing.WheelDisturbance(
         joint="rw", speeds=(2.0, 12.0), static=STATIC, dynamic=DYNAMIC

@@ -113,6 +113,7 @@ def test_a_narrow_resonance_is_not_missed(ratio):
     assert abs(budget.ape.peak[2] / size(near).max() - 1.0) < CLOSED
 
 
+@pytest.mark.slow
 def test_rms_and_window_of_harmonics():
     window = 0.7
     wheel = pointing.WheelDisturbance(
@@ -363,6 +364,7 @@ def snap_angle(t, moment, tau):
 
 
 @pytest.mark.parametrize("tau", [0.02, 0.5, 6.0])
+@pytest.mark.slow
 def test_a_load_that_rises_exponentially(tau):
     moment, window = 0.2, 0.4
     snap = pointing.ThermalSnap(appendage="arm_", moment=moment, time_constant=tau)
@@ -431,6 +433,7 @@ def turned_by_the_first_mode(displacement):
     return -bent * np.linalg.solve(mass, moved)[1]
 
 
+@pytest.mark.slow
 def test_the_displacement_is_that_of_the_beams_tip_however_many_modes_are_kept(tmp_path):
     snap = pointing.ThermalSnap(appendage="boom_", displacement=2e-3, time_constant=60.0)
     section = bc.Equivalent(bending_stiffness_xy=BEND, linear_mass=PER_LENGTH)
@@ -450,6 +453,7 @@ def test_the_displacement_is_that_of_the_beams_tip_however_many_modes_are_kept(t
 
 
 # -- all together ----------------------------------------------------------------------------------
+@pytest.mark.slow
 def test_sources_add_up():
     wheel = pointing.WheelDisturbance(joint="spin", speeds=(5.0, 9.0), static=1e-5)
     noise = pointing.NoiseDisturbance(

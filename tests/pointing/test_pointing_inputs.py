@@ -43,6 +43,7 @@ def files(tmp_path):
     return tmp_path
 
 
+@pytest.mark.slow
 def test_a_file_says_what_python_says(files):
     read = pointing.budget(files / "craft.xml", files / "jitter.toml", window=0.5)
     python = pointing.Disturbances(
@@ -77,6 +78,7 @@ def test_a_file_says_what_python_says(files):
     ]
 
 
+@pytest.mark.slow
 def test_the_command_adds_the_budget(files):
     answer = call(
         "pointing",
@@ -117,6 +119,7 @@ def test_a_deviation_vanishes_with_the_window_and_is_the_error_itself_in_an_endl
         assert np.isclose(whole.rpe.peak[2], whole.ape.peak[2], rtol=5e-3)
 
 
+@pytest.mark.slow
 def test_an_imbalance_in_other_units_is_noted(files):
     """2 kg that lie 0.1 mm off the axis are 2e-4 kg m."""
     for old, new, said in (

@@ -30,6 +30,7 @@ def craft():
 
 
 @pytest.mark.parametrize("kind", sorted(PLACES))
+@pytest.mark.slow
 def test_an_unbalanced_wheel_at_the_worst_speed(craft, kind):
     budget = budget_of(craft, kind)
     worst = max(budget.worst, key=lambda error: error.peak)
@@ -56,6 +57,7 @@ def test_an_unbalanced_wheel_at_the_worst_speed(craft, kind):
     assert abs(run.difference) < RUN
 
 
+@pytest.mark.slow
 def test_a_snap_that_moves_the_springs(craft):
     """A uniform thermal moment is a torque on every hinge of its plane."""
     moment, tau = 0.05, 0.3

@@ -72,6 +72,7 @@ def test_an_embedding_says_its_worst_mode(embedded):
     assert len(rows) == 1 + len(embedded.assembly.modes)
 
 
+@pytest.mark.slow
 def test_beams_and_fits_can_be_embedded(fitted):
     by_beam = bc.embed(CRAFT, {"mount": seed_boom()})
     by_fit = bc.embed(CRAFT, {"mount": bc.fit(seed_boom())})

@@ -59,6 +59,7 @@ def test_verdict(boom):
     assert "more than the tolerance" in missed.text_content()
 
 
+@pytest.mark.slow
 def test_status_is_told_and_escaped():
     fit = bc.fit(tapered_boom(), modes={"torsion": 1})
     fit = replace(fit, status=Status(False, "xy keeps 1 < 2 modes & more", ("first <try>",)))
@@ -87,6 +88,7 @@ def test_spec_text_holds_every_kind_of_value():
 
 
 @pytest.mark.parametrize("name", EVERY)
+@pytest.mark.slow
 def test_axes_have_labels_with_units(name):
     fit = fitted(name)
     for port in fit.target:
@@ -119,6 +121,7 @@ def test_no_label_of_the_chain_overlaps_another(name):
             assert not any(box.overlaps(other) for other in boxes[i + 1 :])
 
 
+@pytest.mark.slow
 def test_titles_say_what_is_per_what(boom):
     titles = [ax.get_title(loc="left") for ax in plots.accelerance_figure(boom[0], "xy").axes[::2]]
     assert titles[0] == "acceleration of the root per force"
@@ -250,6 +253,7 @@ def test_prefixes(value, text):
     assert plots.with_si_prefix(value, "N") == text
 
 
+@pytest.mark.slow
 def test_panels_in_hertz_have_ids_of_their_own():
     embedded = bc.embed(CRAFTS / "planar.xml", {"mount": spec("rod")})
     picture = assembly_figure(embedded.assembly)  # two panels stand uppermost

@@ -84,6 +84,7 @@ def text_of(page: str) -> str:
 
 # -- the page --------------------------------------------------------------------------------------
 @pytest.mark.parametrize("name", EVERY)
+@pytest.mark.slow
 def test_page_is_self_contained_and_sound(reports, name):
     _, page, _ = reports(name)
     assert not re.search(

@@ -52,6 +52,7 @@ def rows(page, title):
 
 
 @pytest.mark.parametrize("name", ["embed", "stability"])
+@pytest.mark.slow
 def test_page_is_self_contained_and_sound(name, pages):
     page = pages[name]
     assert not re.search(
@@ -125,6 +126,7 @@ def test_commands_of_the_embed_page_make_the_same_file(pages, observer, tmp_path
     assert (tmp_path / "out_report.html").read_text() == pages["embed"]
 
 
+@pytest.mark.slow
 def test_no_report_where_none_is_wanted(tmp_path):
     words = ["embed", str(CRAFTS / "planar.xml"), "--mount", f"mount={spec('rod')}", "-q"]
     assert call(*words, "-o", tmp_path / "out.xml", "--no-report").status == 0
@@ -186,6 +188,7 @@ def test_names_of_the_user_keep_their_letters():
     assert "Gravity is 0 0 -9.81" in page
 
 
+@pytest.mark.slow
 def test_dollars_in_a_name_are_no_formula(tmp_path):
     text = """<mujoco><option gravity="0 0 0"/><worldbody><body name="hub"><freejoint/>
     <geom size=".5" mass="50"/>

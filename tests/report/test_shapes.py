@@ -52,6 +52,7 @@ def test_uniform_cantilever_against_the_closed_form():
 
 @pytest.mark.parametrize("make", BEAMS)
 @pytest.mark.parametrize("port", ["xy", "xz"])
+@pytest.mark.slow
 def test_tip_is_the_elements_own(make, port):
     beam = make()
     model = beam.port(port, 8).truncated(3)
@@ -103,6 +104,7 @@ def test_chain_shapes_end_at_its_tip(port, kept):
             assert hinge.x in x
 
 
+@pytest.mark.slow
 def test_the_drawing_shows_every_kept_mode_and_moves_by_style_alone():
     fit = bc.fit(panels(), modes={"xy": 3, "xz": 1})
     for port, count in (("xy", 3), ("xz", 1)):

@@ -290,6 +290,7 @@ def bounded():
     return oscillator().worst_case(PULLED, samples=5, simulate=False, bound=True)
 
 
+@pytest.mark.slow
 def test_the_bound_of_an_oscillator_is_its_worst_gain(bounded):
     loops = PULLED
     bound = bounded.bound
@@ -554,6 +555,7 @@ def turning(tmp_path):
     return SimpleNamespace(folder=tmp_path, embedded=embedded)
 
 
+@pytest.mark.slow
 def test_a_worst_case_per_pose_and_the_worst_of_them(turning):
     scheduled = bc.plant(turning.embedded, ["torque:bus"], pose={"drive": [0.0, 1.2]})
     files = turning.folder / "uncertain.toml", turning.folder / "loops.toml"

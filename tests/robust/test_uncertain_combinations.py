@@ -23,6 +23,7 @@ def made():
     return bc.embed(CRAFT, {"mount": array()})
 
 
+@pytest.mark.slow
 def test_commands_do_not_change_with_an_uncertain_craft(made):
     """A flight computer knows the nominal craft alone: of a sample whose mass centre has moved,
     thrusters share a torque out as before."""

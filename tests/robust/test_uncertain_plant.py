@@ -186,6 +186,7 @@ def against_xml(embedded, plant, given, count):
     return worst
 
 
+@pytest.mark.slow
 def test_samples_are_plants_of_recompiled_models(embedded, plant, file_of):
     assert against_xml(embedded, plant, file_of(ALL), 6) < TRUTH
 
@@ -344,6 +345,7 @@ def test_samples_lie_below_the_worst_and_mujoco_confirms(small, file_of):
     assert abs(found.simulated / found.gain - 1.0) < PEAK
 
 
+@pytest.mark.slow
 def test_an_unstable_sample_is_found(embedded, file_of, tmp_path):
     """A loop just inside its gain margin, which less inertia, damping or stiffness takes away."""
     plant = bc.plant(embedded, ["torque:bus"], ["attitude"])
@@ -367,6 +369,7 @@ def test_an_unstable_sample_is_found(embedded, file_of, tmp_path):
         uncertain.worst_case(file_of(scaled(LOOPS, 2, 1.1 * limit)))
 
 
+@pytest.mark.slow
 def test_one_loop_of_a_craft_whose_axes_couple(small, file_of):
     """What drifts about the other axes takes no part;
     a peak at low frequency is a long run for the fast modes."""
@@ -376,6 +379,7 @@ def test_one_loop_of_a_craft_whose_axes_couple(small, file_of):
     assert abs(found.simulated / found.gain - 1.0) < PEAK
 
 
+@pytest.mark.slow
 def test_loops_on_one_input_add_up(small, file_of):
     """One loop, and the same as two of unequal share."""
     one = LOOPS[2]

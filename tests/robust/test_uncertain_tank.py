@@ -1,9 +1,12 @@
 """A tank on an uncertain spacecraft: its liquid is as certain as the thrust that presses it."""
 
+import pytest
+
 from barge import BOTH, embedded
 from command import call
 
 
+@pytest.mark.slow
 def test_a_liquid_is_not_varied(tmp_path):
     embedded(tmp_path, 0.05, arrays=BOTH).write(tmp_path / "flexible.xml")
     (tmp_path / "u.toml").write_text("[appendage.tank_]\nfrequency = { relative = 0.1 }\n")

@@ -3,6 +3,7 @@
 import pickle
 
 import numpy as np
+import pytest
 
 import beamchain as bc
 from beamchain import robust
@@ -15,6 +16,7 @@ def pickled(value):
     return pickle.loads(pickle.dumps(value))
 
 
+@pytest.mark.slow
 def test_an_uncertain_plant_travels(tmp_path):
     """Also one of a plant that has travelled itself."""
     other = pickled(bc.plant(embedded("a boom on a damped drive"), ["torque:hub"], ["attitude"]))

@@ -89,6 +89,7 @@ def test_motion_that_no_loop_touches_is_no_instability(axes, rate):
     assert [row.worst for row in rows] == pytest.approx(least.tolist(), rel=FOUND)
 
 
+@pytest.mark.slow
 def test_a_loop_that_drives_the_craft_away_is_refused_as_before():
     model = mujoco.MjModel.from_xml_string(CRAFT)
     plant = bc.plant(model, ["torque:bus"], ["attitude"], rates={"wheel": 300.0})
@@ -110,6 +111,7 @@ def test_a_loop_that_drives_the_craft_away_is_refused_as_before():
         uncertain.worst_margins(wrong)
 
 
+@pytest.mark.slow
 def test_a_gain_to_motion_that_no_loop_holds_is_refused_as_before():
     """A torque about z turns the craft about x, where nothing stops it."""
     model = mujoco.MjModel.from_xml_string(CRAFT)

@@ -78,6 +78,7 @@ def frequencies(plant, word):
     return [w for n, w in zip(plant.modes, plant.frequency, strict=True) if word in n]
 
 
+@pytest.mark.slow
 def test_a_servo_and_the_modes_of_other_axes_do_not_vouch_for_a_margin(plant):
     """About y the wings twist, and one torsion mode is kept; servos and bending are faster."""
     found = bc.margins(plant, controller(x=1.0, y=1.0))
@@ -96,6 +97,7 @@ def test_a_servo_and_the_modes_of_other_axes_do_not_vouch_for_a_margin(plant):
 
 
 @pytest.mark.parametrize("axis", "xz")
+@pytest.mark.slow
 def test_the_mode_of_a_gain_margin_is_that_which_grows_beyond_it(plant, axis):
     """The closed loop's growing pole, followed back to the open loop, starts at that mode."""
     (loop,) = bc.margins(plant, controller(**{axis: 1.0})).loops
@@ -143,6 +145,7 @@ def test_modes_that_oppose_each_other_are_listed_as_left_out(embedded, plant, tm
     assert f"no output sees them: {', '.join(plant.unreached)}" in words
 
 
+@pytest.mark.slow
 def test_a_pose_of_several_stands_in_a_column(embedded):
     poses = [{"north": np.radians(a), "south": np.radians(-a)} for a in (0.0, 45.0)]
     plants = bc.plant(embedded, ["torque:bus"], ["attitude"], pose=poses)
@@ -186,6 +189,7 @@ def test_all_loops_at_once_are_never_better_than_one(plant, gains):
     )
 
 
+@pytest.mark.slow
 def test_worst_margins_of_poses_name_the_worst(embedded):
     poses = [{"north": np.radians(a), "south": np.radians(-a)} for a in (0.0, 60.0)]
     plants = bc.plant(embedded, ["torque:bus"], ["attitude"], pose=poses)
@@ -234,12 +238,14 @@ def test_a_wrong_sign_is_asked_for(plant):
     assert any("is the sign of the numerators right?" in i.sentence for i in wrong.instabilities)
 
 
+@pytest.mark.slow
 def test_the_sign_of_a_late_loop_is_not_asked_for(plant):
     late = bc.margins(plant, controller(x=100.0))
     assert late.instabilities
     assert not any("sign of the numerators" in one.sentence for one in late.instabilities)
 
 
+@pytest.mark.slow
 def test_an_appendage_that_runs_through_the_craft_is_noted(embedded):
     """The south wing turned by half a turn; a boom across the top of the bus is fine."""
     turned = CRAFT.replace(YOKE.format("south", -0.9, -1, 1), YOKE.format("south", -0.9, 1, -1))
@@ -257,6 +263,7 @@ def test_an_appendage_that_runs_through_the_craft_is_noted(embedded):
 
 
 @pytest.mark.parametrize(("place", "noted"), [(500.0, True), (15.0, False)])
+@pytest.mark.slow
 def test_a_place_in_other_units_is_noted(place, noted):
     """A site at 0.5 m, in mm; and one on a long arm, which is meant."""
     craft = CRAFT.replace(
@@ -268,6 +275,7 @@ def test_a_place_in_other_units_is_noted(place, noted):
     assert not far or f"far stands {place:.4g} m from the spacecraft's centre of mass" in far[0]
 
 
+@pytest.mark.slow
 def test_a_single_pose_is_called_by_its_joints(embedded, tmp_path):
     made = bc.plant(embedded, ["torque:bus"], ["attitude"], pose={"north": np.radians(45.0)})
     assert made.pose == "north 45°"

@@ -138,6 +138,7 @@ def test_the_worst_sample_runs_in_mujoco(output, options, tmp_path):
     assert f"{worst.simulated:.4g} in MuJoCo" in worst.sentence
 
 
+@pytest.mark.slow
 def test_a_run_that_would_take_too_long_is_left_out(tmp_path):
     stiff = WHEEL.format(' stiffness="4e8" damping="400"')
     uncertain = uncertain_plant(tmp_path, 0.01, body=stiff)
@@ -191,6 +192,7 @@ def test_a_loop_that_drifts_away_does_not_ring(options):
     worst.plot()
 
 
+@pytest.mark.slow
 def test_an_output_that_the_input_does_not_move_is_refused():
     """The axes of a craft without products of inertia do not know of each other."""
     uncertain = with_uncertain_drive(CRAFT.format(ROTOR, ""))

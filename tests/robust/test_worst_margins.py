@@ -61,6 +61,7 @@ def pushed(mass, stiffness, power):
         (SLIDING, ("force:bus", "felt", "force_x", "felt_x"), 2, np.inf),
     ],
 )
+@pytest.mark.slow
 def test_limits_at_rest_and_at_infinite_frequency_and_signs_of_phases_count(
     model, ends, power, where
 ):

@@ -49,6 +49,7 @@ def cured(craft, words):
     return replace(craft, text=text, step=step, integrator=integrator)
 
 
+@pytest.mark.slow
 def test_another_integrator_at_the_same_step_is_named_where_it_helps():
     craft = drawn(0.01, "implicitfast")
     made = stepped.embedded(craft)
@@ -113,6 +114,7 @@ def fit_error(file, step=None):
 HUB = "[root]\nhub = { mass = 100.0, inertia = [30.0, 40.0, 50.0], offset = [0.0, 0.0, 0.0] }\n"
 
 
+@pytest.mark.slow
 def test_a_fit_whose_step_ruins_the_motion_begins_with_the_cure(tmp_path):
     def fitted(step):
         file = tmp_path / "boom.toml"
@@ -129,6 +131,7 @@ def test_a_fit_whose_step_ruins_the_motion_begins_with_the_cure(tmp_path):
     assert (made.status.ok, found < 0.1) == (True, True)
 
 
+@pytest.mark.slow
 def test_damping_of_hinges_is_told_its_cure_and_the_cure_leads_to_no_other(tmp_path):
     def fitted(form):
         file = tmp_path / "boom.toml"

@@ -108,6 +108,7 @@ def test_a_rendered_turn_warns():
     assert any(s.startswith("slew reached 0.112 rad/s^2") for s in said)
 
 
+@pytest.mark.slow
 def test_study_warns_where_no_chain_reaches_a_target():
     spec = bc.read_spec(SEED)
     task, scenario = studies.prepare(studies.spec_toml(spec), studies.Options(duration=10.0))
@@ -127,6 +128,7 @@ def test_study_warns_where_no_chain_reaches_a_target():
     assert [r[1] for r in rows[:2]] == ["none of ours within the budget", "equal links, midpoint"]
 
 
+@pytest.mark.slow
 def test_study_warns_of_a_load_beyond_the_chain():
     profile = "time,mz\n0,60\n2,-60\n4,0\n"  # 0.1 rad/s^2 on the hub
     options = studies.Options(profile=profile, duration=10.0, budget=1e-3, models=("exact, hub",))

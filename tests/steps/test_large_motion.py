@@ -51,6 +51,7 @@ def resting(text: str, acceleration: float) -> float:
     return float(mass @ data.xipos[1:, 1] / mass.sum())
 
 
+@pytest.mark.slow
 def test_the_acceleration_at_which_it_leaves(chains):
     beam, ours, limit = chains
     files = (ours.to_mjcf(), equal_file(beam, FINE, "midpoint", name="fine"))
@@ -66,6 +67,7 @@ def test_the_acceleration_at_which_it_leaves(chains):
     assert error(1.5 * limit.acceleration) > LEFT / 3.0
 
 
+@pytest.mark.slow
 def test_the_spin_at_which_it_leaves(chains):
     beam, ours, limit = chains
     assert np.isfinite(limit.spin)
@@ -84,6 +86,7 @@ def test_the_spin_at_which_it_leaves(chains):
     assert error(1.25 * limit.spin) > LEFT
 
 
+@pytest.mark.slow
 def test_more_modes_go_further(chains):
     beam, _, limit = chains
     more = bc.fit(beam, modes={"xy": 4, "xz": 4}).large_motion[0]["xy"]
@@ -113,6 +116,7 @@ def along(tip):
 
 
 @pytest.mark.parametrize("tip", [0.0, 200.0])
+@pytest.mark.slow
 def test_the_acceleration_along_that_lowers_the_first_frequency_by_one_percent(tip):
     """Finite elements with geometric stiffness, and that a beam buckles at 50 times this or
     before."""

@@ -197,6 +197,7 @@ def growth(model):
     return np.max(np.abs(np.linalg.eigvals(stepped(model)[0]))) - 1.0
 
 
+@pytest.mark.slow
 def test_retime_takes_back_what_it_gives_a_latched_hinge_and_says_what_that_brings():
     model, _ = boom_on_hinge(stiffness=400.0, damping=3.0)
     latched = copy.copy(model)
@@ -229,6 +230,7 @@ def test_retime_takes_back_what_it_gives_a_latched_hinge_and_says_what_that_brin
 
 
 @pytest.mark.parametrize("stiffness", [1e6, 4e6])
+@pytest.mark.slow
 def test_an_armature_with_which_the_step_is_unstable_is_warned_of(stiffness):
     model, done = boom_on_hinge(stiffness=stiffness, armature=0.0)
     assert growth(model) > 1e-3

@@ -94,6 +94,7 @@ def test_an_unstable_step_of_the_scene_is_said():
     assert f"{fit.limits.largest_step['Euler']:.4g} s" in said[0]
 
 
+@pytest.mark.slow
 def test_a_step_that_misses_the_tolerance_is_said_and_a_good_one_is_not():
     root = bc.spec.Root(hub=HUB)
     asked = {"bandwidth": 5.0, "axes": ("z",)}
@@ -150,6 +151,7 @@ def test_a_byte_order_mark_is_no_mistake(tmp_path):
         bc.read_spec(path)
 
 
+@pytest.mark.slow
 def test_an_embedding_has_no_scene_to_warn_of():
     segment = ROD.segments[0]
     scene = bc.Scene(bandwidth=5.0, axes=("z",), timestep=0.02)

@@ -19,6 +19,7 @@ def craft(request, tmp_path_factory):
     return made(request.param, tmp_path_factory.mktemp("tree"))
 
 
+@pytest.mark.slow
 def test_the_plant_with_its_wheel_at_speed(craft):
     plant = bc.plant(craft, ["torque:bus"], ["attitude"], rates={"rw": RATE})
     truth = Truth(craft, RATE)

@@ -157,6 +157,7 @@ def test_damping_of_several_appendages():
 @pytest.mark.parametrize("ratio", [0.0, 0.005, 0.1])
 @pytest.mark.parametrize("hub", [1000.0, 100.0, 10.0])
 @pytest.mark.parametrize("parts", [BOOM, PAIR, THREE], ids=["one", "two", "three"])
+@pytest.mark.slow
 def test_form_4_places_every_pole_of_any_craft(parts, hub, ratio):
     made = craft(parts, hub, hub, ratio=ratio)
     for x in (0.1, 0.5, 1.0):
@@ -319,6 +320,7 @@ def test_nothing_grows_at_any_step(parts, hub, integrator):
 
 @pytest.mark.parametrize("integrator", ["Euler", "RK4"])
 @pytest.mark.parametrize("factor", [0.1, 1.0, 10.0, 100.0])
+@pytest.mark.slow
 def test_ten_thousand_steps(factor, integrator):
     made = craft(PAIR, 1.0, 0.3)
     h = factor * (2.0 if integrator == "Euler" else 2.83) / made.frequencies()[-1]
@@ -481,6 +483,7 @@ def retimed_again(file, *words):
 
 
 @pytest.mark.parametrize("change", [("\n", "\r\n"), ("\n", ""), ("", "")])
+@pytest.mark.slow
 def test_the_first_lines_of_a_timed_file_name_its_step(change, tmp_path):
     spec, bus, file = (tmp_path / name for name in ("rod.toml", "bus.xml", "file.xml"))
     spec.write_text(ROD)
@@ -501,6 +504,7 @@ def test_the_first_lines_of_a_timed_file_name_its_step(change, tmp_path):
 
 
 @pytest.mark.parametrize(("springs", "form"), [("modes", "modal"), ("hinges", "hinge")])
+@pytest.mark.slow
 def test_the_first_lines_of_a_fit_name_its_step(springs, form, tmp_path):
     scene = '[scene]\ntimestep = 0.05\nintegrator = "Euler"\n'
     text = f'{ROD}form = "{form}"\n[fit]\nsprings = "{springs}"\n{scene}'
@@ -553,6 +557,7 @@ def test_the_error_stated_at_another_step_is_the_error_measured(factor, tmp_path
     assert measured == pytest.approx(abs(predicted), rel=0.1)
 
 
+@pytest.mark.slow
 def test_another_integrator_and_an_unstable_step_are_said(tmp_path):
     made = craft(BOOM, 500.0, 500.0, ratio=0.005)
     file, _ = retimed(made, tmp_path, 3.0, "--integrator", "Euler")
@@ -714,6 +719,7 @@ def largest_motion(file, seconds=40.0):
     return worst if data.time > seconds / 2.0 else np.inf  # MuJoCo starts again where it blew up
 
 
+@pytest.mark.slow
 def test_springs_of_the_spacecraft_still_limit_the_step(tmp_path):
     """A panel drive's own spring is not slowed: a step beyond it is refused,
     and a step as advised runs."""

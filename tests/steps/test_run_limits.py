@@ -53,11 +53,13 @@ def test_embed_warns_of_a_keyframe_beyond_the_chain():
     assert said[0] in fast.as_dict()["warnings"]
 
 
+@pytest.mark.slow
 def test_embed_into_an_mjspec_warns_too():
     done = bc.embed(mujoco.MjSpec.from_string(craft(("spin", "0 0 0.9", 0.0))), {"mount": SEED})
     assert any("keyframe spin" in w for w in done.warnings)
 
 
+@pytest.mark.slow
 def test_embedded_chains_have_limits_wherever_their_springs_stand():
     done = bc.embed(craft(("spin", "0 0 0.9", 0.0)), {"mount": bc.read_spec(spec("rod"))})
     assert done.appendages[0].large_motion

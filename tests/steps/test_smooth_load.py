@@ -40,6 +40,7 @@ def truth():
     return angles(STEP / 50.0, lambda t, h: torque(t))
 
 
+@pytest.mark.slow
 def test_a_smooth_load_is_taken_at_the_instant_of_the_step(truth):
     at_once = angles(STEP, lambda t, h: torque(t))
     averaged = angles(STEP, lambda t, h: 0.5 * (torque(t) + torque(t - h)))

@@ -54,6 +54,7 @@ def largest_step(integrator, zeta, low, high):
         (["RK4"], 0.1, 2.951),
     ],
 )
+@pytest.mark.slow
 def test_stability_cap_of_one_hinge(integrators, zeta, published):
     for integrator in integrators:
         assert largest_step(integrator, zeta, published - 0.1, published + 0.1) == close(

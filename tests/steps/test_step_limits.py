@@ -62,6 +62,7 @@ def host_stable(model, step, velocity):
 
 
 @pytest.mark.parametrize("name", QUICK)
+@pytest.mark.slow
 def test_stated_is_measured(name, tmp_path):
     judged(name, rows_of(name, tmp_path))
 

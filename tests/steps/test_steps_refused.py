@@ -131,5 +131,6 @@ def test_steps_and_latches_that_cannot_be_are_refused(case):
 
 
 @pytest.mark.parametrize("case", UNTIMED)
+@pytest.mark.slow
 def test_joints_that_cannot_be_timed_are_refused(case):
     check_refused(UNTIMED[case][0], bc.InputError, UNTIMED[case][1])

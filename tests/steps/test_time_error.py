@@ -27,6 +27,7 @@ def both(request):
     return drawn, stepped.embedded(drawn, retime=True)
 
 
+@pytest.mark.slow
 def test_the_error_of_the_poles_is_that_of_mj_step(both):
     drawn, made = both
     found, (error, frequency) = (
@@ -54,6 +55,7 @@ def test_the_error_of_the_response_is_that_of_the_run(both):
     assert set(record["time_error"]) == keys
 
 
+@pytest.mark.slow
 def test_nothing_grows(both):
     _, made = both
     z = np.linalg.eigvals(stepped.stepped(made.model)[0])
@@ -62,6 +64,7 @@ def test_nothing_grows(both):
 
 
 @pytest.mark.parametrize("integrator", ["Euler", "implicitfast"])
+@pytest.mark.slow
 def test_timing_that_gains_less_than_a_third_is_left_out_unless_asked_for(integrator):
     """Implicit integrators cannot place the pole of a mode so damped: timing changes nothing."""
     drawn = stepped.draw(5)

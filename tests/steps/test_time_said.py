@@ -41,6 +41,7 @@ def boom(name, ratio, **more):
     return bc.Spec(name=name, segment=(part,), damping=bc.Damping(ratio=ratio), **more)
 
 
+@pytest.mark.slow
 def test_implicit_states_both_errors_and_advises_euler():
     made = bc.embed(bus(0.002, "implicit"), {"a": boom("boom", 0.05)}, retime=True)
     said = [w for w in made.warnings if w.code in ("time-error", "exact-in-time")]
@@ -50,6 +51,7 @@ def test_implicit_states_both_errors_and_advises_euler():
     assert "exact in time" not in said[0]
 
 
+@pytest.mark.slow
 def test_slowed_modes_are_named_by_the_coupled_frequency_from_which_on_they_are_felt():
     model = bc.embed(
         bus(0.02), {"a": boom("one", 0.01), "b": boom("two", 0.01)}, retime=False
@@ -124,6 +126,7 @@ def test_retime_prints_both_errors_and_exits_with_3(tmp_path, capsys, monkeypatc
     assert "not known" in out
 
 
+@pytest.mark.slow
 def test_a_step_is_judged_without_timing_too_and_the_resonance_it_shifts_is_named(tmp_path):
     """Two wings of 0.5 % damping at a step whose response is off by what it makes of one
     resonance; the poles with and without the step are those of `mj_step` and of M, D, K."""
@@ -177,6 +180,7 @@ def test_fit_is_decided_at_the_stated_step(tmp_path, capsys, monkeypatch):
     )
 
 
+@pytest.mark.slow
 def test_a_sampled_plant_names_the_servo_that_is_unstable():
     craft = (
         '<mujoco><option gravity="0 0 0" timestep="0.01"/><worldbody><body '
@@ -198,6 +202,7 @@ def test_a_sampled_plant_names_the_servo_that_is_unstable():
 
 
 @pytest.mark.parametrize("damper", ['damping="400"', ""])
+@pytest.mark.slow
 def test_a_pole_that_a_drive_damps_is_named_and_euler_is_not_advised(damper):
     """Its error is that of the drive's damper, taken at the end of the step: no timing of the
     appendage mends it, and with kv in place of damping Euler would be unstable."""

@@ -162,6 +162,7 @@ def driven(drive, integrator, step, **options):
         pytest.param("servo", "Euler", marks=SLOW),
     ],
 )
+@pytest.mark.slow
 def test_sprung_drives_get_armature_only_where_it_is_asked_for(tmp_path, drive, integrator):
     step = 0.04 if drive == "sprung" else 0.005
     left = driven(drive, integrator, step, retime=True)
@@ -186,6 +187,7 @@ def test_sprung_drives_get_armature_only_where_it_is_asked_for(tmp_path, drive, 
 
 
 @pytest.mark.parametrize("drive", ["sprung", pytest.param("servo", marks=SLOW)])
+@pytest.mark.slow
 def test_sprung_drives_that_are_too_fast_for_rk4_are_slowed_where_it_is_asked_for(drive):
     left = driven(drive, "RK4", 1.0, retime=True)
     timed = driven(drive, "RK4", 1.0, retime_joints=True)
@@ -236,6 +238,7 @@ def test_the_largest_step_that_keeps_the_tolerance_is_named(tmp_path):
 
 
 @pytest.mark.parametrize("latched_first", [True, False])
+@pytest.mark.slow
 def test_timing_and_latching_of_a_joint_do_not_meet(latched_first):
     """Whichever comes first, the joint ends as it began."""
     model = driven("sprung", "Euler", 0.004, retime=False).model

@@ -73,6 +73,7 @@ def test_the_error_is_that_of_euler_s_rule(seed):
     assert stated(hub, RATES, h) == close(np.linalg.norm(taken - exact) / size, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_the_order_of_each_integrator():
     coarse, fine = (stated(HUB, RATES, h) for h in (0.2, 0.1))
     assert np.log2(coarse / fine) == close(1.0, abs=0.1)
@@ -80,6 +81,7 @@ def test_the_order_of_each_integrator():
     assert stated(HUB, RATES, 0.1, "implicitfast") == close(fine, rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_turn_about_a_principal_axis_costs_nothing():
     straight = bc.Hub(mass=300.0, inertia=(60.0, 90.0, 120.0), offset=(0.5, 0.0, 0.0))
     assert stated(straight, (0.0, 0.3, 0.0), 0.1) < 1e-14
@@ -90,6 +92,7 @@ def scene(**more):
     return bc.Scene(bandwidth=2.0, tolerance=1e-3, timestep=0.05, **more)
 
 
+@pytest.mark.slow
 def test_auto_takes_euler_for_slow_turns_and_rk4_for_fast_ones():
     slow = bc.fit(
         tube(), root=bc.spec.Root(hub=HUB), scene=scene(integrator="auto", rates=(1e-4, 1e-4, 1e-4))
@@ -105,6 +108,7 @@ def test_auto_takes_euler_for_slow_turns_and_rk4_for_fast_ones():
     assert fast.as_dict()["time"]["turn_error"] == fast.turn_error
 
 
+@pytest.mark.slow
 def test_a_step_that_turns_the_spacecraft_badly_is_said():
     result = bc.fit(tube(), root=bc.spec.Root(hub=HUB), scene=scene(integrator="Euler", rates=FAST))
     assert result.turn_error == close(stated(HUB, FAST, 0.05), rel=1e-9)
@@ -113,6 +117,7 @@ def test_a_step_that_turns_the_spacecraft_badly_is_said():
     assert "rates of (0.5, -0.3, 0.4) rad/s" in said
 
 
+@pytest.mark.slow
 def test_embed_says_it_of_the_whole_craft():
     craft = (
         '<mujoco><option timestep="0.05" gravity="0 0 0"/><worldbody><body name="bus"><freejoint/>'

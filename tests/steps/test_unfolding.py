@@ -95,6 +95,7 @@ def poles(model, pose=None):
 # -- at rest ---------------------------------------------------------------------------------------
 @BOTH
 @pytest.mark.parametrize("name", list(wings.ANGLES))
+@pytest.mark.slow
 def test_frequencies_of_each_stage_are_those_of_finite_elements(name, rigid):
     model = array(rigid).model
     truth = wings.side(BAND, wings.ANGLES[name], rigid=rigid)
@@ -213,6 +214,7 @@ def deployed(rigid):
 
 
 @BOTH
+@pytest.mark.slow
 def test_panels_unfold_and_latch_and_nothing_is_made_from_nothing(rigid):
     books = deployed(rigid)
     whole = np.abs(books.end - books.start).max() / books.size

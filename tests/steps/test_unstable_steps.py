@@ -132,6 +132,7 @@ def growth(model):
 
 
 @pytest.mark.parametrize("integrator", ["Euler", "implicitfast"])
+@pytest.mark.slow
 def test_a_step_that_one_keyframe_does_not_bear_is_warned_of_or_timed(integrator):
     text = free_arm(BETWEEN, integrator)
     plain = bc.embed(text, {"mount": LIGHT}, retime=False)
@@ -148,6 +149,7 @@ def test_a_step_that_one_keyframe_does_not_bear_is_warned_of_or_timed(integrator
 
 
 @pytest.mark.parametrize("form", [2, 4])
+@pytest.mark.slow
 def test_retime_keeps_every_keyframe_stable(form):
     model = bc.embed(free_arm(0.001, "Euler"), {"mount": LIGHT}, retime=True).model
     model.opt.timestep = 0.06  # twice what the tendons alone allow
@@ -161,6 +163,7 @@ def test_retime_keeps_every_keyframe_stable(form):
     assert done.time_error.error == pytest.approx(max(errors.values()), rel=0.1)
 
 
+@pytest.mark.slow
 def test_retime_refuses_a_step_that_the_servo_does_not_bear_at_a_keyframe(
     tmp_path, capsys, monkeypatch
 ):

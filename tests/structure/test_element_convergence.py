@@ -60,6 +60,7 @@ def test_p_convergence_is_faster_than_any_power():
     assert falls == sorted(falls)  # every pair of functions is worth more than the pair before
 
 
+@pytest.mark.slow
 def test_refinement_costs_no_digits():
     # cubic Hermite elements lose the first frequency to rounding as they are refined
     # (4e-6 at 160 of them)

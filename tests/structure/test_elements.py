@@ -240,6 +240,7 @@ PIECEWISE = {
 
 
 @pytest.mark.parametrize("name", PIECEWISE)
+@pytest.mark.slow
 def test_piecewise_frequencies(name):
     make, steps = PIECEWISE[name]
     port = make().port("xy", 6)
@@ -481,6 +482,7 @@ CROWDED = [
 
 
 @pytest.mark.parametrize(("kind", "port"), CROWDED)
+@pytest.mark.slow
 def test_many_pieces_are_the_finite_elements(kind, port):
     """So many that the beam's rows are never written down."""
     beam = crowded(kind, 45)
@@ -515,6 +517,7 @@ def test_many_pieces_are_the_finite_elements(kind, port):
 
 
 @pytest.mark.parametrize("port", ["xy", "torsion"])
+@pytest.mark.slow
 def test_five_hundred_bays_are_one(port):
     """Equal bays, kept apart by hair's breadths of stiffness, against the one rod they are."""
     section = unit_beam().segments[0].section
@@ -531,6 +534,7 @@ def test_five_hundred_bays_are_one(port):
     )
 
 
+@pytest.mark.slow
 def test_five_hundred_of_everything():
     for kind in ("lumps", "segments", "joints"):
         beam = crowded(kind, 500)

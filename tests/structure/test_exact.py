@@ -163,6 +163,7 @@ def test_held_and_free_frequencies_are_the_roots():
 
 
 @pytest.mark.parametrize("ratio", [1e-3, 0.1, 1.0, 10.0, 1e3, 1e6])
+@pytest.mark.slow
 def test_coupled_frequencies_are_zeros_of_the_loaded_beam(ratio):
     hub = ratio * np.array([[1.0, 0.3], [0.3, 0.2]])
     found = UNIT.coupled_frequencies(hub, 8)

@@ -42,6 +42,7 @@ def rounded(values, digits: int) -> np.ndarray:
     ("digits", "kept"),
     [(2, {"xy": 2}), (5, {"xy": 2}), (3, {"xy": 3, "xz": 2, "torsion": 1})],
 )
+@pytest.mark.slow
 def test_a_rounded_table_gives_its_model(tmp_path, kept, digits):
     data = modes_of_beam(boom(), kept)
     w, rows, mass = (
@@ -74,6 +75,7 @@ def test_directions_without_modes_keep_their_mass(tmp_path):
     assert result.space.achieved.frequencies == pytest.approx([4.2], rel=MUJOCO)
 
 
+@pytest.mark.slow
 def test_a_residual_below_zero_by_rounding_is_projected_and_told(tmp_path):
     """A point mass of 20 kg at 2 m on a massless rod, rounded up: 4.473^2 > 20."""
     mass = np.diag([20.0, 20.0, 20.0, 0.5, 80.5, 80.5])

@@ -38,6 +38,7 @@ def same(a: ModalData, b: ModalData, tolerance: float = SAME) -> None:
     length=st.sampled_from([1.0, 1e-3, 0.0254, 0.3048]),
     mass=st.sampled_from([1.0, 1e3, 0.45359237, 175.126835]),
 )
+@pytest.mark.slow
 def test_any_axes_point_and_units(seed, angles, point, length, mass):
     cloud = Cloud(seed)
     axes = Rotation.from_euler("xyz", angles).as_matrix()  # rows: the file's axes in appendage axes

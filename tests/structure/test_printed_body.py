@@ -36,6 +36,7 @@ def tumbling(seed: int, digits: int) -> dict:
 
 
 @pytest.mark.parametrize(("seed", "digits"), [(1, 4), (3, 5), (5, 8)])
+@pytest.mark.slow
 def test_few_digits_are_a_body(seed, digits, tmp_path):
     document = tumbling(seed, digits)
     path = tmp_path / "modes.json"
@@ -58,6 +59,7 @@ def test_a_mass_that_depends_on_the_direction_is_no_body(digits, tmp_path):
         bc.fit(bc.read_modes(path))
 
 
+@pytest.mark.slow
 def test_a_structure_that_points_inwards_is_told_its_axes(tmp_path):
     """Turned by half a turn about z; no length is negative in the answer,
     and the axes it names lead out."""
@@ -101,6 +103,7 @@ def test_forgotten_axes_are_named_where_the_centre_is_slightly_outwards(more, tm
     assert bc.fit(spec).status.ok
 
 
+@pytest.mark.slow
 def test_a_body_that_lies_beside_x_is_taken_where_x_holds_it(tmp_path):
     """With the inertia along x of a uniform piece of 0.4 m, whose centre lies farther aside."""
     mass, length, aside = 3.0, 0.4, 0.5

@@ -115,6 +115,7 @@ def test_the_order_that_a_punch_file_beside_states_is_taken(delivery):
     check_against_mesh(bc.read_modes(path))
 
 
+@pytest.mark.slow
 def test_a_flexible_body_is_the_mesh_through_mujoco(delivery):
     """Fitted, written, and read back by MuJoCo's linearisation, in SI, appendage axes."""
     path = delivery / "boom.op4"
@@ -132,6 +133,7 @@ def test_a_flexible_body_is_the_mesh_through_mujoco(delivery):
     assert result.space.error.accelerance_in_band < 1e-6
 
 
+@pytest.mark.slow
 def test_four_modes_of_twenty_two_keep_the_step_of_the_last(delivery):
     """A third of 2 / omega at least: fillers do not set the step (Euler's limit of one mode)."""
     path = delivery / "boom.op4"
@@ -144,6 +146,7 @@ def test_four_modes_of_twenty_two_keep_the_step_of_the_last(delivery):
     assert share > 1.0 / 3.0
 
 
+@pytest.mark.slow
 def test_eight_digits_are_a_rigid_body_s(delivery):
     """A chain of modes that couple ports needs the mass of a rigid body; eight digits are one."""
     path = delivery / "boom.op4"
@@ -314,6 +317,7 @@ def mass_error(data):
 
 
 @pytest.mark.parametrize("size", [1e-8, 1e-7, 1e-6])
+@pytest.mark.slow
 def test_rounding_between_interface_and_modes_is_no_coupling(size, tmp_path):
     """Noise in KAA[b, q] beside entries of 5e4 leaves modes and mass where they are."""
     drawn = size * np.random.default_rng(0).standard_normal((12, 8))
@@ -330,6 +334,7 @@ def test_rounding_between_interface_and_modes_is_no_coupling(size, tmp_path):
 @pytest.mark.parametrize(
     ("shift", "spoken"), [((1e-7, 0, 0), False), ((0.05, 0, 0), True), ((0, 0.1, 0), True)]
 )
+@pytest.mark.slow
 def test_a_grid_that_is_off_by_what_the_strain_check_takes_is_fitted(shift, spoken, tmp_path):
     """The same delivery is not refused later; what it departs by is said, and bounds its error."""
     places = {**se.FEET, 1: tuple(np.add(se.FEET[1], shift))}
@@ -343,6 +348,7 @@ def test_a_grid_that_is_off_by_what_the_strain_check_takes_is_fitted(shift, spok
 
 
 @pytest.mark.parametrize("digits", [5, 8, 10])
+@pytest.mark.slow
 def test_matrices_of_few_digits_are_fitted(digits, tmp_path):
     """As DMIG writes them; every number of mass and stiffness rounded by itself."""
 
@@ -382,6 +388,7 @@ def test_damping_that_is_ignored_is_named(names, tmp_path):
     assert "ignored-damping" not in codes_of(stated)
 
 
+@pytest.mark.slow
 def test_one_unit_alone_is_asked_about(tmp_path):
     said = codes_of(shipped(tmp_path, units={"length": 1e-3}))["half-units"]
     assert "length = 0.001 alone" in said

@@ -50,6 +50,7 @@ def test_study_of_some_models_only():
     assert told
 
 
+@pytest.mark.slow
 def test_sweep_is_reproducible():
     spec = bc.read_spec(path("array_uncertain"))
     a = bc.sweep(spec, 3, seed=4)

@@ -212,6 +212,7 @@ def test_order_in_the_step(prepared, entry, steps, metric, claimed):
     assert order(steps, errors(prepared, entry, steps, metric)) == pytest.approx(claimed, abs=ORDER)
 
 
+@pytest.mark.slow
 def test_equal_links_converge_with_the_square_of_their_number(prepared):
     counts = [10, 14, 20]
     found = [

@@ -137,6 +137,7 @@ def test_entries_are_eulers(prepared):
     assert all(e.ours for e in found)
 
 
+@pytest.mark.slow
 def test_measured_like_every_other_model(prepared):
     task, scenario = prepared
     found = climb(task, scenario, Entry(TIMED, 2, "Euler"), 0.02)

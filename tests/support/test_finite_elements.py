@@ -189,6 +189,7 @@ def test_published_manipulator_link():
     np.testing.assert_allclose(held.frequencies, b**2 * 5.974 / 3.372**2, rtol=1e-11)
 
 
+@pytest.mark.slow
 def test_stout_cantilever():
     """A Timoshenko cantilever by shooting, and its static deflection."""
     spec = {
@@ -212,6 +213,7 @@ def test_stout_cantilever():
 
 
 @pytest.mark.parametrize("port", ["xy", "xz", "torsion"])
+@pytest.mark.slow
 def test_everything_at_once_by_shooting(port):
     spec = stepped()
     p = fe.port(spec, port, 8)
@@ -276,6 +278,7 @@ def test_rigid_mass_is_that_of_the_rows():
 
 
 @pytest.mark.parametrize("port", fe.PORTS)
+@pytest.mark.slow
 def test_participation_adds_up_to_the_rigid_mass(port):
     """With all modes of the discretisation the effective masses are the rigid
     mass of what moves."""

@@ -160,6 +160,7 @@ def test_an_arm_turned_at_its_root_bends_far(tmp_path, modes):
 
 # 1.6 % measured until 0.8 s, the hinge 0.4 %. Undamped and with a free elbow this arm multiplies
 # small differences, such as what is left out here and the step of 10 ms there: at 2.2 s it is 9.5 %
+@pytest.mark.slow
 def test_an_arm_of_two_links_turned_at_its_root(tmp_path):
     step = 0.001
     tip, elbow = history(embedded(tmp_path, TWO, 2), TWO, step, 2.2)

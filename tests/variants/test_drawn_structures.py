@@ -19,6 +19,7 @@ OTHER_HUB = 2e-7
 __all__ = ["variants"]  # the fixture
 
 
+@pytest.mark.slow
 def test_draws_are_what_they_say():
     table = Uncertain(
         stiffness=Uncertainty(relative=0.1, group="a"),
@@ -48,6 +49,7 @@ def test_normal_draws_are_cut():
     assert Uncertainty(absolute=2.0).value(10.0, 1.0) == pytest.approx(12.0)
 
 
+@pytest.mark.slow
 def test_a_variant_is_the_fit_of_its_spec(variants):
     i = 4
     spec = vary_spec(variants.nominal.spec, 3, int(variants.indices[i]))
@@ -65,6 +67,7 @@ def test_every_variant_has_the_mass_that_was_drawn(variants):
         assert np.sum(mass) == pytest.approx(spec.beam.rigid_mass()[0, 0] + 500.0, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_the_drawn_structure_is_recorded(variants, tmp_path):
     """The fit of a structure with the recorded numbers, written here, is the variant."""
     variants.write(tmp_path)

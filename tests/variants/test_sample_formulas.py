@@ -218,6 +218,7 @@ HEAVY = """<mujoco><option gravity="0 0 0"/><worldbody><body name="bus"><freejoi
 </body></worldbody></mujoco>"""
 
 
+@pytest.mark.slow
 def test_a_boom_on_a_heavy_bus_rings_by_its_drawn_stiffness_and_density():
     """(b L)^2 sqrt(E I / m) / L^2 with both scaled, in the arrays and in the model they make."""
     section = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)

@@ -78,6 +78,7 @@ def coupled(model: mujoco.MjModel) -> np.ndarray:
     return np.sqrt(eigh(stiffness_matrix(model), mass_matrix(model), eigvals_only=True)[6:])
 
 
+@pytest.mark.slow
 def test_arrays_turn_the_nominal_model_into_each_variant(variants, tmp_path):
     variants.write(tmp_path)
     loaded = np.load(tmp_path / "variants.npz")
@@ -120,6 +121,7 @@ def uncertain(table):
     return spec_of({"segment": [segment], "uncertain": table}).uncertain
 
 
+@pytest.mark.slow
 def test_what_cannot_be_is_left_out_and_said():
     spec = bc.read_spec(ARRAY)
     lump = bc.Lump(x=5.0, mass=1.0)
@@ -228,6 +230,7 @@ def test_a_long_sweep_says_how_long_it_takes(option, tmp_path, capsys, monkeypat
         assert re.fullmatch(r"making variants: 33% done after \d+ s, about \d+ s left", line)
 
 
+@pytest.mark.slow
 def test_histograms_label_near_frequencies_apart(tmp_path):
     """Frequencies from 0.0345 rad/s on that differ in the fifth digit: the labels of an axis differ
     from each other, and are frequencies, not steps from one."""

@@ -41,6 +41,7 @@ def flown(env, seed: int, count: int = 12) -> np.ndarray:
     return np.concatenate([values.ravel() for values in out])
 
 
+@pytest.mark.slow
 def test_gymnasium_finds_nothing_wrong(env):
     from gymnasium.utils.env_checker import check_env
 
@@ -115,6 +116,7 @@ def test_a_diverged_satellite_ends_its_episode():
     assert not env.step(np.zeros(3, np.float32))[2]
 
 
+@pytest.mark.slow
 def test_a_spacecraft_of_ones_own():
     spec = bc.Spec(
         segment=(
@@ -150,6 +152,7 @@ def test_an_episode_is_whole_periods():
     assert env.episode == 5.0
 
 
+@pytest.mark.slow
 def test_warnings_of_a_model_are_told():
     """A step that is too long for modes of a spacecraft of one's own."""
     satellite = bc.__path__[0] + "/examples/satellite.xml"

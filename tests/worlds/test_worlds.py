@@ -159,6 +159,7 @@ def test_a_command_beyond_its_range_is_its_end():
     assert bc.HeldInput(model=model)([40.0, 0.0, 0.0])[0] == 20.0  # nothing is cut there
 
 
+@pytest.mark.slow
 def test_a_sensor_does_not_take_the_name_of_what_is_observed(craft):
     section = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
     spec = bc.Spec(
@@ -177,6 +178,7 @@ def test_a_sensor_does_not_take_the_name_of_what_is_observed(craft):
         np.testing.assert_allclose(other[name], seen[name], atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_model_that_is_not_exact_in_time_is_given_its_input_as_it_is():
     plain = flexible(retime=False)
     many = worlds.make(plain, count=1)
@@ -235,6 +237,7 @@ def test_memory_that_a_container_uses_already_is_not_free(files, craft, tmp_path
 
 
 # -- variants --------------------------------------------------------------------------------------
+@pytest.mark.slow
 def test_fields_of_a_sweep(tmp_path):
     spec = bc.read_spec(APPENDAGES / "rod.toml")
     made = worlds.make(bc.embed(CRAFTS / "planar.xml", {"mount": spec}), count=1).model
@@ -496,6 +499,7 @@ def unfolded(model, steps):
 
 
 @pytest.mark.parametrize("integrator", ["RK4", "Euler"])
+@pytest.mark.slow
 def test_hinges_latch_in_every_world_as_they_do_alone(integrator):
     model = mujoco.MjModel.from_xml_string(UNFOLDS.format(integrator))
     many = worlds.make(model, DRIVES, observe=["attitude", "rate"])
@@ -575,6 +579,7 @@ def test_drawn_factors_are_those_of_the_fields(craft):
     assert list(changed) == [False, True, False]
 
 
+@pytest.mark.slow
 def test_drawn_rows_are_those_of_the_sweep(tmp_path):
     toml = tmp_path / "bodies.toml"
     toml.write_text("[body.bus]\nmass = { relative = 0.05 }\n")
@@ -596,6 +601,7 @@ def test_drawn_rows_are_those_of_the_sweep(tmp_path):
     assert worlds.make(made, count=2).drawn == {}
 
 
+@pytest.mark.slow
 def test_slowed_modes_and_liquids_without_weight_are_said(craft):
     def codes(many):
         return [warning.code for warning in many.warnings]
@@ -622,6 +628,7 @@ def test_fields_that_connect_a_model_may_be_its_own(craft):
 
 
 @pytest.mark.parametrize(("rate", "lost"), [(0.26, 0.0315), (0.066, 0.0030)])
+@pytest.mark.slow
 def test_tumbling_costs_euler_its_angular_momentum(rate, lost):
     """What docs/products/worlds.md states of its first spacecraft; RK4 without timing loses
     nothing."""
@@ -656,5 +663,6 @@ def test_tumbling_costs_euler_its_angular_momentum(rate, lost):
     assert losses[1] < 1e-7
 
 
+@pytest.mark.slow
 def test_a_rigid_craft_shows_no_modes():
     assert "modes" not in worlds.make(flexible(rigid=True), count=2).observe()
