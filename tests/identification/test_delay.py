@@ -5,7 +5,6 @@ logged; it shares no code with the package.
 """
 
 import json
-from itertools import product
 
 import numpy as np
 import pytest
@@ -28,8 +27,6 @@ FINE = Gyro(1e-5, 2e-4)
 REACH = 3.3  # standard deviations: a right program fails once in a thousand seeds
 USEFUL = 0.01  # of a step: the delay's standard deviation in such a log
 EXACT = 1e-7  # of a step, and of a frequency: without noise, what double precision leaves
-KNOWN = [False, pytest.param(True, marks=pytest.mark.slow)]
-WITH = ["no prior", "prior"]
 PROFILES = {"steps": steps_at(TIME, 1.0, 3.0), "white": noise(TIME, 1.0, 3)}
 
 
@@ -68,16 +65,9 @@ def prior(tmp_path):
 
 @pytest.mark.parametrize(
     ("halves", "profile"),
-    [
-        (-1, "white"),
-        (2, "steps"),
-        *(
-            pytest.param(*case, marks=pytest.mark.slow)
-            for case in product((-2, -1, 1, 2), ("steps", "white"))
-            if case not in ((-1, "white"), (2, "steps"))
-        ),
-    ],
+    [(-1, "white"), (2, "steps")],
 )
+@pytest.mark.slow
 def test_a_late_or_early_torque_is_found_without_a_prior(halves, profile):
     found = identification.identify(late(halves, torque=PROFILES[profile]), HUB.xml, "mount")
     check(found, halves * STEP / 2.0)
@@ -85,19 +75,18 @@ def test_a_late_or_early_torque_is_found_without_a_prior(halves, profile):
     assert any(one.code == "delay" for one in found.warnings)
 
 
-@pytest.mark.parametrize("halves", [1, pytest.param(2, marks=pytest.mark.slow)])
-def test_a_late_torque_is_found_with_a_prior(halves, prior):
-    found = identification.identify(late(halves), HUB.xml, "mount", prior=prior)
-    assert abs(found.delay - halves * STEP / 2.0) < REACH * found.delay_std
+@pytest.mark.slow
+def test_a_late_torque_is_found_with_a_prior(prior):
+    found = identification.identify(late(1), HUB.xml, "mount", prior=prior)
+    assert abs(found.delay - STEP / 2.0) < REACH * found.delay_std
     verdict = judge(found, PAIR, [2], [0, 1])
     assert verdict.verdict != "wrong", verdict
     assert [m.determined for m in found.modes].count(True) >= 2
 
 
-@pytest.mark.parametrize("known", KNOWN, ids=WITH)
 @pytest.mark.slow
-def test_a_punctual_torque_is_said_to_be_punctual(known, prior):
-    found = identification.identify(late(0), HUB.xml, "mount", prior=prior if known else None)
+def test_a_punctual_torque_is_said_to_be_punctual():
+    found = identification.identify(late(0), HUB.xml, "mount")
     assert abs(found.delay) < REACH * found.delay_std
     assert not any(one.code == "delay" for one in found.warnings)
     assert ("zero within" in found.timing) == found.punctual
@@ -124,16 +113,12 @@ def test_unequal_steps_and_gaps_change_nothing():
     check(found, 0.03)
 
 
-@pytest.mark.parametrize("known", KNOWN, ids=WITH)
 @pytest.mark.slow
-def test_a_rate_integrating_gyro_is_named_by_its_column(known, prior):
-    found = identification.identify(
-        integrated("mean_rate_z"), HUB.xml, "mount", prior=prior if known else None
-    )
+def test_a_rate_integrating_gyro_is_named_by_its_column():
+    found = identification.identify(integrated("mean_rate_z"), HUB.xml, "mount")
     assert abs(found.delay) < REACH * found.delay_std
     verdict = judge(found, PAIR, [2], [0, 1])
-    assert verdict.verdict == "right" or known, verdict
-    assert verdict.verdict != "wrong", verdict
+    assert verdict.verdict == "right", verdict
 
 
 @pytest.mark.slow
@@ -144,10 +129,10 @@ def test_a_rate_integrating_gyro_called_a_rate_is_half_a_sample_late(prior):
     assert "mean_rate" in warning
 
 
-@pytest.mark.parametrize("halves", [pytest.param(0, marks=pytest.mark.slow), 1])
-def test_without_noise_delay_and_modes_are_exact(halves):
-    found = identification.identify(late(halves, TWO, Gyro()), HUB.xml, "mount", modes=2)
-    assert abs(found.delay - halves * STEP / 2.0) < EXACT * STEP
+@pytest.mark.slow
+def test_without_noise_delay_and_modes_are_exact():
+    found = identification.identify(late(1, TWO, Gyro()), HUB.xml, "mount", modes=2)
+    assert abs(found.delay - STEP / 2.0) < EXACT * STEP
     for mode, true in zip(found.modes, TWO.frequency, strict=True):
         assert abs(mode.frequency / true - 1.0) < EXACT
     mean = identification.identify(

@@ -43,7 +43,6 @@ TURNED[2] *= np.sign(np.linalg.det(TURNED))
 PAIR = wings(5.0, 1.0, 200.0, 350.0, 50.0, 0.05)
 ABOUT_Z = np.flatnonzero(PAIR.participation[5])
 TWO = PAIR.kept(ABOUT_Z[:2])
-ONE = PAIR.kept(ABOUT_Z[:1])
 TIME = np.arange(0.0, 120.0, 0.05)
 TORQUE = steps_at(TIME, 1.0, 3.0)
 FINE = Gyro(1e-5, 2e-4)
@@ -104,15 +103,12 @@ def test_without_noise_the_response_of_a_boom_is_that_of_the_log():
 
 
 # -- noise -----------------------------------------------------------------------------------------
-def draws(count, modes=None):
-    """Deviations and stated standard deviations `(count, 3, n)` of frequency, damping, row;
-    ONE or TWO in the log."""
+def draws(count):
+    """Deviations and stated standard deviations `(count, 3, n)` of frequency, damping, row."""
     deviations, stated = [], []
     truth = np.array([TWO.frequency, TWO.damping, np.abs(TWO.participation[5])])
     for seed in range(count):
-        found = identification.identify(
-            log_about_z(seed=seed, elastic=TWO), HUB.xml, "mount", modes=modes
-        )
+        found = identification.identify(log_about_z(seed=seed, elastic=TWO), HUB.xml, "mount")
         assert len(found.modes) == 2
         got = [[m.frequency, m.damping, abs(m.participation[5])] for m in found.modes]
         std = [[m.frequency_std, m.damping_std, m.participation_std[5]] for m in found.modes]
@@ -134,21 +130,9 @@ def agrees_with_theory(deviations, stated):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("count", [6, 20])
-def test_intervals_hold_the_truth_and_are_as_narrow_as_the_log_allows(count):
-    agrees_with_theory(*draws(count, modes=2))
-
-
-@pytest.mark.slow
-def test_intervals_hold_the_truth_in_many_draws_with_the_order_found():
-    agrees_with_theory(*draws(100))
-
-
-@pytest.mark.slow
-def test_of_forty_modes_those_that_show_are_right():
-    found = identification.identify(log_about_z(), HUB.xml, "mount")
-    verdict = judge(found, PAIR, [2], [0, 1])
-    assert verdict.verdict == "right", verdict
+def test_intervals_hold_the_truth_and_are_as_narrow_as_the_log_allows():
+    """The order is found."""
+    agrees_with_theory(*draws(40))
 
 
 @pytest.mark.slow
@@ -160,13 +144,8 @@ def test_the_held_out_piece_is_predicted_to_the_noise():
     assert min(found.whiteness.values()) > 1e-4
 
 
-@pytest.mark.parametrize(
-    "gap",
-    [
-        (93.6, 96.0),
-        *(pytest.param(gap, marks=pytest.mark.slow) for gap in ((12.0, 98.0), (0.7, 90.0))),
-    ],
-)
+@pytest.mark.parametrize("gap", [(93.6, 96.0), (0.7, 90.0)])
+@pytest.mark.slow
 def test_gaps_leave_a_part_to_hold_out_and_a_sensor_that_fails_in_it_is_noticed(gap):
     """The free motion after a gap is from few samples: what is predicted is above the noise."""
     log = without(log_about_z(), gap)
@@ -187,20 +166,9 @@ def test_noise_alone_has_no_modes():
         identification.identify(log_about_z(PAIR.kept(0), Gyro(1e-4)), HUB.xml, "mount")
 
 
-@pytest.mark.slow
 # -- harder logs -----------------------------------------------------------------------------------
-@pytest.mark.parametrize(
-    ("apart", "modes"),
-    [
-        (0.01, None),
-        (0.02, 2),
-        (0.04, None),
-        *(
-            pytest.param(*case, marks=pytest.mark.slow)
-            for case in ((0.01, 2), (0.02, None), (0.04, 2))
-        ),
-    ],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("apart", "modes"), [(0.01, None), (0.02, 2), (0.04, None)])
 def test_two_close_modes_are_two_or_lie_within_the_stated_resolution(apart, modes):
     """The least variance says from where on two can be told:
     at 1 % not even their rows are known to 20 %."""
@@ -242,20 +210,6 @@ def test_a_mode_above_half_the_sample_rate_is_not_taken_for_a_slow_one():
     assert verdict.verdict in ("right", "undetermined"), verdict
 
 
-@pytest.mark.slow  # in the quick half with a delay, in test_delay
-def test_gaps_and_unequal_steps_change_nothing():
-    time = np.cumsum(np.random.default_rng(4).choice([0.04, 0.05, 0.08], 2400))
-    log = without(
-        log_about_z(time=time, torque=steps_at(time, 1.0, 3.0)),
-        (20.0, 26.0),
-        (60.0, 63.3),
-        (61.0, 70.0),
-    )
-    found = identification.identify(log, HUB.xml, "mount")
-    verdict = judge(found, PAIR, [2], [0, 1])
-    assert verdict.verdict == "right", verdict
-
-
 @pytest.mark.slow
 def test_several_logs_count_together():
     time = np.arange(0.0, 60.0, 0.05)
@@ -276,20 +230,6 @@ def test_saturated_samples_are_left_out_and_said():
     assert np.mean(np.abs(log["rate_z"]) >= 0.012) > 0.02
     found = identification.identify(log, HUB.xml, "mount")
     assert any("saturat" in sentence for sentence in said(found))
-    verdict = judge(found, PAIR, [2], [0])
-    assert verdict.verdict != "wrong", verdict
-
-
-@pytest.mark.parametrize("quantum", [pytest.param(5e-5, marks=pytest.mark.slow), 5e-4])
-def test_quantised_rates(quantum):
-    found = identification.identify(log_about_z(gyro=Gyro(1e-5, 2e-4, quantum)), HUB.xml, "mount")
-    verdict = judge(found, PAIR, [2], [0])
-    assert verdict.verdict != "wrong", verdict
-
-
-@pytest.mark.slow
-def test_a_gyro_that_reads_whole_steps_of_most_of_its_signal_is_not_trusted():
-    found = identification.identify(log_about_z(gyro=Gyro(0.0, 0.0, 5e-3)), HUB.xml, "mount")
     verdict = judge(found, PAIR, [2], [0])
     assert verdict.verdict != "wrong", verdict
 
@@ -325,25 +265,8 @@ def test_rows_of_other_axes_come_from_the_prior(tmp_path):
 
 
 @pytest.mark.slow
-def test_without_a_prior_a_boom_on_a_free_hub_is_not_called_clamped():
-    hub = Hub(port=np.array([0.5, 0.0, 0.0]))
-    elastic = boom(8.0, 1.2, 500.0, 900.0, 60.0, 0.05)
-    about_z = np.flatnonzero(elastic.participation[5])
-    found = identification.identify(
-        record(hub, elastic, TIME, {"z": steps_at(TIME, 1.0, 3.0)}, FINE), hub.xml, "mount"
-    )
-    first, true = found.modes[0], about_z[0]
-    assert judge(found, elastic, [2], [0, 1], hub).verdict != "wrong"
-    off = abs(first.frequency - elastic.frequency[true])
-    assert off <= 4.0 * first.frequency_std or any(
-        "translat" in sentence for sentence in said(found)
-    )
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("factor", [0.7, 1.5, 4.0])
-def test_a_wrong_prior_does_not_win_over_the_log(factor, tmp_path):
-    path = write_prior(tmp_path, TWO, frequency=factor)
+def test_a_wrong_prior_does_not_win_over_the_log(tmp_path):
+    path = write_prior(tmp_path, TWO, frequency=4.0)
     found = identification.identify(log_about_z(), HUB.xml, "mount", prior=path)
     verdict = judge(found, PAIR, [2], [0])
     assert verdict.verdict != "wrong", verdict

@@ -88,9 +88,13 @@ def deviations(found, elastic):
     return np.array(out).reshape(-1, 3)
 
 
+@pytest.fixture(scope="module")
+def both(tmp_path_factory):
+    return [identified(seed, tmp_path_factory.mktemp("prior")) for seed in range(LOGS)]
+
+
 @pytest.mark.slow
-def test_intervals_with_a_prior_and_three_axes_hold(tmp_path):
-    both = [identified(seed, tmp_path) for seed in range(LOGS)]
+def test_intervals_with_a_prior_and_three_axes_hold(both):
     off = np.vstack([deviations(*one) for one in both])
     inside = np.sum(np.abs(off) <= INTERVAL, axis=0)
     assert len(off) >= 3 * LOGS
@@ -98,10 +102,10 @@ def test_intervals_with_a_prior_and_three_axes_hold(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_mode_of_the_prior_below_the_noise_keeps_its_widths(tmp_path):
+def test_a_mode_of_the_prior_below_the_noise_keeps_its_widths(both):
     """Of six modes of the prior the gyro shows four; the others stay, and are not called
     determined."""
-    found, elastic = identified(0, tmp_path)
+    found, elastic = both[0]
     assert len(found.modes) == PRIOR
     quiet = [mode for mode in found.modes if not mode.determined]
     assert quiet

@@ -71,7 +71,7 @@ def test_drawn_worlds_of_a_tree_are_those_of_mujoco(arm):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("step", [0.0005, STEP, 0.05])
+@pytest.mark.parametrize("step", [0.0005, 0.05])
 def test_a_draw_that_changes_nothing_is_the_model_retimed(arm, step):
     many = worlds.make(arm, {"frequency": 0.0}, count=1, timestep=step)
     alone = copy.copy(arm.model)
@@ -84,8 +84,8 @@ def test_a_draw_that_changes_nothing_is_the_model_retimed(arm, step):
 @pytest.mark.slow
 def test_poles_of_draws_stay_near_exact_motion(arm):
     """Retimed alone a draw is ten times nearer."""
-    many = worlds.make(arm, RANGES, count=6, timestep=STEP, seed=5)
-    for i in range(6):
+    many = worlds.make(arm, RANGES, count=3, timestep=STEP, seed=5)
+    for i in range(3):
         world = many.model_of(i)
         nominal = plain(world)
         alone = copy.copy(nominal)
@@ -96,12 +96,7 @@ def test_poles_of_draws_stay_near_exact_motion(arm):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "integrator", ["Euler", pytest.param("implicitfast", marks=pytest.mark.slow)]
-)
-@pytest.mark.parametrize(
-    "step", [0.02, *(pytest.param(h, marks=pytest.mark.slow) for h in (0.002, 0.2))]
-)
+@pytest.mark.parametrize(("step", "integrator"), [(0.02, "Euler"), (0.2, "implicitfast")])
 def test_nothing_grows_in_any_draw_with_any_payload(arm, step, integrator):
     model = copy.copy(arm.model)
     model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
