@@ -81,9 +81,6 @@ def bare(path: Path, folder: Path) -> Path:
     return out
 
 
-#: styles whose appendages are also written as files of their own in the quick half
-
-
 DRIVEN = "nested bodies behind a solar-array drive"
 
 
@@ -109,14 +106,9 @@ class TestStyles:
         # a frequency off by e moves a 0.5 % peak by e / 0.01
         assert assembly.in_band < 10 * COUPLED
 
-    @pytest.mark.parametrize("style", STYLES)
-    def test_taken_out_again(self, style, embedded, crafts, tmp_path):
-        """Written into another folder, and the spacecraft's own bytes after that."""
-        (file,) = embedded(style).write(tmp_path / "sub" / "out.xml")
-        assert bare(file, crafts).read_bytes() == (CRAFTS / STYLES[style][0]).read_bytes()
-
 
 class TestTheUsersFile:
+    @pytest.mark.slow
     def test_every_number_of_the_craft(self, observer):
         """By name through MuJoCo's own accessors, apart from the comparison embed itself makes."""
         before = mujoco.MjModel.from_xml_path(str(CRAFTS / "observer.xml"))
@@ -179,6 +171,7 @@ class TestTheUsersFile:
                         checked += 1
         assert checked > 80
 
+    @pytest.mark.slow
     def test_every_element_and_comment_in_order(self, written):
         mine = [
             etree.tostring(n, with_tail=False)
@@ -194,6 +187,7 @@ class TestTheUsersFile:
         for text in mine:
             place = ours.index(text, place + 1)
 
+    @pytest.mark.slow
     def test_keyframe_by_joint(self, observer):
         before = mujoco.MjModel.from_xml_path(str(CRAFTS / "observer.xml"))
         after = observer.model
@@ -212,16 +206,10 @@ class TestTheUsersFile:
         assert np.all(after.key_qvel[:, after.jnt_dofadr[new]] == 0.0)
         np.testing.assert_array_equal(after.key_ctrl, before.key_ctrl)
 
-    @pytest.mark.parametrize(
-        "style",
-        [
-            "nested bodies behind a solar-array drive",
-            pytest.param("free hub, two arrays and a boom", marks=pytest.mark.slow),
-        ],
-    )
-    def test_twice_is_once(self, style, embedded, tmp_path):
-        once = embedded(style).write(tmp_path / "once.xml")[-1]
-        again = bc.embed(once, STYLES[style][1]).write(tmp_path / "again.xml")[-1]
+    @pytest.mark.slow
+    def test_twice_is_once(self, embedded, tmp_path):
+        once = embedded(DRIVEN).write(tmp_path / "once.xml")[-1]
+        again = bc.embed(once, STYLES[DRIVEN][1]).write(tmp_path / "again.xml")[-1]
         assert again.read_bytes() == once.read_bytes()
 
     @pytest.mark.slow
@@ -251,12 +239,12 @@ class TestTheUsersFile:
         assert answer.status == 2
         assert "no appendage at 'nowhere'" in answer.err
 
+    @pytest.mark.slow
     def test_same_folder_changes_no_path(self, observer, crafts):
         text = observer.write(crafts / "out.xml")[-1].read_text()
         assert text.count("meshdir") == 1
         mujoco.MjModel.from_xml_path(str(crafts / "out.xml"))
 
-    @pytest.mark.slow
     def test_units_of_the_craft_do_not_matter(self):
         """Degrees or radians, angles by default classes: the appendage's file holds no angle."""
         text = (CRAFTS / "drive.xml").read_text()
@@ -264,10 +252,10 @@ class TestTheUsersFile:
             'euler="0 0 30"', f'euler="0 0 {np.pi / 6!r}"'
         )
         turned = turned.replace('range="-180 180"', f'range="{-np.pi!r} {np.pi!r}"')
-        at = {"panel_mount": spec("array_left")}
+        at = {"panel_mount": spec("rod")}
         np.testing.assert_allclose(
-            frequencies(bc.embed(text, at).model),
-            frequencies(bc.embed(turned, at).model),
+            frequencies(bc.embed(text, at, retime=False).model),
+            frequencies(bc.embed(turned, at, retime=False).model),
             rtol=1e-10,
         )
 
@@ -296,18 +284,7 @@ USER_DATA = {
 
 
 @pytest.mark.parametrize(
-    ("case", "form"),
-    [
-        pytest.param(
-            case,
-            form,
-            marks=[]
-            if case == "everywhere" or (case, form) == ("room only", "file")
-            else [pytest.mark.slow],
-        )
-        for case in USER_DATA
-        for form in ("file", "spec")
-    ],
+    ("case", "form"), [*((case, "file") for case in USER_DATA), ("everywhere", "spec")]
 )
 def test_user_data_stays(case, form, tmp_path):
     before, own, behind = USER_DATA[case]
@@ -317,11 +294,11 @@ def test_user_data_stays(case, form, tmp_path):
     <geom size=".1" mass="1"/></body>
     </body></worldbody>{behind}</mujoco>"""
     plain = mujoco.MjModel.from_xml_string(text)
-    rod = spec("boom")
+    rod = spec("rod")
     if form == "spec":
-        model = bc.embed(mujoco.MjSpec.from_string(text), {"mount": rod}).model
+        model = bc.embed(mujoco.MjSpec.from_string(text), {"mount": rod}, retime=False).model
     else:
-        path = bc.embed(text, {"mount": rod}).write(tmp_path / "out.xml")[-1]
+        path = bc.embed(text, {"mount": rod}, retime=False).write(tmp_path / "out.xml")[-1]
         model = mujoco.MjModel.from_xml_path(str(path))
     assert model.nv > plain.nv
     for kind, name in (("body", "hub"), ("joint", "wheel")):
@@ -329,15 +306,14 @@ def test_user_data_stays(case, form, tmp_path):
         np.testing.assert_array_equal(np.ravel(getattr(model, kind)(name).user)[: had.size], had)
 
 
-@pytest.mark.parametrize("bandwidth", [1e-9, pytest.param(1e-3, marks=pytest.mark.slow), 0.1])
-def test_a_scene_slower_than_every_mode(bandwidth):
-    """Six decades between the band and the beam's modes: a rigid appendage,
+def test_a_scene_slower_than_every_mode():
+    """Decades between the band and the beam's modes: a rigid appendage,
     and no word of NumPy's."""
     slow = msgspec.structs.replace(
         bc.read_spec(spec("boom")),
         modes=None,
         root=bc.spec.Root(),
-        scene=bc.Scene(bandwidth=bandwidth, axes=("z",)),
+        scene=bc.Scene(bandwidth=1e-9, axes=("z",)),
     )
     assembly = bc.embed(CRAFTS / "planar.xml", {"mount": slow}).assembly
     assert assembly.in_band < 1e-3
@@ -345,6 +321,7 @@ def test_a_scene_slower_than_every_mode(bandwidth):
 
 
 class TestHub:
+    @pytest.mark.slow
     def test_rigid_hub_by_hand(self, observer):
         """The boom's hub: bus, wheel and both arrays, masses added by hand."""
         arrays = sum(
@@ -353,9 +330,9 @@ class TestHub:
         hub = next(a.hub for a in observer.appendages if a.at == "boom_mount")
         assert hub.mass == pytest.approx(412.3456789012345 + 6.0 + arrays, rel=1e-12)
 
-    @pytest.mark.slow
     def test_moved_frame_moves_the_hub(self):
-        planar = bc.embed(CRAFTS / "planar.xml", {"side": spec("rod")}).appendages[0].hub
+        craft = CRAFTS / "planar.xml"
+        planar = bc.embed(craft, {"side": spec("rod")}, rigid=True).appendages[0].hub
         # centre at (0.03, -0.01), site at (0, 0.4), its x along the body's y, its y along minus x
         np.testing.assert_allclose(planar.offset, [0.41, 0.03, 0.0], atol=1e-12)
         np.testing.assert_allclose([planar.mass, planar.inertia[2]], [60.0, 8.0], rtol=1e-12)
@@ -494,20 +471,19 @@ class TestHub:
             segment=given.segment,
             root=bc.spec.Root(hub=bc.Hub(mass=1.0, inertia=(1.0, 1.0, 1.0))),
         )
-        done = bc.embed(CRAFTS / "planar.xml", {"mount": own})
+        done = bc.embed(CRAFTS / "planar.xml", {"mount": own}, rigid=True)
         assert any("the hub of the spec (1 kg, inertia 1, 1, 1" in w for w in done.warnings)
-        assert any(
-            "hold" in w for w in bc.embed(CRAFTS / "planar.xml", {"mount": spec("boom")}).warnings
-        )
+        held = bc.embed(CRAFTS / "planar.xml", {"mount": spec("boom")}, rigid=True)
+        assert any("hold" in w for w in held.warnings)
 
 
 class TestMjSpec:
     @pytest.mark.slow
-    def test_same_as_the_file(self, embedded):
+    def test_same_as_the_file(self):
         craft = mujoco.MjSpec.from_file(str(CRAFTS / "drive.xml"))
         at = {"panel_mount": spec("array_left")}
-        done = bc.embed(craft, at)
-        reference = embedded(DRIVEN)
+        done = bc.embed(craft, at, retime=False)
+        reference = bc.embed(CRAFTS / "drive.xml", at, retime=False)
         np.testing.assert_allclose(
             frequencies(craft.compile()), frequencies(reference.model), rtol=SAME
         )
@@ -555,13 +531,10 @@ class TestFlexiblePanel:
             # four digits are printed
             assert clamped[0] / (2.0 * np.pi) == pytest.approx(printed, abs=6e-5)
 
-    @pytest.mark.parametrize(
-        "n", [6, *(pytest.param(n, marks=pytest.mark.slow) for n in (1, 2, 3, 4, 5))]
-    )
+    @pytest.mark.parametrize("n", [1, pytest.param(6, marks=pytest.mark.slow)])
     def test_fixed_beam_does_not(self, n):
-        done = bc.embed(
-            CRAFTS / "planar.xml", {"mount": panel(180.0, 2.0 * np.pi * self.HERTZ[0], n)}
-        )
+        own = panel(180.0, 2.0 * np.pi * self.HERTZ[0], n)
+        done = bc.embed(CRAFTS / "planar.xml", {"mount": own}, retime=False)
         assert done.appendages[0].fit.status.ok
         first = next(m for m in done.assembly.modes if m.kept)
         assert abs(first.error) < PANEL
@@ -607,7 +580,6 @@ class TestCommand:
             (["--mount", f"mount={spec('rod')}", "--mount", f"mount={spec('rod')}"], "twice"),
         ],
     )
-    @pytest.mark.slow
     def test_bad_words(self, words, message, tmp_path, capsys, monkeypatch):
         out = tmp_path / "out.xml"
         code, _, error = run(
@@ -623,7 +595,7 @@ def slender(length, port=""):
         f"[[segment]]\nlength = {length}\n"
         "section = { shape = 'tube', outer_diameter = 0.1, wall = 0.003 }\n"
         "material = { youngs_modulus = 7e10, density = 2700.0 }\n"
-        f"[modes]\nxy = 1\nxz = 1\n{port}"
+        f"[modes]\nxy = 1\nxz = 0\n{port}"
     )
 
 
@@ -639,9 +611,8 @@ HAND = """<mujoco><option gravity="0 0 0"/><worldbody><body name="bus"><freejoin
         (5.0, 5.0, (), "not-carried", 'carries = ["hand"]'),
         (5.0, 3.0, (), "not-carried", '[[port]] name = "end", x = 5, carries = ["hand"]'),
         (4.0, 4.0, ("hand",), "carried-apart", "stands 1 m from port 'end'"),
-        (5.0, 5.0, ("hand",), "", ""),
-        pytest.param(4.95, 4.95, ("hand",), "", "", marks=pytest.mark.slow),
-        pytest.param(4.0, 4.0, (), "", "", marks=pytest.mark.slow),
+        (4.95, 4.95, ("hand",), "", ""),
+        (4.0, 4.0, (), "", ""),
     ],
 )
 def test_a_body_that_does_not_hang_where_it_stands_is_named(
@@ -650,7 +621,7 @@ def test_a_body_that_does_not_hang_where_it_stands_is_named(
     """Forgotten `carries`, and a length that ends before the body; brackets are left alone."""
     port = f"[[port]]\nname = 'end'\nx = {x}\ncarries = {list(carries)}\n"
     (tmp_path / "spec.toml").write_text(slender(length, port))
-    made = bc.embed(HAND, {"mount": tmp_path / "spec.toml"}, retime=False)
+    made = bc.embed(HAND, {"mount": tmp_path / "spec.toml"}, rigid=True)
     said = [w for w in made.warnings if w.code in ("not-carried", "carried-apart")]
     assert [w.code for w in said] == ([code] if code else [])
     assert all(words in w for w in said)
@@ -659,31 +630,28 @@ def test_a_body_that_does_not_hang_where_it_stands_is_named(
 @pytest.mark.parametrize(
     ("at", "site", "hand", "said"),
     [
-        ("mount", "", "5.5 0 0", ""),  # the hand outweighs the bus, and the beam runs to it
-        ("mount", "", "4.9 0.4 0", ""),
+        ("mount", "", "4.9 0.4 0", ""),  # the hand outweighs the bus, and the beam runs to it
         ("mount", 'euler="0 0 180"', "5.5 0 0", "stands behind it, at (-5, 0, 0) m"),
         ("mount", 'euler="0 0 90"', "5.5 0 0", "stands beside it, at (0, -5, 0) m"),
         ("bus", "", "0 0 5", "body 'hand', which the appendage carries"),
     ],
 )
-@pytest.mark.slow
 def test_an_appendage_runs_to_what_it_carries(at, site, hand, said, tmp_path):
     port = "[[port]]\nname = 'end'\nx = 5.0\ncarries = ['hand']\n"
     (tmp_path / "spec.toml").write_text(slender(5.0, port))
     craft = HAND.replace('pos="0.5 0 0"', f'pos="0.5 0 0" {site}').replace("5.5 0 0", hand)
     craft = craft.replace('mass="5"', 'mass="3000"')
-    made = bc.embed(craft, {at: tmp_path / "spec.toml"}, retime=False)
+    made = bc.embed(craft, {at: tmp_path / "spec.toml"}, rigid=True)
     found = [w for w in made.warnings if w.code == "points-inward"]
     assert len(found) == bool(said)
     assert not said or (said in found[0] and "site whose x axis points to the body" in found[0])
 
 
-@pytest.mark.slow
 def test_what_an_appendage_should_carry_is_no_mass_to_point_away_from(tmp_path):
     """The hand outweighs the bus, stands at the end, and `carries` was forgotten: one note."""
     (tmp_path / "spec.toml").write_text(slender(5.0))
     craft = HAND.replace('mass="5"', 'mass="3000"')
-    made = bc.embed(craft, {"mount": tmp_path / "spec.toml"}, retime=False)
+    made = bc.embed(craft, {"mount": tmp_path / "spec.toml"}, rigid=True)
     codes = [getattr(w, "code", "") for w in made.warnings]
     assert "not-carried" in codes
     assert "points-inward" not in codes
@@ -709,7 +677,7 @@ def test_a_link_that_was_left_in_is_asked_for(at, link, twice, tmp_path):
     craft = DRUM.format(link=link)
     if link:
         craft = craft.replace('<inertial pos="0 0 0" mass="5" diaginertia="1 1 1"/>', "")
-    said = bc.embed(craft, {at: tmp_path / "spec.toml"}, retime=False).warnings
+    said = bc.embed(craft, {at: tmp_path / "spec.toml"}, rigid=True).warnings
     found = [w for w in said if w.code == "counted-twice"]
     assert len(found) == twice
     assert not twice or "'drum' has 8 kg" in found[0]
@@ -723,7 +691,7 @@ def test_joints_behind_are_named_together_with_what_holds_them(tmp_path):
         '</body></body></worldbody><actuator><position joint="driven" kp="1e4"/></actuator>',
     )
     (tmp_path / "spec.toml").write_text(slender(3.0))
-    made = bc.embed(text, {"far": tmp_path / "spec.toml"}, retime=False)
+    made = bc.embed(text, {"far": tmp_path / "spec.toml"}, rigid=True)
     [said] = [w for w in made.warnings if w.code == "joints-behind"]
     assert "driven as locked" in said
     assert "free_one as free" in said
