@@ -1,7 +1,7 @@
 """The load of a study: small enough to be linear by default; warned of where it is not.
 
-That the reference is linear is seen at the door: twice the load moves everything twice,
-and errors stay what they are.
+Tests internals as well, `studies.study.prepare` and `Study`: what a load changes, without
+measuring.
 """
 
 import json
@@ -11,36 +11,53 @@ from pathlib import Path
 import pytest
 
 import beamchain as bc
+from beamchain.fitting.spec_text import spec_toml
+from beamchain.studies import study as studies
+from beamchain.studies.field import Entry
+from beamchain.studies.run_time import Ladder, Point
 from command import run
 
 SEED = Path(str(files("beamchain"))) / "examples" / "seed_boom.toml"
-QUICK = {"models": ["exact, hub"], "duration": 20.0, "budget": 0.002}
+QUICK = {"models": ["exact, hub"], "duration": 8.0, "budget": 0.001}
 LINEAR = 1e-5  # of the largest elastic part: what docs/study.md states
 # what large motion changes grows with the square of the load, but for the next even power
 SQUARE = 0.05
 
 
+def changed(spec, amplitude=None):
+    """What large motion changes, relative: `reference.nonlinear` of a study's record."""
+    return studies.prepare(spec_toml(spec), studies.Options(amplitude=amplitude))[1].nonlinear
+
+
 @pytest.mark.slow
 def test_the_default_load_is_linear():
-    found = bc.study(SEED, **QUICK)
+    told = []
+    found = bc.study(SEED, **QUICK, progress=lambda *done: told.append(done))
     assert found.as_dict()["reference"]["kind"] == "linear"
     assert found.as_dict()["reference"]["nonlinear"] < LINEAR
     assert not found.warnings
+    assert (found.models, found.scenario.duration) == (QUICK["models"], QUICK["duration"])
+    assert min(point.error for point in found.points) < 0.1
+    assert told
 
 
-@pytest.mark.slow
-def test_a_larger_load_is_warned_of_and_its_change_grows_with_the_square(tmp_path):
-    one, three = (bc.study(SEED, amplitude=size, **QUICK) for size in (10.0, 30.0))
-    ratio = three.as_dict()["reference"]["nonlinear"] / one.as_dict()["reference"]["nonlinear"]
-    assert ratio == pytest.approx(9.0, rel=SQUARE)
-    for found in (one, three):
-        (text,) = [w for w in found.warnings if "not to be relied on" in w]
-        assert text.code == "large-motion"
-        assert f"{found.as_dict()['reference']['nonlinear']:.2g}" in text
-        assert "not to be relied on" in found.write(tmp_path, force=True)[-2].read_text()
+def test_a_larger_load_is_warned_of(tmp_path):
+    spec, options = bc.read_spec(SEED), studies.Options(amplitude=30.0)
+    _, scenario = studies.prepare(spec_toml(spec), options)
+    point = Point("exact, hub", 2, "RK4", 0.5, 1e-4, 1e-4, 2e-4, 2e-6, 0.0, 1.5, 3)
+    ladders = (Ladder(Entry("exact, hub", 2, "RK4"), [point], ""),)
+    found = studies.Study(spec, options, {"xy": 2}, scenario, ladders, 0.0)
+    (text,) = [w for w in found.warnings if "not to be relied on" in w]
+    assert text.code == "large-motion"
+    assert f"{found.as_dict()['reference']['nonlinear']:.2g}" in text
+    assert "not to be relied on" in found.write(tmp_path)[-2].read_text()
 
 
-@pytest.mark.slow
+def test_what_a_larger_load_changes_grows_with_the_square():
+    one, three = (changed(bc.read_spec(SEED), size) for size in (10.0, 30.0))
+    assert three / one == pytest.approx(9.0, rel=SQUARE)
+
+
 def test_the_default_load_stays_linear_on_a_heavy_hub():
     """A hub of ten thousand beams hardly moves:
     the doublet is chosen by what the appendage does."""
@@ -49,7 +66,7 @@ def test_the_default_load_stays_linear_on_a_heavy_hub():
     heavy = bc.Spec(
         segment=spec.segment, modes=spec.modes, root=bc.spec.Root(target="hub", hub=hub)
     )
-    assert bc.study(heavy, **QUICK).as_dict()["reference"]["nonlinear"] < LINEAR
+    assert changed(heavy) < LINEAR
 
 
 def test_two_loads_and_negative_ones_are_refused(tmp_path, capsys, monkeypatch):

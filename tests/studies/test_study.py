@@ -181,8 +181,7 @@ def errors(prepared, entry: Entry, steps: list[float], metric: str) -> list[floa
     task, scenario = prepared
     out = []
     for h in steps:
-        wrench = scenario.profile.mean(h, round(60.0 / h))
-        wrench = entry.fed(wrench)
+        wrench = entry.fed(scenario.profile.mean(h, round(scenario.duration / h)))
         course = simulate(field.model_of(task, entry, h), entry.integrator, h, wrench)
         rigid = (
             rigid_motion(task, entry.integrator, h, wrench) if metric == "error_appendage" else None
@@ -205,7 +204,7 @@ def order(steps: list[float], values: list[float]) -> float:
     [
         (Entry("exact, hub", 4, "Euler"), [0.02, 0.01, 0.005], "error", 1.0),
         (Entry("exact, hub", 5, "implicitfast"), [0.1, 0.05, 0.025], "error_appendage", 2.0),
-        (Entry("exact, hub", 6, "discrete"), [0.002, 0.001, 0.0005], "error", 1.0),
+        (Entry("exact, hub", 6, "discrete"), [0.01, 0.005, 0.0025], "error", 1.0),
     ],
 )
 def test_order_in_the_step(prepared, entry, steps, metric, claimed):
@@ -241,6 +240,21 @@ def test_figures_of_the_seeds_problem(prepared):
 
 def test_paper_links_do_not_move_this_hub_rightly(prepared):
     assert errors(prepared, Entry(field.PAPER, 2, "RK4"), [0.1], "error")[0] > 1.0
+
+
+def test_a_rigid_section_on_a_hub_with_products_of_inertia():
+    """No torsion, no axial stiffness, no polar inertia; the hub's axes are not principal: the error
+    is 0.23 with the principal moments alone."""
+    section = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
+    hub = bc.Hub(
+        mass=300.0,
+        inertia=(100.0, 120.0, 150.0),
+        offset=(0.5, 0.0, 0.0),
+        products=(30.0, -20.0, 10.0),
+    )
+    spec = bc.Spec(segment=(bc.Segment(length=8.0, section=section),), root=bc.spec.Root(hub=hub))
+    made = studies.prepare(spec_toml(spec), studies.Options(duration=20.0))
+    assert errors(made, Entry("exact, hub", 4, "RK4"), [0.02], "error")[0] < 5e-3
 
 
 @pytest.mark.slow
@@ -364,8 +378,8 @@ def test_front_keeps_only_what_nothing_beats():
     assert [p.seconds for _, p in front.front(both, "error")] == [1.0, 2.0, 4.0]
 
 
-@pytest.mark.slow
 # -- the whole -------------------------------------------------------------------------------------
+@pytest.mark.slow
 def test_command(tmp_path):
     out = tmp_path / "study"
     words = [
@@ -374,7 +388,7 @@ def test_command(tmp_path):
         "-o",
         str(out),
         "--budget",
-        "0.002",
+        "0.001",
         "--model",
         "exact, hub",
         "--model",
@@ -420,7 +434,7 @@ def test_study_in_space(tmp_path):
     task, scenario = studies.prepare(spec_toml(spec), studies.Options())
     assert scenario.watched == (5,)
     assert task.kept == {"xy": 2, "xz": 2, "torsion": 1}
-    found = climb(task, scenario, Entry("exact, clamped", 2, "RK4"), 0.05)
+    found = climb(task, scenario, Entry("exact, clamped", 2, "RK4"), 0.02)
     assert min(p.error for p in found.points) < 1e-2
-    rival = climb(task, scenario, Entry("equal links, midpoint", 3, "RK4"), 0.05)
+    rival = climb(task, scenario, Entry("equal links, midpoint", 3, "RK4"), 0.01)
     assert rival.points, rival.note

@@ -154,7 +154,7 @@ def test_in_space_with_damping():
     task, scenario = studies.prepare(
         spec_toml(bc.read_spec(EXAMPLES / "array_uncertain.toml")), studies.Options()
     )
-    found = climb(task, scenario, Entry(TIMED, 2, "Euler"), 0.05)
+    found = climb(task, scenario, Entry(TIMED, 2, "Euler"), 0.02)
     old = field.largest_step(task, Entry("exact, hub", 2, "RK4"))
     assert max(p.timestep for p in found.points if p.error < 1e-3) > 3.0 * old
     assert min(p.error for p in found.points) < 5e-5
