@@ -1,7 +1,6 @@
 """The load of a study: small enough to be linear by default; warned of where it is not.
 
-Tests internals as well, `studies.study.prepare` and `Study`: what a load changes, without
-measuring.
+Tests an internal as well, `studies.study.prepare`: what a load changes, without measuring.
 """
 
 import json
@@ -13,8 +12,6 @@ import pytest
 import beamchain as bc
 from beamchain.fitting.spec_text import spec_toml
 from beamchain.studies import study as studies
-from beamchain.studies.field import Entry
-from beamchain.studies.run_time import Ladder, Point
 from command import run
 
 SEED = Path(str(files("beamchain"))) / "examples" / "seed_boom.toml"
@@ -30,27 +27,22 @@ def changed(spec, amplitude=None):
 
 
 @pytest.mark.slow
-def test_the_default_load_is_linear():
+def test_a_larger_load_is_warned_of(tmp_path):
     told = []
-    found = bc.study(SEED, **QUICK, progress=lambda *done: told.append(done))
-    assert found.as_dict()["reference"]["kind"] == "linear"
-    assert found.as_dict()["reference"]["nonlinear"] < LINEAR
-    assert not found.warnings
+    found = bc.study(SEED, amplitude=30.0, **QUICK, progress=lambda *done: told.append(done))
+    (text,) = [w for w in found.warnings if "not to be relied on" in w]
+    assert text.code == "large-motion"
+    reference = found.as_dict()["reference"]
+    assert reference["kind"] == "linear"
+    assert f"{reference['nonlinear']:.2g}" in text
+    assert "not to be relied on" in found.write(tmp_path)[-2].read_text()
     assert (found.models, found.scenario.duration) == (QUICK["models"], QUICK["duration"])
     assert min(point.error for point in found.points) < 0.1
     assert told
 
 
-def test_a_larger_load_is_warned_of(tmp_path):
-    spec, options = bc.read_spec(SEED), studies.Options(amplitude=30.0)
-    _, scenario = studies.prepare(spec_toml(spec), options)
-    point = Point("exact, hub", 2, "RK4", 0.5, 1e-4, 1e-4, 2e-4, 2e-6, 0.0, 1.5, 3)
-    ladders = (Ladder(Entry("exact, hub", 2, "RK4"), [point], ""),)
-    found = studies.Study(spec, options, {"xy": 2}, scenario, ladders, 0.0)
-    (text,) = [w for w in found.warnings if "not to be relied on" in w]
-    assert text.code == "large-motion"
-    assert f"{found.as_dict()['reference']['nonlinear']:.2g}" in text
-    assert "not to be relied on" in found.write(tmp_path)[-2].read_text()
+def test_the_default_load_is_linear():
+    assert changed(bc.read_spec(SEED)) < LINEAR
 
 
 def test_what_a_larger_load_changes_grows_with_the_square():

@@ -410,6 +410,7 @@ def test_command(tmp_path):
         "seconds_per_step",
     }
     assert all(keys <= set(point) for point in record["points"])
+    assert record["warnings"] == []
     assert set(record["rigid_hub"]) == set(field.INTEGRATORS)
     best = record["to_reach"]["1e-2"]
     assert best["model"] == "exact, hub"
