@@ -7,8 +7,6 @@ import contextlib
 import os
 import socket
 import stat
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -155,16 +153,6 @@ def test_wrong_spec(name, tmp_path, capsys, monkeypatch):
 def test_good_spec_passes(tmp_path):
     (tmp_path / "spec.toml").write_text(GOOD)
     assert bc.fit(tmp_path / "spec.toml").status.ok
-
-
-@pytest.mark.slow
-def test_good_spec_passes_through_the_command(tmp_path, capsys, monkeypatch):
-    spec = tmp_path / "spec.toml"
-    spec.write_text(GOOD)
-    code, _, error = run(
-        ["fit", str(spec), "-o", str(tmp_path / "out"), "--quiet"], capsys, monkeypatch
-    )
-    assert (code, error) == (0, "")
 
 
 class TestFiles:
@@ -331,13 +319,6 @@ class TestFiles:
             "cannot write",
         )
 
-    @pytest.mark.slow
-    def test_unwritable_file_system(self, tmp_path, capsys, monkeypatch):
-        place = "/proc/beamchain"
-        self.refused(
-            ["fit", str(self.good(tmp_path)), "-o", place], capsys, monkeypatch, "cannot write"
-        )
-
     @pytest.mark.parametrize(
         ("content", "word"),
         [
@@ -354,15 +335,3 @@ class TestFiles:
 
     def test_inspect_nothing(self, tmp_path, capsys, monkeypatch):
         self.refused(["inspect", str(tmp_path / "no.xml")], capsys, monkeypatch, "does not exist")
-
-
-@pytest.mark.slow
-def test_unknown_option_is_a_usage_error(tmp_path):
-    done = subprocess.run(
-        [sys.executable, "-m", "beamchain", "fit", "--nonsense"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 2
-    assert "Traceback" not in done.stderr

@@ -5,6 +5,8 @@ The judge is MuJoCo: A of the file standing on the world (its modes are the cant
 ratios belong to), its own RK4 step, its own Euler step.
 """
 
+from functools import cache
+
 import mujoco
 import numpy as np
 import pytest
@@ -26,7 +28,12 @@ MAP = 1e-6  # ratios from a step map by centred differences: 1e-10 of the map ov
 
 def fitted(ratios, springs="auto", form="modal"):
     """The unit beam in plane xy with a ratio per mode."""
-    wanted = Damping(ratio={"xy": tuple(float(v) for v in ratios)}, form=form)
+    return _fitted(tuple(float(v) for v in ratios), springs, form)
+
+
+@cache
+def _fitted(ratios, springs, form):
+    wanted = Damping(ratio={"xy": ratios}, form=form)
     kept = {"xy": len(ratios), "xz": 0}
     return fit(
         space_beam(), name="boom", modes=kept, damping=wanted, options=FitOptions(springs=springs)
@@ -85,10 +92,8 @@ def poles_of_rk4(a, h):
 
 
 # -- tendons ---------------------------------------------------------------------------------------
-@pytest.mark.parametrize("integrator", ["implicit", "implicitfast"])
-@pytest.mark.parametrize("h", [1e-3, 1e-2, 0.1])
+@pytest.mark.parametrize(("integrator", "h"), [("implicit", 1e-3), ("implicitfast", 0.1)])
 @MADE
-@pytest.mark.slow
 def test_each_mode_has_its_own_ratio_under_implicit_steps(springs, integrator, h):
     model = standing(fitted(RATIOS, springs), h, integrator)
     linear = linearise(model)
@@ -98,9 +103,9 @@ def test_each_mode_has_its_own_ratio_under_implicit_steps(springs, integrator, h
     assert achieved == close(RATIOS, rel=ACHIEVED)
 
 
-@pytest.mark.parametrize("h", [1e-3, 5e-3])
 @MADE
-def test_each_mode_has_its_own_ratio_through_the_rk4_map(springs, h):
+def test_each_mode_has_its_own_ratio_through_the_rk4_map(springs):
+    h = 5e-3
     model = standing(fitted(RATIOS, springs), h, "RK4")
     s = poles_of_rk4(linearise(model).a, h)
     assert np.abs(s) == close(frequencies(4), rel=1e-8)
@@ -114,11 +119,14 @@ def test_each_mode_has_its_own_ratio_in_mujoco_s_own_rk4_steps(springs):
     assert -s.real / np.abs(s) == close(RATIOS, rel=10 * MAP)
 
 
-@pytest.mark.parametrize("make", [tube, deployed_array])
 @pytest.mark.slow
-def test_the_whole_walk_achieves_every_ratio(make):
+def test_the_whole_walk_achieves_every_ratio():
     wanted = {"xy": (0.001, 0.05, 0.01), "xz": (0.02, 0.002, 0.03), "torsion": (0.05, 0.004)}
-    result = fit(make(), modes={"xy": 3, "xz": 3, "torsion": 2}, damping=Damping(ratio=wanted))
+    result = fit(
+        deployed_array(),
+        modes={"xy": 3, "xz": 3, "torsion": 2},
+        damping=Damping(ratio=wanted),
+    )
     assert result.status.ok
     for port, ratios in wanted.items():
         n = len(ratios)
@@ -291,16 +299,15 @@ def test_what_joint_damping_misses_is_measured_and_said():
     assert "tendon" not in result.to_mjcf()
 
 
-@pytest.mark.slow
 def test_no_ratio_no_damping():
-    bare = fit(space_beam(), name="boom", modes={"xy": 2, "xz": 0}).to_mjcf()
+    bare = fit(space_beam(), name="boom", modes={"xy": 1, "xz": 0}).to_mjcf()
     for form in ("hinge", "modal"):
-        assert fitted([0.0, 0.0], form=form).to_mjcf() == bare
+        assert fitted([0.0], form=form).to_mjcf() == bare
 
 
-@pytest.mark.parametrize("integrator", [i for i in INTEGRATORS if i != "RK4"])
-def test_joint_damping_reads_the_same_under_every_integrator(integrator):
+def test_joint_damping_reads_the_same_under_every_integrator():
     result = fitted([0.01, 0.02], form="hinge")
-    linear = linearise(standing(result, 0.01, integrator))
     reference = linearise(standing(result, 0.01, "implicitfast"))
-    assert linear.damping == close(reference.damping, rel=1e-9, abs=1e-9)
+    for integrator in set(INTEGRATORS) - {"RK4", "implicitfast"}:
+        linear = linearise(standing(result, 0.01, integrator))
+        assert linear.damping == close(reference.damping, rel=1e-9, abs=1e-9)

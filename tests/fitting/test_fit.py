@@ -137,23 +137,11 @@ def test_the_drop_in_file_compiles_and_is_named_after_the_appendage(make):
     assert {"wing_root", "wing_tip"} == {model.site(i).name for i in range(model.nsite)}
 
 
-@pytest.mark.slow
-def test_masses_of_the_compiled_file_are_the_beam_s():
-    result = bc.fit(deployed_array(), modes=KEPT)
-    model = mujoco.MjModel.from_xml_string(result.to_mjcf())
-    assert float(np.sum(model.body_mass)) == close(
-        float(deployed_array().rigid_mass()[0, 0]), rel=1e-10
-    )
-
-
 @pytest.mark.parametrize(
     ("make", "integrator"),
     [
-        (seed_boom, "implicitfast"),
-        (tube, "implicit"),
-        (deployed_array, "Euler"),
-        (tube, "RK4"),
-        (deployed_array, "discrete"),
+        (seed_boom, "implicit"),
+        (seed_boom, "discrete"),
         pytest.param(deployed_array, "implicitfast", marks=pytest.mark.slow),
     ],
 )
@@ -168,8 +156,7 @@ def test_the_scene_steps_without_a_warning(make, integrator):
     assert model.opt.timestep == close(step, rel=1e-12)
     data = mujoco.MjData(model)
     data.qvel[:6] = [0.0, 0.01, 0.005, 0.002, 0.003, 0.01]
-    for _ in range(400):
-        mujoco.mj_step(model, data)
+    mujoco.mj_step(model, data, nstep=400)
     assert silent(model, data)
     assert np.all(np.isfinite(data.qpos))
     assert np.max(np.abs(data.qpos[7:])) < 1.0
@@ -182,8 +169,11 @@ def test_the_scene_has_the_coupled_modes():
     assert found == close(coupled, rel=1e-7)
 
 
-@pytest.mark.parametrize("integrator", ["Euler", "implicitfast", "RK4"])
-@pytest.mark.parametrize("hub", [None, bc.Hub(mass=3.0, inertia=(0.2, 0.3, 0.3))])
+@pytest.mark.parametrize(
+    ("integrator", "hub"),
+    [(name, bc.Hub(mass=3.0, inertia=(0.2, 0.3, 0.3))) for name in ("Euler", "implicitfast")]
+    + [("RK4", None)],
+)
 @pytest.mark.slow
 def test_a_scene_without_a_step_is_written_with_one_that_is_stable(tmp_path, integrator, hub):
     """A thin boom with fast modes, alone and on a light hub: run by mj_step, it does not grow."""
@@ -269,7 +259,7 @@ SHORT_PAGE = {"torsion": 1, "xy": 0, "xz": 0}  # whose page is made soonest
 
 @pytest.mark.slow
 def test_write_gives_every_file_and_asks_before_it_replaces(tmp_path):
-    result = bc.fit(tube(), name="boom", modes=SHORT_PAGE)
+    result = bc.fit(tube(), name="boom", modes=SHORT_PAGE, damping=0.01)
     files = result.write(tmp_path / "out")
     names = {path.name for path in files}
     assert {"appendage.xml", "scene.xml", "report.html", "fit.json"} <= names
@@ -279,6 +269,9 @@ def test_write_gives_every_file_and_asks_before_it_replaces(tmp_path):
         assert mujoco.MjModel.from_xml_path(str(tmp_path / "out" / name)).nv > 0
     written = (tmp_path / "out" / "fit.json").read_text()
     assert written == to_json(result.as_dict())
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "The damping tendons are made for implicit" in page
+    assert "damping ratio, asked" in page
     with pytest.raises(OSError, match="--force"):
         result.write(tmp_path / "out")
     before = (tmp_path / "out" / "appendage.xml").read_text()
@@ -294,10 +287,9 @@ def test_nothing_is_left_behind_when_a_folder_cannot_be_made(tmp_path):
 
 
 # -- fit.json --------------------------------------------------------------------------------------
-@pytest.mark.parametrize("make", [tube, pytest.param(deployed_array, marks=pytest.mark.slow)])
-def test_json_holds_what_the_contract_says(make):
+def test_json_holds_what_the_contract_says():
     result = bc.fit(
-        make(), name="wing", modes=KEPT, root=bc.spec.Root(hub=HUB), damping=bc.Damping(ratio=0.01)
+        tube(), name="wing", modes=KEPT, root=bc.spec.Root(hub=HUB), damping=bc.Damping(ratio=0.01)
     )
     record = json.loads(to_json(result.as_dict()))
     assert record["name"] == "wing"
@@ -313,8 +305,7 @@ def test_json_holds_what_the_contract_says(make):
         motions = 2 if port in ("xy", "xz") else 1
         for side in ("target", "achieved"):
             size = len(entry[side]["frequencies"])
-            # a filler per further hinge
-            assert size == count if side == "target" or make is tube else size >= count
+            assert size == count
             assert np.array(entry[side]["participation"]).shape == (size, motions)
             assert len(entry[side]["free_frequencies"]) == size
         assert set(entry["error"]) == {
@@ -351,8 +342,13 @@ def test_json_holds_what_the_contract_says(make):
 
 
 # -- command line ----------------------------------------------------------------------------------
-@pytest.mark.slow
-def test_command_line_prints_wanted_and_achieved_damping(tmp_path, monkeypatch, capsys):
+@pytest.fixture
+def unwritten(monkeypatch):
+    """What a fit prints is said without its files, of which the page takes seconds."""
+    monkeypatch.setattr(bc.Fit, "write", lambda self, folder, **_: [folder / "fit.json"])
+
+
+def test_command_line_prints_wanted_and_achieved_damping(unwritten, tmp_path, monkeypatch, capsys):
     spec = tmp_path / "boom.toml"
     spec.write_text(
         TUBE
@@ -371,8 +367,7 @@ def test_command_line_prints_wanted_and_achieved_damping(tmp_path, monkeypatch, 
     assert "wrote" in words
 
 
-@pytest.mark.slow
-def test_one_in_band_error_is_printed_where_a_scene_asks(tmp_path, capsys, monkeypatch):
+def test_one_in_band_error_is_printed_where_a_scene_asks(unwritten, tmp_path, capsys, monkeypatch):
     """That of the axes asked for; those of single ports, over all motions and other hubs,
     would contradict it."""
     text = (
@@ -387,17 +382,7 @@ def test_one_in_band_error_is_printed_where_a_scene_asks(tmp_path, capsys, monke
         assert "in-band error" in told
 
 
-@pytest.mark.slow
-def test_report_tells_the_warnings(tmp_path):
-    result = bc.fit(tube(), modes={"xy": 2, "xz": 0}, damping=bc.Damping(ratio=0.01))
-    result.write(tmp_path)
-    page = (tmp_path / "report.html").read_text()
-    assert "The damping tendons are made for implicit" in page
-    assert "damping ratio, asked" in page
-
-
-@pytest.mark.slow
-def test_fewer_modes_than_asked_for_exits_with_three(tmp_path, monkeypatch, capsys):
+def test_fewer_modes_than_asked_for_exits_with_three(unwritten, tmp_path, monkeypatch, capsys):
     spec = tmp_path / "boom.toml"
     spec.write_text(TUBE + '[modes]\nxy = 8\n[fit]\nsprings = "hinges"\n')
     code, out, _ = run(
@@ -408,7 +393,6 @@ def test_fewer_modes_than_asked_for_exits_with_three(tmp_path, monkeypatch, caps
     assert record["status"]["ok"] is False
     assert "xy keeps 7 of the 8 modes asked for" in record["status"]["message"]
     assert len(record["ports"]["xy"]["achieved"]["frequencies"]) == 7
-    assert (tmp_path / "out" / "fit.json").is_file()
 
 
 def test_a_status_that_is_not_ok_is_not_hidden():

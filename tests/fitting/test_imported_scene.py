@@ -12,7 +12,6 @@ from beamchain import Beam, Equivalent, Hub, ModalData, Scene, Segment, fit
 from beamchain.spec import FitOptions, Root
 from modes_of_beam import modes_of_beam
 from prints import cantilever, plate, whole
-from uniform_beam import held_roots
 
 AXES = {"tx": 0, "ty": 1, "tz": 2, "x": 3, "y": 4, "z": 5}  # turns are x, y, z of a scene
 PRINT = 5e-7  # relative precision of seven printed digits
@@ -49,7 +48,7 @@ def promise(data: ModalData, kept, hub: np.ndarray, scene: Scene) -> float:
         data.rigid_mass[np.ix_(live, live)],
         data.participation[:, live],
     )
-    omega = np.linspace(scene.bandwidth / 6000, scene.bandwidth, 6000)
+    omega = np.linspace(scene.bandwidth / 2000, scene.bandwidth, 2000)
     s = 1j * omega[:, None]
     gain = s**2 / (s**2 + 2 * RATIO * data.frequencies * s + data.frequencies**2)
     scale = np.sqrt(np.diag(hub + mass))
@@ -81,16 +80,9 @@ ALL = ("x", "y", "z", "tx", "ty", "tz")
 
 @pytest.mark.parametrize(
     ("axes", "band", "tolerance"),
-    [
-        (ALL, 0.3, 1e-2),
-        (ALL, 1.5, 3e-4),
-        (("y", "tz"), 6.0, 1e-2),
-        pytest.param(("x",), 1.5, 3e-4, marks=pytest.mark.slow),
-        pytest.param(ALL, 6.0, 3e-4, marks=pytest.mark.slow),
-        pytest.param(("y", "tz"), 1.5, 3e-4, marks=pytest.mark.slow),
-        pytest.param(("x",), 6.0, 1e-2, marks=pytest.mark.slow),
-    ],
+    [(ALL, 1.5, 3e-4), (("x",), 1.5, 3e-4), (("y", "tz"), 6.0, 1e-2)],
 )
+@pytest.mark.slow
 def test_coupled_modes_are_chosen(axes, band, tolerance):
     """A plate: the promise kept, and no longer kept without the lightest of them."""
     data = printed(plate())
@@ -117,12 +109,7 @@ def test_coupled_modes_are_chosen(axes, band, tolerance):
 
 @pytest.mark.parametrize(
     ("target", "band"),
-    [
-        ("clamped", 0.01),
-        (None, 1.5),
-        ("clamped", 8.0),
-        *(pytest.param(*case, marks=pytest.mark.slow) for case in ((None, 0.01), ("clamped", 1.5))),
-    ],
+    [("clamped", 0.01), (None, 1.5), pytest.param("clamped", 8.0, marks=pytest.mark.slow)],
 )
 def test_decoupled_modes_are_chosen_per_port(band, target):
     data = boom_data()
@@ -170,19 +157,15 @@ def test_a_beam_with_a_tendon_per_mode_is_chosen_too(make):
     assert 0 < sum(t.is_mode for t in result.chain.tendons) == sum(result.choice.modes.values())
 
 
-SPEC = (
-    'name = "array"\n[imported]\nfile = "array.f06"\n{units}[scene]\nbandwidth = '
-    "{band}\ntolerance = 1e-2\n"
-)
-
-
-@pytest.fixture(params=["independent", "coupled"])
-def spec(request, tmp_path):
-    modes = cantilever(0.3) if request.param == "independent" else plate().in_units(1e-3, 1e3)
-    (tmp_path / "array.f06").write_text(whole(modes, weight=request.param == "independent"))
-    units = "" if request.param == "independent" else "units = { length = 1e-3, mass = 1e3 }\n"
+@pytest.fixture
+def spec(tmp_path):
+    """The plate, whose modes couple all ports, in millimetres and tonnes."""
+    (tmp_path / "array.f06").write_text(whole(plate().in_units(1e-3, 1e3), weight=False))
     path = tmp_path / "array.toml"
-    path.write_text(SPEC.format(units=units, band=500.0))
+    path.write_text(
+        'name = "array"\n[imported]\nfile = "array.f06"\nunits = { length = 1e-3, mass = 1e3 }\n'
+        "[scene]\nbandwidth = 500.0\ntolerance = 1e-2\n"
+    )
     return path
 
 
@@ -197,12 +180,10 @@ def test_commands_on_imported_modes(spec, tmp_path):
     code, said = run("fit", spec, "-o", tmp_path / "fit", "--explain")
     assert code == 0, said
     assert "left out" in said
+    assert "The imported modes" in (tmp_path / "fit" / "report.html").read_text()
     record = json.loads((tmp_path / "fit" / "fit.json").read_text())
     assert record["scene"]["error"] <= 1e-2
     assert record["left_out"]
-    code, _ = run("fit", spec, "-o", tmp_path / "full", "--full", "--quiet")
-    full = json.loads((tmp_path / "full" / "fit.json").read_text())
-    assert sum(full["scene"]["modes"] or [0]) == 0  # nothing was chosen
     code, said = run("stability", spec, "-o", tmp_path / "stability", "--json")
     assert code == 0, said
     assert all(r["largest"] > 0.0 for r in json.loads(said)["models"] if r["largest"])
@@ -238,9 +219,8 @@ def test_a_rigid_appendage_goes_through_every_command(spec, tmp_path):
             "One rigid body stands for the appendage"
             in (tmp_path / "fit" / "report.html").read_text()
         )
-        code, said = run(
-            "embed", craft, "--mount", f"mount={source}", "-o", tmp_path / "out.xml", "--force"
-        )
+        words = ["--mount", f"mount={source}", "-o", tmp_path / "out.xml"]
+        code, said = run("embed", craft, *words, "--force", "--no-report")
         assert code == 0, said
         code, said = run("stability", source, "-o", tmp_path / "stability")
         assert code == 2
@@ -248,27 +228,3 @@ def test_a_rigid_appendage_goes_through_every_command(spec, tmp_path):
     code, said = run("study", beam, "-o", tmp_path / "study")
     assert code == 2
     assert "needs no mode" in said
-
-
-@pytest.mark.parametrize(
-    ("modes", "reach", "told"), [(3, 3.4, True), (3, 12.0, False), (12, 3.4, False)]
-)
-@pytest.mark.slow
-def test_modes_that_end_too_soon_for_the_band_are_told(modes, reach, told):
-    """The modes of a uniform cantilever in one plane: what is left to those beyond moves some
-    m_left (band / last)^2 of the mass."""
-    z = held_roots(modes)
-    shape = (np.sinh(z) - np.sin(z)) / (np.cosh(z) + np.cos(z))
-    rows = np.zeros((6, modes))
-    rows[1], rows[5] = 2.0 * shape / z, 2.0 / z**2
-    mass = np.diag([1.0, 1.0, 1.0, 1e-3, 1.0 / 3.0, 1.0 / 3.0])
-    mass[1, 5] = mass[5, 1] = 0.5
-    mass[2, 4] = mass[4, 2] = -0.5
-    data = ModalData(mass, z**2, rows.T)
-    left = 1.0 - np.sum(rows[1] ** 2)
-    scene = Scene(bandwidth=float(z[-1] ** 2 / reach), tolerance=5e-3, axes=("ty", "z"))
-    found = [w for w in fit(data, scene=scene).warnings if w.code == "last-mode"]
-    assert bool(found) is told
-    if told:
-        assert f"leave {left:.1%} of the effective mass in ty" in found[0]
-        assert f"{left / reach**2:.1e} of the motion" in found[0]

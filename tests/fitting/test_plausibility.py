@@ -46,21 +46,13 @@ def test_slips_are_asked_about(wrong, words):
     assert words in said(**wrong)
 
 
-@pytest.mark.parametrize(
-    ("ratio", "place"),
-    [
-        (0.3, "ratio"),
-        ({"xy": (0.005, 0.3)}, r"ratio.xy[1]"),
-        ({"xy": [0.3], "xz": [0.4]}, "ratio.xy[0]"),
-    ],
-)
 @pytest.mark.slow
-def test_damping_in_per_cent_is_asked_about(ratio, place):
-    damping = bc.Damping(ratio=ratio)
+def test_damping_in_per_cent_is_asked_about():
+    damping = bc.Damping(ratio={"xy": (0.005, 0.3)})
     said_of = bc.fit(seed_boom(), damping=damping).warnings
     wanted = (
-        f"damping.{place} = 0.3 is 30% of critical, where structures have 0.001 to 0.02: a likely "
-        "slip; if 0.3 % were meant, write 0.003."
+        "damping.ratio.xy[1] = 0.3 is 30% of critical, where structures have 0.001 to 0.02: a "
+        "likely slip; if 0.3 % were meant, write 0.003."
     )
     assert wanted in said_of
     craft = bc.embed(CRAFT, {"mount": bc.Spec(segment=seed_boom().segments, damping=damping)})

@@ -7,7 +7,7 @@ import pytest
 
 import beamchain as bc
 from appendages import close, tip_loaded_boom
-from arrays import deployed_array, tube
+from arrays import tube
 from spec_tables import spec_of, table_of
 
 ACCELERATION = 1e-4  # m/s^2 across the appendage: linear motion
@@ -119,17 +119,16 @@ def test_root_load_is_the_weight(leaning):
     assert np.max(np.abs(force[[0, 2]])) < 1e-6 * abs(force[1])
 
 
-@pytest.mark.slow
 def test_nothing_is_written_without_being_asked():
-    assert mujoco.MjModel.from_xml_string(bc.fit(held(tube())).to_mjcf()).nsensor == 0
+    assert "<sensor" not in bc.fit(tube(), modes={"xy": 1, "xz": 0}).to_mjcf()
 
 
 @pytest.mark.slow
 def test_sensors_travel_into_a_spacecraft(tmp_path):
     spec = sensing(
-        deployed_array(),
+        tube(),
         "array",
-        modes={"xy": 2, "xz": 2},
+        modes={"xy": 2, "xz": 0},
         sensors={"modes": True, "root_load": True},
     )
     craft = tmp_path / "craft.xml"
@@ -142,7 +141,7 @@ def test_sensors_travel_into_a_spacecraft(tmp_path):
     embedded = bc.embed(craft, {"mount": spec})
     model = mujoco.MjModel.from_xml_string(embedded.to_mjcf())
     names = [model.sensor(i).name for i in range(model.nsensor)]
-    assert len(names) == 2 * 4 + 2
+    assert len(names) == 2 * 2 + 2
     assert all("array" in name for name in names)
 
 

@@ -143,11 +143,10 @@ class TestFlow:
         roll = sum(model.body_inertia[i].min() for i in bodies)
         assert roll < 1e-6 * rigid[1, 1]
 
-    @pytest.mark.parametrize("name", TANKS)
     @pytest.mark.slow
-    def test_force_and_moment_of_sway_and_pitch(self, tmp_path, name):
+    def test_force_and_moment_of_sway_and_pitch(self, tmp_path):
         """What two pendulums leave out falls as the square of frequency; what six leave is less."""
-        radius, height = TANKS[name]
+        radius, height = TANKS["shallow"]
         flow = Flow(radius, height)
         kappa, _, _ = flow.modes(3)
         size = np.sqrt(np.diag(DENSITY * flow.rigid()))
@@ -159,12 +158,11 @@ class TestFlow:
                 truth = DENSITY * flow.dynamic_mass(s, 1.0)
                 off = (bench.dynamic_mass(s) - truth) / np.outer(size, size)
                 worst[modes] = max(worst.get(modes, 0.0), float(np.max(np.abs(off))))
-        assert worst[2] < LEFT_OUT[name]
+        assert worst[2] < LEFT_OUT
         assert worst[6] < 0.05 * worst[2]
 
 
-# of the rigid mass: what the third and further modes do, measured 8.6e-3, 3.0e-3 and 4.9e-2
-LEFT_OUT = {"half": 1e-2, "deep": 4e-3, "shallow": 6e-2}
+LEFT_OUT = 6e-2  # of the rigid mass: what the third and further modes do, measured 4.9e-2
 
 
 class TestFile:
@@ -197,9 +195,7 @@ class TestFile:
         mujoco.mj_forward(model, data)
         assert data.qacc[:3] == pytest.approx([0.05, 0.0, 0.0], abs=1e-12)
 
-    @pytest.mark.parametrize(
-        ("axis", "along"), [("y", [0, 1, 0]), ("z", [0, 0, 1]), ("-x", [-1, 0, 0])]
-    )
+    @pytest.mark.parametrize(("axis", "along"), [("y", [0, 1, 0]), ("-x", [-1, 0, 0])])
     @pytest.mark.slow
     def test_another_axis_of_the_place(self, tmp_path, axis, along):
         """The file, its balls and its thrust point along it; what is read back is not changed."""
@@ -229,10 +225,9 @@ class TestFile:
 
 class TestPage:
     @pytest.mark.slow
-    @pytest.mark.parametrize("visuals", ["true", '"boxes"', "false"])
-    def test_the_page_says_that_no_mode_is_drawn(self, tmp_path, visuals):
+    def test_the_page_says_that_no_mode_is_drawn(self, tmp_path):
         file = tmp_path / "tank.toml"
-        file.write_text(tank(0.5, 0.8) + f"[scene]\nvisuals = {visuals}\n")
+        file.write_text(tank(0.5, 0.8))
         told = call("fit", file, "-o", tmp_path / "out")
         assert told.status == 0
         assert "No mode is drawn: nothing accelerates" in (tmp_path / "out/report.html").read_text()

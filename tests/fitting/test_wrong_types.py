@@ -60,25 +60,21 @@ def typed(n, seq):
 
 
 @pytest.mark.parametrize("kind", [np.float32, Fraction])
-@pytest.mark.slow
-def test_numbers_of_any_kind_are_pythons_own(kind, tmp_path):
+def test_numbers_of_any_kind_are_pythons_own(kind):
     plain = typed(float, tuple)
     other = typed(kind, list)
     assert other == plain
     assert hash(other.segment) == hash(plain.segment)
     assert msgspec.json.decode(msgspec.json.encode(other), type=bc.Spec) == plain
+
+
+@pytest.mark.slow
+def test_numbers_of_any_kind_are_written(tmp_path):
+    plain, other = typed(float, tuple), typed(Fraction, list)
     record = json.loads(to_json(bc.fit(other).as_dict()))
     assert record["ports"]["xy"]["target"]["damping"] == [0.0078125, 0.00390625]
     bc.embed(CRAFT, {"mount": other}).write(tmp_path / "craft.xml")
     assert bc.embed(tmp_path / "craft.xml", {"mount": plain}).appendages[0].spec == plain
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", [np.float32, Fraction])
-def test_numbers_of_any_kind_are_written(kind, tmp_path):
-    bc.fit(typed(kind, list)).write(tmp_path / "out")
-    record = json.loads((tmp_path / "out" / "fit.json").read_text())
-    assert record["ports"]["xy"]["target"]["damping"] == [0.0078125, 0.00390625]
 
 
 def test_arrays_stand_for_lists():
