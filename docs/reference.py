@@ -104,7 +104,7 @@ PARTS = {
         "steps.poles.PoleRow",
         "fitting.result.InSpace",
         "chain.chain.Chain",
-        "structure.mass_line.SpreadMass",
+        "structure.mass_line.MassLine",
     ),
     "Identification": (
         "identification.result.IdentifiedMode",

@@ -14,7 +14,6 @@ import readback as rb
 from appendages import close, panels, timoshenko_boom, unit_beam
 from arrays import ALUMINIUM, deployed_array, flat_bar, tube
 from beamchain import Beam, Box, Equivalent, Hub, Lump, Rectangle, Segment, fit
-from beamchain.chain.margin import MassTable
 from beamchain.spec import FitOptions, Root
 from spec_tables import table_of
 from written_chain import read_chain
@@ -276,5 +275,5 @@ def test_a_body_is_behind_every_place_before_it(x):
         lumps=tuple(Lump(x=at, mass=m) for at, m in bodies.items()),
     )
     mass = 8.0 - x + sum(m for at, m in bodies.items() if at > x)
-    found = MassTable(beam).behind(np.array([x]))[0]
+    found = beam.line.behind(np.array([x]))[0]
     assert found[1, 1] == close(mass, abs=OWN)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import beamchain as bc
-from beamchain import PortModel
+from beamchain import Beam, Equivalent, PortModel, Segment
 from beamchain.chain.seed import SeedRow
 from formulas import (
     Chain,
@@ -37,22 +37,10 @@ def test_a_dumbbell_on_a_massless_rod_has_its_spring_at_the_hinge(reach):
     assert nodes.stiffness == pytest.approx([spring], rel=ROUNDED)
 
 
-def rod(mass, start, length):
-    """`(6, 6)` of a straight rod about the root."""
-    middle = start + length / 2.0
-    out = np.diag([mass, mass, mass, 0.0, 0.0, 0.0])
-    out[4, 4] = out[5, 5] = mass * (length**2 / 12.0 + middle**2)
-    out[1, 5] = out[5, 1] = mass * middle
-    out[2, 4] = out[4, 2] = -mass * middle
-    return out
-
-
 def test_bodies_are_the_pieces_between_the_hinges():
     # 0.04 kg/m on 2 m with a hinge at 0.5 m: rods of 0.02 and 0.06 kg
-    line = SimpleNamespace(
-        length=2.0,
-        behind=lambda x: [rod(0.04 * (2.0 - a), a, 2.0 - a) for a in np.maximum(x, 0.0)],
-    )
+    thin = Equivalent(bending_stiffness_xy=1.0, linear_mass=0.04)
+    line = Beam(segments=(Segment(length=2.0, section=thin),)).line
     pieces = bodies(line, np.array([0.5]))
     for piece, start, length in zip(pieces, (0.0, 0.5), (0.5, 1.5), strict=True):
         mass = 0.04 * length
@@ -79,7 +67,7 @@ def test_links_that_are_rigid_bodies_stay_as_they_are():
     line = SimpleNamespace(
         length=2.0,
         rigid_mass=lambda: np.diag([2.0, 2.0, 2.0, 0.4, 3.0, 3.0]),
-        moments=lambda a, b, closed: SimpleNamespace(polar=0.2 * (b - a)),
+        moments=lambda edges: np.outer(0.2 * np.diff(edges), np.eye(6)[3]),
     )
     solid = [link(0, 0.3, 1.0, 1.0), link(1, 0.1, 1.0, 1.0)]
     assert settle_links(line, solid, np.array([1.0])) == solid

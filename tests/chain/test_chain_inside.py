@@ -52,7 +52,7 @@ def test_hinge_angles_of_the_modes_diagonalise_stiffness_and_mass():
     # row k holds psi_k of the mass-normalised mode: strain energy W_k^2 / 2,
     # no coupling of two modes
     beam = seed_boom()
-    chain = planar_chain(realise(beam.port("xy", 8).truncated(4)), beam)
+    chain = planar_chain(realise(beam.port("xy", 8).truncated(4)), beam.line)
     port = chain.port("xy")
     shapes = chain.shapes("xy", port)
     stiffness = np.array([h.stiffness["xy"] for h in chain.hinges])

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag, eigh
 
-from beamchain import Beam, Equivalent, Lump, Segment
+from beamchain import Beam, Equivalent, Segment
 from formulas import (
+    Effort,
     Margins,
-    MassTable,
     ModeGroup,
     Wanted,
     best_cut,
@@ -98,21 +98,19 @@ def least_of(rows, kinematics, inertia, m=2):
 @pytest.mark.parametrize("ports", [("xy",), ("xz",), ("xz", "torsion")])
 @pytest.mark.parametrize("further", [(), (1.0,), (1.0, 1.5)])
 def test_margin_of_a_uniform_rod_s_cut(ports, further):
-    """Hinges on stations of the table."""
     x = np.array([0.2, 0.6, 1.2, 1.4, 1.6])
     kinematics, inertia = integrals(x, further, twists=len(ports) > 1)
     random = np.random.default_rng(1)
     rows = 0.1 * random.normal(size=(2, len(kinematics)))
     group = ModeGroup(ports, np.array([1.0, 2.0]), rows, np.zeros(2))
-    table = MassTable(LINE)
-    search = Margins(table, (Wanted(group, dict.fromkeys(ports, 5), {}),), further)
+    search = Margins(LINE.line, (Wanted(group, dict.fromkeys(ports, 5), {}),), further)
     margin, chosen, margins = search.assigned(x)
     assert margin == pytest.approx(
         least_of(rows, kinematics, inertia, 2 + ("torsion" in ports)), rel=1e-6
     )
     assert margins == [margin]
     assert chosen == [[(k, port) for k in range(5) for port in sorted(ports)]]
-    assert table.tried == 1 + 5 * len(ports) // 8
+    assert search.effort.tried == 1 + 5 * len(ports) // 8
     assert search.value(x) == margin
     assert search.value(x[::-1]) == -np.inf
     assert search.value(np.array([0.2, 0.6, 1.2, 1.4, 1.4 + 1.8e-3])) == -np.inf
@@ -132,7 +130,7 @@ def test_the_first_choice_with_enough_or_the_best_is_taken(size, taken):
     x = np.array([0.1, 0.2, 0.4, 1.0, 1.2, 1.7])
     rows = size * np.array([[0.0, 1.0]])
     group = ModeGroup(("xy",), np.ones(1), rows, np.zeros(1))
-    search = Margins(MassTable(LINE), (Wanted(group, {"xy": 2}, {}),), ())
+    search = Margins(LINE.line, (Wanted(group, {"xy": 2}, {}),), ())
     margin, (chosen,), _ = search.assigned(x)
     assert chosen == [(k, "xy") for k in taken]
     wanted = least_of(rows, *integrals(x[list(taken)]))
@@ -149,27 +147,12 @@ def test_the_least_margin_of_all_groups_and_no_more_of_them_than_are_asked_for()
     wanted = [Wanted(group, {group.ports[0]: 2}, {}) for group in (large, small)]
     both = [least_of(group.rows, *integrals(x)) for group in (large, small)]
     assert both[0] < ENOUGH < both[1]
-    found = Margins(MassTable(LINE), tuple(wanted), ()).assigned(x)
+    found = Margins(LINE.line, tuple(wanted), ()).assigned(x)
     assert found[2] == pytest.approx(both, rel=1e-6)
     assert found[0] == found[2][0]
-    assert Margins(MassTable(LINE), tuple(wanted), ()).assigned(x, whole=False)[2] == [found[0]]
-    turned = Margins(MassTable(LINE), tuple(wanted[::-1]), ())
+    assert Margins(LINE.line, tuple(wanted), ()).assigned(x, whole=False)[2] == [found[0]]
+    turned = Margins(LINE.line, tuple(wanted[::-1]), ())
     assert turned.assigned(x, whole=False)[2] == found[2][::-1]
-
-
-def test_mass_behind_places_between_the_stations_of_a_table():
-    """0.5 kg/m, bodies at the root, between stations and at the tip."""
-    lumps = [Lump(x=0.0, mass=3.0), Lump(x=1.0007, mass=4.0), Lump(x=2.0, mass=5.0)]
-    table = MassTable(Beam(segments=LINE.segments, lumps=lumps))
-    assert table.rigid[0, 0] == pytest.approx(13.0)
-    assert table.rigid[1, 5] == pytest.approx(1.0 + 4.0 * 1.0007 + 10.0)
-    x = np.array([0.0, 0.00171, 1.00069, 1.0007, 1.3337, 1.9999, 2.0])
-    mass = 0.5 * (2.0 - x) + 4.0 * (x < 1.0007) + 5.0 * (x < 2.0)
-    first = 0.25 * (4.0 - x**2) + 4.0028 * (x < 1.0007) + 10.0 * (x < 2.0)
-    found = table.behind(x)
-    assert found[:, 0, 0] == pytest.approx(mass, abs=1e-9)
-    assert found[:, 1, 5] == pytest.approx(first, abs=2e-6)
-    assert table.tried == 0
 
 
 def test_a_group_takes_fixed_hinges_and_spreads_the_others():
@@ -177,7 +160,7 @@ def test_a_group_takes_fixed_hinges_and_spreads_the_others():
     x = np.array([0.2, 0.6, 1.0, 1.4, 1.8])
     group = ModeGroup(("torsion",), np.zeros(0), np.zeros((0, 1)), np.zeros(0))
     thin = Equivalent(bending_stiffness_xy=1.0, linear_mass=0.5)
-    table = MassTable(Beam(segments=(Segment(length=2.0, section=thin),)))
+    line = Beam(segments=(Segment(length=2.0, section=thin),)).line
     for fixed, count, hinges in (
         ((), 2, [0, 2]),
         ((), 3, [0, 1, 3]),
@@ -188,7 +171,7 @@ def test_a_group_takes_fixed_hinges_and_spreads_the_others():
         ((), 9, [0, 1, 2, 3, 4]),
     ):
         wanted = Wanted(group, {"torsion": count}, {"torsion": fixed})
-        margin, ((*chosen,),), _ = Margins(table, (wanted,), ()).assigned(x)
+        margin, ((*chosen,),), _ = Margins(line, (wanted,), ()).assigned(x)
         assert [i for i, _ in chosen] == hinges
         assert margin == -np.inf
 
@@ -209,7 +192,7 @@ def told(margin, length=2.0, further=()):
         return margin(x) if shortest_link(x, length) >= 1e-3 else -np.inf
 
     return SimpleNamespace(
-        table=SimpleNamespace(length=length, tried=0), further=further, value=value
+        line=SimpleNamespace(length=length), effort=Effort(), further=further, value=value
     )
 
 
@@ -313,7 +296,7 @@ def test_a_climb_ends_at_a_tenth_or_at_the_top(further):
 )
 def test_what_is_climbed_from(margin, count, tried, climbs):
     search = told(lambda x: 0.05 - (x[0] - 0.5) ** 2)
-    search.table.tried = tried
+    search.effort.tried = tried
     start = np.linspace(0.1, 1.5, count)
     found, reached = climb(search, np.zeros(0), margin, start)
     assert (found is start) == (not climbs)
@@ -359,7 +342,7 @@ def test_a_port_gives_up_the_hinges_that_another_needed():
     assert enough == {(2, 1): False, (2, 2): False, (3, 1): True, (3, 2): True}
     group = ModeGroup(("xy", "torsion"), np.ones(1), rows, np.zeros(1))
     first = Wanted(group, {"xy": 2, "torsion": 1}, {})
-    search = Margins(MassTable(LINE), (first.more(),), ())
+    search = Margins(LINE.line, (first.more(),), ())
     (found,) = fewest_hinges(search, x, [first], [first.more()])
     assert found.counts == {"xy": 3, "torsion": 1}
 
@@ -369,7 +352,7 @@ def test_hinges_are_added_where_there_are_too_few_for_any_margin(monkeypatch):
     for name, few in (("SWEEPS", 1), ("NEAR", (0.2,)), ("SPREADS", np.array([0.3]))):
         monkeypatch.setattr(f"beamchain.chain.cut.{name}", few)
     group = ModeGroup(("torsion",), np.ones(1), np.array([[0.1, 0.0]]), np.zeros(1))
-    found = choose_cut(LINE, [Wanted(group, {"torsion": 1}, {})], (), (1.0,))
+    found = choose_cut(LINE.line, [Wanted(group, {"torsion": 1}, {})], (), (1.0,))
     assert (found.added, found.ports) == (1, (("torsion",),) * 2)
     behind = POLAR * (LENGTH - found.x)
     moved = np.array([behind, found.x < 1.0])

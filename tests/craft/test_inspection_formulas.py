@@ -174,7 +174,7 @@ def test_an_appendage_through_the_centre_of_mass_points_inward(origin, length, i
     model = mujoco.MjModel.from_xml_string(TREES)
     place = SimpleNamespace(body=1, origin=np.array(origin), axes=np.eye(3))
     fit = SimpleNamespace(
-        spec=SimpleNamespace(is_beam=True, imported=None), mass_line=SimpleNamespace(length=length)
+        spec=SimpleNamespace(is_beam=True, imported=None), line=SimpleNamespace(length=length)
     )
     loads = {"mount": (SimpleNamespace(bodies=(3,)),)}
     assert points_inward(model, place, fit, loads) is inward

@@ -1,17 +1,20 @@
 """Closed forms beside the formulas of mass along an axis and beside it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from beamchain import InputError
 from formulas import (
     MassBesideAxis,
+    MassLine,
     MassPiece,
-    SpreadMass,
     default_length,
     mass_beside_axis,
     mass_line_of_pieces,
     spread_mass,
+    stretch_through,
     uniform_length,
 )
 
@@ -42,7 +45,7 @@ PIECES = (
     MassPiece(2.5, 1.0, np.array([[1.0, 0.0, 0.0, 0.0], [2.0, 0, 0, 0], [7.0, 0.6, 0.0, 0.9]])),
 )
 POINTS = np.array([[0.5, 0.7, 0.11, 0.12, 0.13], [3.0, 1.3, 0.2, 0.3, 0.4], [4.0, 2.1, 0.5, 0, 0]])
-LINE = SpreadMass(4.0, np.eye(6), PIECES, POINTS, stiffness={"xy": 8.0})
+LINE = MassLine(4.0, tuple(piece.stretch for piece in PIECES), POINTS)
 
 
 def moments_of_pieces(start, end):
@@ -67,23 +70,53 @@ def moments_of_points(rows):
 
 
 @pytest.mark.parametrize(
-    ("start", "end", "closed", "points"),
+    ("start", "end", "points"),
     [
-        (0.0, 4.0, False, [0, 1]),
-        (0.0, 4.0, True, [0, 1, 2]),
-        (0.5, 3.0, False, [0]),
-        (0.5 + 2e-9, 3.0 + 5e-9, False, [0, 1]),
-        (0.5 + 5e-9, 3.0 + 2e-9, False, []),
-        (0.9, 3.2, False, [1]),
-        (0.5, 2.5, True, [0, 1, 2]),
+        (0.0, 4.0 - 5e-9, [0, 1]),
+        (0.0, 4.0 - 2e-9, [0, 1, 2]),
+        (0.0, 4.0, [0, 1, 2]),
+        (0.0, 4.5, [0, 1, 2]),
+        (0.5, 3.0, [0]),
+        (0.5 + 2e-9, 3.0 + 5e-9, [0, 1]),
+        (0.5 + 5e-9, 3.0 + 2e-9, []),
+        (0.9, 3.2, [1]),
     ],
 )
-def test_moments_of_a_stretch(start, end, closed, points):
+def test_moments_of_a_stretch(start, end, points):
     wanted = moments_of_pieces(start, end)
     if points:
         wanted = wanted + moments_of_points(points)
-    found = LINE.moments(start, end, closed=closed)
-    assert found == pytest.approx(wanted, rel=ROUNDED)
+    assert LINE.moments([start, end])[0] == pytest.approx(wanted, rel=ROUNDED)
+
+
+def test_stretches_that_overlap_add_up():
+    more = stretch_through(1.0, 3.0, np.array([[2.0, 0.1, 0.2, 0.3], [6.0, 0.3, 0.2, 0.1]]))
+    line = MassLine(4.0, (*LINE.stretches, more), POINTS)
+    edges = np.array([0.0, 1.0, 2.2, 2.7, 4.0])
+    x = np.poly1d([1.0, 0.0])
+    flat = np.poly1d([0.2])
+    densities = [2.0 * x, 2.0 * x * x, 2.0 * x**3, 0.1 * x, flat, 0.4 - 0.1 * x]
+    for i in range(4):
+        low, high = np.clip(edges[i : i + 2], 1.0, 3.0)
+        added = [d.integ()(high) - d.integ()(low) for d in densities]
+        wanted = LINE.moments(edges)[i] + added
+        assert line.moments(edges)[i] == pytest.approx(wanted, rel=ROUNDED, abs=ROUNDED)
+
+
+def test_the_outermost_of_a_taper_keeps_its_digits():
+    """1 kg/m at the root, 1/30 at the tip: a hair of mass before the tip."""
+    line = MassLine(
+        2.0,
+        (stretch_through(0.0, 2.0, np.array([[1.0, 0, 0, 0], [1.0 / 30.0, 0, 0, 0]])),),
+        np.zeros((0, 5)),
+    )
+    out = 1e-5
+    (found,) = line.behind(np.array([2.0 - out]))
+    slope = (1.0 - 1.0 / 30.0) / 2.0
+    mass = out / 30.0 + slope * out**2 / 2.0
+    assert found[0, 0] == pytest.approx(mass, rel=1e-11)
+    before = out**2 / 60.0 + slope * out**3 / 3.0  # first moment about the tip
+    assert found[1, 5] == pytest.approx(2.0 * mass - before, rel=1e-11)
 
 
 def test_a_point_hangs_before_what_lies_behind():
@@ -94,10 +127,10 @@ def test_a_point_hangs_before_what_lies_behind():
         for x, rows in zip(places, behind, strict=True)
     ]
     assert LINE.behind(places) == pytest.approx(np.array(wanted), rel=ROUNDED, abs=ROUNDED)
-    assert LINE.steps == (0.5, 3.0, 4.0)
-    assert LINE.compliance(0.5, 2.5, "xy") == pytest.approx(0.25)
-    assert LINE.compliance(0.5, 2.5, "xz") == pytest.approx(2.0)
-    assert LINE.depth(1.0, "xy") == 0.0
+    assert LINE.rigid_mass() == pytest.approx(wanted[0], rel=ROUNDED, abs=ROUNDED)
+    twice = LINE.times(2.0)
+    assert twice.behind(places) == pytest.approx(2.0 * np.array(wanted), rel=ROUNDED, abs=ROUNDED)
+    assert twice.bodies[:, 0] == pytest.approx(POINTS[:, 0])
 
 
 @pytest.mark.parametrize(("off", "taken"), [(0.9e-6, True), (1.1e-6, False)])
@@ -105,7 +138,7 @@ def test_a_stated_line_has_the_rigid_mass_to_a_millionth(off, taken):
     total = on_axis(moments_of_pieces(0.0, 4.0) + moments_of_points([0, 1, 2]))
     rigid = total.copy()
     rigid[4, 2] += off * np.sqrt(total[4, 4] * total[2, 2])
-    given = {"pieces": PIECES, "points": POINTS, "stiffness": {}}
+    given = {"pieces": PIECES, "points": POINTS}
     if taken:
         assert mass_line_of_pieces(4.0, rigid, **given).rigid_mass() == pytest.approx(rigid)
     else:
@@ -210,10 +243,10 @@ def test_moments_that_no_mass_beside_an_axis_has_are_taken_on_it():
     # rotary inertias that differ by more than the polar one: the smaller belongs to the places
     body = on_axis([2.0, 1.0, 0.7, 0.1, 0.5, 0.2])
     assert mass_beside_axis(body) is None
-    found = spread_mass(body, 1.5).moments(0.0, 1.5, closed=True)
+    (found,) = spread_mass(body, 1.5).moments([0.0, 1.5])
     assert found == pytest.approx([2.0, 1.0, 0.9, 0.1, 0.3, 0.0], rel=1e-9, abs=ROUNDED)
     other = spread_mass(on_axis([2.0, 1.0, 0.7, 0.1, 0.2, 0.5]), 1.5)
-    found = other.moments(0.0, 1.5, closed=True)
+    (found,) = other.moments([0.0, 1.5])
     assert found == pytest.approx([2.0, 1.0, 0.9, 0.1, 0.0, 0.3], rel=1e-9, abs=ROUNDED)
 
 
@@ -223,28 +256,28 @@ def test_a_spread_mass_has_the_moments_and_inertias_per_mass(centre, spread, pow
     length, mass = 4.0, 3.0
     first, second = mass * centre * length, mass * (centre**2 + spread**2) * length**2
     moments = np.array([mass, first, second, 0.9, 0.4, 0.5])
-    line = spread_mass(on_axis(moments), length, {"xz": 2.0}, power)
-    assert line.moments(0.0, length, closed=True) == pytest.approx(moments, rel=1e-9)
+    line = spread_mass(on_axis(moments), length, power)
+    assert line.moments([0.0, length])[0] == pytest.approx(moments, rel=1e-9)
     per_mass = moments[3:] / mass
-    for piece in line.pieces:
-        assert piece.densities[:, 1:] == pytest.approx(np.outer(piece.densities[:, 0], per_mass))
-        grown = np.linspace(0.0, 1.0, len(piece.densities)) ** power
-        assert piece.densities[:, 0] == pytest.approx(piece.densities[-1, 0] * grown)
-        assert (piece.start, piece.length) == (0.0, length)
-    assert line.points[:, 2:] == pytest.approx(np.outer(line.points[:, 1], per_mass))
-    assert np.all(line.points[:, 1] > 0.0)
-    assert np.all(line.points[:, 0] <= length)
-    assert line.compliance(0.0, 1.0, "xz") == 0.5
+    smooth = replace(line, bodies=np.zeros((0, 5)))
+    edges = length * np.array([0.0, 0.2, 0.5, 1.0])
+    parts = smooth.moments(edges)
+    assert parts[:, 3:] == pytest.approx(np.outer(parts[:, 0], per_mass))
+    grown = np.diff(edges ** (power + 1)) / length ** (power + 1)
+    assert parts[:, 0] == pytest.approx(parts[:, 0].sum() * grown)
+    assert line.bodies[:, 2:] == pytest.approx(np.outer(line.bodies[:, 1], per_mass))
+    assert np.all(line.bodies[:, 1] > 0.0)
+    assert np.all(line.bodies[:, 0] <= length)
 
 
 def test_a_uniform_and_a_growing_mass_need_no_points():
     for power in (0, 1, 3):
         first, second = (power + 1.0) / (power + 2.0), (power + 1.0) / (power + 3.0)
         body = on_axis([2.0, 2.0 * first, 2.0 * second, 0.1, 0.06, 0.04])
-        line = spread_mass(body, 1.0, {}, power)
-        assert len(line.points) == 0
-        grown = np.linspace(0.0, 1.0, power + 1) ** power if power else np.ones(1)
-        assert line.pieces[0].densities[:, 0] == pytest.approx(2.0 * (power + 1.0) * grown)
+        line = spread_mass(body, 1.0, power)
+        assert len(line.bodies) == 0
+        grown = 2.0 * np.array([0.3, 0.7, 1.0]) ** (power + 1)
+        assert line.moments([0.0, 0.3, 0.7, 1.0])[:, 0].cumsum() == pytest.approx(grown)
 
 
 @pytest.mark.parametrize(
@@ -263,11 +296,12 @@ def test_as_much_as_possible_is_smooth(share, points, power):
     first = masses @ places + share * (power + 1.0) / (power + 2.0)
     second = masses @ places**2 + share * (power + 1.0) / (power + 3.0)
     body = on_axis([1.0, first, second, 0.01, 0.004, 0.006])
-    line = spread_mass(body, 1.0, {}, power)
-    assert line.pieces[0].densities[-1, 0] == pytest.approx(share * (power + 1.0), rel=1e-6)
-    heavy = line.points[:, 1] > 1e-6
-    assert line.points[heavy, 0] == pytest.approx(places, rel=1e-5)
-    assert line.points[heavy, 1] == pytest.approx(masses, rel=1e-5)
+    line = spread_mass(body, 1.0, power)
+    smooth = replace(line, bodies=np.zeros((0, 5)))
+    assert smooth.moments([0.0, 1.0])[0, 0] == pytest.approx(share, rel=1e-6)
+    heavy = line.bodies[:, 1] > 1e-6
+    assert line.bodies[heavy, 0] == pytest.approx(places, rel=1e-5)
+    assert line.bodies[heavy, 1] == pytest.approx(masses, rel=1e-5)
 
 
 @pytest.mark.parametrize(
@@ -285,7 +319,7 @@ def test_as_much_as_possible_is_smooth(share, points, power):
 def test_moments_that_a_unit_length_holds(first, second, says):
     body = on_axis([1.0, first, second, 0.01, 0.004, 0.006])
     if says is None:
-        total = spread_mass(body, 1.0).moments(0.0, 1.0, closed=True)
+        (total,) = spread_mass(body, 1.0).moments([0.0, 1.0])
         assert total[:3] == pytest.approx([1.0, first, second], rel=1e-9)
     else:
         with pytest.raises(InputError, match=says):

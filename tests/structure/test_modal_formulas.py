@@ -126,20 +126,6 @@ def test_a_port_has_its_motions_and_modes():
     assert [both.port(p, own=True).modes for p in ("xy", "xz")] == [0, 1]
 
 
-def test_average_stiffness_is_that_of_a_uniform_beam_and_bar():
-    """`W^2 = (1.8751 / L)^4 EI / m'`, `W^2 = (pi / 2 L)^2 GJ / i'`."""
-    length = 4.0
-    rows = np.zeros((5, 6))
-    rows[0, 1], rows[1, 2], rows[2, 3], rows[3, 0], rows[4, 1] = 0.9, 0.8, 0.3, 0.7, 0.5
-    line = data(rows, [3.0, 5.0, 7.0, 9.0, 11.0], length=length).line()
-    per_length = np.array([2.0, 2.0, 0.5, 2.0]) / length
-    wave = np.array([(length / 1.875104) ** 4] * 2 + [(2.0 * length / np.pi) ** 2] * 2)
-    wanted = np.array([3.0, 5.0, 7.0, 9.0]) ** 2 * per_length * wave
-    found = [line.stiffness[port] for port in ("xy", "xz", "torsion", "axial")]
-    assert found == pytest.approx(wanted, rel=5e-4)
-    assert set(data(rows[:1], length=length).line().stiffness) == {"xy"}
-
-
 # -- checks and selections -------------------------------------------------------------------------
 @pytest.mark.parametrize(("precision", "most"), [(1e-13, 1e-6), (1e-6, 1e-5)])
 def test_a_rigid_mass_is_symmetric_to_its_print(precision, most):

@@ -23,7 +23,7 @@ from beamchain.chain.links import (
     settle_links,
     share,
 )
-from beamchain.chain.margin import Margins, MassTable, Wanted, shortest_link
+from beamchain.chain.margin import Effort, Margins, Wanted, shortest_link
 from beamchain.chain.margin import _least_share as least_share
 from beamchain.chain.recursion import Nodes, realise, split
 from beamchain.chain.rivals import rigid_link
@@ -437,11 +437,13 @@ from beamchain.structure.inside import _flat as flat_points
 from beamchain.structure.inside import _momentum as momentum_beyond
 from beamchain.structure.mass_line import (
     MassBesideAxis,
+    MassLine,
     MassPiece,
-    SpreadMass,
+    Moments,
     default_length,
     mass_line_of_pieces,
     spread_mass,
+    stretch_through,
     uniform_length,
 )
 from beamchain.structure.mass_line import _mass_beside_axis as mass_beside_axis
@@ -509,6 +511,7 @@ __all__ = [
     "DrawnModes",
     "Drive",
     "DriveOfHinge",
+    "Effort",
     "Embedded",
     "GainOfModes",
     "Held",
@@ -529,14 +532,15 @@ __all__ = [
     "LoopOfMargins",
     "Margins",
     "MassBesideAxis",
+    "MassLine",
     "MassPiece",
-    "MassTable",
     "Measured",
     "ModalForm",
     "ModeGroup",
     "ModeOfCraft",
     "ModelOfSlew",
     "ModesOfCraft",
+    "Moments",
     "Motion",
     "MotionRows",
     "Names",
@@ -574,7 +578,6 @@ __all__ = [
     "SlewRow",
     "Slosh",
     "SloshCase",
-    "SpreadMass",
     "Spring",
     "StartOfPoles",
     "StatesOfRun",
@@ -973,6 +976,7 @@ __all__ = [
     "stiffness_before",
     "still_copy",
     "stop_ahead",
+    "stretch_through",
     "structured_bound",
     "sum_of_poles",
     "sums_behind",

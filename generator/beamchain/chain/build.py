@@ -27,8 +27,7 @@ from beamchain.chain.tendons import ModeGroup, given_modes, group_motion, spring
 from beamchain.errors import InputError, RealisationError
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array
-from beamchain.structure.beam import Beam
-from beamchain.structure.mass_line import MassLine, spread_mass
+from beamchain.structure.mass_line import MassLine, Moments, spread_mass
 from beamchain.structure.planes import PRINTED
 
 Springs = Literal["auto", "hinges", "modes"]
@@ -279,9 +278,9 @@ def assemble(
     beam: MassLine, nodes: Mapping[str, Nodes], strings: Mapping[str, tuple[Array, Array]]
 ) -> Chain:
     """The chain whose bodies serve all planes, torsion springs on its hinges."""
-    total = beam.moments(0.0, beam.length, closed=True)
+    total = Moments(*beam.moments([0.0, beam.length])[0].tolist())
     rotary = abs(total.rotary_xy - total.rotary_xz) / total.second
-    if len(nodes) == 1 and not isinstance(beam, Beam):
+    if len(nodes) == 1 and not beam.exact:
         rotary = max(rotary - PRINTED, 0.0)  # of imported mass it is known to the print
     shared = _shared_nodes(nodes, rotary)
     if shared is None:
@@ -359,7 +358,7 @@ def cut_chain(
 ) -> tuple[Chain, str, Cut]:
     """A chain with one tendon per mode, how it was found, and the cut;
     `most_added`: see `choose_cut`."""
-    rigid = line.behind(np.array([-line.length]))[0]
+    rigid = line.whole
     groups = [
         group.fitting(group_motion(group.ports).T @ rigid @ group_motion(group.ports))
         for group in groups
@@ -376,7 +375,7 @@ def cut_chain(
     try:
         links = settle_links(line, bodies(line, cut.x), cut.x)
     except RealisationError:
-        if not isinstance(line, Beam):
+        if not line.exact:
             raise
         # too wide for thin links: bodies of the same rigid mass whose breadth stands in
         # all three inertias
@@ -419,7 +418,7 @@ def cut_chain(
 
 
 def _wide(
-    line: Beam, groups: Sequence[ModeGroup], lines: Sequence[float], further: Sequence[float]
+    line: MassLine, groups: Sequence[ModeGroup], lines: Sequence[float], further: Sequence[float]
 ) -> tuple[Chain, str, Cut]:
     """The chain on bodies of the appendage's rigid mass, with little near the root."""
     reason: RealisationError | None = None
@@ -464,7 +463,10 @@ def _required_hinges(
     part = group.rows[:, : mass.shape[0]] / size
     bare = float(np.linalg.eigvalsh(mass / np.outer(size, size) - part.T @ part)[0]) < NOTHING
     root = {0.0} if bare else set[float]()
-    return {port: tuple(sorted({*lines, *line.hinge_lines(port), *root})) for port in group.moving}
+    return {
+        port: tuple(sorted({*lines, *line.hinge_lines.get(port, ()), *root}))
+        for port in group.moving
+    }
 
 
 def with_real_polar(chain: Chain) -> Chain:

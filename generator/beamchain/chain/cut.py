@@ -18,8 +18,8 @@ from beamchain.chain.margin import (
     MARGIN,
     SAME_PLACE,
     SHORTEST,
+    Effort,
     Margins,
-    MassTable,
     Wanted,
     shortest_link,
 )
@@ -69,19 +69,20 @@ def choose_cut(
         length,
     )
     groups = list(wanted)
-    table = MassTable(line)
+    effort = Effort()
     first: str | None = None
     tried = 0
     for added in range(most_added + fixed.size + 1 if most_added else 1):
-        if table.tried > MOST_TRIED:
+        if effort.tried > MOST_TRIED:
             break
         tried = added
-        search = Margins(table, tuple(groups), tuple(further))
+        search = Margins(line, tuple(groups), tuple(further), effort)
         size = max(fixed.size, *(count for group in groups for count in group.counts.values()))
         x, margin = _best(search, fixed, size - fixed.size)
         enough = LEAST_MARGIN if further else MARGIN
         if margin >= enough:
-            search = Margins(table, tuple(_fewest(search, x, wanted, groups)), tuple(further))
+            least = tuple(_fewest(search, x, wanted, groups))
+            search = Margins(line, least, tuple(further), effort)
             x = _even(search, x, fixed)
             margin, chosen, _ = search.assigned(x)
             ports = [
@@ -112,14 +113,14 @@ def _fewest(
     for k, first in enumerate(wanted):
         least = first
         while least.counts != groups[k].counts:
-            if Margins(search.table, (least,), search.further).assigned(x)[0] >= MARGIN:
+            if search.of(least).assigned(x)[0] >= MARGIN:
                 out[k] = least
                 break
             least = least.more()
         for port in first.counts if len(first.counts) > 1 else ():
             while out[k].counts[port] > first.counts[port]:
                 fewer = out[k].fewer(port)
-                if Margins(search.table, (fewer,), search.further).assigned(x)[0] < MARGIN:
+                if search.of(fewer).assigned(x)[0] < MARGIN:
                     break
                 out[k] = fewer
     return out
@@ -148,11 +149,11 @@ def _best(search: Margins, fixed: Array, free: int) -> tuple[Array, float]:
     """Hinges with enough margin and the longest shortest link, else with most margin."""
     if free <= 0:
         return fixed, search.value(fixed)
-    length = search.table.length
+    length = search.line.length
     good: tuple[float, Array, float] | None = None
     most: tuple[float, Array] = (-np.inf, fixed)
     for pattern in _patterns(length, free, search.further):
-        if search.table.tried > (MANY_TRIED if good is not None else MOST_TRIED):
+        if search.effort.tried > (MANY_TRIED if good is not None else MOST_TRIED):
             break
         low, high = 0, SPREADS.size  # the margin grows as the first hinge nears the root
         while low < high:
@@ -203,9 +204,9 @@ def _climb(search: Margins, fixed: Array, margin: float, x: Array) -> tuple[Arra
     """The margin raised from a start, hinges between 0 and the tip."""
     if not np.isfinite(margin):
         return x, margin
-    length = search.table.length
+    length = search.line.length
     own = np.array([v for v in x if not np.any(np.abs(fixed - v) <= SAME_PLACE * length)])
-    if (margin < HOPELESS and own.size > 2) or search.table.tried > MOST_TRIED:
+    if (margin < HOPELESS and own.size > 2) or search.effort.tried > MOST_TRIED:
         return x, margin
 
     def places(free: Array) -> Array:
@@ -218,7 +219,7 @@ def _climb(search: Margins, fixed: Array, margin: float, x: Array) -> tuple[Arra
 
     def enough(intermediate_result: OptimizeResult) -> None:
         found = intermediate_result.fun < np.log(1.0 - ENOUGH) and not search.further
-        if found or search.table.tried > MOST_TRIED:
+        if found or search.effort.tried > MOST_TRIED:
             raise StopIteration
 
     found = minimize(
@@ -235,10 +236,10 @@ def _climb(search: Margins, fixed: Array, margin: float, x: Array) -> tuple[Arra
 
 def _even(search: Margins, x: Array, fixed: Array) -> Array:
     """Free hinges moved between their neighbours' middles as the margin allows."""
-    length = search.table.length
+    length = search.line.length
     x = x.copy()
     for _ in range(SWEEPS):
-        if search.table.tried > MOST_TRIED:
+        if search.effort.tried > MOST_TRIED:
             break
         before = x.copy()
         for i in range(x.size):

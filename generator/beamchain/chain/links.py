@@ -36,7 +36,7 @@ def _without_rounding(about: Array, noise: float) -> Array:
 
 def bodies(line: MassLine, x: Array) -> list[Link]:
     """The appendage's own rigid pieces between the hinges; see `settled`."""
-    behind = line.behind(np.concatenate([[-line.length], x]))
+    behind = np.concatenate([line.whole[None], line.behind(x)])
     pieces = [*(a - b for a, b in pairwise(behind)), behind[-1]]
     edges = [0.0, *x.tolist(), line.length]
     out: list[Link] = []
@@ -76,7 +76,7 @@ def bodies(line: MassLine, x: Array) -> list[Link]:
 def real_polar(beam: MassLine, cuts: Array) -> Array:
     """`(c + 1,)` polar inertia of the beam's pieces between the cuts [kg m^2]."""
     edges = [0.0, *cuts.tolist(), beam.length]
-    return np.array([beam.moments(a, b, closed=b >= beam.length).polar for a, b in pairwise(edges)])
+    return beam.moments(edges)[:, 3]
 
 
 def with_polar(links: Sequence[Link], inertias: Sequence[float]) -> list[Link]:

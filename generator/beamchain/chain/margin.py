@@ -20,7 +20,6 @@ SHORTEST = 1e-3  # of the length: a shorter link is none
 MOST_CHOICES = 8  # of hinges for a port that needs fewer than there are
 NOTHING_LEFT = 1e-11  # of the rigid mass: less residual mass than this is none
 SAME_PLACE = 1e-9  # of the length
-TABLE = 1001  # stations of the mass behind them, between which is interpolated
 
 #: Motion of the root equal to a unit motion of a hinge at x:
 #: the first vector less x times the second.
@@ -58,43 +57,32 @@ def shortest_link(x: Array, length: float) -> float:
     return min(b - a for a, b in pairwise(edges)) / length
 
 
-class MassTable:
-    """Mass matrices behind places along an appendage, good enough to choose by."""
+@dataclass
+class Effort:
+    """How many margins a search has worked out."""
 
-    def __init__(self, line: MassLine) -> None:
-        self.length: float = line.length
-        # what hangs at a place is behind all before it, and not behind the place itself
-        steps = np.array([[x - 1e-8 * line.length, x] for x in line.steps]).ravel()
-        places = np.concatenate([np.linspace(0.0, line.length, TABLE), steps])
-        self._grid = np.unique(places.clip(0.0, line.length))
-        table = line.behind(np.concatenate([[-line.length], self._grid]))
-        self.rigid: Array = table[0]
-        self._behind = table[1:]
-        self.tried: int = 0
-
-    def behind(self, x: Array) -> Array:
-        """`(c, 6, 6)` mass matrix behind each of `x` `(c,)`."""
-        at = np.clip(np.searchsorted(self._grid, x, side="right") - 1, 0, self._grid.size - 2)
-        part = (x - self._grid[at]) / (self._grid[at + 1] - self._grid[at])
-        low = self._behind[at]
-        high = self._behind[at + 1]
-        return low + np.clip(part, 0.0, 1.0)[:, None, None] * (high - low)
+    tried: int = 0
 
 
 @dataclass(eq=False)
 class Margins:
     """Margins of candidate cuts of one appendage."""
 
-    table: MassTable
+    line: MassLine
     wanted: tuple[Wanted, ...]
     further: tuple[float, ...]
+    effort: Effort = field(default_factory=Effort)
     _known: dict[int, tuple[Array, Array, Array, Array]] = field(
         default_factory=dict[int, tuple[Array, Array, Array, Array]]
     )
 
+    def of(self, group: Wanted) -> "Margins":
+        """Those of one group alone."""
+        return Margins(self.line, (group,), self.further, self.effort)
+
     def margin(self, group: Wanted, x: Array, freedoms: Sequence[Freedom], behind: Array) -> float:
         """Least eigenvalue of what is left; `behind` `(c, 6, 6)`: mass behind hinges."""
-        self.table.tried += 1 + len(freedoms) // 8  # as long as it takes
+        self.effort.tried += 1 + len(freedoms) // 8  # as long as it takes
         motion, given, floor, left_over = self._constants(group)
         at = np.array([i for i, _ in freedoms])
         own = np.array([TURNS[p][0] - x[i] * TURNS[p][1] for i, p in freedoms])
@@ -128,7 +116,7 @@ class Margins:
         if key not in self._known:
             motion = group_motion(group.modes.ports)
             rows = group.modes.rows
-            mass = motion.T @ self.table.rigid @ motion
+            mass = motion.T @ self.line.whole @ motion
             part = rows[:, : motion.shape[1]]
             floor = NOTHING_LEFT * np.diag(np.diag(mass))
             self._known[key] = motion, rows.T @ rows, floor, mass - part.T @ part + floor
@@ -138,7 +126,7 @@ class Margins:
         self, x: Array, *, whole: bool = True
     ) -> tuple[float, list[list[Freedom]], list[float]]:
         """Least margin, and per group its freedoms and margin, for hinges at `x`."""
-        behind = self.table.behind(x)
+        behind = self.line.behind(x)
         chosen: list[list[Freedom]] = []
         margins: list[float] = []
         for group in self.wanted:
@@ -157,7 +145,7 @@ class Margins:
 
     def _choices(self, group: Wanted, x: Array) -> Iterator[list[Freedom]]:
         """Hinges that a group may take: fixed ones, and others evenly spread first."""
-        close = SAME_PLACE * self.table.length
+        close = SAME_PLACE * self.line.length
         own: dict[str, list[int]] = {}
         free: dict[str, list[int]] = {}
         more: dict[str, int] = {}
@@ -181,7 +169,7 @@ class Margins:
 
     def value(self, x: Array, *, whole: bool = True) -> float:
         """Least margin of hinges at `x`; -inf where a link is too short."""
-        if shortest_link(x, self.table.length) < SHORTEST or np.any(np.diff(x) <= 0.0):
+        if shortest_link(x, self.line.length) < SHORTEST or np.any(np.diff(x) <= 0.0):
             return -np.inf
         return self.assigned(x, whole=whole)[0]
 

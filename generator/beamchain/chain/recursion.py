@@ -8,7 +8,6 @@ Theory: docs/theory.md, section 3.
 """
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from math import fsum
 
 import numpy as np
@@ -182,8 +181,7 @@ def planar_links(nodes: Nodes, beam: MassLine) -> list[Link]:
     """Links that cover the real beam, without polar inertia, alike in both planes."""
     x = nodes.positions
     edges = [*x[:-1].tolist(), max(beam.length, float(x[-1]))]
-    own = [beam.moments(a, b, closed=b >= beam.length).mass for a, b in pairwise(edges)]
-    mass, com, inertia = split(nodes, np.array(own))
+    mass, com, inertia = split(nodes, beam.moments(edges)[:, 0])
     ends = [*edges[1:-1], beam.length]
     return [
         Link(

@@ -14,14 +14,14 @@ from beamchain.checks import one_of, whole_number
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
 from beamchain.structure.beam import Beam
-from beamchain.structure.mass_line import MassLine
+from beamchain.structure.mass_line import MassLine, Moments
 
 RECIPES = ("classical", "midpoint")
 
 
-def rigid_link(beam: MassLine, start: float, end: float) -> Link:
-    """The piece of the beam between `start` and `end`, frozen."""
-    m = beam.moments(start, end, closed=end >= beam.length * (1.0 - 1e-12))
+def rigid_link(line: MassLine, start: float, end: float) -> Link:
+    """The piece of an appendage between `start` and `end`, frozen."""
+    m = Moments(*line.moments([start, end])[0].tolist())
     bending = m.second - m.first**2 / m.mass
     return Link(
         start=start,
@@ -36,7 +36,7 @@ def freeze_between(beam: Beam, hinges: Array, stiffness: Array, port: str) -> Ch
     """Freeze the beam between hinges `(h,)` [m], 0: at the root, with springs `(h,)`."""
     edges = [0.0, *hinges.tolist(), beam.length]
     links = [
-        Link(0.0, 0.0, 0.0, 0.0, (0.0, 0.0, 0.0)) if b <= a else rigid_link(beam, a, b)
+        Link(0.0, 0.0, 0.0, 0.0, (0.0, 0.0, 0.0)) if b <= a else rigid_link(beam.line, a, b)
         for a, b in pairwise(edges)
     ]
     return Chain(tuple(links), sprung(port, hinges, stiffness), beam.length)

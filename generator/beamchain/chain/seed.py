@@ -97,7 +97,7 @@ def seed_table() -> SeedTable:
     """The paper's example recomputed without rounding on the way."""
     beam = seed_beam()
     model = beam.port("xy", 6).reduced(2, np.zeros((2, 2)))
-    mass = beam.moments(0.0, beam.length, closed=True).mass
+    mass = float(beam.rigid_mass()[0, 0])
     omega1, omega2 = (float(w) for w in model.free_frequencies)
     k, c = rivals.seed_parameters(mass, beam.length, omega1, omega2)
     chain = rivals.seed_chain(beam, k, c).port("xy")
@@ -116,7 +116,7 @@ def seed_table() -> SeedTable:
 
 def _exact(beam: Beam, target: PortModel) -> list[tuple[str, float]]:
     nodes = realise(target)
-    chain = planar_chain(nodes, beam)
+    chain = planar_chain(nodes, beam.line)
     out: list[tuple[str, float]] = []
     for i, link in enumerate(chain.links, 1):
         out += [

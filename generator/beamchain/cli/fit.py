@@ -74,7 +74,7 @@ def _show(result: "Fit") -> None:
     for line in [*tables.left_out_sentences(result), *tables.assumed_sentences(result)]:
         out.print(line, markup=False)
     if result.spec.root.hub is None:
-        out.print(assumed_hub(result.mass_line))
+        out.print(assumed_hub(result.line))
     if result.space is not None:
         for step in result.space.data.steps:
             if "reference point is" in step:

@@ -102,9 +102,7 @@ def bent_line(
     apart = np.diff(wanted, prepend=-1.0) > SHORT * beam.length
     x = wanted[apart]
     x[-1] = beam.length
-    moments = np.array([beam.moments(a, b) for a, b in zip(x[:-1], x[1:], strict=True)])
-    moments[-1] = np.array(beam.moments(x[-2], x[-1], closed=True))
-    mass, first, second, polar, rotary_xy, rotary_xz = moments.T
+    mass, first, second, polar, rotary_xy, rotary_xz = beam.line.moments(x).T
     places = first / np.maximum(mass, 1e-300)
     about = second - mass * places**2
     diagonals = np.column_stack([polar, about + rotary_xz, about + rotary_xy])

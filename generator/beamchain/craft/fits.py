@@ -152,7 +152,7 @@ def _points_inward(
     carried = {body for those in loads.values() for load in those for body in load.bodies}
     if place.body in carried:
         return False
-    length = fit.mass_line.length
+    length = fit.line.length
     own = [i for i in np.flatnonzero(np.asarray(model.body_rootid) == top) if i not in carried]
     mass = np.asarray(model.body_mass)[own]
     centre = mass @ np.asarray(rest(model).xipos)[own] / max(float(np.sum(mass)), 1e-300)

@@ -710,7 +710,7 @@ def _felt(root: RootMotion) -> Array:
 
 def _rigid_load(beam: Beam, root: RootMotion, stations: Array) -> Array:
     """`(t, s, 6)` load at stations of a rigid beam, by Newton and Euler of what lies beyond."""
-    mass = beam.behind(stations)
+    mass = beam.line.behind(stations)
     felt = root.acceleration.copy()
     felt[:, :3] -= root.gravity
     spin = root.spin

@@ -24,6 +24,7 @@ from beamchain.ports.motions import PORTS
 from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.limits import StepLimits
 from beamchain.structure.beam import Beam
+from beamchain.structure.mass_line import MassLine
 
 # residual over rigid mass: free frequencies are good to about 1e-16 over it (measured)
 LIGHTEST = 1e-9
@@ -66,9 +67,9 @@ class BeamCase:
     def fallback(self) -> None:
         """A beam has no other modes to try."""
 
-    def build(self) -> tuple[Built, None]:
-        """The chain; its mass is the beam's."""
-        return damp_chain(self.spec, self.plan, self.spec.beam), None
+    def build(self) -> tuple[Built, MassLine]:
+        """The chain, and how the beam's mass lies along x."""
+        return damp_chain(self.spec, self.plan, self.spec.beam), self.spec.beam.line
 
     def full(self, ports: Mapping[str, PortModel]) -> dict[str, PortModel]:
         """Per port every mode that was computed, of those kept or not."""
@@ -149,7 +150,7 @@ def build(
         band=_band(spec, plan),
         neutral=plan.target != "clamped",
     )
-    return build_exact(beam, kept, target_of, wishes)
+    return build_exact(beam.line, kept, target_of, wishes)
 
 
 def _left_out(plan: Plan) -> dict[str, ModeGroup]:

@@ -16,20 +16,19 @@ from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.limits import StepLimits
 from beamchain.steps.retime import retime_by
 from beamchain.steps.retime_file import put_hinge_armature, put_time
-from beamchain.structure.mass_line import MassLine
 
 
-def appendage_tree(spec: Spec, chain: Chain, line: MassLine, skins: Sequence[Skin] = ()) -> Element:
+def appendage_tree(spec: Spec, chain: Chain, skins: Sequence[Skin] = ()) -> Element:
     """The drop-in file with the elements that the scene uses; `skins` in place of boxes."""
     scene = spec.scene or Scene()
     sensors = spec.sensors
     tree = write.appendage_document(
         chain,
         spec.name,
-        beam=line,
+        beam=spec.beam if spec.is_beam else None,
         visuals=scene.visuals is not False,
         skins=skins,
-        sites=spec.sites(line.length),
+        sites=spec.sites(chain.length),
         contacts=scene.contacts,
         readings=write.Readings(sensors.modes, sensors.points, sensors.root_load),
         shapes=None if spec.slosh is None else tank_shapes(spec.slosh, chain),

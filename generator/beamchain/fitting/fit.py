@@ -174,7 +174,7 @@ def _fit(spec: Spec, data: ModalData | None = None) -> Fit:
     chain, note = raise_polar_inertia(built.chain, LEAST_INERTIA)
     built = replace(built, chain=chain)
     clock.append(time.perf_counter())
-    tree = appendage_tree(spec, chain, spec.beam if line is None else line)
+    tree = appendage_tree(spec, chain)
     if chain.hung:
         tree = sprung_by_acceleration(tree, chain.acceleration)
     clock.append(time.perf_counter())
@@ -186,13 +186,13 @@ def _fit(spec: Spec, data: ModalData | None = None) -> Fit:
         ballast=root_body(chain),
         live=case.live,
     )
-    fitted = assess_fit(case, built, measured, clock, line=line)
+    fitted = assess_fit(case, built, measured, clock, line)
     if not note:
         return fitted
     return replace(fitted, cautions=(*fitted.cautions, Caution("raised-inertia", note)))
 
 
-def _realise(case: Case) -> tuple[Case, Built, MassLine | None]:
+def _realise(case: Case) -> tuple[Case, Built, MassLine]:
     """The chain of a case, or of its fallback where it has none."""
     try:
         return case, *case.build()

@@ -30,7 +30,7 @@ from beamchain.ports.motions import PORT_MOTION, PORTS, Array
 from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.limits import StepLimits
 from beamchain.structure import planes
-from beamchain.structure.mass_line import MassLine, SpreadMass
+from beamchain.structure.mass_line import MassLine
 from beamchain.structure.modal_data import ModalData
 from beamchain.structure.readers import MATRICES
 from beamchain.structure.readers.craig_bampton import ALMOST_BODY, EXACT_BODY
@@ -352,10 +352,10 @@ def _departs(step: str) -> bool:
 def _roomy(line: MassLine, kept: ModalData) -> MassLine:
     """The mass line, heavier by what the print lacks for the modes' participation to leave
     something at the root."""
-    if not isinstance(line, SpreadMass) or not kept.modes:
+    if not kept.modes:
         return line
     live = [i for i in kept.live if line.rigid_mass()[i, i] > 0.0]
-    own = line.behind(np.array([-line.length]))[0][np.ix_(live, live)]
+    own = line.whole[np.ix_(live, live)]
     size = np.sqrt(np.diag(own))
     rows = kept.participation[:, live] / size
     # largest participation squared over the mass that moves with it, where any does
@@ -365,12 +365,7 @@ def _roomy(line: MassLine, kept: ModalData) -> MassLine:
     if not 1.0 + ROUNDING < most < MOST_LACKING:
         return line
     factor = most + 0.2 * (most - 1.0)
-    return replace(
-        line,
-        rigid=line.rigid * factor,
-        pieces=tuple(replace(piece, densities=piece.densities * factor) for piece in line.pieces),
-        points=line.points * np.array([1.0, *[factor] * 4]),
-    )
+    return line.times(factor)
 
 
 def _separate(case: ImportedCase, line: MassLine) -> Built:

@@ -68,8 +68,8 @@ class Case(Protocol):
         """Ports that the bench frees; those that modes or mass couple stand together."""
         ...
 
-    def build(self) -> tuple[Built, MassLine | None]:
-        """The chain, and its distribution of mass where that is not the specification's beam."""
+    def build(self) -> tuple[Built, MassLine]:
+        """The chain, and how its mass lies along x."""
         ...
 
     def fallback(self) -> Self | None:
@@ -113,13 +113,12 @@ def assess_fit(
     built: Built,
     measured: Measured,
     clock: list[float],
-    *,
-    line: MassLine | None = None,
+    line: MassLine,
 ) -> Fit:
     """The fit of a chain that was measured: errors per port, verdict, and what was left out.
 
-    `clock`: times at which modelling, realising, writing and verifying began [s]; `line`: the
-    chain's distribution of mass, where that is not the beam's.
+    `clock`: times at which modelling, realising, writing and verifying began [s]; `line`: how the
+    chain's mass lies along x.
     """
     spec = case.spec
     hub = None if spec.root.hub is None else spec.root.hub.mass_matrix()
@@ -134,7 +133,7 @@ def assess_fit(
         )
     motion = measured.motion
     carrier = hub
-    if hub is None and line is not None and _is_empty(motion):
+    if hub is None and not line.exact and _is_empty(motion):
         # alone such an appendage has a root without mass, whose fastest mode lies at infinity
         carrier = default_hub(line).mass_matrix()
         status = status.adding(

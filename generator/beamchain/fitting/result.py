@@ -53,6 +53,7 @@ from beamchain.steps.step_map import (
     time_error,
 )
 from beamchain.steps.turn import central_inertia, turn_error
+from beamchain.structure.beam import Beam
 from beamchain.structure.mass_line import MassLine
 from beamchain.structure.modal_data import ModalData
 
@@ -131,6 +132,7 @@ class Fit:
     Args:
         spec: the specification.
         chain: the fitted chain.
+        line: how the appendage's mass lies along x.
         full: per port, all modes of the beam's discretisation, which are the reference.
         target: per port, the reduced model the chain was made for.
         achieved: per port, read back through `mjd_transitionFD`.
@@ -148,7 +150,6 @@ class Fit:
         left_out: what the chain leaves out, why, and the error that this causes.
         cautions: warnings about the drop-in file; `warnings` adds those about scene.xml.
         cut: the hinge positions, if they were chosen for modal tendons.
-        line: the mass distribution along x, if it is not that of the spec's beam.
         space: the fit in all six motions at once, if the modes were imported.
         cure: what was tried and keeps the tolerance, where the fit misses it.
 
@@ -165,6 +166,7 @@ class Fit:
 
     spec: Spec
     chain: Chain
+    line: MassLine
     full: dict[str, PortModel]
     target: dict[str, PortModel]
     achieved: dict[str, PortModel]
@@ -180,7 +182,6 @@ class Fit:
     left_out: tuple[LeftOut, ...] = ()
     cautions: tuple[str, ...] = ()
     cut: Cut | None = None
-    line: MassLine | None = None
     space: InSpace | None = None
     cure: Cure | None = None
 
@@ -191,10 +192,9 @@ class Fit:
         return report.fit_html(self)
 
     @property
-    def mass_line(self) -> MassLine:
-        """Mass distribution of the appendage along x: its beam,
-        or the distribution for imported modes."""
-        return self.spec.beam if self.line is None else self.line
+    def beam(self) -> Beam | None:
+        """The beam that was fitted; None for imported modes and a liquid."""
+        return self.spec.beam if self.spec.is_beam else None
 
     @property
     def tendon_damped(self) -> bool:
@@ -209,7 +209,7 @@ class Fit:
     @property
     def hub(self) -> Hub:
         """The hub of scene.xml: that of the spec, or one of ten times the appendage's mass."""
-        return self.spec.root.hub or default_hub(self.mass_line)
+        return self.spec.root.hub or default_hub(self.line)
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
@@ -417,7 +417,7 @@ class Fit:
     @cached_property
     def _untimed(self) -> bytes:
         """The document without timing; text, since a `Fit` has to be pickled."""
-        tree = appendage_tree(self.spec, self.chain, self.mass_line, self.look.skins)
+        tree = appendage_tree(self.spec, self.chain, self.look.skins)
         tips = tree.xpath(f"//site[@name='{self.spec.name}_tip']")
         if tips and self.tip_told is not None:
             tips[0].addprevious(etree.Comment(f" {self.tip_told} "))

@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 from beamchain.chain.chain import Link
 from beamchain.structure.beam import Beam
-from beamchain.structure.mass_line import MassLine
 from beamchain.structure.section import Equivalent, Rectangle, Round, Tube
 from beamchain.structure.segment import Lump, Segment
 
@@ -46,11 +45,11 @@ def is_truss(segment: Segment) -> bool:
     return isinstance(segment.section, Equivalent) and not is_panel(segment)
 
 
-def link_shapes(link: Link, beam: MassLine | None, length: float) -> list[Shape]:
+def link_shapes(link: Link, beam: Beam | None, length: float) -> list[Shape]:
     """What to draw of a link of an appendage of some `length` [m];
     a plain bar without the beam's sections."""
     slim = SLIM * length
-    if not isinstance(beam, Beam):
+    if beam is None:
         half = link.length / 2.0
         if half <= 0.0:
             return []

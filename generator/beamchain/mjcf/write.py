@@ -17,7 +17,7 @@ from beamchain.errors import EngineError
 from beamchain.mjcf.skin import Skin
 from beamchain.mjcf.visuals import CARRIED, TRUSS, TUBE, Shape, link_shapes
 from beamchain.ports.motions import UPRIGHT, Array, Quaternion
-from beamchain.structure.mass_line import MassLine
+from beamchain.structure.beam import Beam
 
 _PACKAGED = Path(__file__).parent.parent / "mjcf_templates"
 _CHECKOUT = Path(__file__).parents[3] / "mjcf_templates"
@@ -141,7 +141,7 @@ def appendage_document(
     chain: Chain,
     name: str,
     *,
-    beam: MassLine | None = None,
+    beam: Beam | None = None,
     visuals: bool = True,
     skins: Sequence[Skin] = (),
     sites: Mapping[str, float] | None = None,
@@ -232,7 +232,7 @@ def _set_inertial(element: Element, link: Link, x: float) -> None:
 
 
 def _drawn_shapes(
-    link: Link, beam: MassLine | None, length: float, *, contacts: bool, visuals: bool
+    link: Link, beam: Beam | None, length: float, *, contacts: bool, visuals: bool
 ) -> list[Shape]:
     """Shapes of a link: one capsule that touches, else what it looks like, else none."""
     if not contacts and not visuals:

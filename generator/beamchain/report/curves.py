@@ -20,7 +20,6 @@ from beamchain.ports.compare import (
 from beamchain.ports.coupled import CoupledPort
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, Array
-from beamchain.structure.beam import Beam
 from beamchain.structure.exact import UniformBeam
 
 if TYPE_CHECKING:
@@ -99,9 +98,9 @@ def rival_chains(fit: "Fit", port: str) -> dict[str, Chain]:
 
     The classical chain with as many hinges and, for a uniform beam, the paper's three links.
     """
-    beam = fit.mass_line
+    beam = fit.beam
     hinges = moving(fit.chain, port)
-    if port not in PLANES or not isinstance(beam, Beam):
+    if port not in PLANES or beam is None:
         return {}
     out: dict[str, Chain] = {}
     if hinges:
@@ -134,8 +133,8 @@ def undamped_accelerance(model: PortModel) -> Accelerance:
 def exact_accelerance(fit: "Fit", port: str) -> Accelerance:
     """Accelerance of the beam: the transcendental solution where there is one,
     else all modes of the discretisation."""
-    beam = fit.mass_line
-    if port in PLANES and isinstance(beam, Beam) and beam.uniform:
+    beam = fit.beam
+    if port in PLANES and beam is not None and beam.uniform:
         at = beam.segments[0].at(np.array([0.5]))
         stiffness = at.bending_xy if port == "xy" else at.bending_xz
         return UniformBeam(beam.length, float(stiffness[0]), float(at.mass[0])).W

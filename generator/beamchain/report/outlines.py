@@ -160,8 +160,8 @@ class Outlines:
 # -- appendages ------------------------------------------------------------------------------------
 def _ribbon(model: "mujoco.MjModel", a: Appendage, stations: int) -> Ribbon:
     root = int(model.body(f"{a.prefix}link1").id)
-    beam = a.fit.mass_line
-    if not isinstance(beam, Beam):
+    beam = a.fit.beam
+    if beam is None:
         return _ribbon_of_links(model, a, root)
     ends = [*beam.starts, beam.length]
     least = LEAST if LEAST * len(beam.starts) <= 2 * stations else 2

@@ -30,7 +30,7 @@ from beamchain.report.curves import (
     worst_hub,
 )
 from beamchain.report.formats import percent, short, superscript
-from beamchain.structure.mass_line import MassLine
+from beamchain.structure.beam import Beam
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -375,7 +375,7 @@ def chain_figure(fit: "Fit") -> Figure:
     )
     for i, (label, chain) in enumerate(chains.items()):
         ax = figure.add_subplot(len(chains), 1, i + 1)
-        _draw_chain(ax, chain, fit.mass_line, plane, label, OURS if i == 0 else "#6f6f6f")
+        _draw_chain(ax, chain, fit.beam, plane, label, OURS if i == 0 else "#6f6f6f")
         ax.tick_params(labelbottom=i == len(chains) - 1)
     figure.axes[-1].set_xlabel("x from the root, m")
     handles, labels = figure.axes[0].get_legend_handles_labels()
@@ -392,7 +392,7 @@ def chain_figure(fit: "Fit") -> Figure:
 
 
 def _draw_chain(
-    ax: "Axes", chain: Chain, beam: MassLine, plane: str, title: str, color: str
+    ax: "Axes", chain: Chain, beam: Beam | None, plane: str, title: str, color: str
 ) -> None:
     length = chain.length
     left, right = -0.055 * length, 1.03 * length
@@ -400,7 +400,7 @@ def _draw_chain(
     ax.yaxis.set_visible(False)
     ax.spines["left"].set_visible(False)
     x = np.linspace(0.0, length, 121)
-    depth = np.array([beam.depth(float(at), plane) for at in x])
+    depth = np.array([beam.depth(float(at), plane) if beam else 0.0 for at in x])
     depth = 0.24 * (depth / depth.max() if depth.max() > 0.0 else np.ones(x.size))
     ax.fill_between(x, -depth, depth, color="#dddddd", linewidth=0, label="beam")
     ax.fill_between(
@@ -412,7 +412,7 @@ def _draw_chain(
         hatch="////",
         linewidth=0.8,
     )
-    if beam.lumps:
+    if beam is not None and beam.lumps:
         at = [lump.x for lump in beam.lumps]
         ax.plot(
             at,

@@ -66,8 +66,8 @@ def all_shapes(fit: "Fit") -> dict[str, str]:
 def shapes_svg(fit: "Fit", port: str) -> str:
     """Inline SVG of the kept modes of a port, beam under chain;
     empty where the beam or the chain has no shape."""
-    beam = fit.mass_line
-    if not isinstance(beam, Beam):
+    beam = fit.beam
+    if beam is None:
         return ""
     ours = fit.chain.port(port)
     count = min(kept_count(fit, port), ours.modes, MOST)

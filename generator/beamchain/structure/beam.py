@@ -7,7 +7,7 @@ from bisect import bisect_right
 from collections.abc import Sequence
 from functools import cached_property
 from itertools import accumulate
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 import msgspec
 import numpy as np
@@ -18,40 +18,14 @@ from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORTS, Array
 from beamchain.structure import elements
 from beamchain.structure.discretise import Parts, converged_model
+from beamchain.structure.mass_line import MassLine, Stretch, stretch_through
 from beamchain.structure.segment import Joint, Lump, Segment, check_carried_body, expand_repeats
 
 MOST_SEGMENTS = 1000
 MOST_LUMPS = 1000
 
 
-class Moments(NamedTuple):
-    """Mass, first and second moment about the root, polar and rotary inertia, SI."""
-
-    mass: float
-    first: float
-    second: float
-    polar: float
-    rotary_xy: float
-    rotary_xz: float
-
-
-def straight_mass_matrices(moments: Array) -> Array:
-    """`(k, 6, 6)` mass matrices about the root of stretches with their mass on the x axis:
-    `(k, 6)` as in `Moments`."""
-    mass, first, second, polar, rotary_xy, rotary_xz = moments.T
-    matrices = np.zeros((len(moments), 6, 6))
-    diagonal = (mass, mass, mass, polar, second + rotary_xz, second + rotary_xy)
-    for i, values in enumerate(diagonal):
-        matrices[:, i, i] = values
-    matrices[:, 1, 5] = matrices[:, 5, 1] = first
-    matrices[:, 2, 4] = matrices[:, 4, 2] = -first
-    return matrices
-
-
-def _lump_moments(lump: Lump) -> Array:
-    """`(6,)` as in `Moments`, of a body."""
-    ix, iy, iz = lump.inertia
-    return np.array([lump.mass, lump.mass * lump.x, lump.mass * lump.x**2, ix, iz, iy])
+TAPER = 4  # degree of the inertias of a section whose dimensions grow linearly
 
 
 class Beam(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=True):
@@ -138,17 +112,27 @@ class Beam(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=T
     @property
     def own_mass(self) -> float:
         """Mass of the segments, without lumps [kg]."""
-        xi, weights = elements.gauss(6)
-        total = 0.0
-        for segment in self.segments:
-            linear_mass = segment.at((1.0 + xi) / 2.0).mass
-            total += float(weights @ linear_mass) * segment.length / 2.0
-        return total
+        return float(msgspec.structs.replace(self, lumps=()).line.whole[0, 0])
 
-    @property
-    def steps(self) -> tuple[float, ...]:
-        """x of its lumps [m]."""
-        return tuple(lump.x for lump in self.lumps)
+    @cached_property
+    def line(self) -> MassLine:
+        """How its mass lies along x."""
+        ends = [*self._starts[1:], self.length]
+        fractions = np.linspace(0.0, 1.0, TAPER + 1)
+        stretches: list[Stretch] = []
+        for start, end, segment in zip(self._starts, ends, self.segments, strict=True):
+            at = segment.at(fractions)
+            rotary = 1.0 if segment.theory == "timoshenko" else 0.0
+            values = [at.mass, at.polar, rotary * at.rotary_xy, rotary * at.rotary_xz]
+            stretches.append(stretch_through(start, end, np.column_stack(values)))
+        rows = [[b.x, b.mass, b.inertia[0], b.inertia[2], b.inertia[1]] for b in self.lumps]
+        return MassLine(
+            self.length,
+            tuple(stretches),
+            np.array(rows).reshape(-1, 5),
+            hinge_lines={port: self.hinge_lines(port) for port in PORTS},
+            exact=True,
+        )
 
     @property
     def uniform(self) -> bool:
@@ -189,72 +173,7 @@ class Beam(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=T
     def rigid_mass(self) -> Array:
         """`(6, 6)` mass matrix of the frozen appendage about the root,
         motions (x, y, z, rotations)."""
-        moments = self.moments(0.0, self.length, closed=True)
-        return straight_mass_matrices(np.array([moments]))[0]
-
-    @cached_property
-    def _segment_moments(self) -> Array:
-        """`(s, 6)` as in `Moments`, of every segment."""
-        ends = [*self._starts[1:], self.length]
-        spans = enumerate(zip(self._starts, ends, strict=True))
-        rows = [self._stretch_moments(i, np.array([start]), end) for i, (start, end) in spans]
-        return np.vstack(rows)
-
-    def _stretch_moments(self, index: int, start: Array, end: float) -> Array:
-        """`(k, 6)` as in `Moments`, of a segment between each of `start` `(k,)` and `end` [m]."""
-        segment = self.segments[index]
-        x0 = self._starts[index]
-        xi, weights = elements.gauss(6)
-        half = (end - start)[:, None] / 2.0
-        x = start[:, None] + half * (1.0 + xi)
-        at = segment.at(np.clip((x.ravel() - x0) / segment.length, 0.0, 1.0))
-        mass = at.mass.reshape(x.shape)
-        polar = at.polar.reshape(x.shape)
-        counts_rotary = 1.0 if segment.theory == "timoshenko" else 0.0
-        rotary_xy = counts_rotary * at.rotary_xy.reshape(x.shape)
-        rotary_xz = counts_rotary * at.rotary_xz.reshape(x.shape)
-        densities = np.stack(
-            [mass, mass * x, mass * x**2, polar, rotary_xy, rotary_xz],
-            axis=-1,
-        )
-        return np.einsum("kq,kqi->ki", half * weights, densities)
-
-    def moments(self, start: float, end: float, *, closed: bool = False) -> Moments:
-        """Moments of the stretch `[start, end)` about the root; `closed` takes in a
-        lump at `end` itself."""
-        total = np.zeros(6)
-        for i, (x0, segment) in enumerate(zip(self._starts, self.segments, strict=True)):
-            a = max(start, x0)
-            b = min(end, x0 + segment.length)
-            if (a, b) == (x0, x0 + segment.length):
-                total += self._segment_moments[i]
-            elif b > a:
-                total += self._stretch_moments(i, np.array([a]), b)[0]
-        edge = 1e-9 * self.length
-        for lump in self.lumps:
-            inside = start - edge <= lump.x < end - edge
-            at_end = closed and abs(lump.x - end) <= edge
-            if inside or at_end:
-                total += _lump_moments(lump)
-        return Moments(*(float(v) for v in total))
-
-    def behind(self, x: Array) -> Array:
-        """`(k, 6, 6)` mass matrix about the root of what lies behind each `x` `(k,)` [m];
-        a lump there hangs before it."""
-        edge = 1e-9 * self.length
-        # of the segments from each one to the tip; none behind the last
-        outer = np.vstack([np.cumsum(self._segment_moments[::-1], axis=0)[::-1], np.zeros((1, 6))])
-        index = np.maximum(np.searchsorted(np.array(self._starts), x, side="right") - 1, 0)
-        total = outer[index + 1]
-        for i in np.unique(index).tolist():
-            end = self._starts[i] + self.segments[i].length
-            here = index == i
-            starts = np.clip(x[here], self._starts[i], end)
-            total[here] += self._stretch_moments(i, starts, end)
-        for lump in self.lumps:
-            is_behind = np.where(lump.x > x + edge, 1.0, 0.0)
-            total += is_behind[:, None] * _lump_moments(lump)
-        return straight_mass_matrices(total)
+        return self.line.rigid_mass()
 
     def _at(self, x: float) -> tuple[Segment, float]:
         """The segment at `x` [m] and the fraction of its length there."""

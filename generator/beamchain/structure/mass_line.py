@@ -4,30 +4,63 @@ Theory: docs/theory.md, section 4.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, ClassVar, NamedTuple
+from math import factorial
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from beamchain.errors import InputError
 from beamchain.late import importing
 from beamchain.ports.motions import Array, body_mass_matrix, locked
-from beamchain.structure.beam import Beam, Moments, straight_mass_matrices
-from beamchain.structure.elements import gauss
 from beamchain.structure.planes import MOTIONS
-from beamchain.structure.segment import Lump
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PPoly
 
 FLAT = 1e-9  # of the second moment along x: a spread across it that is negative by less is none
 INNER = 0.2  # of the length: no point stands nearer to the root, unless the moments ask for it
 STATED = 1e-6  # relative, to which a line that is stated has the rigid mass matrix
+EDGE = 1e-9  # of the length: a body so near an edge stands at it
 SMOOTH = 0.02  # least share of the smooth part where one is possible: no link is without mass
+
+
+class Moments(NamedTuple):
+    """Mass, first and second moment about the root, polar and rotary inertia, SI."""
+
+    mass: float
+    first: float
+    second: float
+    polar: float
+    rotary_xy: float
+    rotary_xz: float
+
+
+def _of_moments() -> Array:
+    """`(6, 36)`: the mass matrix about the root of every one of `Moments`."""
+    mass, first, second, polar, rotary_xy, rotary_xz = np.zeros((6, 6, 6))
+    np.fill_diagonal(mass[:3, :3], 1.0)
+    first[1, 5] = first[5, 1] = 1.0
+    first[2, 4] = first[4, 2] = -1.0
+    second[4, 4] = second[5, 5] = 1.0
+    polar[3, 3] = rotary_xz[4, 4] = rotary_xy[5, 5] = 1.0
+    return locked(np.stack([mass, first, second, polar, rotary_xy, rotary_xz]).reshape(6, 36))
+
+
+OF_MOMENTS = _of_moments()
+
+
+def straight_mass_matrices(moments: Array) -> Array:
+    """`(k, 6, 6)` mass matrices about the root of stretches with their mass on the x axis:
+    `(k, 6)` as in `Moments`."""
+    return (moments @ OF_MOMENTS).reshape(-1, 6, 6)
 
 
 @dataclass(frozen=True, eq=False)
 class MassPiece:
-    """A stretch `[start, start + length]` [m] with smooth densities.
+    """A stretch `[start, start + length]` [m] with smooth densities, as a file states it.
 
     `densities` `(k, 4)`: mass [kg/m], polar and rotary inertia in xy and xz [kg m] at k equally
     spaced stations, both ends included; in between the polynomial through them.
@@ -40,17 +73,25 @@ class MassPiece:
     def __post_init__(self) -> None:
         object.__setattr__(self, "densities", locked(self.densities))
 
-    def at(self, fraction: Array) -> Array:
-        """`(f, 4)` densities at fractions of the length."""
-        return np.asarray(self._polynomial(fraction), dtype=np.float64)
+    @property
+    def stretch(self) -> "Stretch":
+        """The same as a polynomial."""
+        return stretch_through(self.start, self.start + self.length, self.densities)
 
-    @cached_property
-    def _polynomial(self) -> Any:
-        with importing:
-            # late: 30 ms to load, and few appendages need it
-            from scipy.interpolate import KroghInterpolator
 
-        return KroghInterpolator(np.linspace(0.0, 1.0, len(self.densities)), self.densities)
+class Stretch(NamedTuple):
+    """Densities between two places [m]: `(k, 4)` coefficients of the powers of the fraction of the
+    way from `end` to `start`, the highest first; the columns are those of `MassPiece.densities`."""
+
+    start: float
+    end: float
+    coefficients: Array
+
+
+def stretch_through(start: float, end: float, densities: Array) -> Stretch:
+    """The polynomial through densities `(k, 4)` at equally spaced stations, both ends included."""
+    powers = np.vander(np.linspace(1.0, 0.0, len(densities)))
+    return Stretch(start, end, np.linalg.solve(powers, densities))
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,88 +117,107 @@ class MassBesideAxis:
 
 
 @dataclass(frozen=True, eq=False)
-class SpreadMass:
-    """A mass line without a beam: smooth pieces and points.
+class MassLine:
+    """How an appendage's mass lies along x: what chain-making asks of it.
 
-    `points` `(p, 5)`: x [m], mass, polar and rotary inertia in xy and xz. `stiffness`: per port an
-    average bending or torsion stiffness [N m^2], where a search starts.
+    Args:
+        length: root to tip [m].
+        stretches: with smooth densities; those that overlap add up.
+        bodies: `(p, 5)` x [m], mass, polar and rotary inertia in xy and xz.
+        rigid: `(6, 6)` mass matrix about the root that was stated; None: that of its moments.
+        beside: how the mass lies beside the axis; None: on it.
+        hinge_lines: per port, x of the compliant joints [m].
+        exact: known to rounding, as that of a beam, and not to the digits of a print.
     """
 
     length: float
-    rigid: Array
-    pieces: tuple[MassPiece, ...]
-    points: Array
-    stiffness: Mapping[str, float] = field(default_factory=dict)
+    stretches: tuple[Stretch, ...]
+    bodies: Array
+    rigid: Array | None = None
     beside: MassBesideAxis | None = None
-
-    lumps: ClassVar[tuple[Lump, ...]] = ()  # none are drawn
-
-    @property
-    def steps(self) -> tuple[float, ...]:
-        """x of its points [m]."""
-        return tuple(self.points[:, 0].tolist())
-
-    def hinge_lines(self, port: str) -> tuple[float, ...]:
-        """None are known."""
-        del port
-        return ()
+    hinge_lines: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    exact: bool = False
 
     def rigid_mass(self) -> Array:
-        """`(6, 6)` about the root, as imported."""
-        return self.rigid
+        """`(6, 6)` about the root, as it was stated."""
+        return self.whole if self.rigid is None else self.rigid
 
-    def moments(self, start: float, end: float, *, closed: bool = False) -> Moments:
-        """Moments of the stretch `[start, end)` about the root; `closed` takes in a
-        point at `end` itself."""
-        edge = 1e-9 * self.length
-        places = self.points[:, 0]
-        inside = (start - edge <= places) & (places < end - edge)
-        if closed:
-            inside |= places >= end - edge
-        return Moments(*self._moments(start, end, inside))
+    @cached_property
+    def whole(self) -> Array:
+        """`(6, 6)` about the root, of the moments."""
+        return locked(self.behind(np.array([-self.length]))[0])
 
-    def _moments(self, start: float, end: float, points: NDArray[np.bool_]) -> list[float]:
-        total = np.zeros(6)
-        xi, weights = gauss(6)
-        for piece in self.pieces:
-            a = max(start, piece.start)
-            b = min(end, piece.start + piece.length)
-            if b <= a:
-                continue
-            x = a + (b - a) * (1.0 + xi) / 2.0
-            densities = piece.at((x - piece.start) / piece.length)
-            mass = densities[:, 0]
-            w = weights * (b - a) / 2.0
-            inertias = w @ densities[:, 1:]
-            total += [w @ mass, w @ (mass * x), w @ (mass * x**2), *inertias]
-        for x, mass, *inertias in self.points[points]:
-            total += [mass, mass * x, mass * x**2, *inertias]
-        return total.tolist()
+    def times(self, factor: float) -> "MassLine":
+        """The same with all mass times a factor."""
+        return replace(
+            self,
+            stretches=tuple(
+                s._replace(coefficients=s.coefficients * factor) for s in self.stretches
+            ),
+            bodies=self.bodies * np.array([1.0, *[factor] * 4]),
+            rigid=None if self.rigid is None else self.rigid * factor,
+        )
+
+    def moments(self, edges: ArrayLike) -> Array:
+        """`(k - 1, 6)` as in `Moments`, of what lies between edges `(k,)` [m], in order; a body at
+        an edge hangs behind it, at the tip before it."""
+        edges = np.asarray(edges, dtype=np.float64)
+        near = EDGE * self.length
+        ends = np.where(edges >= self.length - near, np.inf, edges)
+        x = self.bodies[:, 0]
+        inside = (x >= edges[:-1, None] - near) & (x < ends[1:, None] - near)
+        return -np.diff(self._smooth_behind(edges), axis=0) + inside @ self._body_moments
 
     def behind(self, x: Array) -> Array:
         """`(k, 6, 6)` mass matrix about the root of what lies behind each `x` `(k,)` [m];
-        a point there hangs before it."""
-        edge = 1e-9 * self.length
-        places = self.points[:, 0]
-        moments: list[list[float]] = []
-        for start in np.asarray(x).tolist():
-            moments.append(self._moments(start, self.length, places > start + edge))
+        a body there hangs before it."""
+        hangs = self.bodies[:, 0] > x[:, None] + EDGE * self.length
+        total = self._smooth_behind(x) + hangs @ self._body_moments
         if self.beside is None:
-            return straight_mass_matrices(np.array(moments))
-        return np.array([self.beside.mass_matrix(*row[:3]) for row in moments])
+            return straight_mass_matrices(total)
+        return np.array([self.beside.mass_matrix(*row[:3]) for row in total.tolist()])
 
-    def compliance(self, start: float, end: float, port: str) -> float:
-        """Rotation per unit moment from the average stiffness [rad/(N m)]."""
-        return (end - start) / self.stiffness.get(port, 1.0)
+    @cached_property
+    def _body_moments(self) -> Array:
+        """`(p, 6)` as in `Moments`."""
+        x, mass, *inertias = self.bodies.T
+        return np.column_stack([mass, mass * x, mass * x**2, *inertias])
 
-    def depth(self, x: float, plane: str) -> float:
-        """Not known."""
-        del x, plane
-        return 0.0
+    def _smooth_behind(self, x: Array) -> Array:
+        """`(k, 6)` as in `Moments`, of the smooth part behind each `x` `(k,)` [m]."""
+        return self._integral(self.length - x.clip(0.0, self.length))
 
+    @cached_property
+    def _integral(self) -> "PPoly":
+        """`(6,)` as in `Moments`, of the smooth part within a distance of the tip [m]: summed from
+        there, where what is small keeps its digits."""
+        with importing:
+            # late: it takes 20 ms to load
+            from scipy.interpolate import PPoly
 
-#: What chain-making asks of an appendage: how its mass lies along x, whatever it was made from.
-MassLine = Beam | SpreadMass
+        ends = [0.0, self.length, *(x for s in self.stretches for x in s[:2])]
+        breaks = np.unique(self.length - np.array(ends))
+        order = max((len(s.coefficients) for s in self.stretches), default=1)
+        densities = np.zeros((order, breaks.size - 1, 4))
+        for start, end, own in self.stretches:
+            low, high = self.length - end, self.length - start
+            here = np.flatnonzero((breaks[:-1] >= low) & (breaks[1:] <= high))
+            scaled = own / (high - low) ** np.arange(len(own))[::-1, None]
+            piece = PPoly(scaled[:, None], np.array([low, high]))
+            for k in range(len(own)):  # by Taylor from the outer end of every interval
+                densities[order - 1 - k, here] += piece(breaks[here], k) / factorial(k)
+
+        def times_x(polynomial: Array) -> Array:
+            """Of the distance from the outer end, which lies at length - break."""
+            zero = np.zeros((1, breaks.size - 1))
+            at_end = np.vstack([zero, (self.length - breaks[:-1]) * polynomial])
+            return at_end - np.vstack([polynomial, zero])
+
+        columns = np.zeros((order + 2, breaks.size - 1, 6))
+        columns[2:, :, [0, 3, 4, 5]] = densities
+        columns[1:, :, 1] = times_x(densities[:, :, 0])
+        columns[:, :, 2] = times_x(columns[1:, :, 1])
+        return PPoly(columns, breaks).antiderivative()
 
 
 def default_length(rigid_mass: Array) -> float:
@@ -301,9 +361,8 @@ class _Remainder(NamedTuple):
 def spread_mass(
     rigid_mass: ArrayLike,
     length: float,
-    stiffness: Mapping[str, float] | None = None,
     power: int = 0,
-) -> SpreadMass:
+) -> MassLine:
     """The plainest positive mass distribution over `[0, length]` [m] with the moments of a
     `(6, 6)` mass matrix.
 
@@ -344,23 +403,20 @@ def spread_mass(
     share = remainder.largest_share()
     # inertias per mass are those of the whole everywhere
     inertias = np.array([along.polar, along.rotary_xy, along.rotary_xz]) / mass
-    pieces: tuple[MassPiece, ...] = ()
+    stretches: tuple[Stretch, ...] = ()
     if share > 0.0:
-        growth = np.ones(1)
-        if power:
-            growth = (power + 1.0) * np.linspace(0.0, 1.0, power + 1) ** power
-        densities = share * mass / length * growth[:, None] * np.array([1.0, *inertias])
-        pieces = (MassPiece(0.0, length, densities),)
+        grown = (power + 1.0) * np.linspace(0.0, 1.0, power + 1) ** power if power else np.ones(1)
+        densities = share * mass / length * grown[:, None] * np.array([1.0, *inertias])
+        stretches = (stretch_through(0.0, length, densities),)
     rows = [
         [place * length, part * mass, *(part * mass * inertias)]
         for place, part in remainder.points(share)
     ]
-    return SpreadMass(
+    return MassLine(
         length,
+        stretches,
+        locked(np.array(rows).reshape(-1, 5)),
         rigid=locked(rigid),
-        pieces=pieces,
-        points=locked(np.array(rows).reshape(-1, 5)),
-        stiffness=dict(stiffness or {}),
         beside=None if beside is None else beside[1],
     )
 
@@ -371,17 +427,11 @@ def mass_line_of_pieces(
     *,
     pieces: Sequence[MassPiece],
     points: Array,
-    stiffness: Mapping[str, float],
-) -> SpreadMass:
+) -> MassLine:
     """The mass line that a file states."""
-    line = SpreadMass(
-        length,
-        rigid=locked(rigid_mass),
-        pieces=tuple(pieces),
-        points=locked(points),
-        stiffness=dict(stiffness),
-    )
-    stated = straight_mass_matrices(np.array([line.moments(0.0, length, closed=True)]))[0]
+    stretches = tuple(piece.stretch for piece in pieces)
+    line = MassLine(length, stretches, locked(points), rigid=locked(rigid_mass))
+    stated = line.whole
     scale = np.sqrt(np.maximum(np.diag(stated), np.diag(rigid_mass)))
     apart = np.abs(stated - rigid_mass) > STATED * np.outer(scale, scale)
     if np.any(apart):

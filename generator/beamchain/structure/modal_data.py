@@ -64,7 +64,7 @@ class ModalData:
         damping: `(n,)` ratios; zeros where left out.
         tip: `(n, 6)` motion of the tip in each mass-normalised mode, where known.
         length: root to tip [m], where known.
-        pieces, points: the mass distribution along x, where known; see `SpreadMass`.
+        pieces, points: the mass distribution along x, where known; see `MassLine`.
         precision: relative, of the printed numbers.
         source: origin of the data.
         steps: changes made to the numbers, in order.
@@ -534,31 +534,14 @@ class ModalData:
             InputError: the mass cannot be distributed over the length.
         """
         length = default_length(self.rigid_mass) if self.length is None else self.length
-        belongs = np.array(self.belongs)
-        stiffness: dict[str, float] = {}
-        for port in PORTS:
-            frequencies = self.frequencies[belongs == port]
-            if frequencies.size:
-                stiffness[port] = self._average_stiffness(port, float(frequencies[0]), length)
         if self.states_line and self.length is not None and power == 0:
             return mass_line_of_pieces(
                 length,
                 self.rigid_mass,
                 pieces=self.pieces,
                 points=self.points,
-                stiffness=stiffness,
             )
-        return spread_mass(self.rigid_mass, length, stiffness, power)
-
-    def _average_stiffness(self, port: str, frequency: float, length: float) -> float:
-        """Stiffness of the uniform beam or bar with this first `frequency` [rad/s].
-
-        `W_1^2 = 12.36 EI / (m L^3)` in bending, `W_1^2 = (pi / 2)^2 GJ / (J_x L)` in torsion.
-        """
-        motion = int(np.argmax(PORT_MOTION[port][:, 0]))
-        inertia = max(float(self.rigid_mass[motion, motion]), 1e-30)
-        factor = length**3 / 12.36 if port in ("xy", "xz") else (2.0 / np.pi) ** 2 * length
-        return frequency**2 * inertia * factor
+        return spread_mass(self.rigid_mass, length, power)
 
 
 def _words(values: Array) -> str:

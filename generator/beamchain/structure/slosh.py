@@ -30,7 +30,7 @@ from scipy.special import jnp_zeros
 from beamchain.checks import Struct, field
 from beamchain.errors import InputError
 from beamchain.ports.motions import UPRIGHT, Array, Quaternion, body_mass_matrix, locked
-from beamchain.structure.mass_line import MassPiece, SpreadMass
+from beamchain.structure.mass_line import MassLine, Stretch
 from beamchain.structure.modal_data import ModalData
 
 FEWEST = 2  # lateral modes of a plane that become pendulums, unless the specification says
@@ -193,14 +193,12 @@ class Slosh(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             printed=False,
         )
 
-    def line(self) -> SpreadMass:
+    def line(self) -> MassLine:
         """How the liquid lies along the axis."""
         rotary = (self.inertia - self.mass * self.height**2 / 12.0) / self.height
         densities = np.array([self.mass / self.height, 0.0, rotary, rotary])
-        piece = MassPiece(0.0, self.height, np.vstack([densities, densities]))
-        return SpreadMass(
-            self.height, locked(self.rigid_mass()), (piece,), locked(np.zeros((0, 5)))
-        )
+        whole = Stretch(0.0, self.height, densities[None])
+        return MassLine(self.height, (whole,), np.zeros((0, 5)), rigid=locked(self.rigid_mass()))
 
 
 class Pendulums(NamedTuple):

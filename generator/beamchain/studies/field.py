@@ -249,4 +249,4 @@ def _build_own(task: Task, entry: Entry, kept: dict[str, int]) -> Built:
         wishes = Wishes(springs="modes", per_mode=has_damping)
     else:
         wishes = Wishes(per_mode=has_damping and task.tendons)
-    return build_exact(task.beam, kept, target, wishes)
+    return build_exact(task.beam.line, kept, target, wishes)

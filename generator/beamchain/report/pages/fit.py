@@ -21,7 +21,6 @@ from beamchain.report.shapes import all_shapes
 from beamchain.report.svg import to_svg
 from beamchain.report.tables import fit as tables
 from beamchain.report.tables.steps import step_table
-from beamchain.structure.beam import Beam
 
 if TYPE_CHECKING:
     from beamchain.fitting.options import Damping
@@ -158,8 +157,8 @@ def _verdict(fit: "Fit", rivals: RivalErrors) -> Verdict:
 def _specification(fit: "Fit") -> list[tuple[str, str]]:
     """The specification in words, line by line."""
     spec = fit.spec
-    mass = fit.mass_line.rigid_mass()[0, 0]
-    size = f"{short(fit.mass_line.length)} m long, {short(mass)} kg"
+    mass = fit.line.rigid_mass()[0, 0]
+    size = f"{short(fit.line.length)} m long, {short(mass)} kg"
     bands = (f"{port} up to {number(band)} rad/s" for port, band in fit.bandwidth.items())
     lines = [
         ("appendage", f"{size}: {_structure(fit)}"),
@@ -182,7 +181,7 @@ def _specification(fit: "Fit") -> list[tuple[str, str]]:
 def _hub(fit: "Fit") -> str:
     hub = fit.spec.root.hub
     if hub is None:
-        return assumed_hub(fit.mass_line)
+        return assumed_hub(fit.line)
     text = f"{short(hub.mass)} kg, inertia {vector(hub.inertia)} kg m² about its centre"
     return f"{text}, root at {vector(hub.offset)} m from it" if any(hub.offset) else text
 
@@ -206,7 +205,7 @@ def _modes_word(fit: "Fit") -> str:
 
 def _structure(fit: "Fit") -> str:
     """What the appendage is made of."""
-    beam = fit.mass_line
+    beam = fit.beam
     if (liquid := fit.spec.slosh) is not None:
         return (
             f"liquid of {liquid.density:g} kg/m³ in a cylinder of {liquid.radius:g} m radius; "
@@ -214,7 +213,7 @@ def _structure(fit: "Fit") -> str:
             f"{liquid.axis} of its place"
         )
     imported = fit.spec.imported
-    if not isinstance(beam, Beam):
+    if beam is None:
         return f"imported from {imported.file}" if imported is not None else "imported"
     parts = (
         ("segment", beam.segments),

@@ -68,7 +68,7 @@ def _carried(appendage: "Appendage") -> str | None:
 def _size(appendage: "Appendage") -> str:
     fit = appendage.fit
     mass = fit.measured.rigid_mass[0, 0]
-    return f"{fit.spec.name}: {short(fit.mass_line.length)} m, {short(mass)} kg"
+    return f"{fit.spec.name}: {short(fit.line.length)} m, {short(mass)} kg"
 
 
 def _modes_kept(appendage: "Appendage") -> str:

@@ -454,7 +454,7 @@ def mass_record(rigid: "Array") -> dict[str, Any]:
 
 def mass_table(fit: "Fit") -> Table:
     """Mass, centre and inertia about the root, of the beam and of the chain."""
-    beam = mass_record(fit.mass_line.rigid_mass())
+    beam = mass_record(fit.line.rigid_mass())
     chain = mass_record(fit.measured.rigid_mass)
     rows = [("mass, kg", beam["mass"], chain["mass"])]
     for axis, exact, achieved in zip("xyz", beam["com"], chain["com"], strict=True):

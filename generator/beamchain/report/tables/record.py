@@ -74,7 +74,7 @@ def fit_record(fit: "Fit") -> dict[str, Any]:
         "cure": None if fit.cure is None else fit.cure.as_dict(),
         "mass": {
             **mass_record(fit.measured.rigid_mass),
-            "target": mass_record(fit.mass_line.rigid_mass()),
+            "target": mass_record(fit.line.rigid_mass()),
         },
         "ports": {port: _port(fit, port) for port in fit.target},
         "coupling": fit.measured.coupling,
