@@ -162,7 +162,7 @@ def test_held_and_free_frequencies_are_the_roots():
     assert UNIT.coupled_frequencies(np.zeros((2, 2)), 20) == close(free_roots(20) ** 2, rel=1e-13)
 
 
-@pytest.mark.parametrize("ratio", [1e-3, 0.1, 1.0, 10.0, 1e3, 1e6])
+@pytest.mark.parametrize("ratio", [1e-3, 1.0, 1e6])
 @pytest.mark.slow
 def test_coupled_frequencies_are_zeros_of_the_loaded_beam(ratio):
     hub = ratio * np.array([[1.0, 0.3], [0.3, 0.2]])
