@@ -434,22 +434,19 @@ def turned_by_the_first_mode(displacement):
 
 
 @pytest.mark.slow
-def test_the_displacement_is_that_of_the_beams_tip_however_many_modes_are_kept(tmp_path):
+def test_the_displacement_is_that_of_the_beams_tip_with_three_modes_kept(tmp_path):
     snap = pointing.ThermalSnap(appendage="boom_", displacement=2e-3, time_constant=60.0)
     section = bc.Equivalent(bending_stiffness_xy=BEND, linear_mass=PER_LENGTH)
-    for modes, from_file in ((1, True), (3, False)):
-        boom = bc.Spec(
-            name="boom",
-            segment=(bc.Segment(length=LONG, section=section),),
-            lump=(bc.Lump(x=LONG, mass=TIP_MASS),),
-            damping=bc.Damping(ratio=0.005),
-            modes=bc.Modes(xy=modes, xz=0),
-        )
-        craft = bc.embed(BUS, {"mount": boom}, retime=False)
-        craft.write(tmp_path / f"{modes}.xml")
-        given = tmp_path / f"{modes}.xml" if from_file else craft
-        peak = pointing.budget(given, *z_only(snap=(snap,))).ape.peak[2]
-        assert peak == pytest.approx(abs(turned_by_the_first_mode(2e-3)), rel=1e-4)
+    boom = bc.Spec(
+        name="boom",
+        segment=(bc.Segment(length=LONG, section=section),),
+        lump=(bc.Lump(x=LONG, mass=TIP_MASS),),
+        damping=bc.Damping(ratio=0.005),
+        modes=bc.Modes(xy=3, xz=0),
+    )
+    file = bc.embed(BUS, {"mount": boom}, retime=False).write(tmp_path / "flexible.xml")[-1]
+    peak = pointing.budget(file, *z_only(snap=(snap,))).ape.peak[2]
+    assert peak == pytest.approx(abs(turned_by_the_first_mode(2e-3)), rel=1e-4)
 
 
 # -- all together ----------------------------------------------------------------------------------

@@ -40,7 +40,7 @@ delay = {{delay}}
 
 
 def uncertain_plant(
-    folder, spread, delay=DELAY, axes="z", body="", sensor="", outputs=(), **options
+    folder, spread, delay=DELAY, axes="z", body="", sensor="", outputs=(), damping=0.003, **options
 ):
     """A boom whose modes move by so much, and a loop that some of its values make unstable
     where `spread` is 0.15."""
@@ -49,7 +49,7 @@ def uncertain_plant(
         name="boom",
         segment=(bc.Segment(length=8.0, section=section),),
         modes=bc.Modes(xy=2),
-        damping=bc.Damping(ratio=0.003),
+        damping=bc.Damping(ratio=damping),
         fit=bc.spec.FitOptions(springs="modes"),
     )
     (folder / "loop.toml").write_text("".join(LOOP.format(axis=axis, delay=delay) for axis in axes))
@@ -119,7 +119,10 @@ def test_the_command_and_the_page_say_where_it_begins_to_ring(tmp_path, capsys, 
 @pytest.mark.parametrize(
     ("output", "options"),
     [
-        ("tip_y", {"sensor": SENSOR, "outputs": ["tip"]}),  # reads the torque at once
+        (
+            "tip_y",
+            {"sensor": SENSOR, "outputs": ["tip"], "damping": 0.02},
+        ),  # reads the torque at once
         ("attitude_z", {"body": WHEEL.format(""), "rates": {"wheel": 300.0}, "axes": "zxy"}),
         ("attitude_z", {"body": WHEEL.format(' stiffness="4e2" damping="2"')}),  # fast and stiff
     ],

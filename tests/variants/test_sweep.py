@@ -214,7 +214,7 @@ def test_a_kept_mode_above_a_filler_is_counted_and_the_filler_is_not(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("option", [[], ["--quiet"], ["--json"]])
+@pytest.mark.parametrize("option", [[], ["--quiet"]])
 def test_a_long_sweep_says_how_long_it_takes(option, tmp_path, capsys, monkeypatch):
     """As if any time were long: one line on stderr, and none where it was asked to be quiet."""
     monkeypatch.setattr("beamchain.cli.output.SETTLED", 0.0)
