@@ -1,7 +1,6 @@
 """Beams whose tapers leave the lowest frequencies far apart: an answer or one sentence,
 after bounded work."""
 
-
 import beamchain as bc
 from beamchain.structure import elements
 from refused import check_refused
