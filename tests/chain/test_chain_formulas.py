@@ -110,6 +110,18 @@ def test_kinetic_energy_of_links_in_a_row_and_of_links_that_hang_side_by_side(hu
     assert elastic.T @ elastic == pytest.approx(mass, rel=ROUNDED, abs=ROUNDED)
 
 
+def test_pendulums_that_hang_have_springs_of_their_weight():
+    """Behind a hinge at x hangs m with its centre before it: c + a m (x - centre)."""
+    links = tuple(Link(float(k), 1.0, 2.0, k + 0.5, (0.1, 0.2, 0.3)) for k in range(3))
+    hinges = (Hinge(1.8, {"xy": 3.0}), Hinge(3.0, {"xy": 0.0}))
+    chain = Chain(links, hinges, 3.0, hung=True, acceleration=4.0)
+    wanted = [3.0 + 4.0 * 2.0 * 0.3, 4.0 * 2.0 * 0.5]
+    assert chain.stiffness(((0, "xy"), (1, "xy"))) == pytest.approx(np.diag(wanted), rel=ROUNDED)
+    # in a port without hinges it is a rigid body
+    locked = chain.port("torsion")
+    assert (locked.modes, locked.rigid_mass.tolist()) == (0, [[pytest.approx(0.3)]])
+
+
 def at(x):
     """Motion of a point at x per motion of the root: displacement, rotation."""
     return np.array([1.0, x])

@@ -1,6 +1,6 @@
 """Doors to formulas that no public name reaches alone, so that closed forms stand beside them."""
 
-from beamchain.chain.build import Wishes, build_exact, with_real_polar
+from beamchain.chain.build import Wishes, assemble, build_exact, with_real_polar
 from beamchain.chain.build import _counts as hinge_counts
 from beamchain.chain.build import _modes_of as modes_to_give
 from beamchain.chain.build import _required_hinges as required_hinges
@@ -605,6 +605,7 @@ __all__ = [
     "apply_draw",
     "armatures_of",
     "as_compared",
+    "assemble",
     "assemble",
     "assemble_lowest",
     "assembly_at_rest",
