@@ -14,7 +14,7 @@ from formulas import (
     ModeGroup,
     Nodes,
     Wishes,
-    assemble,
+    assembled_chain,
     bodies,
     build_exact,
     hinge_counts,
@@ -318,9 +318,9 @@ def test_imported_mass_may_differ_between_the_planes_by_what_is_printed(part, ta
     nodes = Nodes(np.array([0.5, 1.0, 0.5]), np.array([1.0, 1.0]), np.array([4.0]))
     if not taken:
         with pytest.raises(RealisationError, match="do not share their hinges"):
-            assemble(line, {"xy": nodes}, {})
+            assembled_chain(line, {"xy": nodes}, {})
         return
-    chain = assemble(line, {"xy": nodes}, {})
+    chain = assembled_chain(line, {"xy": nodes}, {})
     assert [(hinge.x, dict(hinge.stiffness)) for hinge in chain.hinges] == [(1.0, {"xy": 4.0})]
     # two rods, each of two masses of half a kilogram
     assert [(one.mass, one.com) for one in chain.links] == [(1.0, 0.5), (1.0, 1.5)]

@@ -1,10 +1,11 @@
 """Doors to formulas that no public name reaches alone, so that closed forms stand beside them."""
 
-from beamchain.chain.build import Wishes, assemble, build_exact, with_real_polar
+from beamchain.chain.build import Wishes, build_exact, with_real_polar
 from beamchain.chain.build import _counts as hinge_counts
 from beamchain.chain.build import _modes_of as modes_to_give
 from beamchain.chain.build import _required_hinges as required_hinges
 from beamchain.chain.build import _shared_nodes as shared_nodes
+from beamchain.chain.build import assemble as assembled_chain
 from beamchain.chain.chain import Chain, Hinge, Link, Tendon
 from beamchain.chain.cut import _best as best_cut
 from beamchain.chain.cut import _climb as climb
@@ -606,8 +607,8 @@ __all__ = [
     "armatures_of",
     "as_compared",
     "assemble",
-    "assemble",
     "assemble_lowest",
+    "assembled_chain",
     "assembly_at_rest",
     "assigned_poles",
     "assumed_hub",
