@@ -84,10 +84,6 @@ SIGNALS = {
     ),
     "rigid": (lambda: bc.plant(RIGID.format("")), ("no flexible mode", "bc.embed")),
     "no model": (lambda: bc.plant(3), ("model = 3 is a int", "give the path")),
-    "turning drive": (
-        lambda: bc.plant(bare(), rates={"drive": 1.0}),
-        ("'drive' moves at 1", "only balanced wheels may turn"),
-    ),
 }
 
 POSES = {
