@@ -23,10 +23,10 @@ from formulas import (
 ROUNDED = 1e-12  # relative, of a few operations
 
 
-@pytest.mark.parametrize("reach", [0.0, 0.4])
+@pytest.mark.parametrize("reach", [0.0, 1e-6, 0.4])
 def test_a_dumbbell_on_a_massless_rod_has_its_spring_at_the_hinge(reach):
     # m_1 on the hinge at x_0, m_2 beyond it by l: W^2 = c / (m_2 l^2), L = m_2 l (1, x_0 + l) / |.|
-    m1, m2, length, spring = 0.7, 0.3, 1.5, 11.0
+    m1, m2, length, spring = 700.0, 300.0, 1.5, 11.0
     end = reach + length
     rigid = np.array([[m1 + m2, m1 * reach + m2 * end], [0.0, m1 * reach**2 + m2 * end**2]])
     rigid[1, 0] = rigid[0, 1]
@@ -183,13 +183,15 @@ def test_polar_inertia_beyond_what_a_link_can_carry_goes_to_the_others():
         (1e-4, 0.9e-4, 1.0, False),
     ],
 )
-def test_how_much_roll_inertia_is_raised(polar, least, mass, raised):
+@pytest.mark.parametrize("larger", [1, 2])
+def test_how_much_roll_inertia_is_raised(polar, least, mass, raised, larger):
     # about the root: 1 (0.5^2 + 1.5^2) and 2 across, 4.5 and two links to be raised
-    links = tuple(Link(float(k), 1.0, mass, k + 0.5, (polar, 1.0, 1.0)) for k in range(2))
+    own = (1.0, 0.5) if larger == 1 else (0.5, 1.0)
+    links = tuple(Link(float(k), 1.0, mass, k + 0.5, (polar, *own)) for k in range(2))
     chain = Chain(links, (Hinge(1.0, {"xy": 3.0}),), 2.0)
     found = raise_polar_inertia(chain, least)[0]
     expected = least if raised else polar
-    assert [one.inertia for one in found.links] == [(expected, 1.0, 1.0)] * 2
+    assert [one.inertia for one in found.links] == [(expected, *own)] * 2
 
 
 def test_a_row_of_the_paper_s_table_is_off_by_a_share_of_what_is_printed():
