@@ -23,10 +23,10 @@ from formulas import (
 ROUNDED = 1e-12  # relative, of a few operations
 
 
-@pytest.mark.parametrize("reach", [0.0, 0.4])
+@pytest.mark.parametrize("reach", [0.0, 1e-6, 0.4])
 def test_a_dumbbell_on_a_massless_rod_has_its_spring_at_the_hinge(reach):
     # m_1 on the hinge at x_0, m_2 beyond it by l: W^2 = c / (m_2 l^2), L = m_2 l (1, x_0 + l) / |.|
-    m1, m2, length, spring = 0.7, 0.3, 1.5, 11.0
+    m1, m2, length, spring = 700.0, 300.0, 1.5, 11.0
     end = reach + length
     rigid = np.array([[m1 + m2, m1 * reach + m2 * end], [0.0, m1 * reach**2 + m2 * end**2]])
     rigid[1, 0] = rigid[0, 1]
@@ -98,6 +98,18 @@ def test_kinetic_energy_of_links_in_a_row_and_of_links_that_hang_side_by_side(hu
     assert elastic.T @ elastic == pytest.approx(mass, rel=ROUNDED, abs=ROUNDED)
 
 
+def test_pendulums_that_hang_have_springs_of_their_weight():
+    """Behind a hinge at x hangs m with its centre before it: c + a m (x - centre)."""
+    links = tuple(Link(float(k), 1.0, 2.0, k + 0.5, (0.1, 0.2, 0.3)) for k in range(3))
+    hinges = (Hinge(1.8, {"xy": 3.0}), Hinge(3.0, {"xy": 0.0}))
+    chain = Chain(links, hinges, 3.0, hung=True, acceleration=4.0)
+    wanted = [3.0 + 4.0 * 2.0 * 0.3, 4.0 * 2.0 * 0.5]
+    assert chain.stiffness(((0, "xy"), (1, "xy"))) == pytest.approx(np.diag(wanted), rel=ROUNDED)
+    # in a port without hinges it is a rigid body
+    locked = chain.port("torsion")
+    assert (locked.modes, locked.rigid_mass.tolist()) == (0, [[pytest.approx(0.3)]])
+
+
 def at(x):
     """Motion of a point at x per motion of the root: displacement, rotation."""
     return np.array([1.0, x])
@@ -159,13 +171,15 @@ def test_polar_inertia_beyond_what_a_link_can_carry_goes_to_the_others():
         (1e-4, 0.9e-4, 1.0, False),
     ],
 )
-def test_how_much_roll_inertia_is_raised(polar, least, mass, raised):
+@pytest.mark.parametrize("larger", [1, 2])
+def test_how_much_roll_inertia_is_raised(polar, least, mass, raised, larger):
     # about the root: 1 (0.5^2 + 1.5^2) and 2 across, 4.5 and two links to be raised
-    links = tuple(Link(float(k), 1.0, mass, k + 0.5, (polar, 1.0, 1.0)) for k in range(2))
+    own = (1.0, 0.5) if larger == 1 else (0.5, 1.0)
+    links = tuple(Link(float(k), 1.0, mass, k + 0.5, (polar, *own)) for k in range(2))
     chain = Chain(links, (Hinge(1.0, {"xy": 3.0}),), 2.0)
     found = raise_polar_inertia(chain, least)[0]
     expected = least if raised else polar
-    assert [one.inertia for one in found.links] == [(expected, 1.0, 1.0)] * 2
+    assert [one.inertia for one in found.links] == [(expected, *own)] * 2
 
 
 def test_a_row_of_the_paper_s_table_is_off_by_a_share_of_what_is_printed():

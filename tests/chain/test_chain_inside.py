@@ -10,6 +10,7 @@ import pytest
 
 from appendages import close, seed_boom, unit_beam
 from arrays import tube
+from beamchain.chain.chain import Link
 from beamchain.chain.recursion import Nodes, planar_chain, realise, realise_scalar, split
 from beamchain.chain.rivals import (
     freeze_between,
@@ -105,3 +106,7 @@ def test_cut_keeps_hinges_where_they_are_asked():
     chain = freeze_between(unit_beam(), np.array([0.25, 0.5]), np.array([1.0, 2.0]), "xz")
     assert [h.x for h in chain.hinges] == [0.25, 0.5]
     assert chain.ports == ("xz",)
+    # a hinge at the root stands on nothing
+    rooted = freeze_between(unit_beam(), np.array([0.0, 0.5]), np.array([1.0, 2.0]), "xz")
+    assert rooted.links[0] == Link(0.0, 0.0, 0.0, 0.0, (0.0, 0.0, 0.0))
+    assert [link.mass for link in rooted.links[1:]] == close([0.5, 0.5], rel=SUMS)

@@ -120,10 +120,10 @@ def largest_motion(model, step):
     return max(history[-STEPS // 10 :]) / max(history[: STEPS // 10])
 
 
-@pytest.mark.parametrize("masses", [pytest.param(1.0, marks=pytest.mark.slow), 10.0])
-def test_fillers_leave_a_third_of_the_last_kept_modes_step(masses, tmp_path):
+@pytest.mark.slow
+def test_fillers_leave_a_third_of_the_last_kept_modes_step(tmp_path):
     """Stated from A and B, read from M and K, and stepped."""
-    body = panel()
+    body, masses = panel(), 10.0
     fit = fitted(tmp_path, body, range(4), masses)
     model = on_hub(body, fit, masses)
     fastest = coupled(mass_matrix(model), stiffness_matrix(model))[-1]
@@ -140,9 +140,7 @@ COUNTS = {
     "one motion, torsion": (straight_strip, (3, 10), 1, 2),
     "two motions, a plane": (straight_strip, (0, 1), 2, 2),
     "three motions, one mode": (bent_strip, (0,), 3, 3),
-    "three motions, two modes": (bent_strip, (0, 1), 3, 3),
     "three motions, three modes": (bent_strip, (0, 1, 2), 3, 3),
-    "six motions, one mode": (panel, (0,), 6, 6),
     "six motions, four modes": (panel, (0, 1, 2, 3), 6, 6),
     "six motions, eight modes": (panel, tuple(range(8)), 6, 8),
 }
@@ -170,18 +168,8 @@ def test_a_body_gets_no_more_hinges_than_its_modes_need(case, tmp_path):
         assert np.all(reading.frequencies[n:] < 3.0 * exact[0][-1])
 
 
-@pytest.mark.parametrize(
-    ("masses", "kept"),
-    [
-        (0.1, 1),
-        (1.0, 4),
-        (10.0, 3),
-        *(
-            pytest.param(masses, kept, marks=pytest.mark.slow)
-            for masses, kept in ((0.1, 3), (0.1, 4), (1.0, 1), (1.0, 3), (10.0, 1), (10.0, 4))
-        ),
-    ],
-)
+@pytest.mark.parametrize(("masses", "kept"), [(0.1, 1), (1.0, 4), (10.0, 3)])
+@pytest.mark.slow
 def test_fillers_take_coupled_frequencies_towards_the_truth(kept, masses, tmp_path):
     """Against finite elements with all modes, on the hub that the specification states."""
     body = panel()

@@ -14,6 +14,7 @@ from formulas import (
     ModeGroup,
     Nodes,
     Wishes,
+    assembled_chain,
     bodies,
     build_exact,
     hinge_counts,
@@ -189,11 +190,11 @@ def test_a_link_without_inertia_along_the_axis_gets_a_trace():
         ((0.0, 2.0, 3.0), 1.0),
         ((0.0, 3.0, 3.0), 3e-6),
         ((0.0, 3.0, 2.0), 1.0),
-        ((0.5, 3.0, 2.0), 0.5),
+        ((0.05, 3.0, 2.0), 0.05),
     ],
 )
 def test_a_recipe_s_links_get_what_a_body_needs(inertia, wanted):
-    links = (Link(0.0, 1.0, 1.0, 0.5, inertia), Link(1.0, 1.0, 0.0, 1.5, (0.0, 0.0, 0.0)))
+    links = (Link(0.0, 1.0, 0.05, 0.5, inertia), Link(1.0, 1.0, 0.0, 1.5, (0.0, 0.0, 0.0)))
     found = with_real_polar(Chain(links, (Hinge(1.0, {"xy": 1.0}),), 2.0))
     assert found.links[0].inertia == (pytest.approx(wanted), *inertia[1:])
     assert found.links[1].inertia == (0.0, 0.0, 0.0)
@@ -247,6 +248,7 @@ def modes(rows, ports=("xy",), **more):
         ([[1.0, 2.0], [1.0, 2.0 * (1.0 + 1e-10)]], 3),
         ([[1.0, 0.0]], 2),
         ([[1e-12, 2.0], [3e-12, 4.0]], 2),  # of each motion by itself
+        (np.zeros((0, 2)), 2),
     ],
 )
 def test_a_port_needs_a_hinge_per_mode_and_per_motion_that_no_mode_has(rows, count):
@@ -256,7 +258,10 @@ def test_a_port_needs_a_hinge_per_mode_and_per_motion_that_no_mode_has(rows, cou
 @pytest.mark.parametrize(
     ("weights", "counts"),
     [
-        ({"xy": 3.0, "torsion": 1.0}, {"xy": 3, "torsion": 1}),
+        # the fourth by Webster's rule: 2.5 of xy beside 1.5
+        ({"xy": 2.5, "torsion": 1.0}, {"xy": 3, "torsion": 1}),
+        ({"xy": 1.68, "torsion": 1.0}, {"xy": 3, "torsion": 1}),
+        ({"xy": 1.655, "torsion": 1.0}, {"xy": 2, "torsion": 2}),
         ({"xy": 1.0, "torsion": 3.0}, {"xy": 2, "torsion": 2}),
         ({"xy": 0.0, "torsion": 1.0}, {"torsion": 4}),
     ],
@@ -297,6 +302,30 @@ def test_planes_share_nodes_that_are_equal():
     assert shared_nodes({}, 0.0) is None
     shorter = Nodes(masses[:2], lengths[:1], springs[:0])
     assert shared_nodes({"xy": first, "xz": shorter}, 0.0) is None
+
+
+@pytest.mark.parametrize(("part", "taken"), [(0.9, True), (-0.9, True), (1.1, False)])
+def test_imported_mass_may_differ_between_the_planes_by_what_is_printed(part, taken):
+    """1e-5 of the second moment about the root, where one plane alone bends: 2 m of 1 kg/m."""
+    whole = 8.0 / 3.0
+
+    def moments(a, b, closed):
+        second, rotary = (b**3 - a**3) / 3.0, 0.2 + part * 1e-5 * whole
+        return SimpleNamespace(
+            mass=b - a, second=second, polar=0.01 * (b - a), rotary_xy=rotary, rotary_xz=0.2
+        )
+
+    line = SimpleNamespace(length=2.0, moments=moments)
+    nodes = Nodes(np.array([0.5, 1.0, 0.5]), np.array([1.0, 1.0]), np.array([4.0]))
+    if not taken:
+        with pytest.raises(RealisationError, match="do not share their hinges"):
+            assembled_chain(line, {"xy": nodes}, {})
+        return
+    chain = assembled_chain(line, {"xy": nodes}, {})
+    assert [(hinge.x, dict(hinge.stiffness)) for hinge in chain.hinges] == [(1.0, {"xy": 4.0})]
+    # two rods, each of two masses of half a kilogram
+    assert [(one.mass, one.com) for one in chain.links] == [(1.0, 0.5), (1.0, 1.5)]
+    assert [one.inertia for one in chain.links] == [pytest.approx((0.01, 0.25, 0.25))] * 2
 
 
 def test_an_appendage_without_modes_is_one_body():

@@ -366,9 +366,34 @@ def test_the_damper_of_one_hinge_is_that_of_an_oscillator():
     }
 
 
+@pytest.mark.parametrize(
+    ("normal", "band", "wanted"),
+    [
+        (3, 0.0, 2.6 * 9.0),
+        (3, 12.0, 2.0 * 12.0),
+        (1, 0.0, 9.0),  # as high as static responses, which set the step
+        (2, 0.0, 2.6 * 4.0),
+    ],
+)
+def test_fillers_of_what_is_not_known_stand_above_the_modes_and_the_band(normal, band, wanted):
+    links = tuple(Link(1.0 * k, 1.0, 2.0 + k, k + 0.5, (0.1, 0.2, 0.3)) for k in range(5))
+    loose = Chain(links, tuple(Hinge(k, {"xy": 0.0}) for k in (1.0, 2.0, 3.0, 4.0)), 5.0)
+    rows = np.array([[0.5, 0.9], [0.2, -0.1], [0.1, 0.2]])
+    w, ratios = np.array([2.0, 4.0, 9.0]), np.array([0.02, 0.0, 0.0])
+    modes = ModeGroup(("xy",), w, rows, ratios, normal=normal, band=band)
+    found = given_modes(loose, [modes], ratio=0.05)
+    sprung = {t.label: t for t in found.tendons if t.stiffness}
+    filler = sprung.pop("filler1_xy")
+    assert filler.stiffness == pytest.approx(wanted**2, rel=1e-9)
+    assert filler.damping == pytest.approx(2.0 * 0.05 * wanted, rel=1e-9)
+    assert [t.stiffness for t in sprung.values()] == pytest.approx(w**2, rel=1e-9)
+
+
 def test_a_tendon_over_some_hinges_does_not_pull_the_others():
     tied = Chain(LINKS, CHAIN.hinges, 3.0, tendons=(Tendon("own", FREEDOMS[1:], np.ones(1), 7.0),))
     assert tied.stiffness(FREEDOMS) == pytest.approx(np.diag([5.0, 3.0 + 7.0]))
+    soft = Chain(LINKS, tuple(Hinge(x, {"xy": 1e-3 * x}) for x in (1.0, 2.0)), 3.0)
+    assert soft.stiffness(FREEDOMS) == pytest.approx(np.diag([1e-3, 2e-3]))
 
 
 def test_modes_that_are_given_are_damped_and_stand_in_the_chain():

@@ -41,16 +41,7 @@ def tip_through_differences(text, site, axis):
 
 # -- exact tip -------------------------------------------------------------------------------------
 @pytest.mark.parametrize(
-    ("make", "n"),
-    [
-        pytest.param(seed_boom, 1, marks=pytest.mark.slow),
-        (seed_boom, 5),
-        (unit_beam, 2),
-        pytest.param(tube, 3, marks=pytest.mark.slow),
-        (tapered_boom, 2),
-        pytest.param(stepped_boom, 3, marks=pytest.mark.slow),
-        (tip_loaded_boom, 5),
-    ],
+    ("make", "n"), [(seed_boom, 5), (unit_beam, 2), (tapered_boom, 2), (tip_loaded_boom, 5)]
 )
 def test_root_and_tip_are_exact_for_every_mode(make, n):
     beam = make()
@@ -74,21 +65,19 @@ def test_root_and_tip_are_exact_for_every_mode(make, n):
     assert motion[:, 1] * motion[:, 5] == close(wanted.tip[:, 0] * wanted.tip[:, 1], rel=2 * TIP)
 
 
-@pytest.mark.parametrize(("make", "n"), [(unit_beam, 1), (unit_beam, 3), (tapered_boom, 2)])
 @pytest.mark.slow
-def test_the_tip_is_exact_through_mujoco_s_differences(make, n):
-    wanted = make().port("xy", 2 * n + 4).truncated(n)
-    result = fit(make(), name="boom", modes={"xy": n}, scene=Scene(tip=True))
+def test_the_tip_is_exact_through_mujoco_s_differences():
+    wanted = tapered_boom().port("xy", 8).truncated(2)
+    result = fit(tapered_boom(), name="boom", modes={"xy": 2}, scene=Scene(tip=True))
     frequencies, tip = tip_through_differences(result.to_mjcf(), "boom_tip", 1)
-    assert frequencies[:n] == close(wanted.frequencies, rel=DIFFERENCES)
-    assert tip[:n] == close(np.abs(wanted.tip[:, 0]), rel=DIFFERENCES)
+    assert frequencies[:2] == close(wanted.frequencies, rel=DIFFERENCES)
+    assert tip[:2] == close(np.abs(wanted.tip[:, 0]), rel=DIFFERENCES)
 
 
 @pytest.mark.parametrize(
     ("make", "kept"),
     [
         (tube, {"xy": 2, "xz": 2}),
-        pytest.param(tube, {"xy": 3, "xz": 2, "torsion": 2}, marks=pytest.mark.slow),
         pytest.param(deployed_array, {"xy": 2, "xz": 2}, marks=pytest.mark.slow),
     ],
 )
@@ -102,22 +91,12 @@ def test_both_planes(make, kept):
 
 
 @pytest.mark.slow
-def test_tip_of_the_uniform_beam_in_closed_form():
-    # |phi_k(L)| = 2 / sqrt(m) for every clamped-free mode of a uniform beam (Blevins, table 8-1)
-    result = fit(space_beam(), name="boom", modes={"xy": 4}, scene=Scene(tip=True))
-    reading = rb.read(result.to_mjcf())
-    # the beam's own elements
-    assert np.abs(reading.site("boom_tip")[:4, 1]) == close([2.0] * 4, rel=1e-8)
-
-
-@pytest.mark.parametrize(("make", "n"), [(unit_beam, 1), (tapered_boom, 2), (stepped_boom, 3)])
-@pytest.mark.slow
-def test_the_tip_s_static_flexibility_is_exact(make, n):
+def test_the_tip_s_static_flexibility_is_exact():
     """A force or a moment at the tip: the kept modes and the attachment modes carry it as
     the whole beam does."""
-    result = fit(make(), name="boom", modes={"xy": n}, scene=Scene(tip=True))
+    result = fit(stepped_boom(), name="boom", modes={"xy": 3}, scene=Scene(tip=True))
     got = rb.read(result.to_mjcf()).flexibility("boom_tip")[np.ix_((1, 5), (1, 5))]
-    full = make().port("xy", 40)
+    full = stepped_boom().port("xy", 40)
     wanted = (full.tip[:, :2] / full.frequencies[:, None] ** 2).T @ full.tip[:, :2]
     size = np.sqrt(np.diag(wanted))
     assert got / np.outer(size, size) == close(wanted / np.outer(size, size), abs=FLEXIBILITY)
@@ -162,23 +141,11 @@ def test_slow_base_acceleration_bends_the_chain_as_the_beam(n, bounds):
     assert deflection == close(1.0 / 8.0, rel=bounds)
 
 
-@pytest.mark.parametrize("n", [1, 3])
 @pytest.mark.slow
-def test_with_the_tip_matched_the_kept_modes_sag_as_the_beam_s(n):
-    # the kept modes' static share is the beam's own: 97 %, 99.9 % of q L^4 / 8 EI
-    full = unit_beam().port("xy", 10)
-    result = fit(unit_beam(), modes={"xy": n}, scene=Scene(tip=True))
-    wanted = static_tip(full.truncated(n))[0]
-    assert static_tip(result.chain.port("xy").truncated(n))[0] == close(wanted, rel=1e-9)
-    assert wanted == close(1.0 / 8.0, rel={1: 0.04, 2: 1e-3, 3: 5e-4}[n])
-
-
-@pytest.mark.parametrize("n", [2])
-@pytest.mark.slow
-def test_with_the_attachment_modes_nothing_is_missing(n):
+def test_with_the_attachment_modes_nothing_is_missing():
     # a slow base acceleration bends the tip by what the static shapes of a tip load see
     # of it: all of it
-    result = fit(unit_beam(), modes={"xy": n}, scene=Scene(tip=True))
+    result = fit(unit_beam(), modes={"xy": 2}, scene=Scene(tip=True))
     deflection, rotation = static_tip(
         result.target["xy"].replaced(tip=result.target["xy"].tip[:, :2])
     )

@@ -69,19 +69,14 @@ def chosen(make, kept):
     return fit(make(), modes=dict(kept))
 
 
-MAKES = (one_plane_taper, soft_root_in_one_plane, deployed_array)
 CASES = [
-    *(
-        (make, {"xy": n, "xz": n})
-        for i, make in enumerate(MAKES)
-        for n in ((1, 2), (2, 3), (1, 3))[i]
-    ),
-    (panels, {"xy": 3, "xz": 3}),
-    (deployed_array, {"xy": 2, "xz": 3}),
-    (deployed_array, {"xy": 3, "xz": 2}),
-    (deployed_array, {"xy": 3, "xz": 3, "torsion": 2}),
-    (tube, {"xy": 3, "xz": 2}),
     (one_plane_taper, {"xy": 1, "xz": 2}),
+    (one_plane_taper, {"xy": 2, "xz": 2}),
+    (soft_root_in_one_plane, {"xy": 3, "xz": 3}),
+    (panels, {"xy": 3, "xz": 3}),
+    (deployed_array, {"xy": 1, "xz": 1}),
+    (deployed_array, {"xy": 2, "xz": 3}),
+    (deployed_array, {"xy": 3, "xz": 3, "torsion": 2}),
 ]
 
 
@@ -158,16 +153,9 @@ def test_planes_with_different_hub_targets(make):
 
 # -- random arrays ---------------------------------------------------------------------------------
 @pytest.mark.slow
-def test_a_random_array():
-    kept = {"xy": 2, "xz": 2}
-    judge(random_array(0), fit(random_array(0), modes=kept), kept)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("kept", [{"xy": 2, "xz": 2}, {"xy": 3, "xz": 3, "torsion": 2}])
-def test_forty_random_arrays(kept):
-    """Every one of them."""
-    for seed in range(40):
+def test_random_arrays(kept):
+    for seed in range(8):
         judge(random_array(seed), fit(random_array(seed), modes=kept), kept)
 
 
@@ -237,8 +225,8 @@ def test_modes_on_springs_and_on_tendons_are_the_same_chain():
 def test_the_whole_chain_is_found_from_its_own_model():
     """The package's port of a chain with tendons is what MuJoCo reads."""
     beam = deployed_array()
-    kept = {"xy": 3, "xz": 2, "torsion": 1}
-    built = fit(beam, modes=kept)
+    kept = {"xy": 3, "xz": 3, "torsion": 2}
+    built = chosen(deployed_array, tuple(kept.items()))
     for port, n in kept.items():
         wanted = beam.port(port, 8).truncated(n)
         ours = built.chain.port(port).truncated(n)

@@ -49,13 +49,13 @@ def test_demo_without_a_renderer_says_what_to_install(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("renderer", ["egl", "osmesa"])
-def test_demo_ends_with_a_film(renderer, tmp_path):
-    if not backend._works(renderer):
-        pytest.skip(f"MuJoCo cannot draw with {renderer} on this machine")
+def test_demo_ends_with_a_film(tmp_path):
+    renderer = next((name for name in ("egl", "osmesa") if backend._works(name)), None)
+    if renderer is None:
+        pytest.skip("MuJoCo cannot draw on this machine")
+    (tmp_path / FILM).write_text("of an earlier run")
     said, made = demo(tmp_path, renderer)
     assert made == [FILM, *PAGES]
     assert "no picture" not in "".join(said)
     with Image.open(tmp_path / FILM) as moving:
         assert moving.n_frames > 20
-    demo(tmp_path, renderer)  # again, over what is there

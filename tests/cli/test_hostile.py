@@ -33,8 +33,8 @@ SECONDS = 5.0  # for any one file
 HANG = 60.0  # of the processor, for any one specification
 SLOW = 0.01  # share of the specifications that may take more than SECONDS (8 of 2,000 were seen)
 EXAMPLES = int(os.environ.get("BEAMCHAIN_FUZZ", "25"))
-SPECS = int(os.environ.get("BEAMCHAIN_FUZZ", "400"))
-PARTS = 20  # of them, for workers to share
+SPECS = int(os.environ.get("BEAMCHAIN_FUZZ", "160"))
+PARTS = 8  # of them, for workers to share
 WRITTEN = 25  # of so many fits one is written whole
 SEED = seed()
 OPENED: list[str] | None = None  # files opened for writing, while it is a list
@@ -92,7 +92,7 @@ def test_the_good_file_is_good(name, tmp_path):
 def test_a_file_cut_anywhere(name, tmp_path):
     ending, good, read = READERS[name]
     path = tmp_path / f"cut.{ending}"
-    for at in range(0, len(good), max(len(good) // 60, 1)):
+    for at in range(0, len(good), max(len(good) // 25, 1)):
         path.write_bytes(good[:at])
         taken(read, path)
 

@@ -62,7 +62,7 @@ def flexible(tmp_path_factory):
     return folder / "flexible.xml"
 
 
-@pytest.mark.parametrize("step", ["1e-300", "1e-16", "1e5", "1e6", "1e9", "nan", "inf", "-1"])
+@pytest.mark.parametrize("step", ["1e-300", "1e9", "nan", "-1"])
 @pytest.mark.slow
 def test_steps_that_cannot_be_taken(step, flexible, tmp_path, capsys, monkeypatch):
     out = tmp_path / "out.xml"

@@ -19,9 +19,9 @@ from hostile_names import NAMES, commands, craft_text, random_name, unseen, writ
 from hostile_outputs import prepare, random_call, state
 from spacecraft import CRAFTS, spec
 
-EXAMPLES = int(os.environ.get("BEAMCHAIN_FUZZ", "40"))
+EXAMPLES = int(os.environ.get("BEAMCHAIN_FUZZ", "20"))
 SEED = int(os.environ.get("BEAMCHAIN_SEED", "1"))
-WHOLE = 40  # of so many names one goes through the commands that fit and draw
+WHOLE = 20  # of so many names one goes through the commands that fit and draw
 
 
 def outcome(arguments, capsys, monkeypatch):

@@ -15,7 +15,6 @@ import pytest
 from lxml import etree
 
 from beamchain.files import write_files
-from spacecraft import CRAFTS, spec
 
 FILES = {
     "appendage.xml": "<mujoco/>" * 50_000,
@@ -33,30 +32,13 @@ hub = { mass = 500.0, inertia = [400.0, 400.0, 500.0], offset = [1.0, 0.0, 0.0] 
 [uncertain]
 stiffness = { relative = 0.05 }
 """
-#: command: its arguments (OUT: the folder), and the file that comes last
+#: command: its arguments (OUT: the folder), and the file that comes last; all others write by the
+#: same `write_files`
 COMMANDS = {
     "fit": (["fit", "SPEC", "-o", "OUT"], "fit.json"),
-    "embed": (
-        [
-            "embed",
-            str(CRAFTS / "planar.xml"),
-            "--mount",
-            f"mount={spec('rod')}",
-            "-o",
-            "OUT/x.xml",
-            "--plot",
-            "OUT/x.svg",
-        ],
-        "x.xml",
-    ),
-    "stability": (["stability", "SPEC", "-o", "OUT"], "stability.json"),
-    "study": (
-        ["study", "SPEC", "-o", "OUT", "--budget", "0.001", "--model", "exact, hub"],
-        "study.json",
-    ),
-    "sweep": (["sweep", "SPEC", "-o", "OUT", "--samples", "40"], "sweep.json"),
+    "sweep": (["sweep", "SPEC", "-o", "OUT", "--samples", "12"], "sweep.json"),
 }
-MOMENTS = 3  # kills per command
+MOMENTS = 2  # kills per command
 
 
 def _write_and_die(folder: Path, after: int, force: bool) -> None:
@@ -119,11 +101,6 @@ def whole(path: Path) -> bool:
     return bool(content)
 
 
-#: a study writes them where a model reached the error in the time it had,
-#: which differs from run to run on a busy machine
-MEASURED = {"recommended_1e-2.toml", "recommended_1e-3.toml", "recommended_1e-4.toml"}
-
-
 def started(command: str, folder: Path) -> subprocess.Popen:
     recipe = folder / "boom.toml"
     recipe.write_text(BOOM if command == "sweep" else BOOM.split("[uncertain]")[0])
@@ -141,7 +118,7 @@ def started(command: str, folder: Path) -> subprocess.Popen:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("command", list(COMMANDS))
+@pytest.mark.parametrize("command", COMMANDS)
 def test_a_command_killed_at_any_moment(command, tmp_path):
     folder = tmp_path / "whole"
     folder.mkdir()
@@ -150,7 +127,7 @@ def test_a_command_killed_at_any_moment(command, tmp_path):
     _, said = done.communicate(timeout=120)
     seconds = time.perf_counter() - start
     assert done.returncode in (0, 3), said
-    everything = set(visible(folder / "out")) - MEASURED
+    everything = set(visible(folder / "out"))
     last = COMMANDS[command][1]
     assert last in everything
     for i in range(MOMENTS):
@@ -165,4 +142,4 @@ def test_a_command_killed_at_any_moment(command, tmp_path):
         found = visible(folder / "out")
         assert all(whole(path) for path in found.values()), found
         if last in found:
-            assert set(found) - MEASURED == everything
+            assert set(found) == everything

@@ -18,8 +18,9 @@ import beamchain as bc
 from command import COMMANDS, app, run
 from examples import EXAMPLES, example
 
-# of what comes with the package; tests/report fits and draws one of a scene
-QUICK = ("seed_boom",)
+# of what comes with the package, those that are fitted and drawn here: modes stated, chosen, and
+# of a liquid; tests/studies and tests/craft take others
+WHOLE = ("seed_boom", "array_scene", "tank")
 STARTS = sorted(path.stem for path in EXAMPLES.glob("*.toml"))
 #: what the script that pip installs does, by its entry point
 AS_INSTALLED = """
@@ -84,16 +85,14 @@ def test_a_mistyped_option_gets_a_guess(capsys, monkeypatch):
     assert "--output" in error
 
 
-@pytest.mark.parametrize(
-    "shell", ["bash", *(pytest.param(s, marks=pytest.mark.slow) for s in ("zsh", "fish"))]
-)
-def test_completion(shell):
+@pytest.mark.slow
+def test_completion():
     words = {
         "COMP_WORDS": "beamchain init ",
         "COMP_CWORD": "2",
         "_TYPER_COMPLETE_ARGS": "beamchain init ",
     }
-    words |= {"_BEAMCHAIN_COMPLETE": f"complete_{shell}", "_TYPER_COMPLETE_FISH_ACTION": "get-args"}
+    words |= {"_BEAMCHAIN_COMPLETE": "complete_bash", "_TYPER_COMPLETE_FISH_ACTION": "get-args"}
     done = subprocess.run(
         [sys.executable, "-c", AS_INSTALLED],
         capture_output=True,
@@ -106,10 +105,8 @@ def test_completion(shell):
 
 
 # -- colours ---------------------------------------------------------------------------------------
-@pytest.mark.parametrize(
-    "arguments",
-    [["fit", "--help"], pytest.param(["init", "--list"], marks=pytest.mark.slow), ["nonsense"]],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("arguments", [["fit", "--help"], ["nonsense"]])
 def test_no_escape_codes_when_piped(arguments):
     done = outside(arguments)
     assert "\x1b" not in done.stdout + done.stderr
@@ -177,17 +174,6 @@ def test_errors_under_json_are_json(arguments, kind, words, tmp_path, capsys, mo
     assert (code, told.strip()) == (2, "")
 
 
-@pytest.mark.slow
-def test_json_keeps_the_other_statuses(tmp_path, capsys, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert run(["schema", "--json"], capsys, monkeypatch)[0] == 0
-    text = example("array").read_text().replace("bandwidth = 5.0 ", "bandwidth = 5e4 ")
-    Path("wide.toml").write_text(text)
-    code, told, _ = run(["fit", "wide.toml", "-o", "out", "--json"], capsys, monkeypatch)
-    assert code == 3
-    assert not json.loads(told)["status"]["ok"]
-
-
 # -- init ------------------------------------------------------------------------------------------
 def test_the_promised_starts_are_there():
     assert set(STARTS) >= {"boom", "array", "mast"}
@@ -209,8 +195,7 @@ def test_init_writes_a_spec_that_fits(kind, tmp_path, capsys, monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("at", ["mount", "left"])
-def test_init_writes_a_spacecraft_to_embed_into(at, tmp_path, capsys, monkeypatch):
+def test_init_writes_a_spacecraft_to_embed_into(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     code, told, _ = run(["init", "craft"], capsys, monkeypatch)
     assert code == 0
@@ -221,7 +206,7 @@ def test_init_writes_a_spacecraft_to_embed_into(at, tmp_path, capsys, monkeypatc
             "embed",
             "craft.xml",
             "--mount",
-            f"{at}=array.toml",
+            "mount=array.toml",
             "-o",
             "flexible.xml",
             "--no-report",
@@ -231,9 +216,7 @@ def test_init_writes_a_spacecraft_to_embed_into(at, tmp_path, capsys, monkeypatc
         monkeypatch,
     )
     assert code == 0
-    assert (at != "mount") or [one["code"] for one in json.loads(told)["warning_codes"]] == [
-        "exact-in-time"
-    ]
+    assert [one["code"] for one in json.loads(told)["warning_codes"]] == ["exact-in-time"]
 
 
 @pytest.mark.parametrize("kind", ["boom", "array", "mast"])
@@ -304,9 +287,7 @@ def test_init_lists_what_it_writes(capsys, monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in STARTS]
-)
+@pytest.mark.parametrize("name", WHOLE)
 def test_examples_run(name, tmp_path, capsys, monkeypatch):
     folder = tmp_path / "out"
     spec = tmp_path / "spec.toml"

@@ -6,6 +6,7 @@ import sys
 
 import pytest
 
+from examples import example
 from spacecraft import CRAFTS
 
 HUGE = """<mujoco><option gravity="0 0 -1e11" timestep="0.01"/><worldbody><body name="b">
@@ -67,6 +68,5 @@ def test_a_renderer_that_there_is_not(tmp_path):
 
 @pytest.mark.slow
 def test_a_backend_of_matplotlib_that_there_is_not(tmp_path):
-    assert outside(["init", "boom"], tmp_path).returncode == 0
-    done = outside(["fit", "boom.toml", "-o", "out"], tmp_path, MPLBACKEND="nonsense")
+    done = outside(["fit", str(example("boom")), "-o", "out"], tmp_path, MPLBACKEND="nonsense")
     assert (done.returncode, done.stderr) == (0, "")

@@ -11,7 +11,7 @@ import pytest
 
 import beamchain as bc
 from mechanics import compiled
-from plant_truth import CRAFTS, embedded, text
+from plant_truth import CRAFTS, text
 from posed import CRAFT
 from refused import check_refused
 
@@ -84,14 +84,6 @@ SIGNALS = {
     ),
     "rigid": (lambda: bc.plant(RIGID.format("")), ("no flexible mode", "bc.embed")),
     "no model": (lambda: bc.plant(3), ("model = 3 is a int", "give the path")),
-    "turning drive": (
-        lambda: bc.plant(embedded(SPRUNG), rates={"drive": 1.0}),
-        ("'drive' moves at 1", "only balanced wheels may turn"),
-    ),
-    "exact plant of an appendage": (
-        lambda: bc.plant(embedded("one undamped boom"), ["torque:boom_link1"]).exact,
-        ("exact", "bare spacecraft's signals"),
-    ),
 }
 
 POSES = {
@@ -272,6 +264,5 @@ def _in_a_folder_of_its_own(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("case", REFUSED)
-@pytest.mark.slow
 def test_what_no_plant_can_be_is_refused(case):
     check_refused(REFUSED[case][0], bc.InputError, REFUSED[case][1])

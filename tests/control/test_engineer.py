@@ -79,9 +79,7 @@ def scheduled():
 def folder(tmp_path_factory):
     out = tmp_path_factory.mktemp("engineer")
     embedded().write(out / "flexible.xml")
-    (out / "loops.toml").write_text(TABLES + LOOPS)
     (out / "one_axis.toml").write_text(TABLES + "[[loop]]".join(LOOPS.split("[[loop]]")[:3]))
-    (out / "plain.toml").write_text(LOOPS)
     return out
 
 
@@ -115,9 +113,8 @@ def test_the_plant_is_the_craft_with_its_kept_modes(scheduled, number):
     assert off < POLES
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("number", range(len(POSES)), ids=LABELS)
-def test_the_exact_plant_is_the_craft_in_finite_elements(scheduled, number):
+def test_the_exact_plant_is_the_craft_in_finite_elements(scheduled):
+    number = 1
     counts = {"xy": MANY, "xz": MANY, "torsion": TURNS, "axial": MANY}
     truth = EngineerTruth(POSES[number], lambda appendage: counts)
     true = truth.transfer(S, ["allocated", "torque:bus"], ["attitude", "rate"])
@@ -163,7 +160,6 @@ def test_wheels_at_speed():
         assert found < TURNING
 
 
-@pytest.mark.slow
 def test_modes_are_followed_through_the_list_in_its_order():
     """As the modes of finite elements, followed in small steps by their shapes."""
     for poses, crosses in ((POSES, False), (TOGETHER, True)):
@@ -195,14 +191,13 @@ def followed(poses):
     return out
 
 
-def test_keyframes_are_poses_too():
+def test_keyframes_are_poses_too(scheduled):
     by_key = bc.plant(embedded(), INPUTS, OUTPUTS, ["noon", angles(*POSES[1]), "edge"])
     assert by_key.labels == ("noon", LABELS[1], "edge")
     assert by_key.joints == ("north", "south")
     np.testing.assert_allclose(np.degrees(by_key.values), POSES, atol=1e-12)
-    for pose, plant in zip(POSES, by_key, strict=True):
-        true = EngineerTruth(pose).transfer(S, ["allocated"], ["attitude", "rate"])
-        assert error(plant(S, squeeze=False), true) < RESPONSE
+    for plant, other in zip(by_key, scheduled, strict=True):
+        assert error(plant(S, squeeze=False), other(S, squeeze=False)[:, :3]) < SAME
 
 
 # -- the command line ------------------------------------------------------------------------------
@@ -216,7 +211,6 @@ def told(words, capsys, monkeypatch, folder):
     return json.loads(out)
 
 
-@pytest.mark.slow
 def test_the_command_makes_the_same_plants(folder, capsys, monkeypatch):
     words = ["--controller", "one_axis.toml", *ASKED, "-o", "plant.mat", "--no-report", "--force"]
     record = told(words, capsys, monkeypatch, folder)
@@ -244,16 +238,16 @@ def words_of(cells):
     return [str(cell[0]) for cell in cells[:, 0]]
 
 
-@pytest.mark.slow
-def test_margins_are_those_of_a_torque_on_the_bus(folder, capsys, monkeypatch):
-    shared = [*ASKED, "-o", "margins.npz", "--no-report", "--force"]
-    record = told(["--controller", "loops.toml", *shared], capsys, monkeypatch, folder)
-    words = ["--controller", "plain.toml", "--input", "torque:bus", *shared]
-    words += ["--output", "attitude", "--output", "rate"]
-    plain = told(words, capsys, monkeypatch, folder)
-    assert len(record["margins"]) == 3
-    assert sum(1 for _ in numbers(record["margins"])) > 3 * 3 * 5
-    pairs = [*zip(numbers(record["margins"]), numbers(plain["margins"]), strict=True)]
+def test_margins_are_those_of_a_torque_on_the_bus(scheduled, tmp_path):
+    records = []
+    for name in ("torque_{}", "torque_{}_bus"):
+        text = LOOPS
+        for axis in "xyz":
+            text = text.replace(f'"torque_{axis}"', f'"{name.format(axis)}"')
+        (tmp_path / "loops.toml").write_text(text)
+        records.append(bc.margins(scheduled[1], tmp_path / "loops.toml").as_dict())
+    pairs = [*zip(*map(numbers, records), strict=True)]
+    assert len(pairs) > 3 * 5
     off = max(abs(ours - theirs) / max(abs(theirs), 1e-6) for ours, theirs in pairs)
     sys.stdout.write(f"margins: {off:.1e}\n")
     assert off < MARGINS
@@ -268,17 +262,3 @@ def numbers(value):
             yield from numbers(one)
     elif isinstance(value, float | int) and math.isfinite(value):
         yield value
-
-
-@pytest.mark.slow
-def test_the_page_and_the_terminal_name_the_poses(folder, capsys, monkeypatch):
-    monkeypatch.chdir(folder)
-    words = ["plant", "flexible.xml", "--controller", "loops.toml", *ASKED, "-o", "page.npz"]
-    code, out, _ = run(words, capsys, monkeypatch)
-    assert code == 0
-    page = " ".join((folder / "page_report.html").read_text(encoding="utf-8").split())
-    for label in (LABELS[0], "crossed", LABELS[2]):
-        assert label in page
-        assert label in out
-    assert "rw1 : rw2 : rw3 : rw4 = 1 : -1 : 1 : -1" in page
-    assert "rw1 : rw2 : rw3 : rw4 = 1 : -1 : 1 : -1" in " ".join(out.split())

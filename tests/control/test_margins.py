@@ -19,7 +19,7 @@ from scipy.optimize import minimize
 
 import beamchain as bc
 from command import call
-from loops import asked, written
+from loops import asked
 
 CLOSED = 1e-7
 SINGULAR = 1e-6
@@ -296,16 +296,16 @@ def transfer(plant, system, w, factors):
     return np.linalg.det(np.eye(2) + np.diag(factors) * k @ g[np.ix_(rows, columns)])
 
 
-@pytest.mark.parametrize("form", ["tf", "ss", "mapping of zpk", "whole matrix"])
+@pytest.mark.parametrize("form", ["mapping of zpk", "whole matrix", "matrix by its labels"])
 @pytest.mark.slow
 def test_every_form_of_a_controller_is_the_same_at_its_margins(form, plant):
-    zpk = control.zpk(*(np.asarray(v) for v in (LAG.zeros(), LAG.poles())), 6e5)
-    if form == "tf":
-        controller = each(LAG)
-    elif form == "ss":
-        controller = each(control.ss(LAG))
-    elif form == "mapping of zpk":
-        controller = each(zpk)
+    if form == "mapping of zpk":
+        zeros, poles = (np.asarray(v) for v in (LAG.zeros(), LAG.poles()))
+        controller = each(control.zpk(zeros, poles, 6e5))
+    elif form == "matrix by its labels":
+        both = control.append(control.ss(LAG), control.ss(LAG))
+        ends = {"outputs": ["torque_z", "torque_y"], "inputs": ["attitude_z", "attitude_y"]}
+        controller = control.ss(both.A, both.B, both.C, both.D, **ends)
     else:
         num = [[[0.0]] * 3 for _ in range(3)]
         den = [[[1.0]] * 3 for _ in range(3)]
@@ -314,8 +314,9 @@ def test_every_form_of_a_controller_is_the_same_at_its_margins(form, plant):
         controller = control.tf(num, den)
     found = bc.margins(plant, controller)
     assert found.stable
-    assert [loop.input for loop in found.loops] == ["torque_y", "torque_z"]
-    for i, loop in enumerate(found.loops):
+    loops = sorted(found.loops, key=lambda loop: loop.input)
+    assert [loop.input for loop in loops] == ["torque_y", "torque_z"]
+    for i, loop in enumerate(loops):
         at = [np.where(np.arange(2) == i, f, 1.0) for f in (loop.gain, 1.0)]
         parts = [abs(transfer(plant, LAG, loop.gain_frequency, f)) for f in at]
         assert parts[0] < SINGULAR * parts[1]
@@ -329,24 +330,6 @@ def test_every_form_of_a_controller_is_the_same_at_its_margins(form, plant):
             for f in (1.0 + edge[::40]) / (1.0 - edge[::40])
         ]
         assert min(rim) < 0.02
-
-
-@pytest.mark.slow
-def test_names_and_order_match_alike(plant):
-    """A matrix by its labels, in another order, is the matrix in order."""
-    labels = [f"torque_{axis}" for axis in "zy"], [f"attitude_{axis}" for axis in "zy"]
-    space = control.ss(LAG)
-    both = control.append(space, 2.0 * space)
-    matrix = control.ss(both.A, both.B, both.C, both.D, outputs=labels[0], inputs=labels[1])
-    by_name = bc.margins(plant, matrix)
-    mapping = {
-        ("torque_z", "attitude_z"): LAG,
-        ("torque_y", "attitude_y"): 2.0 * LAG,
-    }
-    for one, other in zip(by_name.loops, bc.margins(plant, mapping).loops, strict=True):
-        assert one.name == other.name
-        np.testing.assert_allclose(one.gain, other.gain, rtol=CLOSED)
-        np.testing.assert_allclose(one.disk, other.disk, rtol=CLOSED)
 
 
 # -- all loops at once -----------------------------------------------------------------------------
@@ -371,11 +354,11 @@ def loops_at(plant, gain, w):
     return np.array([gain @ plant.C @ np.linalg.solve(v * eye - plant.A, plant.B) for v in s])
 
 
-@pytest.mark.parametrize("count", [2, 3])
 @pytest.mark.slow
-def test_the_margin_of_all_loops_is_where_a_perturbation_destabilises(count):
+def test_the_margin_of_all_loops_is_where_a_perturbation_destabilises():
     """Up to three channels the bound is mu: at its frequency there are factors in a disk larger by
     a thousandth that make det(1 + F L) zero, and none inside."""
+    count = 3
     plant, gain = coupled(count)
     k = control.ss([], [], [], gain)
     found = bc.margins(plant, k)
@@ -413,11 +396,11 @@ def test_the_margin_of_all_loops_is_where_a_perturbation_destabilises(count):
     assert vectors.shape == (count, count)
 
 
-@pytest.mark.parametrize("count", [2, 4])
 @pytest.mark.slow
-def test_no_factors_in_the_disk_destabilise(count):
+def test_no_factors_in_the_disk_destabilise():
     """Real factors of gain and dead-beat phases inside the disk: det(1 + F L) is never zero along
     the axis, and the closed loop of every real draw is stable."""
+    count = 4
     plant, gain = coupled(count)
     found = bc.margins(plant, control.ss([], [], [], gain))
     inside = 0.999 * found.all_at_once.value / 2.0
@@ -478,16 +461,6 @@ def test_a_slow_controller_sees_the_plant_held_over_its_step(plant, stepped):
             g = c @ np.linalg.solve(z * np.eye(one.nstates) - power, driven) + one.D[row, column]
             k = np.polyval(SAMPLED.num[0][0], z) / np.polyval(SAMPLED.den[0][0], z)
             assert abs(1.0 + factor * k * g[0, 0]) < SINGULAR
-
-
-@pytest.mark.slow
-def test_a_sampled_plant_agrees_with_the_continuous_one(plant, stepped):
-    """What the step of 0.01 s does to the modes below pi/0.25 rad/s is of the order (w h)^2/12 =
-    1e-3."""
-    found = [bc.margins(one, each(SAMPLED)).loops for one in (plant, stepped)]
-    for one, other in zip(*found, strict=True):
-        np.testing.assert_allclose(one.gain, other.gain, rtol=2e-3)
-        np.testing.assert_allclose(one.disk, other.disk, rtol=5e-3)
 
 
 @pytest.mark.parametrize("frequency", [6.0, 8.0, 19.0])
@@ -593,15 +566,13 @@ def growth(seen):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("form", [control.tf, control.ss], ids=["tf", "ss"])
-def test_mujoco_rings_at_the_gain_margin(form, embedded, plant):
-    system = form(LAG)
-    (loop,) = bc.margins(plant, {("torque_z", "attitude_z"): system}).loops
+def test_mujoco_rings_at_the_gain_margin(embedded, plant):
+    (loop,) = bc.margins(plant, {("torque_z", "attitude_z"): LAG}).loops
     model = embedded.untimed
     model.opt.timestep = 2e-3
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
     for factor in (1.0 - LIMIT, 1.0 + LIMIT):
-        change = growth(continuous_run(model, factor * loop.gain * system, 60.0))
+        change = growth(continuous_run(model, factor * loop.gain * LAG, 60.0))
         sys.stdout.write(f"{factor:g} of the gain margin: amplitude times {change:.4g}\n")
         assert (change > 1.0) == (factor > 1.0)
 
@@ -638,10 +609,14 @@ def servoed(kv, kp, kd, ki):
         return float(max(root.real for root in roots))
 
 
-@pytest.mark.parametrize("kv", [2000.0, 1e4])
 @pytest.mark.parametrize(
-    "gains",
-    [(60.0, 300.0, -0.06), (-2e-5, 0.05, 0.0), (0.06, 5.0, 6e-5), (2e-5, 0.05, 0.0)],
+    ("kv", "gains"),
+    [
+        (1e4, (60.0, 300.0, -0.06)),
+        (2000.0, (-2e-5, 0.05, 0.0)),
+        (1e4, (0.06, 5.0, 6e-5)),
+        (2000.0, (2e-5, 0.05, 0.0)),
+    ],
 )
 @pytest.mark.slow
 def test_slow_growth_beside_a_fast_servo_is_unstable(kv, gains):
@@ -666,9 +641,8 @@ def test_slow_growth_beside_a_fast_servo_is_unstable(kv, gains):
         np.testing.assert_allclose(grown, expected, rtol=1e-5)
 
 
-@pytest.mark.parametrize("step", [0.0, 0.01, 1.0])
+@pytest.mark.parametrize("step", [0.0, 0.01])
 @pytest.mark.parametrize("integral", [-1e-14, 1e-14])
-@pytest.mark.slow
 def test_slow_loops_beside_a_fast_mode_are_judged_by_their_integral(integral, step):
     """kd s^2 + kp s + ki on two bodies with a mode of 2,000 rad/s, one of them under no loop. At
     1e-4 rad/s the mode follows the body, and the characteristic polynomial begins with ki: below
@@ -844,21 +818,16 @@ def three_axes(inertias, gains, delay=0.0):
     return plant, [gain * inertia * lag * dead for gain, inertia in zip(gains, j, strict=True)]
 
 
-@pytest.mark.parametrize("delay", [0.0, 3.0], ids=["gain", "delay"])
 @pytest.mark.parametrize(
-    "inertias", [(100.0, 100.0, 100.0), (100.0, 120.0, 150.0)], ids=["equal", "scaled"]
-)
-@pytest.mark.parametrize(
-    "spread",
+    ("inertias", "spread", "delay"),
     [
-        0.0,
-        pytest.param(1e-9, marks=pytest.mark.slow),
-        1e-6,
-        pytest.param(1e-3, marks=pytest.mark.slow),
-        0.02,
+        ((100.0, 100.0, 100.0), 0.0, 0.0),
+        ((100.0, 120.0, 150.0), 1e-6, 0.0),
+        ((100.0, 100.0, 100.0), 1e-6, 3.0),
+        ((100.0, 120.0, 150.0), 0.02, 3.0),
     ],
-    ids=["none", "1e-9", "1e-6", "1e-3", "0.02"],
 )
+@pytest.mark.slow
 def test_axes_of_one_design_are_blamed_for_their_own_poles(inertias, spread, delay):
     """Each loop alone, by python-control, says how many poles of its own grow and where."""
     gains = 30.0 * (1.0 + spread * np.array([0.0, 1.0, -0.7]))
@@ -952,11 +921,9 @@ def many_modes(number, count):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("number", "count"), [(7, 15), pytest.param(17, 40, marks=pytest.mark.slow)]
-)
-def test_of_many_modes_the_one_to_blame_is_named(number, count):
-    plant = many_modes(number, count)
+def test_of_many_modes_the_one_to_blame_is_named():
+    number = 4
+    plant = many_modes(number, 9)
     n = plant.nstates // 2
     system = control.tf([9.0, 2.0], [0.004, 1.0])
     loops = {(f"u[{i}]", f"y[{i}]"): factor * system for i, factor in enumerate((0.1, 0.1, 1.0))}
@@ -1030,7 +997,7 @@ def test_the_record_holds_the_figures(plant):
 
 @pytest.mark.slow
 def test_the_command_says_why(embedded, tmp_path):
-    """Of two loops the one with the wrong sign is to blame, in JSON and on the page."""
+    """Of two loops the one with the wrong sign is to blame."""
     model = embedded.write(tmp_path / "flexible.xml")[-1]
     loops = [
         {
@@ -1055,13 +1022,6 @@ def test_the_command_says_why(embedded, tmp_path):
     (closed,) = answer.record["closed_loops"]
     assert closed["stable"] is False
     assert closed["instabilities"][0] == said
-    page = tmp_path / "plant_report.html"
-    words = ["plant", model, "--controller", written(loops, tmp_path), "--force"]
-    words += ["--input", "torque:bus", "-o", tmp_path / "plant.npz"]
-    told = call(*words)
-    assert told.status == 3
-    assert said["sentence"].partition(" (")[0] in " ".join(told.out.split())
-    assert said["sentence"].partition(" (")[0] in page.read_text()
 
 
 # -- mistakes in files and on the command line -----------------------------------------------------

@@ -122,7 +122,7 @@ def test_beyond_the_gain_margin_the_closed_loop_is_unstable(file, found):
 @pytest.mark.slow
 def test_at_the_delay_margin_the_loops_are_singular(plant, found):
     one = found[0]
-    near = np.linspace(0.9, 1.1, 2001) * one.phase_frequency
+    near = np.linspace(0.98, 1.02, 401) * one.phase_frequency
     gap = min(abs(returned(plant, LOOPS, omega, [1.0, 1.0], one.delay)) for omega in near)
     assert gap < 1e-3
     assert (
@@ -131,6 +131,7 @@ def test_at_the_delay_margin_the_loops_are_singular(plant, found):
     )
 
 
+@pytest.mark.slow
 def test_the_disk_margin_bounds_gain_and_phase(found):
     for one in found:
         assert (2.0 + one.disk) / (2.0 - one.disk) <= one.gain * (1.0 + 1e-6)
@@ -242,9 +243,9 @@ def test_margins_are_of_continuous_plants(file):
 
 # -- the command -----------------------------------------------------------------------------------
 @pytest.fixture
-def place(tmp_path, monkeypatch):
+def place(embedded, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    bc.embed(CRAFT, {"mount": BOOM}).write(tmp_path / "flexible.xml")
+    embedded.write(tmp_path / "flexible.xml")
     (tmp_path / "loops.toml").write_text(TOML)
     return tmp_path
 
@@ -279,31 +280,11 @@ def test_the_command_writes_plant_and_report(place, capsys, monkeypatch, plant):
     assert (code, "--force" in error) == (2, True)
 
 
-@pytest.mark.slow
-def test_the_command_takes_keyframes_and_tells_what_is_unstable(place, capsys, monkeypatch):
-    (place / "loops.toml").write_text(TOML.replace("[900.0, 80.0]", "[-900.0, -80.0]"))
-    asked = [
-        "plant",
-        "flexible.xml",
-        "--input",
-        "torque:bus",
-        "--pose",
-        "parked",
-        "--controller",
-        "loops.toml",
-    ]
-    code, told, _ = run([*asked, "-o", "plant.mat", "--no-report"], capsys, monkeypatch)
-    assert code == 3
-    assert "UNSTABLE" in told
-    assert not (place / "plant_report.html").exists()
-
-
 @pytest.mark.parametrize(
     ("more", "words"),
     [
         (["--input", "weel"], "weel"),
         (["--angle", "drive"], "is not JOINT=ANGLES"),
-        pytest.param(["--angle", "drive=0,x"], "is not JOINT=ANGLES", marks=pytest.mark.slow),
         (["--angle", "drive=0,1", "--pose", "parked"], "leave one out"),
         (["--controller", "nothing.toml"], "does not exist"),
         (["--pose", "nowhere"], "nowhere"),
@@ -337,26 +318,21 @@ def test_angles_give_a_plant_each(place, capsys, monkeypatch):
             'kp="4e4" kv="400"/></actuator>',
         )
     )
-    bc.embed(turning, {"mount": replace_modes(BOOM)}).write(place / "turning.xml")
+    bc.embed(turning, {"mount": BOOM.replace(modes=1)}).write(place / "turning.xml")
     asked = [
         "plant",
         "turning.xml",
         "--input",
         "torque:bus",
         "--angle",
-        "drive=0,45,90",
+        "drive=0,90",
         "--controller",
         "loops.toml",
     ]
     code, told, _ = run([*asked, "-o", "angles.npz", "--json"], capsys, monkeypatch)
     record = json.loads(told)
     assert code in (0, 3)
-    np.testing.assert_allclose(record["angles"], [0.0, 45.0, 90.0], atol=1e-9)
-    assert len(record["margins"]) == 3
-    assert np.load("angles.npz")["A"].shape[0] == 3
+    np.testing.assert_allclose(record["angles"], [0.0, 90.0], atol=1e-9)
+    assert len(record["margins"]) == 2
+    assert np.load("angles.npz")["A"].shape[0] == 2
     assert "angle of the drive" in (place / "angles_report.html").read_text()
-
-
-def replace_modes(spec):
-    """The boom with one mode per plane, to be quick."""
-    return spec.replace(modes=1)

@@ -22,30 +22,9 @@ PROOF = 1e-6  # against mjd_transitionFD, whose own perturbation is 1e-6
 NOISY = 1e-4
 # damping of the frequencies at which responses are compared, so that no undamped peak is met
 OFF = 0.003
-DEGREES = (0.0, 45.0, 90.0)
 INPUTS = ["torque:hub", "force:hub", "wrench:unit"]
 OUTPUTS = ["attitude", "rate", "motion:unit", "gyro", "accelerometer", "star"]
-CASES = [
-    (name, angle)
-    for name, craft in CRAFTS.items()
-    for angle in (DEGREES if craft.get("drives") else DEGREES[:1])
-]
-#: half way in the long half; with many modes all poses but the turned one of the largest craft and
-#: those without a drive
-TURNED = [
-    pytest.param(name, angle, marks=[pytest.mark.slow] if angle == 45.0 else [])
-    for name, angle in CASES
-]
-WHOLE = [
-    pytest.param(
-        name,
-        angle,
-        marks=[pytest.mark.slow]
-        if angle == 45.0 or (angle == 0.0 and CRAFTS[name].get("drives"))
-        else [],
-    )
-    for name, angle in CASES
-]
+CASES = [(name, 90.0 if craft.get("drives") else 0.0) for name, craft in CRAFTS.items()]
 
 
 def signals(craft):
@@ -67,8 +46,7 @@ def at_speed(name, degrees):
     return bc.plant(embedded(name), *signals(craft), pose(craft, degrees), rates=wheel_rates(craft))
 
 
-@pytest.mark.parametrize(("name", "degrees"), TURNED)
-@pytest.mark.slow
+@pytest.mark.parametrize(("name", "degrees"), CASES)
 def test_the_plant_is_the_craft_with_its_kept_modes(name, degrees):
     craft = CRAFTS[name]
     s = np.geomspace(0.05, band(craft), 80) * (OFF + 1j)
@@ -79,7 +57,7 @@ def test_the_plant_is_the_craft_with_its_kept_modes(name, degrees):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "degrees"), WHOLE)
+@pytest.mark.parametrize(("name", "degrees"), CASES[1:])  # the largest craft in test_engineer
 def test_the_exact_plant_is_the_craft_in_finite_elements(name, degrees):
     craft = CRAFTS[name]
     plant = at_speed(name, degrees)

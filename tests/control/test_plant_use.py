@@ -228,6 +228,11 @@ def test_specs_models_and_files_are_taken(tmp_path):
     assert plants[3].truncation([0.1, 1.0]).shape == (6, 3, 2)
 
 
+def test_the_exact_plant_has_signals_of_the_bare_spacecraft_alone():
+    with pytest.raises(bc.InputError, match="exact.*bare spacecraft's signals"):
+        _ = bc.plant(embedded("one undamped boom"), ["torque:boom_link1"]).exact
+
+
 def test_a_lag_of_an_actuator_is_a_state():
     lagged = bare(
         a=(
@@ -241,8 +246,8 @@ def test_a_lag_of_an_actuator_is_a_state():
     assert error(slow(S, squeeze=False), plain(S, squeeze=False) / (0.5 * S + 1.0)) < AGREE
 
 
-@pytest.mark.slow
 # -- over angles -----------------------------------------------------------------------------------
+@pytest.mark.slow
 def test_a_plant_per_angle_keeps_its_states_and_modes():
     angles = np.radians([0.0, 30.0, 60.0, 90.0])
     made = embedded(NAME)
@@ -262,15 +267,15 @@ def test_a_plant_per_angle_keeps_its_states_and_modes():
     fine = bc.plant(
         made,
         ["torque:hub"],
-        pose={"left_drive": np.radians(np.arange(0.0, 91.0, 5.0)), "right_drive": 0.5},
+        pose={"left_drive": np.radians(np.arange(0.0, 91.0, 10.0)), "right_drive": 0.5},
     )
     assert np.allclose(
-        fine.frequency[[0, 6, 12, 18]][:, [fine.modes.index(m) for m in grid.modes]],
+        fine.frequency[[0, 3, 6, 9]][:, [fine.modes.index(m) for m in grid.modes]],
         grid.frequency,
         rtol=1e-9,
     )
     # no mode jumps from one to another
-    assert np.max(np.abs(np.diff(np.log(fine.frequency), axis=0))) < 0.06
+    assert np.max(np.abs(np.diff(np.log(fine.frequency), axis=0))) < 0.12
     assert fine.plot().get_xlabel() == "left_drive, degrees"
 
 
@@ -307,13 +312,12 @@ def test_gravity_is_left_out_and_said():
     assert np.allclose(plant.A, bc.plant(bare()).A)
 
 
-@pytest.mark.parametrize("kind", ["magnetometer", "framexaxis", "framepos", "velocimeter"])
+@pytest.mark.parametrize("kind", ["magnetometer", "framepos"])
 @pytest.mark.slow
 def test_an_output_that_sees_few_directions_alone_is_what_it_is_beside_others(tmp_path, kind):
     """Directions that no output sees are left out of the states; what is seen stays."""
-    sensor = f'<{kind} name="seen" objtype="site" objname="imu"/>'
-    if kind in ("magnetometer", "velocimeter"):
-        sensor = f'<{kind} name="seen" site="imu"/>'
+    at = 'site="imu"' if kind == "magnetometer" else 'objtype="site" objname="imu"'
+    sensor = f'<{kind} name="seen" {at}/>'
     (tmp_path / "craft.xml").write_text(
         '<mujoco><option gravity="0 0 0" magnetic="0.3 -0.5 0.8"/><worldbody><body name="bus">'
         '<freejoint/><inertial pos="0 0 0" mass="300" diaginertia="100 120 150"/>'

@@ -74,7 +74,7 @@ def test_a_tree_travels_whatever_was_computed_of_it(tmp_path):
     shipped = files("beamchain") / "examples"
     places = {"shoulder": shipped / "upper.toml", "forearm": shipped / "fore.toml"}
     arm = bc.embed(shipped / "arm.xml", places, retime=False)
-    for name in ("assembly", "promise", "sampled_poses", "time_error", "composite", "cure"):
+    for name in ("assembly", "promise", "composite"):
         getattr(arm, name)
     arm.modes_at("square")
     other = pickled(arm)

@@ -98,7 +98,7 @@ def test_all_joints_move_together_between_two_poses(made):
     coarse = bc.plant(made, ["torque:bus"], pose=[start, end])
     path = [
         {name: (1.0 - share) * start[name] + share * end[name] for name in start}
-        for share in np.linspace(0.0, 1.0, 21)
+        for share in np.linspace(0.0, 1.0, 11)
     ]
     open_craft = bc.embed(
         CRAFT.replace('name="wall"', 'name="wall" contype="0" conaffinity="0"'),
@@ -106,7 +106,7 @@ def test_all_joints_move_together_between_two_poses(made):
     )
     fine = bc.plant(open_craft, ["torque:bus"], pose=path)
     np.testing.assert_allclose(coarse.frequency[-1], fine.frequency[-1], rtol=1e-9)
-    with pytest.raises(bc.InputError, match=r"pose\[14\]: '(wall|arm)' touches"):
+    with pytest.raises(bc.InputError, match=r"pose\[7\]: '(wall|arm)' touches"):
         bc.plant(made, ["torque:bus"], pose=path)
 
 
@@ -138,7 +138,7 @@ def attitude_of_arm(damping, kp, angle):
     return np.array([np.linalg.solve(mass * s**2 + lossy * s + springs, push)[5] for s in S])
 
 
-@pytest.mark.parametrize(("damping", "kp"), [(124, 0), (800, 0), (150, 300)])
+@pytest.mark.parametrize(("damping", "kp"), [(124, 0), (150, 300)])
 @pytest.mark.slow
 def test_what_oscillates_in_one_pose_and_not_in_another(damping, kp, tmp_path):
     """The states are the modes' own coordinates, so that a plant between two poses can be had from
@@ -232,7 +232,7 @@ def test_radians_typed_for_degrees_are_noted(place, capsys, monkeypatch):
         found = json.loads(out)["warning_codes"]
         return [each["text"] for each in found if each["code"] == "pose-in-radians"]
 
-    for word, degrees in {"1.5708": 90, "-0.7854": -45, "3.1416": 180, "0.5236": 30}.items():
+    for word, degrees in {"1.5708": 90, "-0.7854": -45}.items():
         (text,) = noted("--pose", f"turn={word}")
         assert f"--pose turn={word}: poses are in degrees" in text
         assert f"give turn={degrees}" in text

@@ -178,6 +178,8 @@ def test_directions_in_which_nothing_moves():
     np.testing.assert_allclose(np.abs(still[:, 0] / still[0, 0]), [1.0, 0.0, 0.0], atol=1e-12)
     assert standing_still(a, np.array([[1.0, 0.0, 0.0]])).shape == (3, 0)
     assert standing_still(a - np.eye(3), none).shape == (3, 0)
+    # what couples by rounding alone is scaled by more than a whole number holds
+    assert standing_still(np.array([[0.0, 1.0], [1e-40, -1.0]]), np.zeros((1, 2))).shape == (2, 1)
     # never more than there are poles at zero: below 1e-7 of the fastest
     for pole, count in ((1e-6, 0), (1e-8, 0), (0.0, 1)):
         assert standing_still(np.diag([pole, -1.0]), np.zeros((1, 2))).shape == (2, count)
@@ -282,7 +284,13 @@ def test_a_loop_with_all_its_parts():
 
 @pytest.mark.parametrize(
     ("top", "bottom"),
-    [([3.0], [4.0]), ([1.0, 2.0, 5.0], [2.0, 7.0, 9.0]), ([5.0], [2.0, 0, 7])],
+    [
+        ([3.0], [4.0]),
+        ([1.0, 2.0, 5.0], [2.0, 7.0, 9.0]),
+        ([5.0], [2.0, 0, 7]),
+        # balanced by factors that no whole number holds
+        ([1e-12, 1e30, 1e12], [1e-30, 1e-30, 1.0, 1e12, 1e-30]),
+    ],
 )
 def test_fractions_as_states(top, bottom):
     top, bottom = np.array(top), np.array(bottom)

@@ -123,9 +123,7 @@ def kept(appendage) -> int:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "kind", [k if k == "independent" else pytest.param(k, marks=pytest.mark.slow) for k in KINDS]
-)
+@pytest.mark.parametrize("kind", KINDS)
 def test_modes_are_added_until_the_craft_holds(kind, tmp_path):
     case = Case(kind, tmp_path)
     own = case.embed(max_modes=0)
@@ -163,9 +161,8 @@ def test_what_was_typed_stays(kind, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["independent", "coupled"])
-def test_no_more_modes_than_the_bound(kind, tmp_path, capsys, monkeypatch):
-    case = Case(kind, tmp_path)
+def test_no_more_modes_than_the_bound(tmp_path, capsys, monkeypatch):
+    case = Case("coupled", tmp_path)
     own = case.embed(max_modes=0)
     most = max(map(kept, own.appendages))
     words = [
@@ -189,10 +186,9 @@ def test_no_more_modes_than_the_bound(kind, tmp_path, capsys, monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["independent", "coupled"])
-def test_modes_that_no_file_holds(kind, tmp_path):
+def test_modes_that_no_file_holds(tmp_path):
     """ModalData, or a fit of it, instead of a spec."""
-    case = Case(kind, tmp_path)
+    case = Case("coupled", tmp_path)
     w, _, rows, rigid, *_ = case.exact
     data = ModalData(rigid, w, rows, damping=np.full(w.size, RATIO), precision=PRINT)
     bare = bc.embed(case.text, {"left": data}, retime=False)

@@ -19,24 +19,19 @@ from seeds import seed
 from trees import Whole, random_scene, random_tree, written
 
 SEED = seed()
-TREES = int(os.environ.get("BEAMCHAIN_TREES", "4"))  # the number by hand
+TREES = int(os.environ.get("BEAMCHAIN_TREES", "2"))  # the number by hand
 STEPS = int(os.environ.get("BEAMCHAIN_STEPS", "0"))  # 20000 by hand
 AGREE = 0.05  # stated and found error of the craft, relative; measured: 1e-3
-FACTORS = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0)  # of the largest stable step of the file as it is
-POSES = 5  # of the joints, at random
+FACTORS = (0.3, 1.0, 10.0, 100.0)  # of the largest stable step of the file as it is
+POSES = 3  # of the joints, at random
 # The step map is found by differences, and rigid motions are a double eigenvalue 1 of it, which
 # an error of 1e-11 parts by its root.
 GROWTH = 1e-6
 RIGID = 1e-3  # from 1: eigenvalues of rigid motions, and of what is as slow
-SLOW = pytest.mark.slow
-
-
-def numbers():
-    return [SEED, *(pytest.param(SEED + k, marks=SLOW) for k in range(1, TREES))]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", numbers())
+@pytest.mark.parametrize("number", range(SEED, SEED + TREES))
 def test_the_promise_of_random_trees_is_what_finite_elements_find(tmp_path, number):
     tree = random_tree(number)
     band, tolerance = random_scene(number, tree)
@@ -136,7 +131,7 @@ def growth(model, data, steps, rng):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", numbers())
+@pytest.mark.parametrize("number", range(SEED, SEED + TREES))
 def test_the_timing_of_random_trees_is_stable_at_any_step_pose_and_payload(tmp_path, number):
     tree = random_tree(number)
     band, tolerance = random_scene(number, tree)

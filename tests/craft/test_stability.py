@@ -72,6 +72,7 @@ def test_modes_of_a_file_that_is_exact_in_time_are_the_structures_own(written):
     assert np.abs(shown[:, 0] / own - 1.0).max() < 1e-2
 
 
+@pytest.mark.slow
 def test_limits_of_a_file_that_is_exact_in_time_are_those_of_the_file(written):
     path, plain = written
     largest = bc.stability(path).budgets[0].largest_step["Euler"]

@@ -60,7 +60,6 @@ STRANGERS = {
     ),
 }
 ROD = CRAFTS / "strangers" / "rod.toml"
-QUICK = ("a massless frame on a massless frame", "at the end of a servo-driven arm")
 
 
 @pytest.fixture
@@ -75,10 +74,8 @@ def frequencies(mass, damping, stiffness):
     return np.sqrt(np.sort(squares[squares > 1e-9 * squares.max()]))
 
 
-@pytest.mark.parametrize(
-    "name",
-    [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in STRANGERS],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", STRANGERS)
 def test_embedded(name, rod, tmp_path):
     stem, places, codes = STRANGERS[name]
     craft = CRAFTS / "strangers" / f"{stem}.xml"
@@ -119,7 +116,6 @@ def test_back_beside_its_parts(rod, tmp_path):
     [
         "docking pair, each with a wing",
         "planar base, actuators of all kinds",
-        "a net, and a towed body",
     ],
 )
 def test_no_command_stumbles(name, rod, tmp_path):
@@ -163,9 +159,10 @@ PUSHED = """<mujoco><compiler angle="radian"/><option gravity="0 0 0" integrator
 <inertial pos="0.4 0 0" mass="4" diaginertia="1 1 1"/></body></body></worldbody></mujoco>"""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("limits", "codes"),
-    [pytest.param("0 2", set(), marks=pytest.mark.slow), ("1 2", {"limits"})],
+    [("0 2", set()), ("1 2", {"limits"})],
 )
 def test_a_limit_at_or_beside_the_rest_pose_makes_no_modes(limits, codes, rod, tmp_path):
     """Half a limit's spring stood in the slopes before, as a mode of its own."""

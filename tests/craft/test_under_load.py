@@ -59,9 +59,7 @@ def qpos_of(model, name):
 
 SLOW = pytest.mark.slow
 CASES = {
-    "lies": (ONE, STAND, "rest", "1 0 0 0", 0.0, "", (20, 40)),
     "hangs": (ONE, STAND, "rest", DOWN, 0.0, "", (12, 24)),
-    "bent elbow": (TWO, STAND, "bent", "1 0 0 0", 0.0, "", (12, 24)),
     "driven elbow": (DRIVEN, STAND, "bent", "1 0 0 0", 0.8, "", (12, 24)),
     "thrust across": (ORBIT, FREE, "burn", "1 0 0 0", 2000.0, THRUSTER, (12, 24)),
     "thrust along": (ORBIT, FREE, "burn", "1 0 0 0", 5000.0, ALONG, (12, 24)),
@@ -69,9 +67,7 @@ CASES = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "case", ["hangs", *(pytest.param(c, marks=SLOW) for c in CASES if c != "hangs")]
-)
+@pytest.mark.parametrize("case", CASES)
 def test_the_promise_under_a_load_is_what_many_cells_find(tmp_path, case):
     arm, base, name, turned, push, actuators, counts = CASES[case]
     ctrl = f"{push}" if push else ""
@@ -242,10 +238,10 @@ def test_of_imported_modes_it_is_said_that_the_load_cannot_be_judged():
     assert "--loaded" not in text
 
 
-@pytest.mark.parametrize("thrust", [100.0, pytest.param(260.0, marks=SLOW)])
 @pytest.mark.slow
-def test_near_buckling_the_exact_frequencies_are_those_of_finite_elements(thrust):
-    """At 35 and 92 % of the thrust under which the free spacecraft buckles, 283 N."""
+def test_near_buckling_the_exact_frequencies_are_those_of_finite_elements():
+    """At 92 % of the thrust under which the free spacecraft buckles, 283 N."""
+    thrust = 260.0
     modes = pressed(thrust, loaded=True).modes_at("burn", beyond=True)
     true = np.sqrt(squares(thrust)[:4].real)
     assert [mode.exact for mode in modes] == pytest.approx(true, rel=3e-5)

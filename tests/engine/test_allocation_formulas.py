@@ -120,6 +120,8 @@ def test_directions_without_torque_are_those_of_the_fewest():
     (only,) = null_directions(plane, ("a", "b", "c"))
     assert only == pytest.approx({"a": 1.0, "b": -0.975 / 1.7275, "c": 1.0 / 1.7275})
     assert null_directions(np.diag([1.0, 2.0, 3.0]), ("a", "b", "c")) == []
+    # whatever the unit
+    assert null_directions(1e-9 * pair, ("a", "b", "c")) == null_directions(pair, ("a", "b", "c"))
 
 
 def test_an_actuator_is_named_once():

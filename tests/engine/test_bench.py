@@ -3,8 +3,6 @@
 No specification gives a chain along x whose ports couple, so that a body is moved aside by hand.
 """
 
-import pytest
-
 from arrays import tube
 from beamchain import fit
 from beamchain.engine.bench import measure
@@ -13,10 +11,9 @@ DECOUPLED = 1e-9  # 0 measured
 BLOCKS = (("xy",), ("xz",), ("torsion",), ("axial",))
 
 
-@pytest.mark.slow
 def test_what_couples_the_ports_is_named():
     # a body whose mass sits off the axis: bending in xy turns the root about x
-    tree = fit(tube(), modes={"xy": 2, "xz": 2, "torsion": 1}).appendage()
+    tree = fit(tube(), modes={"xy": 1, "xz": 1}).appendage()
     inertial = tree.findall(".//inertial")[-1]
     x, _, _ = inertial.get("pos").split()
     inertial.set("pos", f"{x} 0 0.05")

@@ -1,13 +1,17 @@
-"""Closed forms beside the bench: what bodies weigh about a point, how far two readings are apart,
+"""Tests an internal, `engine.forces`, too.
+
+Closed forms beside the bench: what bodies weigh about a point, how far two readings are apart,
 what stands behind a port."""
 
 import mujoco
 import numpy as np
 import pytest
+from scipy.linalg import eigh
 from scipy.spatial.transform import Rotation
 
 import beamchain as bc
 from beamchain import PortModel
+from beamchain.engine import forces
 from beamchain.errors import EngineError
 from formulas import (
     Chain,
@@ -30,6 +34,7 @@ from formulas import (
     root_body,
     root_frame,
 )
+from mechanics import mass_matrix
 
 # -- readings --------------------------------------------------------------------------------------
 RIGID = np.array([[4.0, 1.0], [1.0, 9.0]])
@@ -57,6 +62,46 @@ def port(mass=RIGID, w=W, rows=ROWS):
 )
 def test_two_readings_are_apart_by_their_largest_relative_difference(other, wanted):
     assert distance(other, port()) == pytest.approx(wanted, rel=1e-12)
+
+
+def test_bodies_springs_and_dampers_are_read_one_by_one():
+    """Their squares are MuJoCo's mass matrix and the sums of springs and dampers, small or large;
+    modes and ratios with the root held are those of the matrices."""
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><worldbody><body><joint name="x" type="slide"/><joint name="turn"/>
+        <inertial pos="0 1 0" mass="5" diaginertia="1 2 3"/><body pos="2 0 1" euler="10 20 30">
+        <joint name="a" axis="0 1 0" stiffness=".03" damping=".01"/><inertial pos="1 0 .2" mass="2"
+        fullinertia=".3 .4 .5 .1 0 .05"/><body pos="1 0 0"><joint name="b" axis="1 0 1"
+        stiffness="40"/><inertial pos="0 .3 0" mass="1" diaginertia=".1 .1 .1"/></body></body>
+        </body></worldbody><tendon><fixed name="t" stiffness=".05" damping=".02" armature=".04">
+        <joint joint="a" coef="2"/><joint joint="b" coef="-3"/></fixed></tendon></mujoco>"""
+    )
+    found = forces.readings(model)
+    mass = mass_matrix(model)
+    tendon = np.array([0.0, 0.0, 2.0, -3.0])
+    stiffness = np.diag([0.0, 0.0, 0.03, 40.0]) + 0.05 * np.outer(tendon, tendon)
+    damping = np.diag([0.0, 0.0, 0.01, 0.0]) + 0.02 * np.outer(tendon, tendon)
+    assert found.rows.T @ found.rows == pytest.approx(mass, rel=1e-12, abs=1e-12)
+    assert found.springs.T @ found.springs == pytest.approx(stiffness, rel=1e-12, abs=1e-15)
+    assert found.damping == pytest.approx(damping, rel=1e-12, abs=1e-15)
+    assert forces.sprung(model) == [2, 3]
+    squares, shapes = eigh(stiffness[2:, 2:], mass[2:, 2:])
+    w, ballast = np.sqrt(squares), np.diag([1.0, 2.0])
+    rows = shapes.T @ mass[2:, :2]
+    rates = shapes.T @ damping[2:, 2:] @ shapes
+    for got in (
+        forces.port_of(found, [0, 1], [2, 3], ballast),
+        forces.coupled_port(found, [0, 1], [2, 3], np.eye(2), mass[:2, :2] - ballast),
+    ):
+        order = np.argsort(got.frequencies)
+        assert got.frequencies[order] == pytest.approx(w, rel=1e-9)
+        assert got.rigid_mass == pytest.approx(mass[:2, :2] - ballast)
+        for own, true in zip(got.participation[order], rows, strict=True):
+            assert np.outer(own, own) == pytest.approx(np.outer(true, true), rel=1e-7, abs=1e-9)
+    got = forces.port_of(found, [0, 1], [2, 3], ballast)
+    assert np.sort(got.damping * got.frequencies) == pytest.approx(np.sort(np.diag(rates) / 2.0))
+    rigid = forces.port_of(found, [0, 1], [], ballast)
+    assert (rigid.modes, rigid.rigid_mass.tolist()) == (0, (mass[:2, :2] - ballast).tolist())
 
 
 def test_a_mode_that_moves_nothing_is_compared_with_rounding():

@@ -1,6 +1,6 @@
-"""Closed forms beside the formulas of what is read from a model."""
+"""Tests an internal, `engine.constraints`, too.
 
-from types import SimpleNamespace
+Closed forms beside the formulas of what is read from a model."""
 
 import mujoco
 import numpy as np
@@ -8,6 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from beamchain import InputError, Linear, PortModel
+from beamchain.engine import constraints
 from formulas import (
     Activations,
     Carrying,
@@ -16,7 +17,6 @@ from formulas import (
     Signal,
     Turn,
     check_workers,
-    draw_frames,
     drive_in_hinge,
     drive_of,
     fractions_of,
@@ -380,18 +380,52 @@ def test_the_accelerance_as_a_sum_of_poles_of_a_damped_oscillator(stiffness):
     assert found == pytest.approx(wanted, rel=1e-9)
 
 
-def test_a_ghost_is_mixed_with_the_sky_behind_what_is_shown(monkeypatch):
-    """0.3 of it; pictures of one point: sky 100, ghost 200, and what is shown 50 or nothing."""
-    model = craft('<geom size=".5"/>')
-    here, there, gone = (np.array([x, 0.0, 0.0, 1.0, 0, 0, 0]) for x in (0.0, 1.0, 2.0))
-    colours = {0.0: 50.0, 1.0: 200.0, 2.0: 100.0}
+# -- constraints -----------------------------------------------------------------------------------
+TIED = """<mujoco><option>{flag}</option><worldbody><geom name="floor" type="plane" size="9 9 1"/>
+<body name="a" pos="0 0 {height}"><joint name="up" type="slide" axis="0 0 1" limited="true"
+range="-.5 .5"/><geom size="1"/><site name="s"/></body>
+<body name="b" pos="5 0 0"><joint axis="0 0 1" frictionloss=".1"/><geom size=".1" pos="0 0 3"/>
+<site name="t"/></body><body name="c" pos="9 0 9"><joint name="j" frictionloss=".2"/>
+<joint name="k" axis="0 1 0"/><geom size=".1"/></body></worldbody>
+<tendon><fixed name="rope" frictionloss="1" limited="true" range="-.2 .2">
+<joint joint="up" coef="1"/></fixed></tendon><equality><joint joint1="j" joint2="k"/>
+<joint joint1="up"/><weld name="glue" body1="a" body2="b"/><connect site1="s" site2="t"/>
+<weld body1="b" body2="c" active="false"/></equality></mujoco>"""
 
-    def picture(model, at, renderer, camera, *, hidden=False):
-        return np.full((1, 1, 3), 100.0 if hidden else colours[at[0]])
 
-    monkeypatch.setattr("beamchain.engine.draw._picture", picture)
-    monkeypatch.setattr(mujoco, "Renderer", lambda *_: SimpleNamespace(close=lambda: None))
-    shown, ghosts = np.array([here, gone]), np.array([there, there])
-    first, second = draw_frames(model, "bus", shown, ghosts, width=1, height=1)
-    assert first.ravel().tolist() == [50] * 3
-    assert second.ravel().tolist() == [130] * 3
+def tied(height=1.0, flag=""):
+    return mujoco.MjModel.from_xml_string(TIED.format(height=height, flag=flag))
+
+
+def test_constraints_are_named_by_themselves_or_by_what_they_tie():
+    assert constraints.equalities(tied()) == [
+        "joint of 'j' and 'k'",
+        "joint of 'up'",
+        "weld 'glue'",
+        "connect of 's' and 't'",
+        "weld of 'b' and 'c', inactive at the start",
+    ]
+    assert constraints.with_dry_friction(tied()) == ["joint 1", "joint 'j'", "tendon 'rope'"]
+    for flag in ("equality", "constraint"):
+        assert constraints.equalities(tied(flag=f'<flag {flag}="disable"/>')) == []
+    for flag in ("frictionloss", "constraint"):
+        assert constraints.with_dry_friction(tied(flag=f'<flag {flag}="disable"/>')) == []
+    assert not constraints.equalities(constraints.without_constraints(tied()))
+    assert constraints.listed(["a", "b", "c"]) == "a, b, c"
+    assert constraints.listed(["a, x", "b", "c", "d", "e"]) == "a, x; b; c and 2 more"
+
+
+@pytest.mark.parametrize(
+    ("moved", "beyond"),
+    [(0.1, []), (0.3, ["tendon 'rope'"]), (0.6, ["joint 'up'", "tendon 'rope'"])],
+)
+def test_what_is_beyond_its_limit_or_touches_is_named(moved, beyond):
+    """The ball stands 0.2 m above its floor, and 0.1 m below its rest it does not touch."""
+    for sign in (1.0, -1.0):
+        model = tied(height=1.2)
+        data = mujoco.MjData(model)
+        data.qpos[0] = sign * moved
+        mujoco.mj_forward(model, data)
+        assert sorted(constraints.beyond_limits(model, data)) == beyond
+        touches = sign * moved < -0.2
+        assert constraints.touching(model, data) == [("floor", "a")] * touches

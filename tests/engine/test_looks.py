@@ -159,14 +159,10 @@ def test_a_carried_body_with_inertias_is_the_even_box_of_them():
     )
 
 
-@pytest.mark.parametrize(
-    "draw", [{"width": 1.2, "thickness": 0.03}, {"width": 0.5, "thickness": 0.5}]
-)
-@pytest.mark.slow
-def test_what_is_drawn_changes_no_dynamics(draw):
+def test_what_is_drawn_changes_no_dynamics():
     one, two = (
-        bc.fit(equivalent(**given), modes={"xy": 2, "xz": 2}, root=bc.spec.Root(hub=HUB))
-        for given in (draw, {})
+        bc.fit(equivalent(**given), modes={"xy": 1, "xz": 1}, root=bc.spec.Root(hub=HUB))
+        for given in ({"width": 1.2, "thickness": 0.03}, {})
     )
     first, second = (mujoco.MjModel.from_xml_string(fit.scene_mjcf()) for fit in (one, two))
     assert np.all(first.geom_contype == 0)

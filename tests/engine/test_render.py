@@ -21,6 +21,7 @@ from beamchain.craft.moving_modes import moving_modes
 from beamchain.engine import backend, draw
 from beamchain.engine.slew import MOST_BENT, simulate
 from beamchain.report import film
+from command import call
 from examples import shipped_arm
 from turns import bent
 
@@ -57,10 +58,8 @@ ARRAY_SPEC = shipped.pick(shipped.examples(), "array_scene", "example").path
 @pytest.mark.parametrize(
     ("modes", "axis"),
     [
-        ({"xy": 2}, 2),
-        pytest.param({"xz": 2}, 1, marks=pytest.mark.slow),
+        ({"xz": 2}, 1),
         ({"torsion": 1}, 0),
-        pytest.param({"xy": 2, "xz": 1}, None, marks=pytest.mark.slow),
     ],
 )
 def test_slew_turns_by_the_angle_and_stops(modes, axis):
@@ -68,7 +67,7 @@ def test_slew_turns_by_the_angle_and_stops(modes, axis):
     model = mujoco.MjModel.from_xml_string(fit.scene_mjcf())
     slew = simulate(model, angle=0.5, frames=240)
     assert slew.body == "hub"
-    assert axis in (slew.axis, None)
+    assert slew.axis == axis
     turned = 2.0 * np.arctan2(slew.positions[:, 4 + slew.axis], slew.positions[:, 3])
     # whole periods: the ringing averages out
     last = slew.times > slew.times[-1] - 3.0 * 2.0 * np.pi / slew.omega
@@ -137,8 +136,8 @@ def test_no_mp4_without_ffmpeg(without_ffmpeg):
     assert film.mp4(frames(), 20.0) is None
 
 
-@pytest.mark.parametrize("say", [pytest.param("--json", marks=pytest.mark.slow), "--quiet"])
-def test_render_without_ffmpeg_says_so(say, boom, tmp_path, monkeypatch, without_ffmpeg):
+@pytest.mark.slow
+def test_render_without_ffmpeg_says_so(boom, tmp_path, monkeypatch, without_ffmpeg):
     """Every picture but the film: what was asked for and did not come out is told,
     whatever else is silent."""
     monkeypatch.setattr(backend, "choose_renderer", lambda: "none")
@@ -155,7 +154,7 @@ def test_render_without_ffmpeg_says_so(say, boom, tmp_path, monkeypatch, without
         "64",
         "--height",
         "64",
-        say,
+        "--quiet",
     ]
     done = CliRunner().invoke(app, arguments)
     assert done.exit_code == 3
@@ -242,14 +241,11 @@ def test_render(renderer, boom, tmp_path):
     looks(picture)
     with Image.open(tmp_path / "pictures" / "scene.gif") as moving:
         assert moving.n_frames > 20
-    again = command(arguments, tmp_path, MUJOCO_GL=renderer)
-    assert again.returncode == 2
-    assert "--force" in again.stderr
 
 
 @pytest.mark.slow
-@RENDERERS
-def test_modes_of_a_craft_without_sky_and_light_are_drawn_like_others(renderer, tmp_path):
+def test_modes_of_a_craft_without_sky_and_light_are_drawn_like_others(tmp_path):
+    renderer = next((name for name in ("egl", "osmesa") if backend._works(name)), "egl")
     check(renderer)
     craft = shipped.pick(shipped.everything(), "craft", "kind").path
     bc.embed(craft, {"mount": ARRAY_SPEC}).write(tmp_path / "flexible.xml")
@@ -262,24 +258,23 @@ def test_modes_of_a_craft_without_sky_and_light_are_drawn_like_others(renderer, 
         "-o",
         "o",
         "--modes",
-        "2",
+        "1",
         "--width",
-        "240",
+        "180",
         "--height",
-        "160",
+        "120",
         "--json",
     ]
     done = command(arguments, tmp_path, MUJOCO_GL=renderer)
     assert done.returncode == (0 if film._ffmpeg() else 3), done.stderr
     told = json.loads(done.stdout)["modes"]
     modes = bc.linearise(tmp_path / "flexible.xml").frequencies()
-    assert [mode["omega"] for mode in told] == pytest.approx(modes[:2], rel=READ_BACK)
-    for k in (1, 2):
-        looks(pixels(tmp_path / "o" / f"flexible_mode{k}.png"))
-        with Image.open(tmp_path / "o" / f"flexible_mode{k}.gif") as moving:
-            assert moving.n_frames == 24  # every second one
-        if film._ffmpeg():
-            assert samples((tmp_path / "o" / f"flexible_mode{k}.mp4").read_bytes()) == 48
+    assert [mode["omega"] for mode in told] == pytest.approx(modes[:1], rel=READ_BACK)
+    looks(pixels(tmp_path / "o" / "flexible_mode1.png"))
+    with Image.open(tmp_path / "o" / "flexible_mode1.gif") as moving:
+        assert moving.n_frames == 24  # every second one
+    if film._ffmpeg():
+        assert samples((tmp_path / "o" / "flexible_mode1.mp4").read_bytes()) == 48
     done = command([*arguments[:5], "99", "--force"], tmp_path, MUJOCO_GL=renderer)
     assert done.returncode == 2
     assert "--modes = 99" in done.stderr
@@ -317,34 +312,28 @@ def test_render_without_a_renderer_says_what_to_install(boom, tmp_path):
     ("option", "value"),
     [("--exaggerate", "-1"), ("--angle", "1000"), ("--width", "1"), ("--height", "99999")],
 )
-@pytest.mark.slow
-def test_render_checks_its_numbers(option, value, boom, tmp_path):
-    done = command(["render", str(boom / "scene.xml"), "-o", "o", option, value], tmp_path)
-    assert done.returncode == 2
-    assert f"{option} = {value}" in done.stderr
+def test_render_checks_its_numbers(option, value):
+    done = call("render", "scene.xml", "-o", "o", option, value)
+    assert done.status == 2
+    assert f"{option} = {value}" in done.err
 
 
 @pytest.mark.skipif(
     sys.platform != "linux", reason="only Linux says beforehand that it has no screen"
 )
-@pytest.mark.slow
-def test_view_without_a_screen_says_so(boom, tmp_path):
-    done = command(["view", str(boom / "scene.xml")], tmp_path)
-    assert done.returncode == 2
-    assert "no screen" in done.stderr
-    assert "beamchain render" in done.stderr
-
-
-@pytest.fixture(scope="module")
-def arm():
-    return draw.stage(shipped_arm().to_mjcf())
+def test_view_without_a_screen_says_so(monkeypatch):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    done = call("view", "scene.xml")
+    assert done.status == 2
+    assert "no screen" in done.err
+    assert "beamchain render" in done.err
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "degrees", [90.0, pytest.param(-60.0, marks=pytest.mark.slow)], ids=["forwards", "back"]
-)
-def test_the_elbow_of_an_arm_turns_by_the_angle_asked_for_and_rings(arm, degrees):
+def test_the_elbow_of_an_arm_turns_by_the_angle_asked_for_and_rings():
+    arm = draw.stage(shipped_arm().to_mjcf())
+    degrees = -60.0
     slew = simulate(arm, angle=np.radians(degrees), frames=60, joint="elbow")
     elbow = np.degrees(slew.positions[:, arm.joint("elbow").qposadr[0]])
     # the first mode that the elbow moves, beside what `test_trees.py` finds in finite elements
@@ -357,9 +346,6 @@ def test_the_elbow_of_an_arm_turns_by_the_angle_asked_for_and_rings(arm, degrees
     # the bus turns the other way, as nothing pushes from outside
     assert np.sign(slew.positions[-1, 6]) == -np.sign(degrees)
 
-
-@pytest.mark.slow
-def test_a_joint_that_cannot_be_turned_is_refused(arm):
     with pytest.raises(bc.InputError, match="nobody.*elbow"):
         simulate(arm, angle=1.0, frames=10, joint="nobody")
     with pytest.raises(bc.InputError, match="upper_hinge1_xy.*without springs"):

@@ -104,7 +104,8 @@ def test_accelerations_are_those_of_a_step(integrator, explicit, implicit):
 
 
 # -- poses -----------------------------------------------------------------------------------------
-CRAFT = """<mujoco><worldbody><body name="bus" pos="0 0 1"><freejoint/><geom size="1" mass="9"/>
+CRAFT = """<mujoco><worldbody><body name="bus" pos="0 0 1"><freejoint name="free"/>
+<geom size="1" mass="9"/>
 <body name="rotor" pos="0 0 2"><joint name="wheel" axis="0 0 1"/><geom size=".2" mass="2"/>
 <site name="left"/><site name="right"/></body>
 <body pos="3 0 0"><joint name="drive" axis="0 1 0"/><geom size=".2" pos=".5 0 0" mass="1"/></body>
@@ -131,6 +132,11 @@ def test_poses_by_name_and_number():
     assert point.qvel.tolist() == [0, 0, 0, 0, 0, 0, 7, 0]
     assert not point.model.opt.gravity.any()
     assert operating_point(model, "first", {"wheel": 0.0}).qvel[6] == 0.0
+    # what stands still may be any joint, but one of the craft
+    assert operating_point(model, "first", {"free": 0.0}).qvel.tolist() == [0.0] * 6 + [5.0, 0.0]
+    for name, rate in (("free", 1.0), ("none", 0.0)):
+        with pytest.raises(bc.InputError, match=name):
+            operating_point(model, "first", {name: rate})
 
 
 # -- names -----------------------------------------------------------------------------------------

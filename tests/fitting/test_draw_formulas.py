@@ -1,11 +1,16 @@
-"""Closed forms beside uncertain numbers: what a draw makes of a quantity, what a correlation may
+"""Tests internals, `fitting.varied`, too.
+
+Closed forms beside uncertain numbers: what a draw makes of a quantity, what a correlation may
 be, and the waves that fit into a beam."""
+
+from zlib import crc32
 
 import numpy as np
 import pytest
 from scipy.special import ndtr
 
 import beamchain as bc
+from beamchain.fitting.varied import structural_draw, structural_quantities, vary_spec
 from formulas import half_waves
 
 
@@ -73,3 +78,90 @@ def test_a_matrix_that_is_a_correlation_is_taken_as_it_is():
     names, matrix = ("a.frequency", "b.frequency"), ((1.0, -0.5), (-0.5, 1.0))
     taken = bc.spec.Correlation(of=names, matrix=matrix)
     assert np.array_equal(taken.matrix, matrix)
+
+
+# -- structures ------------------------------------------------------------------------------------
+WIDTHS = {"stiffness": 0.1, "density": 0.05, "joint_stiffness": 0.2, "lump": 0.03, "payload": 0.07}
+
+
+def structure(**given):
+    """Two pieces with a joint that bends and twists, two lumps and a payload."""
+    truss = bc.Equivalent(
+        bending_stiffness_xy=400.0, torsion_stiffness=55.0, linear_mass=1.7, polar_inertia=0.3
+    )
+    metal = bc.Material(youngs_modulus=7e10, shear_modulus=2.6e10, density=2700.0)
+    rod = bc.Round(diameter=0.02)
+    inertia = (0.1, 0.2, 0.3)
+    return bc.Spec(
+        segment=(
+            bc.Segment(length=2.0, section=truss, nonstructural_mass=0.4),
+            bc.Segment(length=3.0, section=rod, material=metal),
+        ),
+        joint=(bc.Joint(after_segment=1, stiffness_xy=500.0, stiffness_torsion=60.0),),
+        lump=(bc.Lump(x=1.0, mass=2.0, inertia=inertia), bc.Lump(x=3.0, mass=4.0, inertia=inertia)),
+        payload=bc.spec.Payload(mass=5.0, inertia=inertia),
+        modes=bc.Modes(xy=1),
+        uncertain=bc.spec.Uncertain(**given),
+    )
+
+
+def drawn_factor(name, key, seed=5, index=8):
+    """A number is drawn by its key alone, the same on any machine."""
+    score = np.random.default_rng([seed, index, crc32(key.encode())]).standard_normal()
+    return 1.0 + WIDTHS[name] * min(max(score, -3.0), 3.0)
+
+
+@pytest.mark.parametrize("each", [True, False])
+def test_the_numbers_of_a_structure_are_drawn_in_their_order(each):
+    spec = structure(**{name: normal(relative=w, each=each) for name, w in WIDTHS.items()})
+    wanted = [
+        *(
+            ("segment1.stiffness", "", 1.0, "stiffness", 0),
+            ("segment2.stiffness", "", 1.0, "stiffness", 1),
+        ),
+        *(("segment1.density", "", 1.0, "density", 0), ("segment2.density", "", 1.0, "density", 1)),
+        ("joint1.stiffness_xy", "N m/rad", 500.0, "joint_stiffness", 0),
+        ("joint1.stiffness_torsion", "N m/rad", 60.0, "joint_stiffness", 0),
+        *(("lump1.mass", "kg", 2.0, "lump", 0), ("lump2.mass", "kg", 4.0, "lump", 1)),
+        ("payload.mass", "kg", 5.0, "payload", 0),
+    ]
+    found = structural_quantities(spec)
+    assert [(q.name, q.unit, q.nominal, q.key, q.number) for q in found] == wanted
+    values = [
+        nominal * drawn_factor(name, f"left_{name}{number}" if each else f"left_{name}")
+        for _, _, nominal, name, number in wanted
+    ]
+    assert structural_draw(spec, 5, 8, "left_") == pytest.approx(values, rel=1e-14)
+    sure = structure()
+    assert structural_quantities(sure) == ()
+    assert structural_draw(sure, 5, 8).size == 0
+    assert vary_spec(sure, 5, 8).replace(uncertain=None) == sure.replace(uncertain=None)
+
+
+def test_a_drawn_structure_is_stiffer_and_heavier_by_what_was_drawn():
+    """The inertia of a body goes with its mass; what a section does not state stays unstated."""
+    spec = structure(**{name: normal(relative=w, each=True) for name, w in WIDTHS.items()})
+    found = vary_spec(spec, 5, 8)
+    stiff, dense = (
+        [drawn_factor(name, f"{name}{i}") for i in (0, 1)] for name in ("stiffness", "density")
+    )
+    truss, metal = found.segment[0].section, found.segment[1].material
+    assert truss.bending_stiffness_xy == pytest.approx(400.0 * stiff[0])
+    assert truss.torsion_stiffness == pytest.approx(55.0 * stiff[0])
+    assert truss.bending_stiffness_xz == 0.0
+    assert (truss.linear_mass, truss.polar_inertia, found.segment[0].nonstructural_mass) == (
+        pytest.approx((1.7 * dense[0], 0.3 * dense[0], 0.4 * dense[0]))
+    )
+    assert (metal.youngs_modulus, metal.shear_modulus) == (
+        pytest.approx((7e10 * stiff[1], 2.6e10 * stiff[1]))
+    )
+    assert metal.density == pytest.approx(2700.0 * dense[1])
+    hinge = drawn_factor("joint_stiffness", "joint_stiffness0")
+    assert found.joint[0].stiffness_xy == pytest.approx(500.0 * hinge)
+    assert found.joint[0].stiffness_torsion == pytest.approx(60.0 * hinge)
+    assert found.joint[0].stiffness_xz is None
+    bodies = [("lump", 0, found.lump[0], 2.0), ("lump", 1, found.lump[1], 4.0)]
+    for name, number, body, mass in [*bodies, ("payload", 0, found.payload, 5.0)]:
+        factor = drawn_factor(name, f"{name}{number}")
+        assert body.mass == pytest.approx(mass * factor)
+        assert body.inertia == pytest.approx(factor * np.array([0.1, 0.2, 0.3]))

@@ -43,6 +43,7 @@ def test_the_file_of_modes_has_no_mass_and_says_so(written):
     assert "add the 6 x 6 rigid mass" in (written / "modes.toml").read_text()
 
 
+@pytest.mark.slow
 def test_with_the_mass_added_it_is_a_file_of_modes(written, tmp_path):
     text = (written / "modes.toml").read_text()
     lines = [MATRIX if line.startswith("# mass") else line for line in text.splitlines()]

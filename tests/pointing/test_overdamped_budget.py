@@ -15,9 +15,9 @@ CLOSE = 1e-5  # of a response
 RUN = 0.02  # of an amplitude after five time constants, of which exp(-5) = 0.7 % is left
 
 
-@pytest.fixture(scope="module", params=["in memory", "from a file"])
-def craft(request, tmp_path_factory):
-    return made(request.param, tmp_path_factory.mktemp("tree"))
+@pytest.fixture(scope="module")
+def craft(tmp_path_factory):
+    return made("from a file", tmp_path_factory.mktemp("tree"))
 
 
 def wheel_error(truth):

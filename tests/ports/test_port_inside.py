@@ -5,7 +5,7 @@ import numpy as np
 
 from appendages import close
 from beamchain.ports.compose import port_from_rows
-from beamchain.ports.motions import PORT_MOTION, locked, square_root
+from beamchain.ports.motions import PORT_MOTION, locked, offset_matrix, square_root
 
 ROUNDING = 1e-12  # one small eigenproblem or solve there and back
 
@@ -39,6 +39,12 @@ def test_port_motions_are_the_four_of_a_straight_appendage():
     assert np.array_equal(PORT_MOTION["torsion"], np.eye(6)[:, [3]])
     assert np.array_equal(PORT_MOTION["axial"], np.eye(6)[:, [0]])
     assert not any(motion.flags.writeable for motion in PORT_MOTION.values())
+
+
+def test_a_point_moves_with_its_body_and_its_turn():
+    point, velocity, rate = np.random.default_rng(1).normal(size=(3, 3))
+    found = offset_matrix(point) @ np.concatenate([velocity, rate])
+    assert found == close(np.concatenate([velocity + np.cross(rate, point), rate]), rel=ROUNDING)
 
 
 def test_locked_copies():

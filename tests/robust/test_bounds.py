@@ -27,8 +27,8 @@ from command import run
 from mechanics import damping_matrix, mass_matrix, stiffness_matrix
 
 GAP, ABOVE, CLOSED, FOUND, IDLE = 0.10, 1e-6, 0.03, 1e-3, 1.4
-SAMPLES = int(os.environ.get("BEAMCHAIN_SAMPLES", "100"))
-FREQUENCIES = 5_000
+SAMPLES = int(os.environ.get("BEAMCHAIN_SAMPLES", "20"))
+FREQUENCIES = 2_000
 SECONDS = 60.0
 CRAFT = """<mujoco model="craft"><compiler angle="radian"/><option gravity="0 0 0"/><worldbody>
 <body name="bus"><freejoint/><inertial pos="0 0 0" mass="300" diaginertia="90 80 70"/>
@@ -82,10 +82,7 @@ EACH = {
     "boom_mount_": bc.spec.UncertainModes(frequency=uniform(relative=0.1, each=True)),
     "boom_left_": bc.spec.UncertainModes(damping=uniform(relative=0.5, each=True)),
 }
-COMMON = {
-    prefix: bc.spec.UncertainModes(frequency=uniform(relative=0.15, group="all"))
-    for prefix in ("boom_mount_", "boom_left_")
-}
+COMMON = {"boom_": bc.spec.UncertainModes(frequency=uniform(relative=0.15))}
 # two equal booms, of which the controlled axis hardly moves or sees that they oppose each other
 EQUAL = {
     prefix: bc.spec.UncertainModes(frequency=uniform(relative=0.04, each=True))
@@ -107,7 +104,7 @@ CASES = {
     "one number for all modes": SimpleNamespace(
         uncertain=bc.spec.UncertainCraft(appendage=COMMON),
         craft=CRAFT,
-        booms={"mount": 2e3, "left": 1.3e3},
+        booms={"mount": 2e3},
         ratio=0.003,
         delay=0.2,
         output="rate_z",
@@ -213,7 +210,7 @@ def nominal(model, name):
 
 
 def frequencies(model):
-    """5,000, half of them about the resonances of the free craft."""
+    """Half of them about the resonances of the free craft."""
     mass, _, stiffness = matrices(model)
     squares = np.linalg.eigvals(np.linalg.solve(mass, stiffness)).real
     modes = np.sqrt(squares[squares > 1e-3])
@@ -314,7 +311,7 @@ def test_where_some_values_are_unstable_there_is_no_bound_and_it_says_so():
     worst = uncertain.worst_case(loops, samples=20, bound=True)
     assert not worst.stable
     assert worst.bound is None
-    bound = uncertain.bound(loops, samples=20, seconds=8.0)
+    bound = uncertain.bound(loops, samples=20, seconds=3.0)
     none = ~np.isfinite(bound.gains)
     low, high = bound.edges[:-1][none].min(), bound.edges[1:][none].max()
     assert 0.99 * low < worst.frequency < 1.01 * high
@@ -432,7 +429,7 @@ def least_disks(model, loops, omega):
 
 
 @pytest.mark.slow
-def test_no_corner_of_thirteen_ranges_is_worse_than_stated_and_the_table_agrees_with_itself():
+def test_no_corner_of_nine_ranges_is_worse_than_stated_and_the_table_agrees_with_itself():
     """The worst lies at the mode of a peak that is not the highest of the nominal loop."""
     tube = bc.Tube(outer_diameter=0.06, wall=0.0025)
     aluminium = bc.Material(youngs_modulus=6.5e10, density=2650.0, poissons_ratio=0.3)
@@ -441,7 +438,7 @@ def test_no_corner_of_thirteen_ranges_is_worse_than_stated_and_the_table_agrees_
         segment=(bc.Segment(length=7.0, section=tube, material=aluminium),),
         lump=(bc.Lump(x=7.0, mass=2.5, inertia=(0.05, 0.07, 0.06)),),
         damping=bc.Damping(ratio=0.004),
-        modes=bc.Modes(xy=2, xz=2),
+        modes=bc.Modes(xy=1, xz=1),
         fit=bc.spec.FitOptions(springs="modes"),
     )
     flat = bc.Equivalent(
@@ -500,7 +497,7 @@ def test_no_corner_of_thirteen_ranges_is_worse_than_stated_and_the_table_agrees_
     rng = np.random.default_rng(0)
     names = [model.tendon(i).name for i in range(model.ntendon)]
     least = np.full(4, np.inf)
-    for _ in range(150):
+    for _ in range(25):
         values = {
             f"{name}.{kind}": nominal(model, f"{name}.{kind}") * (1.0 + side * relative)
             for name in names
@@ -582,12 +579,7 @@ def test_the_command_says_the_worst_pose_by_pose(turning, capsys, monkeypatch):
     words = ["worst-case", folder / "craft.xml", "--input", "torque:bus", "--output", "attitude"]
     words += ["--angle", "drive=0,60", "--controller", folder / "loops.toml"]
     words += ["--uncertain", folder / "uncertain.toml", "-o", folder / "worst.html"]
-    status, out, err = run([str(word) for word in words], capsys, monkeypatch)
-    assert status == 0, err
-    assert "drive 60°" in out
-    status, out, err = run(
-        [str(word) for word in [*words, "--json", "--force"]], capsys, monkeypatch
-    )
+    status, out, err = run([str(word) for word in [*words, "--json"]], capsys, monkeypatch)
     assert status == 0, err
     record = json.loads(out)["worst"]
     assert [each["pose"] for each in record] == ["drive 0°", "drive 60°"]

@@ -17,7 +17,7 @@ import pytest
 
 import beamchain as bc
 from beamchain import robust
-from loops import margins, scaled, written
+from loops import scaled, written
 from mechanics import mass_matrix, tendon_rows
 from random_appendages import toml
 from specs import spec_of
@@ -176,24 +176,14 @@ def off(one, two, omega):
     return float((np.abs(a - b) / np.abs(b).max(axis=1, keepdims=True)).max())
 
 
-def against_xml(embedded, plant, given, count):
-    uncertain = robust.uncertain(plant, given)
-    omega = np.geomspace(0.05, 3.0 * plant.frequency.max(), 60)
-    worst = 0.0
-    for values in uncertain.draw(count, seed=7):
-        model = mujoco.MjModel.from_xml_string(rewritten(embedded.to_mjcf(), plant, values))
-        worst = max(worst, off(uncertain.sample(values), bc.plant(model, INPUTS), omega))
-    return worst
-
-
 @pytest.mark.slow
 def test_samples_are_plants_of_recompiled_models(embedded, plant, file_of):
-    assert against_xml(embedded, plant, file_of(ALL), 6) < TRUTH
-
-
-@pytest.mark.slow
-def test_a_hundred_samples_are_plants_of_recompiled_models(embedded, plant, file_of):
-    assert against_xml(embedded, plant, file_of(ALL), 100) < TRUTH
+    given = file_of(ALL)
+    uncertain = robust.uncertain(plant, given)
+    omega = np.geomspace(0.05, 3.0 * plant.frequency.max(), 60)
+    for values in uncertain.draw(4, seed=7):
+        model = mujoco.MjModel.from_xml_string(rewritten(embedded.to_mjcf(), plant, values))
+        assert off(uncertain.sample(values), bc.plant(model, INPUTS), omega) < TRUTH
 
 
 def test_participation_against_an_assembly_in_numpy(embedded, file_of):
@@ -340,17 +330,16 @@ def below(uncertain, loops, count):
 
 @pytest.mark.slow
 def test_samples_lie_below_the_worst_and_mujoco_confirms(small, file_of):
-    found = below(small, file_of(LOOPS), 500)
+    found = below(small, file_of(LOOPS), 60)
     assert found.stable
     assert abs(found.simulated / found.gain - 1.0) < PEAK
 
 
 @pytest.mark.slow
-def test_an_unstable_sample_is_found(embedded, file_of, tmp_path):
+def test_an_unstable_sample_is_found(embedded, file_of):
     """A loop just inside its gain margin, which less inertia, damping or stiffness takes away."""
     plant = bc.plant(embedded, ["torque:bus"], ["attitude"])
-    file = embedded.write(tmp_path / "craft.xml")[-1]
-    limit = margins(file, LOOPS, "--input", "torque:bus", "--output", "attitude")[2].gain
+    limit = bc.margins(plant, file_of(LOOPS)).loops[2].gain
     uncertain = robust.uncertain(plant, file_of(SINGLE))
     near = scaled(LOOPS, 2, 0.995 * limit)
     found = uncertain.worst_case(file_of(near), "torque_z", "attitude_z", samples=10)

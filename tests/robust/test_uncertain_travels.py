@@ -2,12 +2,12 @@
 
 import pickle
 
+import mujoco
 import numpy as np
-import pytest
 
 import beamchain as bc
 from beamchain import robust
-from plant_truth import embedded
+from posed import CRAFT
 
 OMEGA = np.geomspace(0.1, 50.0, 20)
 
@@ -16,14 +16,14 @@ def pickled(value):
     return pickle.loads(pickle.dumps(value))
 
 
-@pytest.mark.slow
-def test_an_uncertain_plant_travels(tmp_path):
+def test_an_uncertain_plant_travels():
     """Also one of a plant that has travelled itself."""
-    other = pickled(bc.plant(embedded("a boom on a damped drive"), ["torque:hub"], ["attitude"]))
-    (tmp_path / "uncertain.toml").write_text("[body.hub]\nmass = { relative = 0.1 }\n")
-    uncertain = robust.uncertain(other, tmp_path / "uncertain.toml")
+    model = mujoco.MjModel.from_xml_string(CRAFT)
+    other = pickled(bc.plant(model, ["torque:bus"], ["attitude"]))
+    mass = bc.spec.UncertainBody(mass=bc.spec.Uncertainty(relative=0.1))
+    uncertain = robust.uncertain(other, bc.spec.UncertainCraft(body={"bus": mass}))
     again = pickled(uncertain)
-    values = {"hub.mass": 95.0}
+    values = {"bus.mass": 1.05 * uncertain.values(np.zeros(1))["bus.mass"]}
     np.testing.assert_array_equal(
         again.sample(values)(1j * OMEGA), uncertain.sample(values)(1j * OMEGA)
     )

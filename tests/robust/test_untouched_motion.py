@@ -66,7 +66,7 @@ def disks(axes, rate, stiffness, omega):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("axes", "rate"),
-    [("z", 0.0), ("z", 40.0), ("xyz", 1.0), ("xyz", 300.0), ("xy", 300.0)],
+    [("z", 40.0), ("xyz", 1.0), ("xy", 300.0)],
 )
 def test_motion_that_no_loop_touches_is_no_instability(axes, rate):
     model = mujoco.MjModel.from_xml_string(CRAFT)
@@ -77,13 +77,13 @@ def test_motion_that_no_loop_touches_is_no_instability(axes, rate):
     uncertain = robust.uncertain(
         plant, bc.spec.UncertainCraft(joint={"drive": bc.spec.UncertainJoint(stiffness=RANGE)})
     )
-    found = uncertain.worst_margins(controller, samples=50)
+    found = uncertain.worst_margins(controller, samples=20)
     assert found.stable
     rows = [row for row in found if row.kind == "disk" and row.at.startswith("torque")]
     assert [row.at for row in rows] == [f"torque_{axis}" for axis in axes]
-    omega = np.geomspace(1e-3, 100.0, 40_000)
+    omega = np.geomspace(1e-3, 100.0, 15_000)
     nominal = disks(axes, rate, STIFFNESS, omega)
-    ranged = np.linspace(0.7, 1.3, 31) * STIFFNESS
+    ranged = np.linspace(0.7, 1.3, 11) * STIFFNESS
     least = np.min([disks(axes, rate, k, omega) for k in ranged], axis=0)
     assert [row.nominal for row in rows] == pytest.approx(nominal.tolist(), rel=FOUND)
     assert [row.worst for row in rows] == pytest.approx(least.tolist(), rel=FOUND)
@@ -150,11 +150,10 @@ def winged():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("axes", "rates"), [("z", {}), ("xyz", {"wheel": 1.0})])
-def test_flexible_craft_in_a_pose_keep_their_margins(winged, axes, rates):
+def test_flexible_craft_in_a_pose_keep_their_margins(winged):
     """Every least disk margin is the one that `bc.margins` states at its values."""
     pose = {"north": np.pi / 4.0, "south": -np.pi / 4.0}
-    plant = bc.plant(winged, ["torque:bus"], ["attitude"], pose=pose, rates=rates)
+    plant = bc.plant(winged, ["torque:bus"], ["attitude"], pose=pose, rates={"wheel": 1.0})
     scaled = Controller(
         loop=tuple(
             Loop(
@@ -163,7 +162,7 @@ def test_flexible_craft_in_a_pose_keep_their_margins(winged, axes, rates):
                 numerator=(400.0, 60.0),
                 denominator=(0.05, 1.0),
             )
-            for one in loops(axes).loop
+            for one in loops("xz").loop
         )
     )
     known = bc.margins(plant, scaled)
@@ -181,3 +180,8 @@ def test_flexible_craft_in_a_pose_keep_their_margins(winged, axes, rates):
         again = bc.margins(uncertain.sample(row.values), scaled)
         assert row.worst == pytest.approx(again.loops[i].disk, rel=1e-6)
         assert row.worst < row.nominal
+    # loops of different axes hardly couple: all at once are as good as the worst, but for rounding
+    assert found.all_at_once.nominal == pytest.approx(known.all_at_once.value, rel=1e-6)
+    for kind in ("nominal", "worst"):
+        least = min(getattr(row, kind) for row in rows)
+        assert getattr(found.all_at_once, kind) <= least * (1.0 + 1e-9)

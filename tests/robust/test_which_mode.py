@@ -3,10 +3,7 @@ modes of its own axis says; what is probably a mistake of the user.
 
 Tests a table as well, `margin_table`, which the command prints."""
 
-import re
-
 import control
-import msgspec
 import numpy as np
 import pytest
 from scipy.linalg import eigh
@@ -55,6 +52,13 @@ def embedded():
 
 
 @pytest.fixture(scope="module")
+def small():
+    """With one mode per wing."""
+    bending = WING.replace(modes=bc.Modes(xy=1))
+    return bc.embed(CRAFT, {"north_root": bending, "south_root": bending}, retime=False)
+
+
+@pytest.fixture(scope="module")
 def plant(embedded):
     return bc.plant(embedded, ["torque:bus"], ["attitude"])
 
@@ -81,8 +85,8 @@ def frequencies(plant, word):
 @pytest.mark.slow
 def test_a_servo_and_the_modes_of_other_axes_do_not_vouch_for_a_margin(plant):
     """About y the wings twist, and one torsion mode is kept; servos and bending are faster."""
-    found = bc.margins(plant, controller(x=1.0, y=1.0))
-    loop = next(loop for loop in found.loops if loop.input == "torque_y")
+    found = bc.margins(plant, controller(y=1.0))
+    (loop,) = found.loops
     (torsion,) = frequencies(plant, "torsion")
     assert torsion < loop.gain_frequency < max(plant.frequency)
     assert any(
@@ -146,53 +150,19 @@ def test_modes_that_oppose_each_other_are_listed_as_left_out(embedded, plant, tm
 
 
 @pytest.mark.slow
-def test_a_pose_of_several_stands_in_a_column(embedded):
+def test_a_pose_of_several_stands_in_a_column(small):
     poses = [{"north": np.radians(a), "south": np.radians(-a)} for a in (0.0, 45.0)]
-    plants = bc.plant(embedded, ["torque:bus"], ["attitude"], pose=poses)
-    rows = margin_table(bc.margins(plants, controller(x=1.0, z=1.0))).rows
+    plants = bc.plant(small, ["torque:bus"], ["attitude"], pose=poses)
+    rows = margin_table(bc.margins(plants, controller(x=1.0))).rows
     assert [row[:2] for row in rows] == [
-        (f"north {a}°,\nsouth {b}°", f"torque_{axis}")
-        for a, b in ((0, 0), (45, -45))
-        for axis in "xz"
+        (f"north {a}°,\nsouth {b}°", "torque_x") for a, b in ((0, 0), (45, -45))
     ]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "gains",
-    [
-        pytest.param({"x": 1.0}, marks=pytest.mark.slow),
-        {"x": 1.0, "z": 1.0},
-        pytest.param({"x": 1.2, "y": 0.9, "z": 1.0}, marks=pytest.mark.slow),
-    ],
-)
-def test_all_loops_at_once_are_never_better_than_one(plant, gains):
-    """The nominal figures are those of `bc.margins`, for one loop alone too."""
-    uncertain = robust.uncertain(
-        plant,
-        bc.spec.UncertainCraft(
-            body={"bus": bc.spec.UncertainBody(mass=bc.spec.Uncertainty(relative=0.05))}
-        ),
-    )
-    loops = controller(**gains)
-    found = uncertain.worst_margins(loops, samples=2)
-    known = bc.margins(plant, loops)
-    disks = [row for row in found.margins if row.kind == "disk" and row.at != found[-1].at]
-    assert len(disks) == len(gains)
-    at_once = found.all_at_once
-    # loops of different axes hardly couple: they are equal then, but for rounding
-    assert at_once.nominal <= min(row.nominal for row in disks) * (1.0 + 1e-9)
-    assert at_once.worst <= min(row.worst for row in disks) * (1.0 + 1e-9)
-    np.testing.assert_allclose(at_once.nominal, known.all_at_once.value, rtol=1e-6)
-    np.testing.assert_allclose(
-        [row.nominal for row in disks], [loop.disk for loop in known.loops], rtol=1e-6
-    )
-
-
-@pytest.mark.slow
-def test_worst_margins_of_poses_name_the_worst(embedded):
+def test_worst_margins_of_poses_name_the_worst(small):
     poses = [{"north": np.radians(a), "south": np.radians(-a)} for a in (0.0, 60.0)]
-    plants = bc.plant(embedded, ["torque:bus"], ["attitude"], pose=poses)
+    plants = bc.plant(small, ["torque:bus"], ["attitude"], pose=poses)
     uncertain = bc.spec.UncertainCraft(
         body={"bus": bc.spec.UncertainBody(mass=bc.spec.Uncertainty(relative=0.05))}
     )
@@ -214,44 +184,13 @@ def codes(warnings):
     return [getattr(text, "code", "") for text in warnings]
 
 
-@pytest.mark.slow  # the reason of many growing poles
-def test_a_delay_in_milliseconds_is_noted(plant):
-    """0.15 s is a small part of the period at the crossover, 150 s more than all of it."""
-    good = controller(x=1.0)
-    late = msgspec.structs.replace(good.loop[0], delay=150.0)
-    wrong = msgspec.structs.replace(good, loop=(late, *good.loop[1:]))
-    assert codes(bc.margins(plant, good).warnings) == []
-    found = bc.margins(plant, wrong)
-    assert codes(found.warnings) == ["long-delay"]
-    assert "torque_x: delay = 150 s" in found.warnings[0]
-    # the period it states is that at which the loop has the gain 1
-    period = float(re.search(r"crossover \(([\d.]+) s", found.warnings[0])[1])
-    s = 2j * np.pi / period
-    channel = plant.output_names.index("attitude_x"), plant.input_names.index("torque_x")
-    law = np.polyval(good.loop[0].numerator, s) / np.polyval(good.loop[0].denominator, s)
-    assert abs(abs(law * plant(s)[channel]) - 1.0) < 0.03
-
-
-@pytest.mark.slow
-def test_a_wrong_sign_is_asked_for(plant):
-    wrong = bc.margins(plant, controller(x=-1.0))
-    assert any("is the sign of the numerators right?" in i.sentence for i in wrong.instabilities)
-
-
-@pytest.mark.slow
-def test_the_sign_of_a_late_loop_is_not_asked_for(plant):
-    late = bc.margins(plant, controller(x=100.0))
-    assert late.instabilities
-    assert not any("sign of the numerators" in one.sentence for one in late.instabilities)
-
-
 @pytest.mark.slow
 def test_an_appendage_that_runs_through_the_craft_is_noted(embedded):
     """The south wing turned by half a turn; a boom across the top of the bus is fine."""
     turned = CRAFT.replace(YOKE.format("south", -0.9, -1, 1), YOKE.format("south", -0.9, 1, -1))
     assert turned != CRAFT
-    assert "points-inward" not in codes(embedded.warnings)
-    bending = msgspec.structs.replace(WING, modes=bc.Modes(xy=1))
+    assert not {"points-inward", "far-mount"} & set(codes(embedded.warnings))
+    bending = WING.replace(modes=bc.Modes(xy=1))
     wings = {"north_root": bending, "south_root": bending}
     said = bc.embed(turned, wings, retime=False).warnings
     (inward,) = [text for text in said if getattr(text, "code", "") == "points-inward"]
@@ -262,24 +201,22 @@ def test_an_appendage_that_runs_through_the_craft_is_noted(embedded):
     assert "points-inward" not in codes(bc.embed(across, {"top": bending}, retime=False).warnings)
 
 
-@pytest.mark.parametrize(("place", "noted"), [(500.0, True), (15.0, False)])
 @pytest.mark.slow
-def test_a_place_in_other_units_is_noted(place, noted):
-    """A site at 0.5 m, in mm; and one on a long arm, which is meant."""
+def test_a_place_in_other_units_is_noted():
+    """A site at 0.5 m, in mm."""
     craft = CRAFT.replace(
-        "</body></worldbody>", f'<site name="far" pos="0 {place} 0"/></body></worldbody>'
+        "</body></worldbody>", '<site name="far" pos="0 500 0"/></body></worldbody>'
     )
-    said = bc.embed(craft, {"far": WING}, retime=False).warnings
-    far = [text for text in said if getattr(text, "code", "") == "far-mount"]
-    assert len(far) == noted
-    assert not far or f"far stands {place:.4g} m from the spacecraft's centre of mass" in far[0]
+    said = bc.embed(craft, {"far": WING.replace(modes=bc.Modes(xy=1))}, retime=False).warnings
+    (far,) = [text for text in said if getattr(text, "code", "") == "far-mount"]
+    assert "far stands 500 m from the spacecraft's centre of mass" in far
 
 
 @pytest.mark.slow
-def test_a_single_pose_is_called_by_its_joints(embedded, tmp_path):
-    made = bc.plant(embedded, ["torque:bus"], ["attitude"], pose={"north": np.radians(45.0)})
+def test_a_single_pose_is_called_by_its_joints(small):
+    made = bc.plant(small, ["torque:bus"], ["attitude"], pose={"north": np.radians(45.0)})
     assert made.pose == "north 45°"
     found = bc.margins(made, controller(x=1.0))
     assert found.pose == "north 45°"
     assert found.table.title.endswith("north 45°")
-    assert bc.plant(embedded, ["torque:bus"], ["attitude"]).pose == ""
+    assert bc.plant(small, ["torque:bus"], ["attitude"]).pose == ""

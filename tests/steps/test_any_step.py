@@ -18,7 +18,7 @@ from beamchain.steps.retime import retime_by
 from limits import largest_steps
 from random_appendages import random_appendage, toml
 
-CRAFTS = int(os.environ.get("BEAMCHAIN_CRAFTS", "8"))
+CRAFTS = int(os.environ.get("BEAMCHAIN_CRAFTS", "3"))
 FACTORS = (0.1, 1.0, 10.0, 100.0)
 STEPS = 10_000
 PUSH = 1e-9  # of a length: linear motion, also after 1e4 steps of a hundred seconds

@@ -94,6 +94,7 @@ def test_more_modes_go_further(chains):
     assert more.acceleration > limit.acceleration
 
 
+@pytest.mark.slow
 def test_a_run_beyond_the_limit_is_said(chains):
     _, _, limit = chains
     assert limit.exceeded(spin=0.9 * limit.spin) == []

@@ -35,6 +35,7 @@ def test_the_plant_with_its_wheel_at_speed(craft):
             assert np.allclose(found[:, axis], wanted, rtol=0.0, atol=CLOSE * np.abs(wanted).max())
 
 
+@pytest.mark.slow
 def test_a_wrong_joint_lists_the_spacecrafts_own(craft):
     with pytest.raises(bc.InputError, match=r"'gimbal'.* from rw, drive\.$"):
         bc.plant(craft, rates={"gimbal": RATE})

@@ -2,7 +2,6 @@
 and the way back."""
 
 import re
-from itertools import product
 
 import mujoco
 import numpy as np
@@ -154,13 +153,11 @@ def test_damping_of_several_appendages():
         assert np.max(errors) < bound
 
 
-@pytest.mark.parametrize("ratio", [0.0, 0.005, 0.1])
-@pytest.mark.parametrize("hub", [1000.0, 100.0, 10.0])
-@pytest.mark.parametrize("parts", [BOOM, PAIR, THREE], ids=["one", "two", "three"])
-@pytest.mark.slow
+@pytest.mark.parametrize(("hub", "ratio"), [(1000.0, 0.005), (10.0, 0.0), (10.0, 0.1)])
+@pytest.mark.parametrize("parts", [PAIR, THREE], ids=["two", "three"])
 def test_form_4_places_every_pole_of_any_craft(parts, hub, ratio):
     made = craft(parts, hub, hub, ratio=ratio)
-    for x in (0.1, 0.5, 1.0):
+    for x in (0.1, 1.0):
         h = x / made.frequencies()[-1]
         model = made.model(h)
         retime_by(4, model, h)
@@ -289,51 +286,21 @@ def test_the_2008_boom_as_simulated(n, h, bound):
     assert errors[4] < bound
 
 
-GROWING = list(product((BOOM, PAIR, THREE), (10.0, 1.0, 0.1), ("Euler", "RK4")))
-# every fifth case is quick: every craft, hub and integrator is among them
-NAMED = {1: "one", 2: "two", 3: "three"}
-
-
 @pytest.mark.parametrize(
     ("parts", "hub", "integrator"),
-    [
-        pytest.param(
-            *case,
-            id=f"{NAMED[len(case[0])]}-{case[1]}-{case[2]}",
-            marks=[pytest.mark.slow] if i % 5 else [],
-        )
-        for i, case in enumerate(GROWING)
-    ],
+    [(BOOM, 10.0, "RK4"), (PAIR, 0.1, "Euler"), (THREE, 1.0, "RK4"), (BOOM, 1.0, "Euler")],
 )
 def test_nothing_grows_at_any_step(parts, hub, integrator):
-    for ratio in (0.0, 0.005, 0.1):
+    for ratio in (0.0, 0.1):
         made = craft(parts, hub, 0.3 * hub, ratio=ratio)
         limit = (2.0 if integrator == "Euler" else 2.83) / made.frequencies()[-1]
-        for factor in (0.1, 1.0, 3.0, 10.0, 100.0):
+        for factor in (0.1, 1.0, 10.0, 100.0):
             h = factor * limit
             for form in (2, 4):
                 model = made.model(h, integrator)
                 done = retime_by(form, model, h)
                 assert done.lambda_max <= (3.8 if integrator == "Euler" else 7.6)
                 assert largest_growth(model) < 1 + 1e-9
-
-
-@pytest.mark.parametrize("integrator", ["Euler", "RK4"])
-@pytest.mark.parametrize("factor", [0.1, 1.0, 10.0, 100.0])
-@pytest.mark.slow
-def test_ten_thousand_steps(factor, integrator):
-    made = craft(PAIR, 1.0, 0.3)
-    h = factor * (2.0 if integrator == "Euler" else 2.83) / made.frequencies()[-1]
-    model = made.model(h, integrator)
-    bc.retime(model, h)
-    data = mujoco.MjData(model)
-    data.qpos[3:] = 1e-6
-    largest = [0.0, 0.0]
-    for k in range(10_000):
-        mujoco.mj_step(model, data)
-        largest[k >= 5000] = max(largest[k >= 5000], np.max(np.abs(data.qpos[3:])))
-    assert largest[1] < 1.2 * largest[0]
-    assert largest[0] < 1e-3
 
 
 def test_lowering_is_said():
@@ -482,7 +449,7 @@ def retimed_again(file, *words):
     return said_step(file)
 
 
-@pytest.mark.parametrize("change", [("\n", "\r\n"), ("\n", ""), ("", "")])
+@pytest.mark.parametrize("change", [("\n", "\r\n"), ("\n", "")])
 @pytest.mark.slow
 def test_the_first_lines_of_a_timed_file_name_its_step(change, tmp_path):
     spec, bus, file = (tmp_path / name for name in ("rod.toml", "bus.xml", "file.xml"))
@@ -723,21 +690,10 @@ def largest_motion(file, seconds=40.0):
 def test_springs_of_the_spacecraft_still_limit_the_step(tmp_path):
     """A panel drive's own spring is not slowed: a step beyond it is refused,
     and a step as advised runs."""
-    section = bc.Tube(outer_diameter=0.03, wall=0.001)
-    boom = bc.Beam(
-        segments=[
-            bc.Segment(
-                length=4.0,
-                section=section,
-                material=bc.Material(youngs_modulus=7e10, density=2700.0),
-            )
-        ]
-    )
+    section = bc.Equivalent(bending_stiffness_xy=670.0, linear_mass=0.25)
+    part = bc.Segment(length=4.0, section=section)
     spec = bc.Spec(
-        name="boom",
-        segment=boom.segments,
-        scene=bc.Scene(bandwidth=4.0),
-        modes=bc.Modes(xy=4, xz=4),
+        name="boom", segment=(part,), scene=bc.Scene(bandwidth=4.0), modes=bc.Modes(xy=4)
     )
     done = bc.embed(DRIVEN, {"mount": spec})
     assert done.model.opt.timestep > 2.0 / max(done.appendages[0].fit.target["xy"].frequencies)

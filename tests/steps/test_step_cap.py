@@ -54,10 +54,9 @@ def largest_step(integrator, zeta, low, high):
         (["RK4"], 0.1, 2.951),
     ],
 )
-@pytest.mark.slow
 def test_stability_cap_of_one_hinge(integrators, zeta, published):
     for integrator in integrators:
-        assert largest_step(integrator, zeta, published - 0.1, published + 0.1) == close(
+        assert largest_step(integrator, zeta, published - 0.02, published + 0.02) == close(
             published, abs=STABLE
         )
     if integrators is SEMI_IMPLICIT:  # in closed form

@@ -13,7 +13,6 @@ HOST = "host RK4"  # a host that drives MuJoCo with its own explicit Runge-Kutta
 STEPS = 1000  # per trial
 GROWTH = 300.0  # of the velocity's norm: above what a stable step near its limit swings up to
 SMALL = 1e-7  # of the fastest mode's angle: what is measured is the linear model
-QUICK = ("boom, 30 %", "bar with shear, in space")
 
 
 def rows_of(name, folder):
@@ -61,12 +60,6 @@ def host_stable(model, step, velocity):
     return True
 
 
-@pytest.mark.parametrize("name", QUICK)
-@pytest.mark.slow
-def test_stated_is_measured(name, tmp_path):
-    judged(name, rows_of(name, tmp_path))
-
-
 @pytest.mark.slow
 def test_stated_is_measured_for_all_models(tmp_path):
     rows = {}
@@ -80,7 +73,7 @@ def test_stated_is_measured_for_all_models(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["boom, 3 modes", "boom, 1 %", "bar in space, 1 %"])
+@pytest.mark.parametrize("name", ["boom, 1 %", "bar in space, 1 %"])
 def test_a_host_with_runge_kutta_has_the_limit_predicted_for_it(name, tmp_path):
     path = written(name, tmp_path)
     model = mujoco.MjModel.from_xml_path(str(path))

@@ -12,7 +12,7 @@ import beamchain as bc
 import stepped
 from modes_of_beam import modes_of_beam
 
-SEEDS = (5, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (3, 8, 12, 17, 21)))
+SEEDS = (5, 8, 17)
 SAME = 0.1  # relative: what a grid of frequencies and differences of mj_step leave
 POLES = 2e-7  # below it, differences of mj_step tell nothing
 RESPONSE = 2e-5  # the same of the response
@@ -89,8 +89,6 @@ def test_timing_that_gains_less_than_a_third_is_left_out_unless_asked_for(integr
     [
         (0.002, "Euler"),
         (0.05, "implicitfast"),
-        pytest.param(0.05, "Euler", marks=pytest.mark.slow),
-        pytest.param(0.002, "implicitfast", marks=pytest.mark.slow),
     ],
 )
 def test_imported_modes_with_a_step_state_what_the_file_does(ratio, integrator):
@@ -103,9 +101,9 @@ def test_imported_modes_with_a_step_state_what_the_file_does(ratio, integrator):
         polar_inertia=0.3,
     )
     beam = bc.Beam(segments=[bc.Segment(length=3.0, section=section)])
-    modes = modes_of_beam(beam, {"xy": 5, "xz": 4, "torsion": 3})
+    modes = modes_of_beam(beam, {"xy": 5, "torsion": 3})
     options = {
-        "modes": {"xy": 3, "xz": 2, "torsion": 1},
+        "modes": {"xy": 3, "torsion": 1},
         "root": bc.spec.Root(hub=bc.Hub(mass=60.0, inertia=(20.0, 25.0, 30.0))),
         "damping": ratio,
     }

@@ -295,6 +295,14 @@ def test_the_shear_factor_follows_the_taper(root, tip):
         assert beam.port(port, 3).frequencies[:3] == close(truth, rel=ELEMENTS)
 
 
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_a_repeated_segment_stands_as_often(count):
+    one = Segment(length=2.0, section=Round(diameter=0.1), material=STEEL)
+    other = Segment(length=1.0, section=Round(diameter=0.2), material=STEEL)
+    many = Segment(length=2.0, section=Round(diameter=0.1), material=STEEL, repeat=count)
+    assert Beam(segments=(many, other)).segments == (one,) * count + (other,)
+
+
 def test_beams_compare_by_value():
     assert seed_boom() == seed_boom()
     assert hash(seed_boom()) == hash(seed_boom())

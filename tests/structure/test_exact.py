@@ -100,7 +100,7 @@ def test_slowly_it_bends_under_its_own_inertia():
 def test_it_scales_with_length_mass_and_stiffness():
     beam = UniformBeam(length=15.0, bending_stiffness=209.7, linear_mass=0.882)
     w = np.array([0.3, 3.0, 40.0])
-    unit = UNIT.D(w / beam.unit_frequency)
+    unit = UNIT.D(w / (np.sqrt(209.7 / 0.882) / 15.0**2))
     m, length = 0.882 * 15.0, 15.0
     scale = np.array([[m, m * length], [m * length, m * length**2]])[:, :, None]
     assert beam.D(w) == close(unit * scale, rel=1e-11)  # the rounding of z near the poles
@@ -162,7 +162,7 @@ def test_held_and_free_frequencies_are_the_roots():
     assert UNIT.coupled_frequencies(np.zeros((2, 2)), 20) == close(free_roots(20) ** 2, rel=1e-13)
 
 
-@pytest.mark.parametrize("ratio", [1e-3, 0.1, 1.0, 10.0, 1e3, 1e6])
+@pytest.mark.parametrize("ratio", [1e-3, 1.0, 1e6])
 @pytest.mark.slow
 def test_coupled_frequencies_are_zeros_of_the_loaded_beam(ratio):
     hub = ratio * np.array([[1.0, 0.3], [0.3, 0.2]])

@@ -35,7 +35,7 @@ def tumbling(seed: int, digits: int) -> dict:
     }
 
 
-@pytest.mark.parametrize(("seed", "digits"), [(1, 4), (3, 5), (5, 8)])
+@pytest.mark.parametrize(("seed", "digits"), [(1, 4), (5, 8)])
 @pytest.mark.slow
 def test_few_digits_are_a_body(seed, digits, tmp_path):
     document = tumbling(seed, digits)

@@ -222,7 +222,7 @@ def test_participation_within_a_body_is_cut_at_its_share(room, polar):
     random = np.random.default_rng(4)
     left = np.linalg.qr(random.normal(size=(7, 3)))[0]
     right = np.linalg.qr(random.normal(size=(live.size, 3)))[0].T
-    for shares in ([1.2, 0.9, 0.3], [0.8, 0.5, 0.1]):
+    for shares in ([1.3, 1.2, 1.1], [1.2, 0.9, 0.3], [0.8, 0.5, 0.1]):
         rows, wanted = np.zeros((7, 6)), np.zeros((7, 6))
         rows[:, live] = (left * shares) @ right @ root
         wanted[:, live] = (left * np.minimum(shares, np.sqrt(1.0 - room))) @ right @ root

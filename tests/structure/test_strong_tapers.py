@@ -1,9 +1,8 @@
 """Beams whose tapers leave the lowest frequencies far apart: an answer or one sentence,
 after bounded work."""
 
-import pytest
-
 import beamchain as bc
+from beamchain.structure import elements
 from refused import check_refused
 
 ALU = bc.Material(youngs_modulus=7e10, density=2700.0, poissons_ratio=0.33)
@@ -14,8 +13,9 @@ def rectangle(y: float, z: float) -> bc.Rectangle:
     return bc.Rectangle(width_y=y, width_z=z)
 
 
-@pytest.mark.slow
-def test_a_taper_beyond_what_double_precision_holds_apart_is_named():
+def test_a_taper_beyond_what_double_precision_holds_apart_is_named(monkeypatch):
+    """After as few checks as are asked for here: forty take half a minute."""
+    monkeypatch.setattr(elements, "MOST_CHECKS", 1)
     first = bc.Round(diameter=0.128)
     last = bc.Round(diameter=0.0959)
     pairs = (

@@ -146,20 +146,6 @@ def test_four_modes_of_twenty_two_keep_the_step_of_the_last(delivery):
     assert share > 1.0 / 3.0
 
 
-@pytest.mark.slow
-def test_eight_digits_are_a_rigid_body_s(delivery):
-    """A chain of modes that couple ports needs the mass of a rigid body; eight digits are one."""
-    path = delivery / "boom.op4"
-    path.write_bytes(se.op4_text(MATRICES, "dense", 7))
-    result = bc.fit(
-        spec_of(
-            {"name": "boom", "imported": {"file": str(path), "units": UNITS, "modes": [1, 2, 3]}}
-        )
-    )
-    assert result.status.ok
-    assert result.space.error.frequency < 1e-7
-
-
 # -- rounding and strain ---------------------------------------------------------------------------
 WING_MASS, WING_STIFFNESS = se.wing_on_two_feet().mass, se.wing_on_two_feet().stiffness
 SOFTEST = np.sort(np.diag(WING_STIFFNESS)[:3])[0]  # N/mm, of a foot across the wing
@@ -316,11 +302,10 @@ def mass_error(data):
     return np.max(np.abs((data.rigid_mass - true_mass()) / np.outer(scale, scale)))
 
 
-@pytest.mark.parametrize("size", [1e-8, 1e-7, 1e-6])
 @pytest.mark.slow
-def test_rounding_between_interface_and_modes_is_no_coupling(size, tmp_path):
+def test_rounding_between_interface_and_modes_is_no_coupling(tmp_path):
     """Noise in KAA[b, q] beside entries of 5e4 leaves modes and mass where they are."""
-    drawn = size * np.random.default_rng(0).standard_normal((12, 8))
+    drawn = 1e-6 * np.random.default_rng(0).standard_normal((12, 8))
     change = np.zeros_like(SHIPPED.stiffness)
     change[:12, 12:], change[12:, :12] = drawn, drawn.T
     result = shipped(tmp_path, change)
@@ -331,9 +316,7 @@ def test_rounding_between_interface_and_modes_is_no_coupling(size, tmp_path):
     assert result.space.achieved.frequencies[:8] == pytest.approx(frequencies, rel=MUJOCO)
 
 
-@pytest.mark.parametrize(
-    ("shift", "spoken"), [((1e-7, 0, 0), False), ((0.05, 0, 0), True), ((0, 0.1, 0), True)]
-)
+@pytest.mark.parametrize(("shift", "spoken"), [((1e-7, 0, 0), False), ((0, 0.1, 0), True)])
 @pytest.mark.slow
 def test_a_grid_that_is_off_by_what_the_strain_check_takes_is_fitted(shift, spoken, tmp_path):
     """The same delivery is not refused later; what it departs by is said, and bounds its error."""
@@ -347,7 +330,7 @@ def test_a_grid_that_is_off_by_what_the_strain_check_takes_is_fitted(shift, spok
         assert re.search(r"^wing.op4: .* by \d\.\de-0[567].* 8 characters.*a-set", said)
 
 
-@pytest.mark.parametrize("digits", [5, 8, 10])
+@pytest.mark.parametrize("digits", [5, 8])
 @pytest.mark.slow
 def test_matrices_of_few_digits_are_fitted(digits, tmp_path):
     """As DMIG writes them; every number of mass and stiffness rounded by itself."""
@@ -377,21 +360,9 @@ def test_a_mass_that_is_no_body_s_is_refused_still(change, tmp_path):
     assert "weight generator" not in str(caught.value)
 
 
-@pytest.mark.parametrize("names", [("K4AA", "BAA"), pytest.param(("BAA",), marks=pytest.mark.slow)])
-def test_damping_that_is_ignored_is_named(names, tmp_path):
-    others = dict.fromkeys(names, 0.02 * SHIPPED.stiffness)
-    said = codes_of(shipped(tmp_path, others=others))["ignored-damping"]
-    verb = "are" if len(names) == 2 else "is"
-    for words in ("wing.op4", " and ".join(names), f"{verb} ignored", "[damping]", "undamped"):
-        assert words in said
-    stated = shipped(tmp_path, others=others, damping={"ratio": 0.01})
-    assert "ignored-damping" not in codes_of(stated)
-
-
 @pytest.mark.slow
-def test_one_unit_alone_is_asked_about(tmp_path):
-    said = codes_of(shipped(tmp_path, units={"length": 1e-3}))["half-units"]
-    assert "length = 0.001 alone" in said
-    assert "kg" in said
-    for units in ({"length": 1e-3, "mass": 1.0}, UNITS, {}):
-        assert "half-units" not in codes_of(shipped(tmp_path, units=units))
+def test_damping_that_is_ignored_is_named(tmp_path):
+    others = dict.fromkeys(("K4AA", "BAA"), 0.02 * SHIPPED.stiffness)
+    said = codes_of(shipped(tmp_path, others=others))["ignored-damping"]
+    for words in ("wing.op4", "K4AA and BAA", "are ignored", "[damping]", "undamped"):
+        assert words in said

@@ -5,6 +5,7 @@ from beamchain.chain.build import _counts as hinge_counts
 from beamchain.chain.build import _modes_of as modes_to_give
 from beamchain.chain.build import _required_hinges as required_hinges
 from beamchain.chain.build import _shared_nodes as shared_nodes
+from beamchain.chain.build import assemble as assembled_chain
 from beamchain.chain.chain import Chain, Hinge, Link, Tendon
 from beamchain.chain.cut import _best as best_cut
 from beamchain.chain.cut import _climb as climb
@@ -610,6 +611,7 @@ __all__ = [
     "as_compared",
     "assemble",
     "assemble_lowest",
+    "assembled_chain",
     "assembly_at_rest",
     "assigned_poles",
     "assumed_hub",

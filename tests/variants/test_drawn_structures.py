@@ -61,6 +61,7 @@ def test_a_variant_is_the_fit_of_its_spec(variants):
         )
 
 
+@pytest.mark.slow
 def test_every_variant_has_the_mass_that_was_drawn(variants):
     for mass, sample in zip(variants.fields["body_mass"], variants.indices, strict=True):
         spec = vary_spec(variants.nominal.spec, 3, int(sample))

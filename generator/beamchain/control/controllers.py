@@ -11,9 +11,10 @@ import control
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag, matrix_balance
+from scipy.linalg import block_diag
 
 from beamchain.checks import Struct, field
+from beamchain.control.systems import balancing
 from beamchain.engine.allocation import Allocation
 from beamchain.engine.combinations import Alignment, InputNames, OutputNames
 from beamchain.errors import InputError
@@ -286,6 +287,6 @@ def realise_fraction(top: Array, bottom: Array) -> tuple[Array, Array, Array, Ar
     whole = np.block([[a, b], [c, np.zeros((1, 1))]])
     if not np.all(np.isfinite(whole)):
         return a, b, c, np.full((1, 1), np.nan)
-    _, (scale, _) = matrix_balance(whole, permute=False, separate=True)
-    ratio = np.asarray(scale[:-1] / scale[-1], dtype=np.float64)
+    scale = balancing(whole)
+    ratio = scale[:-1] / scale[-1]
     return a * ratio / ratio[:, None], b / ratio[:, None], c * ratio, d

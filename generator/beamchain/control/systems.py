@@ -122,13 +122,20 @@ def _without_unseen(
     return a, b, c, keep
 
 
+def balancing(a: Array) -> Array:
+    """`(n,)` factors, powers of two, by which states compare."""
+    with np.errstate(invalid="ignore"):  # SciPy makes whole numbers of them, for a permutation
+        _, (scale, _) = matrix_balance(a, permute=False, separate=True)
+    return np.asarray(scale, dtype=np.float64)
+
+
 def standing_still(a: Array, c: Array) -> Array:
     """`(n, k)` directions in which nothing moves of itself and C sees nothing, beside what each row
     of A and C sees elsewhere, states scaled so that they compare; never more than there are poles
     at zero."""
     size = np.abs(np.linalg.eigvals(a))
     count = int(np.sum(size <= AT_REST * size.max(initial=0.0)))
-    _, (scale, _) = matrix_balance(a, permute=False, separate=True)
+    scale = balancing(a)
     rows = np.vstack([a, c]) * scale
     rows = rows / np.maximum(np.abs(rows).max(axis=1, keepdims=True, initial=0.0), 1e-300)
     _, sizes, directions = np.linalg.svd(rows)
