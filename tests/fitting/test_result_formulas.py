@@ -53,6 +53,7 @@ def made(**given):
     base = {
         "spec": spec,
         "chain": chain,
+        "line": None,
         "full": target,
         "target": target,
         "achieved": achieved,
