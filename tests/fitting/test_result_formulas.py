@@ -190,6 +190,38 @@ def test_the_turn_is_that_of_the_hub_with_its_appendage(monkeypatch):
     assert made(spec=scene(hub=HUB)).turn_error is None
 
 
+@pytest.mark.parametrize("first", [0, 1])
+def test_the_resonance_that_a_step_shifts_is_blamed_on_the_tendon_it_strains_most(
+    first, monkeypatch
+):
+    """Two tendons, each strained by one of two modes twice as much as the other; the mode next to
+    the peak counts."""
+    rows = np.array([[2.0, 1.0], [1.0, 2.0]])[:, [first, 1 - first]]
+    still = SimpleNamespace(squares=np.array([4.0, 25.0]), shapes=np.eye(2))
+    modal = SimpleNamespace(names=("one", "two"), rows=rows, stiffness=np.array([3.0, 3.0]))
+    peak = SimpleNamespace(
+        frequency=2.2, explains=lambda error, model: error > model, words=lambda name: name
+    )
+    monkeypatch.setattr(result_module, "motion_at", lambda _: still)
+    monkeypatch.setattr(result_module, "shifted_peak", lambda *_: peak)
+    monkeypatch.setattr(result_module, "modal_tendons", lambda _: modal)
+
+    def blamed(error, promise=1e-4):
+        spec = scene(tolerance=1e-3, bandwidth=10.0, hub=HUB, step=0.01)
+        spec.undamped_ratio = 0.005
+        fit = sampled(made(promise=promise, spec=spec), error)
+        fit.__dict__["_sampled"].frequency = 2.0
+        fit.__dict__["_scenes"] = (None, None)
+        return fit.blamed
+
+    assert blamed(5e-3) == ("one", "two")[first]
+    modal.stiffness[:] = np.array([1.0, 5.0])[[first, 1 - first]]
+    assert blamed(5e-3) == ("two", "one")[first]
+    assert blamed(5e-4) == blamed(np.inf) == blamed(5e-3, promise=9e-3) == ""
+    modal.names = ()
+    assert blamed(5e-3) == ""
+
+
 # -- imported modes --------------------------------------------------------------------------------
 ROWS = np.zeros((5, 6))
 ROWS[0, 1], ROWS[1, 2], ROWS[2, 1], ROWS[3, 3], ROWS[4, 2] = 1.0, 1.0, 0.5, 0.3, 0.4
