@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import mujoco
 import numpy as np
 import pytest
+from msgspec import structs
 
 import beamchain as bc
 from beamchain.robust.least_margins import LeastMargin, WorstMargins
@@ -123,6 +124,25 @@ def test_a_gain_as_partial_fractions():
     s = 1j * w
     wanted = 0.5j / (s + 1.0 - 2j) - 0.5j / (s + 1.0 + 2j) + 0.3
     assert made.size(w) == pytest.approx(np.abs(wanted))
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.25])
+def test_resonances_are_the_gain_without_dead_times(offset):
+    """From poles of the closed loop and what each adds; from v to x."""
+    first, second = LAW.loop
+    law = bc.spec.Controller(loop=(structs.replace(first, delay=0.0), second))
+    loops = LoopsOfSamples(PLANT, BLOCKS, ["u", "v"], ["x", "y"], law, ("v", "x"), offset=offset)
+    made = loops._resonances(DELTAS)
+    omega = np.geomspace(0.05, 30.0, 9)
+    assert made.size(omega) == pytest.approx(loops.gain(DELTAS, omega), rel=1e-9)
+    assert made.poles.size == 6  # of two modes and two lags
+    for pole in made.poles:  # where 1 + K G is singular
+        m, delta = value(PLANT, pole), np.diag(DELTAS[BLOCKS])
+        inner = np.linalg.solve(np.eye(4) - m[:4, :4] @ delta, m[:4, 4:])
+        k = np.array(
+            [[0.0, (0.3 * pole + 0.5) / (0.1 * pole + 1.0)], [0.4 / (0.2 * pole + 1.0), 0.0]]
+        )
+        assert abs(np.linalg.det(np.eye(2) + k @ (m[4:, 4:] + m[4:, :4] @ delta @ inner))) < 1e-9
 
 
 @pytest.mark.parametrize(("through", "wanted"), [(0.0, False), (1e-9, True), (1e-13, False)])
