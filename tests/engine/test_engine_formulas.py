@@ -1,4 +1,4 @@
-"""Tests an internal, `engine.constraints`, too.
+"""Tests internals, `engine.constraints` and `engine.library`, too.
 
 Closed forms beside the formulas of what is read from a model."""
 
@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from beamchain import InputError, Linear, PortModel
-from beamchain.engine import constraints
+from beamchain.engine import constraints, library
 from formulas import (
     Activations,
     Carrying,
@@ -378,6 +378,23 @@ def test_the_accelerance_as_a_sum_of_poles_of_a_damped_oscillator(stiffness):
     moved = [np.linalg.solve(spring + 1j * w * damping - w**2 * mass, [1.0, 0.4]) for w in omega]
     wanted = -(omega**2) * (np.array(moved) @ [1.0, 0.7])
     assert found == pytest.approx(wanted, rel=1e-9)
+
+
+# -- threads ---------------------------------------------------------------------------------------
+def test_within_one_thread_openblas_has_one_and_then_as_many_as_before():
+    switches = library._switches()
+    before = [get() for get, _ in switches]
+    try:
+        for _, put in switches:
+            put(2)
+        with library.one_thread():
+            with library.one_thread():
+                assert [get() for get, _ in switches] == [1] * len(switches)
+            assert [get() for get, _ in switches] == [1] * len(switches)
+        assert [get() for get, _ in switches] == [2] * len(switches)
+    finally:
+        for (_, put), count in zip(switches, before, strict=True):
+            put(count)
 
 
 # -- constraints -----------------------------------------------------------------------------------

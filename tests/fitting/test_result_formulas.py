@@ -1,5 +1,6 @@
 """What a fit says of itself, of models whose errors are known."""
 
+import dataclasses
 from types import SimpleNamespace
 
 import numpy as np
@@ -188,6 +189,26 @@ def test_the_turn_is_that_of_the_hub_with_its_appendage(monkeypatch):
     assert rest[1:] == [0.05, "RK4"]
     assert made(spec=scene(rates=rates)).turn_error is None
     assert made(spec=scene(hub=HUB)).turn_error is None
+
+
+@pytest.mark.parametrize("made_for_it", [True, False])
+def test_a_file_that_is_made_for_its_step_has_no_other(made_for_it, monkeypatch):
+    """The marks of timing stand in the file itself, not in the one that it is compared with."""
+    monkeypatch.setattr(result_module, "timing_marks", lambda text: ["mark"] * (text == "timed"))
+    monkeypatch.setattr(result_module, "choose_step", lambda model, hub, keep, *_, **__: keep)
+    mass = SimpleNamespace(rigid_mass=np.eye(6))
+    measured = SimpleNamespace(motion=mass, live=tuple(range(6)), rigid_mass=np.eye(6))
+    spec = scene(bandwidth=10.0, integrator="RK4", step=0.02, axes=("z", "ty"))
+    spec.undamped_ratio = 0.005
+    fit = made(spec=spec, measured=measured)
+    fit.__dict__["time_error"] = object()
+    fit.__dict__["_scenes"] = ("timed", "plain") if made_for_it else ("plain", "timed")
+    if made_for_it:
+        ((integrator, step, *_, cost),) = map(dataclasses.astuple, fit.steps)
+        assert (integrator, step, cost) == ("RK4", 0.02, 1.0)
+    else:  # of the motions that matter
+        assert fit.steps == [1, 5]
+    assert made().steps == ()
 
 
 @pytest.mark.parametrize("first", [0, 1])
