@@ -95,7 +95,7 @@ def test_no_bound_is_sought_where_an_unstable_sample_is_found():
     joint = {"drive": bc.spec.UncertainJoint(stiffness=uniform(0.2))}
     uncertain = robust.uncertain(plant, bc.spec.UncertainCraft(joint=joint))
     push = bc.spec.Controller(loop=(loop("torque_z", "attitude_z", (-0.9 * STIFFNESS,)),))
-    found = uncertain.worst_margins(push, samples=3, bound=True, seconds=1.0)
+    found = uncertain.worst_margins(push, samples=0, bound=True, seconds=1.0)  # corners alone
     assert not found.stable
     assert found.bounds == {}
     rest = rows(found, "torque_z")
