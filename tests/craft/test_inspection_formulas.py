@@ -238,10 +238,12 @@ def test_modes_are_named_after_the_port_that_they_move_most():
     ]
 
 
-def test_a_soft_tendon_is_listed_and_a_slack_one_is_not():
+def test_soft_springs_are_listed_and_slack_ones_are_not():
     soft = MODEL.format(damper=0.3).replace('stiffness="12"', 'stiffness="0.012"')
     assert inspect_model(soft).tendons == [("rope", 0.012, 0.6, 0.5)]
     assert inspect_model(soft.replace('stiffness="0.012"', "")).tendons == []
+    soft = soft.replace('stiffness="16"', 'stiffness="0.016"').replace('stiffness="45"', "")
+    assert inspect_model(soft).springs == [("left", 0.016, 1.6)]
 
 
 @pytest.mark.parametrize(

@@ -233,6 +233,20 @@ def test_the_exact_answer_at_a_pose(wanted):
     assert made.own_dofs(11).tolist() == list(range(7))
 
 
+def test_a_drive_without_a_damper_has_half_a_percent_in_the_exact_craft():
+    model = mujoco.MjModel.from_xml_string(CRAFT.replace(' damping="0.6"', ""))
+    made = Pose(model, QPOS, [carried(place) for place in PLACES], BAND, range(6), None)
+    data = mujoco.MjData(model)
+    data.qpos[:] = QPOS
+    mujoco.mj_forward(model, data)
+    mass = np.zeros((NV, NV))
+    mujoco.mj_fullM(model, data, mass)
+    squares, shapes = eigh(np.diag([0.0] * 6 + [40.0]), mass)
+    wanted = 2.0 * 0.005 * np.sqrt(squares[-1])
+    assert shapes[:, -1] @ made.craft.damping @ shapes[:, -1] == pytest.approx(wanted, rel=1e-6)
+    assert np.max(np.abs(made.bare.damping)) < 1e-9
+
+
 def test_axes_that_the_base_cannot_make_are_refused():
     held = mujoco.MjModel.from_xml_string(CRAFT.replace("<freejoint/>", '<joint axis="0 0 1"/>'))
     item = Carried(
