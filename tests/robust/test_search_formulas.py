@@ -20,6 +20,7 @@ from robust_doors import (
     measured_in_mujoco,
     plan_of_run,
     reaches_output,
+    samples_beside,
     simulated_gain,
     stability_limit,
     whole_count,
@@ -268,6 +269,47 @@ def test_of_all_inputs_the_reach_is_the_structured_value():
     e[2] *= 1.2
     sizes, at = made._farthest(e)
     assert (sizes[-1], at[-1]) == (pytest.approx(1.08, rel=1e-4), 2)
+
+
+def test_a_direct_loop_reaches_farthest_at_infinite_frequency():
+    """E = (1 + K D)^-1 - 1/2 there, D closed by the deltas: at the second input, not the first."""
+    a, b, c, d = PLANT
+    direct = np.array([[-0.9, 0.3], [-0.4, 0.7]])
+    plant = a, b, 0.3 * c, d + np.pad(direct, ((4, 0), (4, 0)))
+    gains = np.diag([-0.9, -0.7])
+    law = bc.spec.Controller(
+        loop=tuple(
+            bc.spec.Loop(input=u, output=y, numerator=[gain], denominator=[1.0])
+            for u, y, gain in (("u", "x", -0.9), ("v", "y", -0.7))
+        )
+    )
+    made = SampleLoops(plant, BLOCKS, ["u", "v"], ["x", "y"], law)
+
+    def middle(m):
+        delta = np.diag(DELTAS[BLOCKS])
+        inner = delta @ np.linalg.solve(np.eye(4) - m[:4, :4] @ delta, m[:4, 4:])
+        return np.linalg.inv(np.eye(2) + gains @ (m[4:, 4:] + m[4:, :4] @ inner)) - np.eye(2) / 2.0
+
+    end = np.abs(np.diag(middle(plant[3])))
+    grid = [np.abs(np.diag(middle(value(plant, 1j * w)))) for w in np.geomspace(1e-2, 1e3, 400)]
+    top = np.max(grid, axis=0)
+    assert (top > end * (1.0 + 1e-9)).tolist() == [True, False]
+    sizes, omega = made.reach(DELTAS)
+    disks = [made.figures.index((at, "disk")) for at in ("u", "v")]
+    assert sizes[disks] == pytest.approx([top[0], end[1]], rel=1e-3)
+    assert sizes[disks[1]] == pytest.approx(end[1], rel=1e-9)
+    assert np.isinf(omega[disks]).tolist() == [False, True]
+
+
+def test_either_end_of_every_range_is_tried_beside_a_sample():
+    moved = [row.tolist() for row in samples_beside(DELTAS)]
+    first, second, third = DELTAS
+    assert moved == [
+        *([end, second, third] for end in (-1.0, 1.0)),
+        *([first, end, third] for end in (-1.0, 1.0)),
+        *([first, second, end] for end in (-1.0, 1.0)),
+    ]
+    assert DELTAS.tolist() == [first, second, third]
 
 
 def test_slopes_of_a_reach_are_those_of_its_logarithm():
