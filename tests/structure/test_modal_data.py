@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from scipy import io
 from scipy.linalg import eigh
@@ -30,7 +30,7 @@ def same(a: ModalData, b: ModalData, tolerance: float = SAME) -> None:
     assert np.max(np.abs((a.rigid_mass - b.rigid_mass) / np.outer(b.scale, b.scale))) < tolerance
 
 
-@settings(max_examples=12, deadline=None, derandomize=True)
+@settings(max_examples=12, deadline=None, derandomize=True, phases=[Phase.generate])
 @given(
     seed=st.integers(0, 10_000),
     angles=st.tuples(*[st.floats(-3.0, 3.0)] * 3),
@@ -124,6 +124,17 @@ def test_modes_that_are_not_mass_normalised_state_their_generalized_mass(tmp_pat
     more = {"participation": factors.tolist(), "generalized_mass": modal.tolist()}
     path.write_text(json.dumps(rod | more))
     same(read_modes(path), plain)
+
+
+@pytest.mark.parametrize(("ratio", "says"), [(-0.01, "damping"), (1.0, "damping"), (0.99, None)])
+def test_damping_ratios_of_a_file_lie_below_one(ratio, says, tmp_path):
+    path = tmp_path / "a.json"
+    path.write_text(json.dumps(uniform_rod(damping=ratio)))
+    if says is None:
+        assert set(read_modes(path).damping.tolist()) == {ratio}
+    else:
+        with pytest.raises(InputError, match=says):
+            read_modes(path)
 
 
 def test_typed_numbers_count_their_digits(tmp_path):

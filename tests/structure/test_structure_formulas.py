@@ -166,6 +166,8 @@ def test_modes_of_a_tank_are_those_of_potential_flow():
     assert rows[1::2, 4] == pytest.approx(-part * at, rel=ROUNDED)
     squares = pull * xi * np.tanh(deep) / radius
     assert tank.frequencies()[:2] == pytest.approx(np.sqrt(squares), rel=ROUNDED)
+    # a pendulum of the length l swings at w^2 = a / l
+    assert tank.pendulums().pivots[:2] == pytest.approx(at + pull / squares, rel=ROUNDED)
     data = tank.data()
     assert data.frequencies[:4] ** 2 == pytest.approx(np.repeat(squares, 2), rel=ROUNDED)
     assert set(data.damping.tolist()) == {0.01}
