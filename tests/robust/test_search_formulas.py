@@ -323,7 +323,6 @@ def test_slopes_of_a_reach_are_those_of_its_logarithm():
         assert found == pytest.approx(wanted[:, figure], rel=2e-2, abs=2e-3)
 
 
-@pytest.mark.slow
 def test_corners_to_which_slopes_point():
     """Every corner is tried whose middle reaches farther than its neighbours, in any direction."""
     made = sample_loops()
