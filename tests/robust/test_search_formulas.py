@@ -98,6 +98,10 @@ def test_an_input_that_moves_nothing_has_no_worst_gain():
     LoopsOfSamples(still, BLOCKS, ["u", "v"], ["x", "y"], LAW, ("u", "x"))
     with pytest.raises(bc.InputError, match="'v' does not move output 'x'"):
         LoopsOfSamples(still, BLOCKS, ["u", "v"], ["x", "y"], LAW, ("v", "x"))
+    blind = *PLANT[:2], PLANT[2].copy(), PLANT[3].copy()
+    blind[2][4] = blind[3][4] = 0.0
+    with pytest.raises(bc.InputError, match="'u' does not move output 'x'"):
+        LoopsOfSamples(blind, BLOCKS, ["u", "v"], ["x", "y"], LAW, ("u", "x"))
 
 
 @pytest.mark.parametrize(("size", "kept"), [(1e-7, True), (1e-3, False)])

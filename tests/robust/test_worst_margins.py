@@ -97,6 +97,7 @@ def test_no_bound_is_sought_where_an_unstable_sample_is_found():
     push = bc.spec.Controller(loop=(loop("torque_z", "attitude_z", (-0.9 * STIFFNESS,)),))
     found = uncertain.worst_margins(push, samples=0, bound=True, seconds=1.0)  # corners alone
     assert not found.stable
+    assert all(abs(delta) <= 1.0 for row in found for delta in row.deltas.values())
     assert found.bounds == {}
     rest = rows(found, "torque_z")
     assert rest["disk"].worst == rest["disk"].proved == rest["phase"].worst == 0.0
