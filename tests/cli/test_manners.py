@@ -201,20 +201,9 @@ def test_init_writes_a_spacecraft_to_embed_into(tmp_path, capsys, monkeypatch):
     assert code == 0
     assert shlex.split(re.search(r"next: beamchain (.*)", told)[1])[:2] == ["embed", "craft.xml"]
     assert run(["init", "array", "-q"], capsys, monkeypatch)[0] == 0
-    code, told, _ = run(
-        [
-            "embed",
-            "craft.xml",
-            "--mount",
-            "mount=array.toml",
-            "-o",
-            "flexible.xml",
-            "--no-report",
-            "--json",
-        ],
-        capsys,
-        monkeypatch,
-    )
+    words = ["embed", "craft.xml", "--mount", "mount=array.toml", "-o", "flexible.xml"]
+    words += ["--no-report", "--json"]
+    code, told, _ = run(words, capsys, monkeypatch)
     assert code == 0
     assert [one["code"] for one in json.loads(told)["warning_codes"]] == ["exact-in-time"]
 

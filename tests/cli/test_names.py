@@ -114,16 +114,8 @@ def test_a_terminal_without_the_letters(tmp_path):
     write_files(tmp_path, "帆板")
     done = subprocess.run(
         [
-            sys.executable,
-            "-m",
-            "beamchain",
-            "embed",
-            "craft.xml",
-            "--mount",
-            "site:帆板=rod.toml",
-            "-o",
-            "out.xml",
-            "--no-report",
+            *(sys.executable, "-m", "beamchain", "embed", "craft.xml", "-o", "out.xml"),
+            *("--mount", "site:帆板=rod.toml", "--no-report"),
         ],
         cwd=tmp_path,
         capture_output=True,

@@ -487,6 +487,18 @@ def test_open_poles_belong_to_states_of_the_plant_or_to_the_controller():
     assert np.abs(found.vectors[:6, 6]).max() == 0.0
 
 
+def test_an_open_pole_belongs_to_the_state_whose_own_rate_moves_it_most():
+    """By differences of eigenvalues; of four states that all couple."""
+    a = np.diag([-1.0, -2.0, -3.5, -6.0]) + 0.6 * np.random.default_rng(5).normal(size=(4, 4))
+    plant = a, np.ones((4, 1)), np.ones((1, 4)), np.zeros((1, 1))
+    found = start_of_poles(loop_of_one(plant, constant([1.0]), states=("p", "q", "r", "s")))
+    step = 1e-6
+    for pole, origin in zip(found.poles, found.origins, strict=True):
+        moved = [np.linalg.eigvals(a + step * np.diag(unit)) for unit in np.eye(4)]
+        rates = [np.abs(values - pole).min() / step for values in moved]
+        assert origin.name == "pqrs"[int(np.argmax(rates))]
+
+
 def test_of_rigid_motions_at_rest_the_one_in_whose_direction_a_pole_leaves():
     origins = start_of_poles(modal_loop([(3.0, 0.05, [1.0], [1.0])] * 2, [1.0])).origins
     start = StartOfPoles(np.array([0, 1e-9, 7.0, 0]) + 0j, np.eye(4) + 0j, [origins[0]] * 4)

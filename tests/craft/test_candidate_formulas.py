@@ -60,7 +60,6 @@ def pair():
     return embedded(left=boom(), right=boom())
 
 
-@pytest.mark.slow
 def test_one_mode_more_of_every_port(pair):
     """Cantilever frequencies by the roots of cos cosh = -1, and those of a rod in torsion."""
     now = candidate(pair.appendages[0])

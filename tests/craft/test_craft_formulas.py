@@ -68,6 +68,7 @@ def form_of(b, c):
     return ModalForm(a, b, c, np.array([[0.3]]), names, ("",) * 8, weight, (2, 2))
 
 
+RANDOM = np.random.default_rng(4)
 B = np.array([[0, 0, 0.2, 0.5, 0, 1.1, 0, -0.7]]).T
 C = np.array([[1.0, -2.0, 0, 0, 0.4, 0, 0.9, 0]])
 S = 0.3 + 2.1j
@@ -84,6 +85,27 @@ def test_a_reduced_form_has_the_response_of_its_states():
     assert response(less, S)[0, 0] == pytest.approx(wanted, rel=1e-13)
     assert less.states_of("one") == [4, 5]
     assert less.oscillators(["one", "two"]) == ["one"]
+
+
+@pytest.mark.parametrize(
+    ("names", "rigid", "keep", "left", "counts"),
+    [
+        ("x y x_rate one", (2, 1), (1, 1, 1, 1), "x x_rate y one", (2, 1)),
+        ("x x_rate y_rate one", (1, 2), (1, 1, 1, 1), "x x_rate y_rate one", (1, 2)),
+        ("x y x_rate y_rate one", (2, 2), (0, 1, 0, 1, 1), "y y_rate one", (1, 1)),
+    ],
+)
+def test_a_rigid_rate_stands_behind_its_position(names, rigid, keep, left, counts):
+    names, n = tuple(names.split()), len(keep)
+    a, b = RANDOM.normal(size=(n, n)), RANDOM.normal(size=(n, 1))
+    form = ModalForm(a, b, b.T, np.eye(1), names, names, np.arange(n) + 1.0, rigid)
+    found = form.reduced(np.array(keep, dtype=bool))
+    pick = [names.index(name) for name in left.split()]
+    assert (found.names, found.units, found.rigid) == (tuple(left.split()),) * 2 + (counts,)
+    assert np.array_equal(found.a, a[np.ix_(pick, pick)])
+    assert np.array_equal(found.b, b[pick])
+    assert np.array_equal(found.c, b.T[:, pick])
+    assert np.array_equal(found.weight, np.array(pick) + 1.0)
 
 
 def test_one_input_drives_one_rigid_direction():

@@ -150,14 +150,9 @@ def test_exit_status_and_json_say_whether_the_promise_is_kept(tmp_path):
     (tmp_path / "craft.xml").write_text(LIGHT)
     for name, more, met in (("kept", {}, True), ("typed", {"modes": {"xy": 1, "xz": 1}}, False)):
         (tmp_path / f"{name}.toml").write_text(toml(boom(**more)))
-        words = [
-            "embed",
-            tmp_path / "craft.xml",
-            "--mount",
-            f"place={tmp_path / name}.toml",
-            "-o",
-            tmp_path / f"{name}.xml",
-        ]
+        at = f"place={tmp_path / name}.toml"
+        out = tmp_path / f"{name}.xml"
+        words = ["embed", tmp_path / "craft.xml", "--mount", at, "-o", out]
         answer = call(*words, "--no-report", "--json")
         record = answer.record
         assert answer.status == (0 if met else 3)
@@ -179,13 +174,8 @@ def test_everything_shown_is_of_the_band_and_the_axes_asked_for(tmp_path):
     assert assembly.in_band == pytest.approx(done.craft_error, rel=AGREE)
     beyond = [m for m in assembly.modes if m.kept and m.exact is not None and m.exact > 10.0]
     assert max(abs(m.error) for m in beyond) > 10 * assembly.worst
-    words = [
-        tmp_path / "craft.xml",
-        "--mount",
-        f"place={tmp_path / 'boom.toml'}",
-        "-o",
-        tmp_path / "out.xml",
-    ]
+    at = f"place={tmp_path / 'boom.toml'}"
+    words = [tmp_path / "craft.xml", "--mount", at, "-o", tmp_path / "out.xml"]
     told = call("embed", *words, "--no-retime").out
     assert told.count("beyond the band") == len(beyond)
     said = " ".join(told.split())

@@ -288,6 +288,7 @@ EMBED = {
             ({"place_upper:tip": "joint_fore"}, ("no port 'tip'",)),
             ({"nowhere:end": "joint_fore"}, ("no appendage", "'nowhere'")),
             ({"place_upper": "joint_fore"}, ("names no port",)),
+            ({":end": "joint_fore"}, ("names no port",)),
             ({"place_upper:end": ["joint_fore", "joint_fore"]}, ("hangs on one port",)),
             ({"place_upper:end": 3}, ("carry",)),
             (["place_upper:end=joint_fore"], ("bodies by port",)),

@@ -107,63 +107,31 @@ class TestStyles:
         assert assembly.in_band < 10 * COUPLED
 
 
+NUMBERS = """mass inertia ipos iquat pos quat stiffness damping armature frictionloss range axis
+size friction rgba gear ctrlrange springref group fovy"""
+
+
 class TestTheUsersFile:
     @pytest.mark.slow
     def test_every_number_of_the_craft(self, observer):
         """By name through MuJoCo's own accessors, apart from the comparison embed itself makes."""
         before = mujoco.MjModel.from_xml_path(str(CRAFTS / "observer.xml"))
         after, checked = observer.model, 0
-        for kind in (
-            "body",
-            "joint",
-            "geom",
-            "site",
-            "camera",
-            "light",
-            "actuator",
-            "sensor",
-            "mesh",
-            "material",
-        ):
-            count = {
-                "body": before.nbody,
-                "joint": before.njnt,
-                "geom": before.ngeom,
-                "site": before.nsite,
-                "camera": before.ncam,
-                "light": before.nlight,
-                "actuator": before.nu,
-                "sensor": before.nsensor,
-                "mesh": before.nmesh,
-                "material": before.nmat,
-            }[kind]
-            for i in range(count):
+        kinds = {
+            "body": "nbody",
+            "joint": "njnt",
+            "geom": "ngeom",
+            "site": "nsite",
+            "mesh": "nmesh",
+        }
+        kinds |= {"camera": "ncam", "light": "nlight", "actuator": "nu", "sensor": "nsensor"}
+        for kind, count in {**kinds, "material": "nmat"}.items():
+            for i in range(getattr(before, count)):
                 a = getattr(before, kind)(i)
                 if not a.name:
                     continue
                 b = getattr(after, kind)(a.name)
-                for field in (
-                    "mass",
-                    "inertia",
-                    "ipos",
-                    "iquat",
-                    "pos",
-                    "quat",
-                    "stiffness",
-                    "damping",
-                    "armature",
-                    "frictionloss",
-                    "range",
-                    "axis",
-                    "size",
-                    "friction",
-                    "rgba",
-                    "gear",
-                    "ctrlrange",
-                    "springref",
-                    "group",
-                    "fovy",
-                ):
+                for field in NUMBERS.split():
                     if hasattr(a, field):
                         np.testing.assert_array_equal(
                             getattr(a, field), getattr(b, field), err_msg=f"{a.name} {field}"
@@ -222,16 +190,8 @@ class TestTheUsersFile:
 
     @pytest.mark.slow
     def test_one_taken_out(self, written, tmp_path):
-        words = [
-            "embed",
-            written,
-            "--remove",
-            "-o",
-            tmp_path / "left.xml",
-            "--no-report",
-            "--json",
-            "--mount",
-        ]
+        words = ["embed", written, "--remove", "-o", tmp_path / "left.xml"]
+        words += ["--no-report", "--json", "--mount"]
         answer = call(*words, "left")
         assert [a["at"] for a in answer.record["appendages"]] == ["right", "boom_mount"]
         assert [path.name for path in tmp_path.iterdir()] == ["left.xml"]  # in one piece, as it was
@@ -544,16 +504,9 @@ class TestFlexiblePanel:
 class TestCommand:
     @pytest.mark.slow
     def test_json_table_plot_and_remove(self, tmp_path, capsys, monkeypatch):
-        out = tmp_path / "out.xml"
-        picture = tmp_path / "hub.svg"
-        words = [
-            "embed",
-            str(CRAFTS / "planar.xml"),
-            "--mount",
-            f"mount={spec('rod')}",
-            "-o",
-            str(out),
-        ]
+        out, picture = tmp_path / "out.xml", tmp_path / "hub.svg"
+        craft, at = CRAFTS / "planar.xml", f"mount={spec('rod')}"
+        words = ["embed", str(craft), "--mount", at, "-o", str(out)]
         answer = call(*words, "--json", "--no-report", "--plot", picture)
         record = answer.record
         assert answer.status == 0

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import beamchain as bc
+from beamchain.craft.source import linear_omissions
 from formulas import (
     energy_words,
     far_mount,
@@ -235,3 +236,25 @@ def test_modes_are_named_after_the_port_that_they_move_most():
         "arm_mode1_xz",
         "arm_mode2_xy",
     ]
+
+
+def test_soft_springs_are_listed_and_slack_ones_are_not():
+    soft = MODEL.format(damper=0.3).replace('stiffness="12"', 'stiffness="0.012"')
+    assert inspect_model(soft).tendons == [("rope", 0.012, 0.6, 0.5)]
+    assert inspect_model(soft.replace('stiffness="0.012"', "")).tendons == []
+    soft = soft.replace('stiffness="16"', 'stiffness="0.016"').replace('stiffness="45"', "")
+    assert inspect_model(soft).springs == [("left", 0.016, 1.6)]
+
+
+@pytest.mark.parametrize(
+    ("option", "codes"),
+    [
+        ('gravity="0 0 0"', []),
+        ('gravity="0 0 -1e-3"', ["gravity"]),
+        ('gravity="0 0 0" density="0.01"', ["medium"]),
+        ('gravity="0 0 0" viscosity="1e-5"', ["medium"]),
+    ],
+)
+def test_any_gravity_or_medium_is_left_out_of_a_plant(option, codes):
+    model = mujoco.MjModel.from_xml_string(f"<mujoco><option {option}/></mujoco>")
+    assert [each.code for each in linear_omissions(model)] == codes

@@ -39,7 +39,7 @@ def test_modes_get_the_damping_that_they_lack(undamped):
     """Rigid, undamped, hardly damped and damped: none has less than 1e-5, the undamped theirs."""
     shapes = np.eye(4) + 0.3 * RNG.standard_normal((4, 4))
     w = np.array([0.0, 3.0, 5.0, 11.0])
-    ratios = np.array([0.0, 0.0, 1e-7, 0.02])
+    ratios = np.array([0.0, 0.0, 5e-6, 0.02])
     wanted = np.array([0.0, undamped, 1e-5, 0.02])
     mass, stiffness = by_modes(shapes, np.ones(4)), by_modes(shapes, w**2)
     damping = by_modes(shapes, 2.0 * ratios * w)
@@ -231,6 +231,20 @@ def test_the_exact_answer_at_a_pose(wanted):
             np.testing.assert_allclose(found[0], exact, rtol=1e-6, atol=1e-9)
     assert [part.tolist() for part in made.modal_coordinates] == [[7, 8], [9, 10]]
     assert made.own_dofs(11).tolist() == list(range(7))
+
+
+def test_a_drive_without_a_damper_has_half_a_percent_in_the_exact_craft():
+    model = mujoco.MjModel.from_xml_string(CRAFT.replace(' damping="0.6"', ""))
+    made = Pose(model, QPOS, [carried(place) for place in PLACES], BAND, range(6), None)
+    data = mujoco.MjData(model)
+    data.qpos[:] = QPOS
+    mujoco.mj_forward(model, data)
+    mass = np.zeros((NV, NV))
+    mujoco.mj_fullM(model, data, mass)
+    squares, shapes = eigh(np.diag([0.0] * 6 + [40.0]), mass)
+    wanted = 2.0 * 0.005 * np.sqrt(squares[-1])
+    assert shapes[:, -1] @ made.craft.damping @ shapes[:, -1] == pytest.approx(wanted, rel=1e-6)
+    assert np.max(np.abs(made.bare.damping)) < 1e-9
 
 
 def test_axes_that_the_base_cannot_make_are_refused():

@@ -579,12 +579,10 @@ springs = "modes"
 @pytest.mark.parametrize(
     ("turn", "units", "kind"),
     [
-        (0.0, (1.0, 1.0), "toml"),
-        (0.5, (1e-3, 1e3), "npz"),
-        (0.0, (1.0, 1.0), "matrices"),
+        (0.5, (1e-3, 1e3), "toml"),
+        pytest.param(0.0, (1.0, 1.0), "matrices", marks=pytest.mark.slow),
     ],
 )
-@pytest.mark.slow
 def test_rows_over_imported_modes(tmp_path, turn, units, kind):
     """One mode of each plane is kept; those that are not give the static part."""
     spec = imported(tmp_path, turn, units, kind)
@@ -607,10 +605,10 @@ def test_rows_over_imported_modes(tmp_path, turn, units, kind):
     force, moment = TRUTH.load(0.0, moved, accelerated)
     assert off(found.root_force[:, 1], force) < 2.0 * WHOLE
     assert off(found.root_moment[:, 2], moment) < 2.0 * WHOLE
-    # from the file that is written, which names the rows
-    flexible.write(tmp_path / "flexible.xml")
-    proof = bc.prove(tmp_path / "flexible.xml")
-    assert proof.recover(data).rows == pytest.approx(found.rows, rel=EXACT, abs=1e-18)
+    if kind == "matrices":  # from the file that is written, which names the rows
+        flexible.write(tmp_path / "flexible.xml")
+        proof = bc.prove(tmp_path / "flexible.xml")
+        assert proof.recover(data).rows == pytest.approx(found.rows, rel=EXACT, abs=1e-18)
     extreme = next(e for e in found.extremes if e.quantity == "Mz")
     assert extreme.unit == "N m"
     assert extreme.x is None

@@ -394,23 +394,9 @@ def test_uncertain_modes_get_tendons_by_themselves():
 
 def test_the_command(folder, swept, tmp_path):
     (tmp_path / "craft.toml").write_text("[joint.drive]\nstiffness = { relative = 0.1 }\n")
-    arguments = [
-        "sweep",
-        folder / "craft.xml",
-        "--mount",
-        f"plate={folder / 'plate.toml'}",
-        "--workers",
-        1,
-    ]
-    arguments += [
-        "--uncertain",
-        tmp_path / "craft.toml",
-        "-o",
-        tmp_path / "out",
-        "--samples",
-        6,
-        "--json",
-    ]
+    at = f"plate={folder / 'plate.toml'}"
+    arguments = ["sweep", folder / "craft.xml", "--mount", at, "--workers", 1, "--json"]
+    arguments += ["--uncertain", tmp_path / "craft.toml", "-o", tmp_path / "out", "--samples", 6]
     answer = call(*arguments, "--gain", "torque:bus=attitude", "--gain", "wheel=rate")
     assert answer.status == 0, answer.err
     record = answer.record

@@ -85,20 +85,14 @@ def test_no_prefix_says_the_appendages_name_twice(places, prefixes):
     assert [file.model.body(f"{prefix}link1").id for prefix in prefixes]
 
 
-@pytest.mark.slow
-def test_a_second_equal_appendage_leaves_the_first_its_prefix(one, tmp_path):
-    file = one.write(tmp_path / "one.xml")[-1]
-    both = bc.embed(file, {"-y": PANEL}, retime=False)
-    assert {a.at: a.prefix for a in both.appendages} == {"+y": "array_", "-y": "array_-y_"}
-
-
-@pytest.mark.slow
-def test_an_appendage_embedded_again_keeps_its_prefix(flexible, tmp_path):
-    both = flexible.write(tmp_path / "both.xml")[-1]
-    again = bc.embed(both, {"+y": PANEL.replace(modes=1)}, retime=False)
-    assert {a.at: a.prefix for a in again.appendages} == {
-        a.at: a.prefix for a in flexible.appendages
-    }
+def test_a_second_equal_appendage_leaves_the_first_its_prefix_as_does_a_new_one_in_its_place():
+    panel = PANEL.replace(modes={"xy": 1, "xz": 0})
+    file = bc.embed(CRAFT, {"+y": panel}, rigid=True).to_mjcf()
+    both = bc.embed(file, {"-y": panel}, rigid=True)
+    prefixes = {"+y": "array_", "-y": "array_-y_"}
+    assert {a.at: a.prefix for a in both.appendages} == prefixes
+    again = bc.embed(both.to_mjcf(), {"+y": panel.replace(modes={"xy": 2, "xz": 0})}, rigid=True)
+    assert {a.at: a.prefix for a in again.appendages} == prefixes
 
 
 def rigid_inertia(model, qpos):

@@ -119,6 +119,8 @@ def test_directions_without_torque_are_those_of_the_fewest():
     plane = np.array([[1.0, 0.9, -0.85], [0.0, 0.4, 0.39], [0.0, 0.0, 0.0]])
     (only,) = null_directions(plane, ("a", "b", "c"))
     assert only == pytest.approx({"a": 1.0, "b": -0.975 / 1.7275, "c": 1.0 / 1.7275})
+    (other,) = null_directions(plane[:, [1, 0, 2]], ("b", "a", "c"))
+    assert other == pytest.approx(only)
     assert null_directions(np.diag([1.0, 2.0, 3.0]), ("a", "b", "c")) == []
     # whatever the unit
     assert null_directions(1e-9 * pair, ("a", "b", "c")) == null_directions(pair, ("a", "b", "c"))

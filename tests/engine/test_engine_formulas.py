@@ -1,14 +1,18 @@
-"""Tests an internal, `engine.constraints`, too.
+"""Tests internals of `engine` too: `constraints`, `door`, `hanging`, `jobs`, `library`.
 
 Closed forms beside the formulas of what is read from a model."""
+
+from types import SimpleNamespace
 
 import mujoco
 import numpy as np
 import pytest
+from lxml import etree
 from scipy.spatial.transform import Rotation
 
 from beamchain import InputError, Linear, PortModel
-from beamchain.engine import constraints
+from beamchain.engine import constraints, door, jobs, library
+from beamchain.engine.hanging import sprung_by_acceleration
 from formulas import (
     Activations,
     Carrying,
@@ -359,7 +363,7 @@ def test_one_worker_is_a_number_of_workers():
 
 @pytest.mark.parametrize("stiffness", [0.5, 50.0, 5e4])
 def test_the_accelerance_as_a_sum_of_poles_of_a_damped_oscillator(stiffness):
-    """3 q'' + 0.7 q' + k q = f, beside a body of 2 kg that it pulls along."""
+    """A spring and a damper on q, beside a body x that it pulls along; both pushed and seen."""
     names = (Signal("u", "N"),)
     mass = np.array([[3.0, 1.0], [1.0, 2.0]])
     damping, spring = np.diag([0.7, 0.0]), np.diag([stiffness, 0.0])
@@ -369,15 +373,74 @@ def test_the_accelerance_as_a_sum_of_poles_of_a_damped_oscillator(stiffness):
         damping,
         spring,
         (Signal("q", "m"), Signal("x", "m")),
-        Inputs(names, np.array([[1.0], [0.0]])),
-        Outputs(names, none, none, np.array([[1.0, 0.0]]), np.zeros((1, 1))),
+        Inputs(names, np.array([[1.0], [0.4]])),
+        Outputs(names, none, none, np.array([[1.0, 0.7]]), np.zeros((1, 1))),
         Activations((), np.zeros((2, 0)), np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0))),
     )
     omega = np.array([0.3, 4.0, 90.0])
     found = fractions_of(made)(omega)[0, 0]
-    free = 3.0 - 1.0 / 2.0
-    wanted = -(omega**2) / (stiffness + 0.7j * omega - free * omega**2)
+    moved = [np.linalg.solve(spring + 1j * w * damping - w**2 * mass, [1.0, 0.4]) for w in omega]
+    wanted = -(omega**2) * (np.array(moved) @ [1.0, 0.7])
     assert found == pytest.approx(wanted, rel=1e-9)
+
+
+# -- small ones ------------------------------------------------------------------------------------
+@pytest.mark.parametrize("quat", ["1 0 0 0", ".8 0 .36 .48"])
+def test_a_pendulum_is_sprung_by_its_weight_against_the_axis_of_its_root(quat):
+    """m a l, 2 kg half a metre down, however the root is turned; what has no spring gets none."""
+    element = etree.fromstring(
+        f"""<mujoco><worldbody><body name="root" quat="{quat}"><inertial pos="0 0 0" mass="1"
+        diaginertia="1 1 1"/><body name="free"><joint name="free" axis="1 0 0"/><inertial
+        pos="0 0 0" mass="1" diaginertia="1 1 1"/><body name="ball" pos=".2 0 0"><joint name="swing"
+        axis="0 1 0" stiffness="0"/><inertial pos="-.5 0 0" mass="2" diaginertia="1 1 1"/></body>
+        </body></body></worldbody></mujoco>"""
+    )
+    free, swing = sprung_by_acceleration(element, 3.0).iter("joint")
+    assert float(swing.get("stiffness")) == pytest.approx(2.0 * 3.0 * 0.5, rel=1e-6)
+    assert free.get("stiffness") is None
+    assert [joint.get("stiffness") for joint in element.iter("joint")] == [None, "0"]
+
+
+def test_jobs_in_this_process_come_back_in_their_order():
+    told = []
+    found = jobs.run_jobs(pow, [(2, 3), (3, 2)], progress=lambda *done: told.append(done))
+    assert found == [8, 9]
+    assert told == [(0, 2), (1, 2), (2, 2)]
+    assert jobs.run_jobs(pow, [(2, 5)]) == [32]
+
+
+@pytest.mark.parametrize(("stiffness", "well"), [(1e2, True), (1e9, False)])
+def test_a_model_that_its_step_tears_apart_steps_badly(stiffness, well):
+    spring = f'<joint name="j" type="slide" stiffness="{stiffness}"/>'
+    link = f'<body>{spring}<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body>'
+    assert door.steps_well(craft(link)) is well
+
+
+def test_ports_of_one_appendage_have_each_six_columns_of_its_tip():
+    tip = np.arange(24.0).reshape(2, 12)
+    model = PortModel(np.eye(6), np.array([1.0, 2.0]), np.zeros((2, 6)), tip=tip)
+    rigid = PortModel(np.eye(6), np.zeros(0), np.zeros((0, 6)))
+    ports = SimpleNamespace(ports=((1, 1), (1, 0), (0, 0)))
+    assert np.array_equal(Carrying.tip(ports, [rigid, model], 0), tip[:, 6:])
+    assert np.array_equal(Carrying.tip(ports, [rigid, model], 1), tip[:, :6])
+    assert Carrying.tip(ports, [rigid, model], 2).shape == (0, 6)
+
+
+# -- threads ---------------------------------------------------------------------------------------
+def test_within_one_thread_openblas_has_one_and_then_as_many_as_before():
+    switches = library._switches()
+    before = [get() for get, _ in switches]
+    try:
+        for _, put in switches:
+            put(2)
+        with library.one_thread():
+            with library.one_thread():
+                assert [get() for get, _ in switches] == [1] * len(switches)
+            assert [get() for get, _ in switches] == [1] * len(switches)
+        assert [get() for get, _ in switches] == [2] * len(switches)
+    finally:
+        for (_, put), count in zip(switches, before, strict=True):
+            put(count)
 
 
 # -- constraints -----------------------------------------------------------------------------------

@@ -145,17 +145,8 @@ def test_render_without_ffmpeg_says_so(boom, tmp_path, monkeypatch, without_ffmp
     monkeypatch.setattr(
         draw, "draw_frames", lambda model, body, shown, ghosts, **_: iter([blank] * len(shown))
     )
-    arguments = [
-        "render",
-        str(boom / "scene.xml"),
-        "-o",
-        str(tmp_path / "o"),
-        "--width",
-        "64",
-        "--height",
-        "64",
-        "--quiet",
-    ]
+    arguments = ["render", str(boom / "scene.xml"), "-o", str(tmp_path / "o"), "--quiet"]
+    arguments += ["--width", "64", "--height", "64"]
     done = CliRunner().invoke(app, arguments)
     assert done.exit_code == 3
     assert "no scene.mp4 was made, as there is no ffmpeg" in done.stderr
@@ -219,18 +210,9 @@ def looks(picture):
 @RENDERERS
 def test_render(renderer, boom, tmp_path):
     check(renderer)
-    arguments = [
-        "render",
-        str(boom / "scene.xml"),
-        "-o",
-        "pictures",
-        "--width",
-        "200",
-        "--height",
-        "120",
-        "--json",
-    ]
-    done = command([*arguments, "--exaggerate", "3"], tmp_path, MUJOCO_GL=renderer)
+    arguments = ["render", str(boom / "scene.xml"), "-o", "pictures", "--json"]
+    arguments += ["--width", "200", "--height", "120", "--exaggerate", "3"]
+    done = command(arguments, tmp_path, MUJOCO_GL=renderer)
     assert done.returncode == (0 if film._ffmpeg() else 3), done.stderr
     told = json.loads(done.stdout)
     assert told["renderer"] == renderer
@@ -252,19 +234,8 @@ def test_modes_of_a_craft_without_sky_and_light_are_drawn_like_others(tmp_path):
     text = (tmp_path / "flexible.xml").read_text()
     assert "skybox" not in text
     assert "<light" not in text
-    arguments = [
-        "render",
-        "flexible.xml",
-        "-o",
-        "o",
-        "--modes",
-        "1",
-        "--width",
-        "180",
-        "--height",
-        "120",
-        "--json",
-    ]
+    arguments = ["render", "flexible.xml", "-o", "o", "--modes", "1", "--json"]
+    arguments += ["--width", "180", "--height", "120"]
     done = command(arguments, tmp_path, MUJOCO_GL=renderer)
     assert done.returncode == (0 if film._ffmpeg() else 3), done.stderr
     told = json.loads(done.stdout)["modes"]

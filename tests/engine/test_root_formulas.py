@@ -6,7 +6,12 @@ import pytest
 
 import beamchain as bc
 from beamchain.engine.combinations import inputs_of, outputs_of
-from beamchain.engine.operating_point import operating_point, state_at
+from beamchain.engine.operating_point import (
+    is_cyclic,
+    operating_point,
+    state_at,
+    value_text,
+)
 from beamchain.engine.root_motion import STATE, Root, Run, motion_of
 from beamchain.engine.unchanged import differences, ids_of, others
 
@@ -137,6 +142,25 @@ def test_poses_by_name_and_number():
     for name, rate in (("free", 1.0), ("none", 0.0)):
         with pytest.raises(bc.InputError, match=name):
             operating_point(model, "first", {name: rate})
+
+
+def test_joints_that_slide_and_wheels_that_are_balanced():
+    """The mass matrix does not know the angle of a balanced wheel, if nothing else hangs on it."""
+    text = CRAFT.split("<keyframe>")[0] + "</mujoco>"
+    slide = '<joint name="rail" type="slide"/>'
+    model = mujoco.MjModel.from_xml_string(
+        text.replace('<joint name="drive"', slide + '<joint name="drive"')
+    )
+    wheel, rail, drive = (model.joint(name).id for name in ("wheel", "rail", "drive"))
+    for pose in (model.qpos0, model.qpos0 + 0.3):
+        assert [is_cyclic(model, np.array(pose), joint) for joint in (wheel, rail, drive)] == [
+            True,
+            False,
+            False,
+        ]
+    assert value_text(model, rail, -0.25) == "-0.25 m"
+    assert value_text(model, drive, np.pi / 6.0) == "30°"
+    assert value_text(model, drive, -1e-15) == "0°"
 
 
 # -- names -----------------------------------------------------------------------------------------

@@ -16,8 +16,6 @@ from beamchain import fit
 from spinning import FLAP, spinning
 
 PRINTED = 2e-5  # four decimals of 3.5
-# the issue's own, flap and lag; 0.32, 0.80 and 0.11, 0.27 % measured
-AT_FIVE = {3: (0.004, 0.009), 5: (0.0015, 0.003)}
 
 
 @cache
@@ -38,13 +36,6 @@ def test_at_rest_both_planes_are_the_cantilever(n):
     flap, lag = errors(n, 0)
     assert np.max(np.abs(flap)) < PRINTED
     assert np.max(np.abs(lag)) < PRINTED
-
-
-@pytest.mark.parametrize("n", AT_FIVE)
-def test_first_frequency_at_eta_five(n):
-    flap, lag = errors(n, 5)
-    assert abs(flap[0]) < AT_FIVE[n][0]
-    assert abs(lag[0]) < AT_FIVE[n][1]
 
 
 def test_theory_s_figure_at_eta_one():

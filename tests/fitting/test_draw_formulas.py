@@ -1,4 +1,4 @@
-"""Tests internals, `fitting.varied`, too.
+"""Tests internals, `fitting.varied` and `fitting.uncertain.correlate`, too.
 
 Closed forms beside uncertain numbers: what a draw makes of a quantity, what a correlation may
 be, and the waves that fit into a beam."""
@@ -7,9 +7,11 @@ from zlib import crc32
 
 import numpy as np
 import pytest
+from scipy.linalg import sqrtm
 from scipy.special import ndtr
 
 import beamchain as bc
+from beamchain.fitting.uncertain import correlate
 from beamchain.fitting.varied import structural_draw, structural_quantities, vary_spec
 from formulas import half_waves
 
@@ -78,6 +80,23 @@ def test_a_matrix_that_is_a_correlation_is_taken_as_it_is():
     names, matrix = ("a.frequency", "b.frequency"), ((1.0, -0.5), (-0.5, 1.0))
     taken = bc.spec.Correlation(of=names, matrix=matrix)
     assert np.array_equal(taken.matrix, matrix)
+
+
+def test_scores_are_correlated_by_the_symmetric_root():
+    """Two of four columns, in the order of their names; what is wholly correlated is the same."""
+    scores = np.random.default_rng(2).normal(size=(5, 4))
+    places = {"a": 0, "b": 1, "c": 2, "d": 3}
+
+    def correlated(of, matrix):
+        return correlate(scores, places, (bc.spec.Correlation(of=of, matrix=matrix),))
+
+    matrix = ((1.0, 0.6, 0.0), (0.6, 1.0, -0.3), (0.0, -0.3, 1.0))
+    found = correlated(("d", "a", "c"), matrix)
+    assert found[:, [3, 0, 2]] == pytest.approx(scores[:, [3, 0, 2]] @ sqrtm(np.array(matrix)))
+    assert np.array_equal(found[:, 1], scores[:, 1])
+    same = correlated(("a", "b"), ((1.0, 1.0), (1.0, 1.0)))
+    assert same[:, 0] == pytest.approx(same[:, 1])
+    assert same[:, 0] == pytest.approx((scores[:, 0] + scores[:, 1]) / np.sqrt(2.0))
 
 
 # -- structures ------------------------------------------------------------------------------------

@@ -1,8 +1,11 @@
 """Closed forms beside the formulas of a choice of modes."""
 
+import json
+import tomllib
 from dataclasses import dataclass, field
 from types import SimpleNamespace
 
+import msgspec
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -10,7 +13,10 @@ from scipy.optimize import brentq
 import beamchain as bc
 from beamchain import PortModel
 from beamchain.caution import Caution
+from beamchain.fitting.choose import everything
+from beamchain.fitting.fit import _with_integrator as with_integrator
 from beamchain.fitting.spec import schema
+from beamchain.fitting.spec_text import spec_toml
 from beamchain.structure.section import SOFT
 from formulas import (
     Promise,
@@ -345,6 +351,64 @@ def test_a_beam_has_all_modes_up_to_25_bands():
     found = whole_beam(spec, spec.beam)
     assert list(found) == ["xy", "xz"]
     assert found["xy"].frequencies[:28] == pytest.approx(w, rel=1e-9)
+
+
+@pytest.mark.parametrize(("inside", "counts"), [(0, (1, 1)), (3, (3, 1)), (7, (5, 1))])
+def test_of_everything_modes_up_to_three_bands_are_kept_one_to_five(inside, counts):
+    w = cantilever(8, 400.0, 1.7, 3.0)
+    band = (w[0] / 2.0 if inside == 0 else (w[inside - 1] + w[inside]) / 2.0) / 3.0
+    scene = bc.Scene(bandwidth=band, tolerance=0.5, axes=("z",))
+    hub = bc.Hub(mass=1e6, inertia=(1e6, 1e6, 1e6))
+    spec = boom(xz=1e9, scene=scene, root=bc.spec.Root(hub=hub))
+    kept = everything(spec).modes
+    assert (kept.xy, kept.xz) == counts
+    assert not kept.torsion
+
+
+def test_everything_of_imported_modes_are_all(tmp_path):
+    mass = np.diag([8.0, 8.0, 8.0, 0.5, 30.0, 30.0]).tolist()
+    rows = np.eye(6)[:, [1, 2]].tolist()
+    modes = {"mass": mass, "frequencies": [2.0, 3.0], "participation": rows}
+    (tmp_path / "modes.json").write_text(json.dumps(modes))
+    imported = bc.spec.Imported(file=str(tmp_path / "modes.json"))
+    spec = bc.Spec(imported=imported, scene=bc.Scene(bandwidth=1.0))
+    assert everything(spec).imported.modes == (1, 2)
+    for given in ({}, {"scene": bc.Scene()}):
+        with pytest.raises(bc.InputError, match="nothing is left out"):
+            everything(boom(**given))
+
+
+def test_a_specification_as_text_reads_back_and_leaves_defaults_out():
+    lump = bc.Lump(x=1.0, mass=2.0, inertia=(0.1, 0.2, 0.3))
+    spec = boom(
+        lump=(lump, bc.Lump(x=2.0, mass=3.0)),
+        damping=bc.Damping(ratio={"xy": (0.01, 0.02)}),
+        root=bc.spec.Root(hub=bc.Hub(mass=7.0, inertia=(3.0, 4.0, 5.0))),
+        modes=bc.Modes(xy=2),
+        scene=bc.Scene(timestep=0.01, axes=("z", "ty")),
+    )
+    text = spec_toml(spec)
+    assert msgspec.convert(tomllib.loads(text), bc.Spec) == spec
+    assert tomllib.loads(text)["lump"][1] == {"x": 2.0, "mass": 3.0}
+    assert tomllib.loads(text)["segment"][0]["section"]["shape"] == "equivalent"
+    assert "tolerance" not in text
+
+
+@pytest.mark.parametrize(("spherical", "chosen"), [(True, "Euler"), (False, "RK4")])
+def test_auto_is_euler_where_the_whole_turns_as_a_ball(spherical, chosen):
+    """5.1 kg of boom about the middle of it, where the hub stands: what turns alike about all axes
+    does not tumble, so that no step errs."""
+    across = 1.7 * 3.0 * 3.0**2 / 12.0
+    less = across if spherical else 0.5 * across
+    hub = bc.Hub(mass=7.0, inertia=(9.0, 9.0 - less, 9.0 - less), offset=(-1.5, 0.0, 0.0))
+    scene = bc.Scene(integrator="auto", rates=(0.9, 0.5, 0.7), timestep=0.05, tolerance=1e-6)
+    spec = boom(scene=scene, root=bc.spec.Root(hub=hub))
+    found = with_integrator(spec, spec.beam.rigid_mass())
+    assert found.scene.integrator == chosen
+    with pytest.raises(bc.InputError, match=r"add root\.hub"):
+        with_integrator(boom(scene=scene), spec.beam.rigid_mass())
+    stated = boom(scene=bc.Scene(integrator="implicit"))
+    assert with_integrator(stated, np.eye(6)) is stated
 
 
 def test_the_modes_of_a_beam_that_are_kept_stand_among_all_in_their_order():

@@ -1,5 +1,6 @@
 """What a fit says of itself, of models whose errors are known."""
 
+import dataclasses
 from types import SimpleNamespace
 
 import numpy as np
@@ -189,6 +190,58 @@ def test_the_turn_is_that_of_the_hub_with_its_appendage(monkeypatch):
     assert rest[1:] == [0.05, "RK4"]
     assert made(spec=scene(rates=rates)).turn_error is None
     assert made(spec=scene(hub=HUB)).turn_error is None
+
+
+@pytest.mark.parametrize("made_for_it", [True, False])
+def test_a_file_that_is_made_for_its_step_has_no_other(made_for_it, monkeypatch):
+    """The marks of timing stand in the file itself, not in the one that it is compared with."""
+    monkeypatch.setattr(result_module, "timing_marks", lambda text: ["mark"] * (text == "timed"))
+    monkeypatch.setattr(result_module, "choose_step", lambda model, hub, keep, *_, **__: keep)
+    mass = SimpleNamespace(rigid_mass=np.eye(6))
+    measured = SimpleNamespace(motion=mass, live=tuple(range(6)), rigid_mass=np.eye(6))
+    spec = scene(bandwidth=10.0, integrator="RK4", step=0.02, axes=("z", "ty"))
+    spec.undamped_ratio = 0.005
+    fit = made(spec=spec, measured=measured)
+    fit.__dict__["time_error"] = object()
+    fit.__dict__["_scenes"] = ("timed", "plain") if made_for_it else ("plain", "timed")
+    if made_for_it:
+        ((integrator, step, *_, cost),) = map(dataclasses.astuple, fit.steps)
+        assert (integrator, step, cost) == ("RK4", 0.02, 1.0)
+    else:  # of the motions that matter
+        assert fit.steps == [1, 5]
+    assert made().steps == ()
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_the_resonance_that_a_step_shifts_is_blamed_on_the_tendon_it_strains_most(
+    first, monkeypatch
+):
+    """Two tendons, each strained by one of two modes twice as much as the other; the mode next to
+    the peak counts."""
+    rows = np.array([[2.0, 1.0], [1.0, 2.0]])[:, [first, 1 - first]]
+    still = SimpleNamespace(squares=np.array([4.0, 25.0]), shapes=np.eye(2))
+    modal = SimpleNamespace(names=("one", "two"), rows=rows, stiffness=np.array([3.0, 3.0]))
+    peak = SimpleNamespace(
+        frequency=2.2, explains=lambda error, model: error > model, words=lambda name: name
+    )
+    monkeypatch.setattr(result_module, "motion_at", lambda _: still)
+    monkeypatch.setattr(result_module, "shifted_peak", lambda *_: peak)
+    monkeypatch.setattr(result_module, "modal_tendons", lambda _: modal)
+
+    def blamed(error, promise=1e-4):
+        spec = scene(tolerance=1e-3, bandwidth=10.0, hub=HUB, step=0.01)
+        spec.undamped_ratio = 0.005
+        fit = sampled(made(promise=promise, spec=spec), error)
+        fit.__dict__["_sampled"].frequency = 2.0
+        fit.__dict__["_scenes"] = (None, None)
+        return fit.blamed
+
+    assert blamed(5e-3) == ("one", "two")[first]
+    modal.stiffness[:] = np.array([1.0, 5.0])[[first, 1 - first]]
+    assert blamed(5e-3) == ("two", "one")[first]
+    assert blamed(5e-4) == blamed(np.inf) == blamed(5e-3, promise=9e-3) == ""
+    modal.names = ()
+    assert blamed(5e-3) == ""
 
 
 # -- imported modes --------------------------------------------------------------------------------

@@ -260,7 +260,7 @@ def test_what_disturbs_above_the_modes_kept_is_told(speed, top, words):
     )
     orders = (SimpleNamespace(order=1.0), SimpleNamespace(order=3.0))
     wheel = SimpleNamespace(speeds=(speed, 0.5), orders=orders)
-    noise = SimpleNamespace(frequency=(0.1, top))
+    noise = SimpleNamespace(frequency=(0.1, 0.2, top))
     given = SimpleNamespace(wheel=(wheel,), psd=(noise,))
     found = beyond_modes_kept(SimpleNamespace(craft=craft), given)
     assert len(found) == bool(words)
@@ -414,6 +414,9 @@ def test_a_run_of_two_orders_measures_their_amplitudes():
     count = int(np.ceil(5e7 / 0.5)) + int(np.ceil(40.0 * np.pi / 1e-3 / 0.5))
     with pytest.raises(bc.InputError, match=f"take {count} steps of 0.5 s"):
         run_wheel(craft, [force], slow, 0, 1e7)
+    slower = [Acting(1e-4, np.array([1.0]), 0.0)]
+    with pytest.raises(bc.InputError, match="more than the 2000000 taken"):
+        run_wheel(craft, [force], slower, 0, 1.0)
 
 
 def test_a_run_pushes_with_nothing_but_the_orders_of_its_wheel():

@@ -221,6 +221,23 @@ def test_whirl_moves_resonances_with_the_speed(order, direction):
     assert abs(still - resonance) > 5.0 * half_width
 
 
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_a_run_in_mujoco_whirls_with_its_wheel(direction):
+    """The mount is stiffer against what turns with the wheel than against what turns the other
+    way, at 40 rad/s by an eighth of what is left of its stiffness."""
+    damping, speed = 3.0, 40.0
+    craft = WHIRL.replace(f'damping="{ROCK_DAMPING}"', f'damping="{damping}"')
+    speeds = (direction * speed, direction * speed)
+    wheel = pointing.WheelDisturbance(joint="spin", speeds=speeds, dynamic=1e-6)
+    budget = pointing.budget(craft, pointing.Disturbances(wheel=(wheel,)), ["rock_x", "rock_y"])
+    run = budget.simulate()
+    across = MOUNT + ACROSS
+    left = ROCK - (across - ALONG) * speed**2 + 1j * damping * speed
+    assert (run.speed, run.output[:-1]) == (direction * speed, "rock_")
+    np.testing.assert_allclose(run.stated, 1e-6 * speed**2 / abs(left), rtol=1e-8)
+    np.testing.assert_allclose(run.simulated, run.stated, rtol=0.01)
+
+
 def test_a_wheel_is_swept_while_another_turns():
     """A second wheel at a steady speed bears the moments that it has at that speed."""
     twin = WHIRL.replace(

@@ -2,9 +2,12 @@
 locked copies, ports from rows."""
 
 import numpy as np
+import pytest
 
 from appendages import close
-from beamchain.ports.compose import port_from_rows
+from beamchain import PortModel
+from beamchain.ports.compare import tolerance_statement
+from beamchain.ports.compose import model_in_space, port_from_rows
 from beamchain.ports.motions import PORT_MOTION, locked, offset_matrix, square_root
 
 ROUNDING = 1e-12  # one small eigenproblem or solve there and back
@@ -45,6 +48,26 @@ def test_a_point_moves_with_its_body_and_its_turn():
     point, velocity, rate = np.random.default_rng(1).normal(size=(3, 3))
     found = offset_matrix(point) @ np.concatenate([velocity, rate])
     assert found == close(np.concatenate([velocity + np.cross(rate, point), rate]), rel=ROUNDING)
+
+
+def test_independent_ports_are_one_model_in_space():
+    bending = PortModel(np.eye(2), np.array([3.0, 5.0]), np.array([[0.4, 0.2], [0.1, 0.3]]))
+    twist = PortModel(np.array([[1.0]]), np.array([4.0]), np.array([[0.3]]))
+    both = model_in_space({"xz": bending, "torsion": twist}, np.eye(6))
+    assert both.labels == ("xz", "torsion", "xz")
+    assert both.participation.tolist() == [
+        [0, 0, 0.4, 0, -0.2, 0],
+        [0, 0, 0, 0.3, 0, 0],
+        [0, 0, 0.1, 0, -0.3, 0],
+    ]
+
+
+@pytest.mark.parametrize(
+    ("error", "word"), [(0.99, "within"), (0.991, "too near"), (1.0, "too near"), (1.001, "above")]
+)
+def test_how_an_error_stands_to_its_tolerance(error, word):
+    """1.01 times the error must keep it."""
+    assert tolerance_statement(error * 1e-3, 1e-3).startswith(f"{word} the tolerance 0.001")
 
 
 def test_locked_copies():

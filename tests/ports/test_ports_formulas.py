@@ -76,8 +76,18 @@ def test_a_crest_is_followed_to_the_last_gap_before_its_neighbour(place):
     def curve(x):
         return 20.0 / (1.0 + ((x - place) / 0.02) ** 2) + np.clip(0.9 - 0.9 * np.abs(x - 1), 0, 1)
 
-    known = np.array([0.0, 1.0, 2.0])
+    known = np.arange(4.0)
     assert maximum_of(curve, known, curve(known)) == pytest.approx(20.0 + 0.1, rel=ROUNDED)
+
+
+@pytest.mark.parametrize("place", [1.0 / 6.0, 17.0 / 6.0])
+def test_crests_at_both_ends_of_the_points_are_followed(place):
+    def curve(x):
+        return np.where(np.abs(x - place) < 1e-9, 2.0, np.abs(x - 1.5) ** 2 / 3.0)
+
+    known = np.arange(4.0)
+    values = curve(known) * (np.abs(known - place) < 1.0)  # of one end alone
+    assert maximum_of(curve, known, values) == 2.0
 
 
 THREE = PortModel(
@@ -226,6 +236,7 @@ def test_inverses_and_norms_of_small_matrices(size):
     random = np.random.default_rng(size)
     matrices = random.normal(size=(5, size, size)) + 1j * random.normal(size=(5, size, size))
     matrices[2] *= 10.0
+    matrices[3] *= 1e-3
     assert small_inverse(matrices) == pytest.approx(np.linalg.inv(matrices), rel=1e-9)
     norms = np.array([np.linalg.svd(one, compute_uv=False)[0] for one in matrices])
     assert spectral_norms(matrices) == pytest.approx(norms, rel=ROUNDED)
@@ -421,7 +432,9 @@ def test_port_models_that_nothing_has_are_refused(more, says):
 def test_the_first_participation_beyond_noise_is_positive(part, sign):
     """1e-9 of the largest, each over the root of its mass: 2 and 3."""
     rows = np.array([[part * 2.0 * 0.1, 0.3], [-0.2, 0.1]])
-    found = made(participation=rows, tip=np.eye(2))
+    shapes = Shapes(np.ones(3), np.ones(3), np.ones(3), np.arange(1.0, 7.0).reshape(2, 3), True)
+    found = made(participation=rows, tip=np.eye(2), shapes=shapes)
+    assert found.shapes.values.tolist() == [[sign * v for v in (1, 2, 3)], [-4, -5, -6]]
     assert found.participation == pytest.approx(rows * np.array([[sign], [-1.0]]))
     assert found.tip.tolist() == [[sign, 0.0], [0.0, -1.0]]
 

@@ -8,6 +8,7 @@ from beamchain.robust.bounds import _without_unknown as unknown_behind
 from beamchain.robust.bounds import frequencies as looked_at
 from beamchain.robust.delta_channels import channels as channels_of_craft
 from beamchain.robust.least_margins import SampleLoops, smallness
+from beamchain.robust.least_margins import _beside as samples_beside
 from beamchain.robust.least_margins import figure as figure_of_sample
 from beamchain.robust.local_loop import LocalLoop, delay_near, in_box, local_loop
 from beamchain.robust.multipliers import _between as between_ends
@@ -66,6 +67,7 @@ __all__ = [
     "proof_over",
     "reaches_output",
     "real_symmetric",
+    "samples_beside",
     "simulated_gain",
     "smallness",
     "solve_program",

@@ -23,7 +23,6 @@ def test_a_dead_time_near_a_frequency_is_a_rational_function_within_its_stated_e
     assert wide.system[3] == 0.0
 
 
-@pytest.mark.slow
 def test_figures_of_a_sample():
     found = loop_of(control.tf([2.0], [1.0, 3.0, 3.0, 1.0]))
     (loop,) = found.loops

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import mujoco
 import numpy as np
 import pytest
+from msgspec import structs
 
 import beamchain as bc
 from beamchain.robust.least_margins import LeastMargin, WorstMargins
@@ -19,6 +20,7 @@ from robust_doors import (
     measured_in_mujoco,
     plan_of_run,
     reaches_output,
+    samples_beside,
     simulated_gain,
     stability_limit,
     whole_count,
@@ -96,6 +98,10 @@ def test_an_input_that_moves_nothing_has_no_worst_gain():
     LoopsOfSamples(still, BLOCKS, ["u", "v"], ["x", "y"], LAW, ("u", "x"))
     with pytest.raises(bc.InputError, match="'v' does not move output 'x'"):
         LoopsOfSamples(still, BLOCKS, ["u", "v"], ["x", "y"], LAW, ("v", "x"))
+    blind = *PLANT[:2], PLANT[2].copy(), PLANT[3].copy()
+    blind[2][4] = blind[3][4] = 0.0
+    with pytest.raises(bc.InputError, match="'u' does not move output 'x'"):
+        LoopsOfSamples(blind, BLOCKS, ["u", "v"], ["x", "y"], LAW, ("u", "x"))
 
 
 @pytest.mark.parametrize(("size", "kept"), [(1e-7, True), (1e-3, False)])
@@ -123,6 +129,25 @@ def test_a_gain_as_partial_fractions():
     s = 1j * w
     wanted = 0.5j / (s + 1.0 - 2j) - 0.5j / (s + 1.0 + 2j) + 0.3
     assert made.size(w) == pytest.approx(np.abs(wanted))
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.25])
+def test_resonances_are_the_gain_without_dead_times(offset):
+    """From poles of the closed loop and what each adds; from v to x."""
+    first, second = LAW.loop
+    law = bc.spec.Controller(loop=(structs.replace(first, delay=0.0), second))
+    loops = LoopsOfSamples(PLANT, BLOCKS, ["u", "v"], ["x", "y"], law, ("v", "x"), offset=offset)
+    made = loops._resonances(DELTAS)
+    omega = np.geomspace(0.05, 30.0, 9)
+    assert made.size(omega) == pytest.approx(loops.gain(DELTAS, omega), rel=1e-9)
+    assert made.poles.size == 6  # of two modes and two lags
+    for pole in made.poles:  # where 1 + K G is singular
+        m, delta = value(PLANT, pole), np.diag(DELTAS[BLOCKS])
+        inner = np.linalg.solve(np.eye(4) - m[:4, :4] @ delta, m[:4, 4:])
+        k = np.array(
+            [[0.0, (0.3 * pole + 0.5) / (0.1 * pole + 1.0)], [0.4 / (0.2 * pole + 1.0), 0.0]]
+        )
+        assert abs(np.linalg.det(np.eye(2) + k @ (m[4:, 4:] + m[4:, :4] @ delta @ inner))) < 1e-9
 
 
 @pytest.mark.parametrize(("through", "wanted"), [(0.0, False), (1e-9, True), (1e-13, False)])
@@ -250,6 +275,47 @@ def test_of_all_inputs_the_reach_is_the_structured_value():
     assert (sizes[-1], at[-1]) == (pytest.approx(1.08, rel=1e-4), 2)
 
 
+def test_a_direct_loop_reaches_farthest_at_infinite_frequency():
+    """E = (1 + K D)^-1 - 1/2 there, D closed by the deltas: at the second input, not the first."""
+    a, b, c, d = PLANT
+    direct = np.array([[-0.9, 0.3], [-0.4, 0.7]])
+    plant = a, b, 0.3 * c, d + np.pad(direct, ((4, 0), (4, 0)))
+    gains = np.diag([-0.9, -0.7])
+    law = bc.spec.Controller(
+        loop=tuple(
+            bc.spec.Loop(input=u, output=y, numerator=[gain], denominator=[1.0])
+            for u, y, gain in (("u", "x", -0.9), ("v", "y", -0.7))
+        )
+    )
+    made = SampleLoops(plant, BLOCKS, ["u", "v"], ["x", "y"], law)
+
+    def middle(m):
+        delta = np.diag(DELTAS[BLOCKS])
+        inner = delta @ np.linalg.solve(np.eye(4) - m[:4, :4] @ delta, m[:4, 4:])
+        return np.linalg.inv(np.eye(2) + gains @ (m[4:, 4:] + m[4:, :4] @ inner)) - np.eye(2) / 2.0
+
+    end = np.abs(np.diag(middle(plant[3])))
+    grid = [np.abs(np.diag(middle(value(plant, 1j * w)))) for w in np.geomspace(1e-2, 1e3, 400)]
+    top = np.max(grid, axis=0)
+    assert (top > end * (1.0 + 1e-9)).tolist() == [True, False]
+    sizes, omega = made.reach(DELTAS)
+    disks = [made.figures.index((at, "disk")) for at in ("u", "v")]
+    assert sizes[disks] == pytest.approx([top[0], end[1]], rel=1e-3)
+    assert sizes[disks[1]] == pytest.approx(end[1], rel=1e-9)
+    assert np.isinf(omega[disks]).tolist() == [False, True]
+
+
+def test_either_end_of_every_range_is_tried_beside_a_sample():
+    moved = [row.tolist() for row in samples_beside(DELTAS)]
+    first, second, third = DELTAS
+    assert moved == [
+        *([end, second, third] for end in (-1.0, 1.0)),
+        *([first, end, third] for end in (-1.0, 1.0)),
+        *([first, second, end] for end in (-1.0, 1.0)),
+    ]
+    assert DELTAS.tolist() == [first, second, third]
+
+
 def test_slopes_of_a_reach_are_those_of_its_logarithm():
     made = sample_loops()
     sizes, omega = made.reach(DELTAS)
@@ -261,7 +327,6 @@ def test_slopes_of_a_reach_are_those_of_its_logarithm():
         assert found == pytest.approx(wanted[:, figure], rel=2e-2, abs=2e-3)
 
 
-@pytest.mark.slow
 def test_corners_to_which_slopes_point():
     """Every corner is tried whose middle reaches farther than its neighbours, in any direction."""
     made = sample_loops()

@@ -176,7 +176,6 @@ def off(one, two, omega):
     return float((np.abs(a - b) / np.abs(b).max(axis=1, keepdims=True)).max())
 
 
-@pytest.mark.slow
 def test_samples_are_plants_of_recompiled_models(embedded, plant, file_of):
     given = file_of(ALL)
     uncertain = robust.uncertain(plant, given)

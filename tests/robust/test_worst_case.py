@@ -177,9 +177,9 @@ def test_a_loop_that_drifts_away_does_not_ring(options):
     """A push of 18 N m/rad along, which a spring of 14 to 26 N m/rad holds or does not."""
     uncertain = with_uncertain_drive(SPRUNG)
     push = controller("z", (-18.0,), (1.0,))
-    worst = uncertain.worst_case(push, samples=3, **options)
+    worst = uncertain.worst_case(push, samples=0, **options)  # corners alone
     assert not worst.stable
-    assert worst.values["drive.stiffness"] < 18.0
+    assert 14.0 <= worst.values["drive.stiffness"] < 18.0
     assert worst.frequency == 0.0
     assert worst.bound is None
     assert worst.sentence.endswith("the loop begins to drift away")

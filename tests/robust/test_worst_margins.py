@@ -95,10 +95,51 @@ def test_no_bound_is_sought_where_an_unstable_sample_is_found():
     joint = {"drive": bc.spec.UncertainJoint(stiffness=uniform(0.2))}
     uncertain = robust.uncertain(plant, bc.spec.UncertainCraft(joint=joint))
     push = bc.spec.Controller(loop=(loop("torque_z", "attitude_z", (-0.9 * STIFFNESS,)),))
-    found = uncertain.worst_margins(push, samples=3, bound=True, seconds=1.0)
+    found = uncertain.worst_margins(push, samples=0, bound=True, seconds=1.0)  # corners alone
     assert not found.stable
+    assert all(abs(delta) <= 1.0 for row in found for delta in row.deltas.values())
     assert found.bounds == {}
     rest = rows(found, "torque_z")
     assert rest["disk"].worst == rest["disk"].proved == rest["phase"].worst == 0.0
     assert rest["gain up, factor"].worst == 1.0
     assert rest["disk"].values["drive.stiffness"] < 0.9 * STIFFNESS
+
+
+def test_a_file_of_an_uncertain_plant_is_its_craft_at_any_deltas(tmp_path):
+    """Place per force of the slide: 1/(m s^2 + d s + k), closed here by deltas of m and k."""
+    text = SLIDING.replace('<accelerometer name="felt" site="felt"/>', '<jointpos joint="drive"/>')
+    text = text.replace("<jointpos", '<jointpos name="place"')
+    plant = bc.plant(mujoco.MjModel.from_xml_string(text), ["force:bus"], ["place"])
+    given = bc.spec.UncertainCraft(
+        body={"bus": bc.spec.UncertainBody(mass=uniform(0.2))},
+        joint={"drive": bc.spec.UncertainJoint(stiffness=uniform(0.3))},
+    )
+    uncertain = robust.uncertain(plant, given)
+    found = np.load(uncertain.write(tmp_path / "m.npz"))
+    names = [str(name) for name in found["QuantityName"]]
+    assert sorted(names) == ["bus.mass", "drive.stiffness"]
+    assert dict(zip(names, found["Nominal"], strict=True)) == {
+        "bus.mass": MASS,
+        "drive.stiffness": STIFFNESS,
+    }
+    assert dict(zip(names, found["Reach"], strict=True)) == pytest.approx(
+        {"bus.mass": 0.2 * MASS, "drive.stiffness": 0.3 * STIFFNESS}
+    )
+    deltas = {"bus.mass": 0.7, "drive.stiffness": -0.4}
+    of_block = [deltas[str(name)] for name in found["BlockName"]]
+    assert [int(number) for number in found["QuantityBlock"]] == [
+        1 + [str(name) for name in found["BlockName"]].index(name) for name in names
+    ]
+    delta = np.diag(np.repeat(of_block, found["BlockRepetitions"]))
+    n = len(delta)
+    row = [str(name) for name in found["OutputName"]].index("place")
+    column = [str(name) for name in found["InputName"]].index("force_x")
+    for s in (0.3 + 1.0j, 4.0j):
+        m = found["C"] @ np.linalg.solve(s * np.eye(len(found["A"])) - found["A"], found["B"])
+        m = m + found["D"]
+        inner = delta @ np.linalg.solve(np.eye(n) - m[:n, :n] @ delta, m[:n, [column]])
+        mass, stiffness = MASS * (1.0 + 0.2 * 0.7), STIFFNESS * (1.0 - 0.3 * 0.4)
+        wanted = 1.0 / (mass * s**2 + DAMPING * s + stiffness)
+        np.testing.assert_allclose((m[row, column] + m[[row], :n] @ inner)[0], wanted, rtol=1e-9)
+    changed = uncertain.model({"bus.mass": 5.5, "drive.stiffness": 21.0})
+    assert (changed.body_mass[1], changed.jnt_stiffness[0]) == (5.5, 21.0)

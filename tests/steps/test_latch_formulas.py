@@ -8,6 +8,7 @@ import pytest
 
 import beamchain as bc
 from beamchain.errors import InputError
+from beamchain.steps.latch import _stable_armature
 from formulas import (
     PlaceOfHinge,
     appendages_alone,
@@ -260,3 +261,13 @@ def test_what_accelerates_is_not_known_before_the_first_step():
     assert done is not None
     assert done.time == pytest.approx(np.sqrt(2.0 * 0.05 / 200.0), rel=1e-9)
     assert data.qpos[0] == pytest.approx(0.05, abs=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("integrator", "added"),
+    [("Euler", 0.02**2 * 50.0 / 4.0), ("RK4", 0.02**2 * 50.0 / 8.0 + 0.02 * 3.0 / 2.0)],
+)
+def test_a_latched_hinge_is_stable_with_what_its_spring_needs_beside_its_own(integrator, added):
+    model, data = panel('stiffness="2" damping="0.1" armature="0.4"')
+    bc.latch(model, data, "hinge", angle=0.0, stiffness=50.0, damping=3.0)
+    assert _stable_armature(model, 0, integrator, 0.02) == pytest.approx(0.4 + added)

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import beamchain as bc
+from beamchain.steps.saturation import servos_that_chatter
 from command import call
 
 ARM = """<mujoco><option timestep="0.005" gravity="0 0 0" integrator="implicitfast"/><worldbody>
@@ -62,3 +63,25 @@ def saturated(path, gear) -> float:
         torque.append(float(data.qfrc_actuator[model.joint("elbow").dofadr[0]]))
     last = np.abs(torque[-round(1.0 / model.opt.timestep) :])
     return float(np.mean(last > 99.9))
+
+
+TWO = """<mujoco><option timestep="{step}" gravity="0 0 0" integrator="implicitfast"/><worldbody>
+<body><joint name="one" axis="0 0 1" {one}/><inertial pos="0 0 0" mass="1" diaginertia="2 2 2"/>
+</body><body pos="9 0 0"><joint name="two" axis="0 0 1" {two}/>
+<inertial pos="0 0 0" mass="1" diaginertia="5 5 5"/></body></worldbody>
+<actuator><position name="first" joint="one" kp="9" kv="40" gear="3"/>
+<position name="second" joint="two" kp="9" kv="100"/></actuator></mujoco>"""
+RANGE = 'actuatorfrcrange="-1 1"'
+
+
+@pytest.mark.parametrize(("one", "two"), [(RANGE, ""), ("", RANGE), (RANGE, RANGE), ("", "")])
+def test_a_servo_whose_joint_has_a_range_chatters_from_2_i_by_kv_on(one, two):
+    """kv counts by the square of the gear: 360 N m s/rad on 2 kg m^2, 100 on 5."""
+    limits = {"first": 2.0 * 2.0 / 360.0, "second": 2.0 * 5.0 / 100.0}
+    for share in (0.98, 1.02):
+        for name, limit in limits.items():
+            text = TWO.format(step=share * limit, one=one, two=two)
+            said = list(servos_that_chatter(mujoco.MjModel.from_xml_string(text)))
+            there = {"first": bool(one), "second": bool(two)}
+            wanted = [n for n, at in limits.items() if there[n] and share * limit > at]
+            assert [each.split("'")[1] for each in said] == wanted, name

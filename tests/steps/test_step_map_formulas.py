@@ -6,6 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 
+from beamchain.steps.culprit import culprit
+from beamchain.steps.step_map import grows
 from formulas import (
     ShiftedPeak,
     TimeError,
@@ -224,3 +226,50 @@ def test_a_file_is_exact_in_time_below_a_millionth():
     assert TimeError(0.012, 2.0, "rest", H, "Euler", "a").words.startswith(
         "the pole at 2 rad/s, damped by 'a', is off by 0.012 of |z - 1| in "
     )
+
+
+def sliders(more="", step=0.02):
+    """Three masses of 2, 4 and 5 kg on slides, each in its own way."""
+    bodies = "".join(
+        f'<body pos="{9 * i} 0 0"><joint type="slide" {given}/><inertial pos="0 0 0" mass="{mass}" '
+        'diaginertia="1 1 1"/></body>'
+        for i, (mass, given) in enumerate(((2, ""), (4, ""), (5, 'damping="3"')))
+    )
+    return mujoco.MjModel.from_xml_string(
+        f'<mujoco><option timestep="{step}" gravity="0 0 0"/><worldbody>{bodies}{more}</worldbody>'
+        "</mujoco>"
+    )
+
+
+def test_what_a_damper_alone_holds_decays_and_what_nothing_holds_does_not():
+    motion = motion_at(sliders())
+    assert motion.loose == 2
+    poles = np.sort(motion.continuous_poles().real) / 0.02
+    assert poles == pytest.approx([-3.0 / 5.0, *[0.0] * 5], abs=1e-9)
+
+
+@pytest.mark.parametrize(("share", "unstable"), [(0.9995, False), (1.0002, True)])
+def test_a_step_just_beyond_the_limit_makes_a_motion_grow(share, unstable):
+    """2 / w of an undamped spring; there it grows by a few per cent a step."""
+    spring = '<body><joint type="slide" stiffness="50"/><inertial pos="0 0 0" mass="2" '
+    model = sliders(f'{spring}diaginertia="1 1 1"/></body>', share * 2.0 / 5.0)
+    assert grows(model, model.qpos0) is unstable
+    assert (motion_at(model).growth < 1.05) is True
+
+
+def test_what_carries_a_motion_that_grows_has_its_share_of_the_energy():
+    """A mass of 2 kg between a joint's spring of 50 N/m and a tendon's of 30 N/m."""
+    w = np.sqrt(80.0 / 2.0)
+    step = 2.02 / w
+    model = mujoco.MjModel.from_xml_string(f"""<mujoco>
+<option timestep="{step}" gravity="0 0 0"/><worldbody>
+<body><joint name="held" type="slide" stiffness="50"/><inertial pos="0 0 0" mass="2"
+diaginertia="1 1 1"/></body></worldbody><tendon><fixed name="rope" stiffness="30">
+<joint joint="held" coef="1"/></fixed></tendon></mujoco>""")
+    found = culprit(model, model.qpos0)
+    assert (found.name, found.kind, found.damps) == ("held", "spring", False)
+    assert found.share == pytest.approx(50.0 / 80.0)
+    assert found.frequency == pytest.approx(w)
+    half = 2.02**2 / 2.0 - 1.0  # z^2 + 2 half z + 1 = 0
+    assert found.growth == pytest.approx(half + np.sqrt(half**2 - 1.0))
+    assert "2 kg" in found.moves

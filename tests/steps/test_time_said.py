@@ -80,19 +80,9 @@ def test_retime_prints_both_errors_and_exits_with_3(tmp_path, capsys, monkeypatc
         capsys,
         monkeypatch,
     )
-    status, out, _ = run(
-        [
-            "retime",
-            f"{tmp_path}/out.xml",
-            "--timestep",
-            "0.1",
-            "-o",
-            f"{tmp_path}/coarse.xml",
-            "--json",
-        ],
-        capsys,
-        monkeypatch,
-    )
+    words = ["retime", f"{tmp_path}/out.xml", "--timestep", "0.1"]
+    words += ["-o", f"{tmp_path}/coarse.xml", "--json"]
+    status, out, _ = run(words, capsys, monkeypatch)
     record = json.loads(out)
     assert (status, record["met"], record["tolerance"]) == (3, False, 1e-3)
     assert record["sampled_error"] > 1e-3
@@ -102,27 +92,12 @@ def test_retime_prints_both_errors_and_exits_with_3(tmp_path, capsys, monkeypatc
     bare = re.sub(r"<!--.*?-->", "", (tmp_path / "out.xml").read_text(), flags=re.DOTALL)
     bare = re.sub(r"<custom>.*?</custom>", "", bare, flags=re.DOTALL)
     (tmp_path / "bare.xml").write_text(bare)
-    status, out, _ = run(
-        [
-            "retime",
-            f"{tmp_path}/bare.xml",
-            "--timestep",
-            "0.1",
-            "-o",
-            f"{tmp_path}/b.xml",
-            "--json",
-        ],
-        capsys,
-        monkeypatch,
-    )
+    words = ["retime", f"{tmp_path}/bare.xml", "--timestep", "0.1", "-o"]
+    status, out, _ = run([*words, f"{tmp_path}/b.xml", "--json"], capsys, monkeypatch)
     other = json.loads(out)
     assert (status, other["sampled_error"], other["met"]) == (0, None, None)
     assert other["time_error"]["error"] > 1e-6
-    status, out, _ = run(
-        ["retime", f"{tmp_path}/bare.xml", "--timestep", "0.1", "-o", f"{tmp_path}/c.xml"],
-        capsys,
-        monkeypatch,
-    )
+    status, out, _ = run([*words, f"{tmp_path}/c.xml"], capsys, monkeypatch)
     assert "not known" in out
 
 

@@ -232,3 +232,30 @@ def test_a_slow_craft_is_compared_at_its_slow_mode():
     qpos, joints = np.array(model.qpos0), np.zeros(7)
     found = SeenAtPose.of(model, modal_tendons(model), qpos, motion_at(model), 0.01, joints)
     assert np.min(np.abs(found.omega / pole - 1.0)) < 1e-6
+
+
+def test_a_step_is_halved_until_it_lowers_the_objective_enough():
+    """From 3 along -d, of half the square and a barrier of 1/x: the first of 1, 1/2, 1/4, ... that
+    stays above zero and gains 1e-4 of the slope's promise."""
+
+    def length(way, weight, decrease):
+        walls = SimpleNamespace(
+            value=lambda at: 1.0 / at[0] if at[0] > 0.0 else np.inf, tendons=lambda at: at
+        )
+        half = SimpleNamespace(difference=lambda at: np.sqrt(0.5) * at)
+        compared, at = [half, half], np.array([3.0])
+        return step_length(walls, compared, weight, at, np.array([-way]), decrease)
+
+    def lowers(x, weight):
+        return x > 0.0 and x**2 / 2.0 + weight / x < 4.5 + weight / 3.0
+
+    for way in (2.0, 2.99, 3.5, 5.7, 11.9, 70.0):
+        for weight in (0.0, 0.5, 4.0, 20.0):
+            found = length(way, weight, 0.0)
+            halves = 0.5 ** np.arange(12)
+            wanted = next(one for one in halves if lowers(3.0 - one * way, weight))
+            assert found == wanted
+    assert length(2.0, 0.0, 3.9e4) == 1.0  # from 4.5 to 0.5
+    assert length(2.0, 0.0, 4.1e4) == 0.5
+    assert length(2.0, 0.0, 6.1e4) == 0.0
+    assert length(-2.0, 0.0, 1.0) == 0.0

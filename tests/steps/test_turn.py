@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 import beamchain as bc
 from appendages import close
 from arrays import tube
+from beamchain.steps.turn import turn_error
 
 RATES = (0.1, -0.05, 0.08)
 FAST = (0.5, -0.3, 0.4)
@@ -49,6 +50,17 @@ def stated(hub, rates, timestep, integrator="Euler"):
     """The error that a fit states of its scene's step."""
     wanted = bc.Scene(timestep=timestep, integrator=integrator, rates=rates)
     return bc.fit(tube(), modes={"xy": 1}, root=bc.spec.Root(hub=hub), scene=wanted).turn_error
+
+
+@pytest.mark.parametrize("step", [0.3, 0.9, 1.4])
+def test_a_step_of_a_radian_or_more_is_judged_by_itself(step):
+    """1 rad/s: up to the first instant at or beyond a radian, one step at least."""
+    inertia, rates = np.diag([4.0, 6.0, 9.0]), np.array([0.6, -0.48, 0.64])
+    seconds = np.ceil(1.0 / step) * step
+    exact = euler_equations(inertia, rates, seconds)
+    taken = semi_implicit(inertia, rates, seconds, step)
+    found = turn_error(inertia, rates, step)
+    assert found == pytest.approx(np.linalg.norm(taken - exact), rel=1e-4)
 
 
 @pytest.mark.parametrize("seed", range(3))

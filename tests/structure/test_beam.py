@@ -142,6 +142,15 @@ def test_a_lump_belongs_to_the_stretch_that_starts_at_it():
     assert outer - bare == close(np.array([3.0, 1.5, 0.75, 0.1, 0.25, 0.2]), rel=CLOSED)
 
 
+@pytest.mark.parametrize(("before", "inside"), [(0.9, True), (1.1, False)])
+def test_a_lump_belongs_to_a_stretch_from_a_billionth_of_the_length_before_it(before, inside):
+    section = Equivalent(bending_stiffness_xy=1.0, linear_mass=1.0)
+    lump = Lump(x=500.0 - before * 1e-6, mass=5.0)
+    beam = Beam(segments=(Segment(length=1000.0, section=section),), lumps=(lump,))
+    ((mass, *_),) = beam.line.moments([500.0, 600.0])
+    assert mass == close(105.0 if inside else 100.0, rel=CLOSED)
+
+
 def test_a_lump_at_the_tip_belongs_to_the_last_stretch():
     beam = Beam(segments=unit_beam().segments, lumps=(Lump(x=1.0, mass=2.0),))
     assert beam.line.moments([0.0, 0.7, 1.0])[:, 0] == close(np.array([0.7, 2.3]), rel=CLOSED)

@@ -104,6 +104,11 @@ def test_it_scales_with_length_mass_and_stiffness():
     m, length = 0.882 * 15.0, 15.0
     scale = np.array([[m, m * length], [m * length, m * length**2]])[:, :, None]
     assert beam.D(w) == close(unit * scale, rel=1e-11)  # the rounding of z near the poles
+    per_root = np.sqrt(209.7 / 0.882) / 15.0**2
+    assert beam.cantilever_frequencies(3) == close(held_roots(3) ** 2 * per_root, rel=1e-13)
+    for hub in (np.zeros((2, 2)), np.array([[2.0, 0.3], [0.3, 0.4]])):
+        found = beam.coupled_frequencies(hub * scale[:, :, 0], 3)
+        assert found == close(UNIT.coupled_frequencies(hub, 3) * per_root, rel=1e-12)
 
 
 def test_symmetry_and_inverse():

@@ -38,6 +38,7 @@ def test_every_style_and_page_length(tmp_path, style, rows):
     assert np.max(np.abs(data.participation - truth.participation) / scale) < DIGITS
     assert np.max(np.abs(data.rigid_mass - truth.mass) / np.outer(scale, scale)) < 2e-6
     assert data.modes == 21
+    assert not any("generalized mass" in step for step in data.steps)
 
 
 def test_rescaled_modes_are_normalised(tmp_path):

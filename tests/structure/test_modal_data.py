@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from scipy import io
 from scipy.linalg import eigh
@@ -30,7 +30,7 @@ def same(a: ModalData, b: ModalData, tolerance: float = SAME) -> None:
     assert np.max(np.abs((a.rigid_mass - b.rigid_mass) / np.outer(b.scale, b.scale))) < tolerance
 
 
-@settings(max_examples=12, deadline=None, derandomize=True)
+@settings(max_examples=12, deadline=None, derandomize=True, phases=[Phase.generate])
 @given(
     seed=st.integers(0, 10_000),
     angles=st.tuples(*[st.floats(-3.0, 3.0)] * 3),
@@ -38,7 +38,6 @@ def same(a: ModalData, b: ModalData, tolerance: float = SAME) -> None:
     length=st.sampled_from([1.0, 1e-3, 0.0254, 0.3048]),
     mass=st.sampled_from([1.0, 1e3, 0.45359237, 175.126835]),
 )
-@pytest.mark.slow
 def test_any_axes_point_and_units(seed, angles, point, length, mass):
     cloud = Cloud(seed)
     axes = Rotation.from_euler("xyz", angles).as_matrix()  # rows: the file's axes in appendage axes
@@ -114,6 +113,30 @@ def test_a_file_gives_the_same_numbers(tmp_path, make):
         assert a.moments([0.0, x]) == pytest.approx(b.moments([0.0, x]), rel=1e-12, abs=1e-15)
 
 
+def test_modes_that_are_not_mass_normalised_state_their_generalized_mass(tmp_path):
+    """Participation factors are `phi^T M R / m`; those of unit mass are their root of m times."""
+    path = tmp_path / "a.json"
+    rod = uniform_rod()
+    path.write_text(json.dumps(rod))
+    plain = read_modes(path)
+    modal = np.geomspace(0.2, 9.0, plain.modes)
+    factors = np.array(rod["participation"]) / np.sqrt(modal)
+    more = {"participation": factors.tolist(), "generalized_mass": modal.tolist()}
+    path.write_text(json.dumps(rod | more))
+    same(read_modes(path), plain)
+
+
+@pytest.mark.parametrize(("ratio", "says"), [(-0.01, "damping"), (1.0, "damping"), (0.99, None)])
+def test_damping_ratios_of_a_file_lie_below_one(ratio, says, tmp_path):
+    path = tmp_path / "a.json"
+    path.write_text(json.dumps(uniform_rod(damping=ratio)))
+    if says is None:
+        assert set(read_modes(path).damping.tolist()) == {ratio}
+    else:
+        with pytest.raises(InputError, match=says):
+            read_modes(path)
+
+
 def test_typed_numbers_count_their_digits(tmp_path):
     rows = np.array2string(
         plate(3).participation.T, separator=", ", formatter={"float": lambda v: f"{v:.6e}"}
@@ -149,6 +172,14 @@ def test_matrices_give_the_frame_s_modes(tmp_path):
         rigid[6 * node + 1, 5], rigid[6 * node + 2, 4] = x, -x
     rows = (shapes.T @ (m @ rigid)[6:])[:10]
     assert np.abs(data.participation[:10]) == pytest.approx(np.abs(rows), rel=1e-6, abs=1e-8)
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1e9])
+def test_matrices_in_any_unit_have_the_same_modes(unit, tmp_path):
+    m, k = frame()
+    plain, scaled = (from_matrices(tmp_path, u * m, u * k, range(6)) for u in (1.0, unit))
+    assert scaled.frequencies[:10] == pytest.approx(plain.frequencies[:10], rel=1e-8)
+    assert scaled.rigid_mass == pytest.approx(unit * plain.rigid_mass, rel=1e-9, abs=1e-9 * unit)
 
 
 def test_craig_bampton_form_and_files(tmp_path):

@@ -107,7 +107,7 @@ def test_ports_that_the_rigid_mass_couples():
     assert of.scale == pytest.approx(np.sqrt([2.0, 2.0, 2.0, 1.0, 8.0, 18.0]))
     assert of.space().rigid_mass == pytest.approx(flat[np.ix_(of.live, of.live)])
     assert of.space().participation.tolist() == [[0.0, 0.3, 0.0, 0.0, 0.2]]
-    small = data([[0.0, 0.03, 0.0, 0.0, 0.0, 0.02]], rigid=0.01 * RIGID)
+    small = data([[0.0, 0.03, 0.0, 0.0, 0.0, 0.02]], [0.05], rigid=0.01 * RIGID)
     assert small.live == [0, 1, 2, 3, 4, 5]
     assert small.scale == pytest.approx(0.1 * np.sqrt(np.diag(RIGID)))
 

@@ -227,6 +227,11 @@ def test_the_centre_lies_on_the_side_to_which_x_points(centre, says):
             check_outwards(body(centre))
 
 
+def test_the_centre_is_told_in_all_three_directions():
+    with pytest.raises(InputError, match=r"at x = -1, y = 0\.25, z = -0\.5 m from the root"):
+        check_outwards(body((-1.0, 0.25, -0.5)))
+
+
 def test_axes_are_proposed_in_those_of_the_file():
     turn = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
     with pytest.raises(InputError) as told:

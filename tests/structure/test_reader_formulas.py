@@ -160,6 +160,10 @@ def test_noise_of_few_digits_is_small_and_alike_in_masses_and_moments(along, acr
 )
 def test_departure_from_a_rigid_body_is_over_its_masses(along, across, share):
     assert body_departure(departing(along, across)) == pytest.approx(share)
+    # all rotations over the largest inertia, here about x
+    wide = departing(0.0, 0.2)
+    wide[3, 3] = 4e3
+    assert body_departure(wide) == pytest.approx(0.2 / 200.0)
     # without inertia the rotations count as displacements by 1 m
     bare = departing(along, across)
     bare[3:, 3:] = 0.0

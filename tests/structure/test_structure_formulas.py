@@ -69,6 +69,9 @@ def test_inertia_of_a_locked_liquid_is_that_of_potential_flow(height, radius):
     outer = mass * height**2 * 7.0 / 24.0 + rotary / 2.0
     assert behind[:, 5, 5] == pytest.approx([about_root, outer], rel=1e-5)
     assert behind[:, 3, 3] == pytest.approx([0.0, 0.0], abs=ROUNDED)
+    whole = tank.rigid_mass()
+    assert np.diag(whole) == pytest.approx([mass] * 3 + [0.0, about_root, about_root], rel=1e-5)
+    assert whole[1, 5] == pytest.approx(mass * height / 2.0, rel=ROUNDED)
 
 
 def test_what_lies_behind_a_station_of_two_segments():
@@ -160,9 +163,13 @@ def test_modes_of_a_tank_are_those_of_potential_flow():
     assert rows[0::2, 5] == pytest.approx(part * at, rel=ROUNDED)
     assert rows[1::2, 2] == pytest.approx(part, rel=ROUNDED)
     assert rows[1::2, 4] == pytest.approx(-part * at, rel=ROUNDED)
-    assert tank.frequencies()[:2] == pytest.approx(
-        np.sqrt(pull * xi * np.tanh(deep) / radius), rel=ROUNDED
-    )
+    squares = pull * xi * np.tanh(deep) / radius
+    assert tank.frequencies()[:2] == pytest.approx(np.sqrt(squares), rel=ROUNDED)
+    # a pendulum of the length l swings at w^2 = a / l
+    assert tank.pendulums().pivots[:2] == pytest.approx(at + pull / squares, rel=ROUNDED)
+    data = tank.data()
+    assert data.frequencies[:4] ** 2 == pytest.approx(np.repeat(squares, 2), rel=ROUNDED)
+    assert set(data.damping.tolist()) == {0.01}
 
 
 def data(**more):
@@ -237,9 +244,11 @@ def test_a_rod_s_rounded_inertia_becomes_that_of_masses():
         ((0.0, 2.0, 2.1), (0.05, 2.025, 2.075)),  # second moments 2.05, 0.05 and 0
         ((1.0, 2.0, 2.9), (1.0, 2.0, 2.9)),
     ):
-        body = np.eye(6) * 3.0
-        body[3:, 3:] = axes @ np.diag(moments) @ axes.T
-        found = np.linalg.eigvalsh(realisable_body(body)[3:, 3:])
+        x, y, z = 0.4, -0.3, 0.7
+        arm = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        own = axes @ np.diag(moments) @ axes.T
+        body = 3.0 * np.block([[np.eye(3), -arm], [arm, own / 3.0 - arm @ arm]])
+        found = np.linalg.eigvalsh(realisable_body(body)[3:, 3:] + 3.0 * arm @ arm)
         assert 2.0 * found[2] <= np.sum(found) * (1.0 + 1e-12)
         if moments == wanted:
             assert found == pytest.approx(wanted)

@@ -93,14 +93,15 @@ def test_the_grids_may_stand_in_the_specification(tmp_path):
     np.testing.assert_allclose(again.rigid_mass, data.rigid_mass, rtol=1e-9, atol=1e-9)
 
 
-def test_arrays_with_several_grids_in_their_boundary(delivery):
-    """Modes first, grids last: `boundary` says so."""
-    last = np.r_[18:40, 0:18]
+@pytest.mark.parametrize("first", [0, 22])
+def test_arrays_with_several_grids_in_their_boundary(first, delivery):
+    """Grids first or last: `boundary` says so."""
+    order = np.r_[0:40] if first == 0 else np.r_[18:40, 0:18]
     np.savez(
         delivery / "boom.npz",
-        M=FOUND.mass[np.ix_(last, last)],
-        K=FOUND.stiffness[np.ix_(last, last)],
-        boundary=np.arange(22, 40),
+        M=FOUND.mass[np.ix_(order, order)],
+        K=FOUND.stiffness[np.ix_(order, order)],
+        boundary=np.arange(first, first + 18),
     )
     check_against_mesh(bc.read_modes(delivery / "boom.npz", asm=delivery / "boom.asm"))
 
