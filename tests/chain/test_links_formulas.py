@@ -11,6 +11,7 @@ from formulas import (
     Chain,
     Hinge,
     Link,
+    MassLine,
     ModeGroup,
     Nodes,
     Wishes,
@@ -26,6 +27,7 @@ from formulas import (
     rigid_link,
     settle_links,
     shared_nodes,
+    stretch_through,
     with_real_polar,
     without_rounding,
 )
@@ -309,13 +311,9 @@ def test_imported_mass_may_differ_between_the_planes_by_what_is_printed(part, ta
     """1e-5 of the second moment about the root, where one plane alone bends: 2 m of 1 kg/m."""
     whole = 8.0 / 3.0
 
-    def moments(a, b, closed):
-        second, rotary = (b**3 - a**3) / 3.0, 0.2 + part * 1e-5 * whole
-        return SimpleNamespace(
-            mass=b - a, second=second, polar=0.01 * (b - a), rotary_xy=rotary, rotary_xz=0.2
-        )
-
-    line = SimpleNamespace(length=2.0, moments=moments)
+    rotary = 0.2 + part * 1e-5 * whole
+    smooth = stretch_through(0.0, 2.0, np.array([[1.0, 0.01, rotary / 2.0, 0.1]]))
+    line = MassLine(2.0, (smooth,), np.zeros((0, 5)))
     nodes = Nodes(np.array([0.5, 1.0, 0.5]), np.array([1.0, 1.0]), np.array([4.0]))
     if not taken:
         with pytest.raises(RealisationError, match="do not share their hinges"):
