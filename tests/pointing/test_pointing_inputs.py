@@ -133,3 +133,26 @@ def test_an_imbalance_in_other_units_is_noted(files):
         codes = [getattr(text, "code", "") for text in found.warnings]
         assert codes.count("imbalance") == said, new
     assert "1 g cm^2 is 1e-7 kg m^2" in " ".join(found.warnings)
+
+
+NOISE = """[[psd]]
+input = "torque:hub"
+frequency = [0.1, 10.0]
+density = [1e-8, 1e-8]
+"""
+
+
+def test_a_page_without_wheels(files):
+    (files / "noise.toml").write_text(NOISE)
+    words = ("--disturbances", files / "noise.toml", "-o", files / "noise.html")
+    assert call("pointing", files / "craft.xml", *words).status == 0
+    assert "psd torque:hub" in (files / "noise.html").read_text(encoding="utf-8")
+
+
+def test_a_budget_has_one_pose(files):
+    words = ("--disturbances", files / "jitter.toml", "-o", files / "jitter.html")
+    poses = ("--pose", "spin=0", "--pose", "spin=60")
+    answer = call("pointing", files / "craft.xml", *words, *poses)
+    assert answer.status == 2
+    assert "pose" in answer.err
+    assert not (files / "jitter.html").exists()

@@ -81,6 +81,15 @@ REFUSED = {
     "samples": (lambda: worst(samples=-3), ("samples = -3",)),
     "omega": (lambda: worst(omega=[0.0]), ("omega = 0.0",)),
     "no controller": (lambda: uncertain().worst_case(None), ("controller = None",)),
+    "no plant": (lambda: robust.uncertain("craft.xml"), ("plant: 'craft.xml'", "bc.plant")),
+    "one pose": (
+        lambda: robust.worst_case(plant(), RANGES, "loops.toml"),
+        ("a list of poses",),
+    ),
+    "one pose's margins": (
+        lambda: robust.worst_margins(plant(), RANGES, "loops.toml"),
+        ("a list of poses",),
+    ),
     "without the extra": (bound_without_the_extra, ("pip install beamchain[robust]",)),
 }
 

@@ -23,8 +23,8 @@ Outputs = Annotated[
         help="A sensor, attitude, rate or motion:SITE. Repeatable; default: attitude.",
     ),
 ]
-Pose = Annotated[
-    str | None,
+Poses = Annotated[
+    list[str] | None,
     typer.Option(
         "--pose",
         metavar="JOINT=45,...",
@@ -42,7 +42,7 @@ def pointing(
     output: Output,
     disturbances: Sources,
     outputs: Outputs = None,
-    pose: Pose = None,
+    pose: Poses = None,
     window: Window = 1.0,
     as_json: Json = False,
     force: Force = False,
@@ -65,7 +65,7 @@ def pointing(
     sources = read_disturbances(disturbances)
     with spinner("pointing", quiet or as_json):
         compiled = compiled_model(model)
-        place = poses_given(compiled, [] if pose is None else [pose], None)
+        place = poses_given(compiled, pose or [], None)
         found = budget(compiled, sources, outputs or None, place, window=window)
         page = pointing_page(found, model.name)
         write_files({output: page}, force=force, inputs=[model, disturbances])

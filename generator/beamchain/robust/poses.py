@@ -1,5 +1,6 @@
 """`robust.uncertain`, and the worst of a controller at every pose of a plant."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, overload
@@ -61,6 +62,8 @@ def uncertain(
 
 
 def _of_plant(plant: Plant, given: UncertainCraft | None) -> UncertainPlant:
+    if not isinstance(plant, Plant):
+        raise InputError(f"plant: {plant!r:.60} is none; give what bc.plant returns.")
     if plant.dt:
         raise InputError("uncertain: uncertain plants are continuous; leave discrete out.")
     if plant.source is None:
@@ -121,7 +124,7 @@ def worst_case(
     """
     cases = (
         replace(each.worst_case(controller, input, output, omega, **options), pose=label)
-        for each, label in zip(uncertain(plant, craft), plant.labels, strict=True)
+        for each, label in _poses(plant, craft)
     )
     return WorstCases(tuple(cases))
 
@@ -161,6 +164,18 @@ def worst_margins(
     """
     margins = (
         replace(each.worst_margins(controller, **options), pose=label)
-        for each, label in zip(uncertain(plant, craft), plant.labels, strict=True)
+        for each, label in _poses(plant, craft)
     )
     return WorstMarginsOfPoses(tuple(margins))
+
+
+def _poses(
+    plant: ScheduledPlant, craft: UncertainCraft | str | Path | None
+) -> Iterator[tuple[UncertainPlant, str]]:
+    """The uncertain plant of every pose, and the pose's name."""
+    if not isinstance(plant, ScheduledPlant):
+        raise InputError(
+            f"plant: {type(plant).__name__} is not a plant in several poses; give bc.plant a list "
+            "of poses, or ask robust.uncertain(plant, craft) for that of one."
+        )
+    return zip(uncertain(plant, craft), plant.labels, strict=True)
