@@ -136,6 +136,17 @@ def test_units_of_an_actuator_at_a_site_go_by_all_of_its_gear(point):
     assert found == list(GEARS.values())
 
 
+@pytest.mark.parametrize("gain", [0.02, 50.0])
+def test_a_servo_takes_an_angle_or_a_rate_however_weak(gain):
+    servos = f"""<position joint="turn" kp="{gain}"/><velocity joint="turn" kv="{gain}"/>
+    <position joint="way" kp="{gain}"/><velocity joint="way" kv="{gain}"/>"""
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><worldbody><body><joint name="turn"/><joint name="way" type="slide"/>
+        <geom size="1"/></body></worldbody><actuator>{servos}</actuator></mujoco>"""
+    )
+    assert [unit_of_control(model, i) for i in range(4)] == ["rad", "rad/s", "m", "m/s"]
+
+
 def test_names_without_points_are_all_different():
     labels = ["a.b", "a_b", "c", "a.b.", "a.b", "c.d"]
     assert control_names(labels) == ["a_b_", "a_b", "c", "a_b__", "a_b___", "c_d"]

@@ -149,6 +149,7 @@ def test_typed_numbers_count_their_digits(tmp_path):
     )
     data = read_modes(path)
     assert data.precision == pytest.approx(PRINT)
+    assert data.frequencies == pytest.approx(plate(3).frequencies, rel=1e-12)
     assert data.damping.tolist() == [0.005] * 3
 
 
