@@ -132,6 +132,12 @@ def start(qpos=None, qvel=None):
     bc.start_velocity(model, model.qpos0 if qpos is None else qpos, [0.0] if qvel is None else qvel)
 
 
+def beyond_a_range():
+    model = made().model
+    model.jnt_limited[-1], model.jnt_range[-1] = True, (-0.1, 0.1)
+    bc.retime(model, 0.1, pose=[*model.qpos0[:-1], 0.5])
+
+
 def nans(name):
     return [NAN] * getattr(made().model, name)
 
@@ -159,6 +165,10 @@ CRAFTS = {
     "keyframe": (lambda: made().modes_at(5), ("key = 5 is a int", "name of a keyframe")),
     "timestep": (lambda: bc.retime(made().model, "0.1"), ("timestep = '0.1'", "not a number")),
     "qpos nan": (lambda: bc.retime(made().model, 0.1, pose=nans("nq")), ("pose[0] is nan",)),
+    "beyond a range": (
+        beyond_a_range,
+        ("pose: joint 'boom_hinge", "outside its range [-0.1, 0.1]"),
+    ),
     "qvel nan": (lambda: start(qvel=nans("nv")), ("qvel[0] is nan",)),
     "one position": (lambda: start(qpos=[0.0]), ("qpos = [0.0] has the shape (1,)", "(8,)")),
 }

@@ -99,6 +99,7 @@ SIGNALS = {
         lambda: inputs(a={"w1": 1.0, "torque:bus": 1.0}),
         ("'w1' has 1", "'torque:bus' has 3"),
     ),
+    "the world": (lambda: inputs(a="torque:world"), ("torque:world", "does not move")),
     "weight 0": (lambda: inputs(a={"w1": 0.0}), ("has no weight",)),
     "weight a word": (lambda: inputs(a={"w1": "x"}), ("inputs['a']['w1'] = 'x'", "not a number")),
     "no weight": (lambda: inputs(a={}), ("has no weight",)),

@@ -155,6 +155,10 @@ def _wrench_inputs(
         body = number
         axes = data.xmat[number].reshape(3, 3)
         arm = np.zeros(3)
+    if not model.body_weldid[body]:
+        raise InputError(
+            f"inputs: {kind}:{place} pushes what does not move; name a body that does."
+        )
     out: list[Input] = []
     if kind != "torque":
         for axis, line in zip(AXES, axes.T, strict=True):

@@ -25,7 +25,7 @@ from beamchain.caution import Caution
 from beamchain.checks import not_negative, of_type, one_of, positive, true_or_false
 from beamchain.engine.library import mujoco, one_thread
 from beamchain.engine.linearise import INTEGRATORS, NUMBERS, mass_matrix
-from beamchain.engine.operating_point import Pose, poses, state_at
+from beamchain.engine.operating_point import Pose, check_pose, poses, state_at
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
 from beamchain.steps.forms import ModeTime, TendonValues, appendage_poles, form2, form4
@@ -221,6 +221,8 @@ def retime(
     """
     of_type("model", model, mujoco.MjModel, "a compiled mujoco.MjModel")
     qpos = None if pose is None else state_at(model, pose)[0]
+    if qpos is not None:
+        check_pose(model, qpos)
     return retime_by(2, model, timestep, integrator, qpos=qpos, band=band, joints=joints)
 
 
