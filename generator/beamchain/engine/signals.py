@@ -156,9 +156,7 @@ def _wrench_inputs(
         axes = data.xmat[number].reshape(3, 3)
         arm = np.zeros(3)
     if not model.body_weldid[body]:
-        raise InputError(
-            f"inputs: {kind}:{place} pushes what does not move; name a body that does."
-        )
+        raise InputError(f"inputs: {kind}:{place} pushes what does not move; name another body.")
     out: list[Input] = []
     if kind != "torque":
         for axis, line in zip(AXES, axes.T, strict=True):
