@@ -85,6 +85,7 @@ def test_no_prefix_says_the_appendages_name_twice(places, prefixes):
     assert [file.model.body(f"{prefix}link1").id for prefix in prefixes]
 
 
+@pytest.mark.slow
 def test_a_second_equal_appendage_leaves_the_first_its_prefix_as_does_a_new_one_in_its_place():
     panel = PANEL.replace(modes={"xy": 1, "xz": 0})
     file = bc.embed(CRAFT, {"+y": panel}, rigid=True).to_mjcf()

@@ -83,6 +83,7 @@ def test_the_error_is_that_of_euler_s_rule(seed):
     assert stated(hub, RATES, h) == close(np.linalg.norm(taken - exact) / size, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_the_order_of_each_integrator():
     coarse, fine = (stated(HUB, RATES, h) for h in (0.2, 0.1))
     assert np.log2(coarse / fine) == close(1.0, abs=0.1)

@@ -95,6 +95,7 @@ def poles(model, pose=None):
 # -- at rest ---------------------------------------------------------------------------------------
 @BOTH
 @pytest.mark.parametrize("name", list(wings.ANGLES))
+@pytest.mark.slow
 def test_frequencies_of_each_stage_are_those_of_finite_elements(name, rigid):
     model = array(rigid).model
     truth = wings.side(BAND, wings.ANGLES[name], rigid=rigid)
