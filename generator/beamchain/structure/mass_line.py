@@ -91,7 +91,7 @@ class Stretch(NamedTuple):
 def stretch_through(start: float, end: float, densities: Array) -> Stretch:
     """The polynomial through densities `(k, 4)` at equally spaced stations, both ends included."""
     powers = np.vander(np.linspace(1.0, 0.0, len(densities)))
-    return Stretch(start, end, np.linalg.solve(powers, densities))
+    return Stretch(start, end, np.asarray(np.linalg.solve(powers, densities), dtype=np.float64))
 
 
 @dataclass(frozen=True, eq=False)

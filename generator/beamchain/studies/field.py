@@ -156,7 +156,7 @@ def scene_text(hub: Hub, chain: Chain) -> str:
 
 def rigid_chain(beam: Beam) -> Chain:
     """The appendage as one rigid link."""
-    rigid = Chain((rivals.rigid_link(beam, 0.0, beam.length),), (), beam.length)
+    rigid = Chain((rivals.rigid_link(beam.line, 0.0, beam.length),), (), beam.length)
     return with_real_polar(rigid)
 
 

@@ -310,7 +310,7 @@ def make_task(text: str) -> Task:
     """The task of a spec, given as the text of its TOML so that workers can share it."""
     spec = spec_from_dict(tomllib.loads(text))
     beam = spec.beam
-    hub = spec.root.hub or default_hub(spec.beam)
+    hub = spec.root.hub or default_hub(spec.beam.line)
     kept = spec.kept
     if spec.chooses:
         kept = make_plan(spec, whole_beam(spec, beam), beam.rigid_mass(), hub.mass_matrix()).kept
