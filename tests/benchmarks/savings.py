@@ -157,7 +157,7 @@ def rival_model(spec: bc.Spec, ports: list[str], count: int, error: float) -> Mo
             )
         )
     chain = replace(chain, links=tuple(links))
-    hub = spec.root.hub or default_hub(spec.beam)
+    hub = spec.root.hub or default_hub(spec.beam.line)
     assert spec.scene is not None
     text = write.document_text(
         write.scene_document(
