@@ -82,7 +82,7 @@ RESULTS = {
 }
 #: classes that these and public classes hold: shown on the same page
 PARTS = {
-    "Beam": ("structure.beam.Moments",),
+    "Beam": ("structure.mass_line.Moments",),
     "Embedded": (
         "craft.appendage.Appendage",
         "craft.assembly.Assembly",

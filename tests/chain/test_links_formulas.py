@@ -48,11 +48,17 @@ def line_of(masses, places, length):
     """A line whose mass is that of points."""
     masses, places = np.array(masses), np.array(places)
 
-    def behind(x):
-        outer = [points(masses[places[:, 0] > a], places[places[:, 0] > a]) for a in x]
-        return np.reshape(outer, (-1, 6, 6))
+    def moments(edges, *, inner):
+        assert inner
+        ends = np.append(edges[1:-1], np.inf)
+        starts = np.append(-np.inf, edges[1:-1])
+        return (places[:, 0] > starts[:, None]) & (places[:, 0] <= ends[:, None])
 
-    return SimpleNamespace(length=length, whole=points(masses, places), behind=behind)
+    def matrices(taken):
+        return np.array([points(masses[these], places[these]) for these in taken])
+
+    whole = points(masses, places)
+    return SimpleNamespace(length=length, whole=whole, moments=moments, matrices=matrices)
 
 
 MASSES = [1.0, 2.0, 0.5, 1.5, 0.7, 1.1]

@@ -199,14 +199,15 @@ def floor(hub):
 def test_a_line_grows_by_what_the_modes_ask_for_and_a_fifth_of_it(most, grown):
     """Participation along a column of the mass matrix: its square is a share of the diagonal."""
     line = spread_mass(RIGID, LENGTH)
-    line = replace(line, points=np.array([[4.0, 0.3, 0.01, 0.02, 0.03]]))
+    line = replace(line, bodies=np.array([[4.0, 0.3, 0.01, 0.02, 0.03]]))
     own = line.behind(np.array([-LENGTH]))[0]
     rows = np.sqrt(most / own[5, 5]) * own[5:6]
     kept = SimpleNamespace(modes=1, live=[0, 1, 2, 3, 4, 5], participation=rows)
     found = line_with_room(line, kept)
     assert found.rigid == pytest.approx(grown * RIGID, rel=1e-9)
-    assert found.points[0] == pytest.approx([4.0, *(grown * line.points[0, 1:])], rel=1e-9)
-    assert found.pieces[0].densities == pytest.approx(grown * line.pieces[0].densities, rel=1e-9)
+    assert found.bodies[0] == pytest.approx([4.0, *(grown * line.bodies[0, 1:])], rel=1e-9)
+    edges = [0.0, 0.7 * LENGTH, LENGTH]
+    assert found.moments(edges) == pytest.approx(grown * line.moments(edges), rel=1e-9)
     assert (found is line) == (grown == 1.0)
     assert line_with_room(line, SimpleNamespace(modes=0)) is line
 

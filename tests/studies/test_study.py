@@ -294,7 +294,7 @@ def test_other_bodies_move_the_hub_as_the_clamped_chain(prepared, n):
     task, scenario = prepared
     wishes = Wishes(lines=(0.4 * task.beam.length,))
     cut = build_exact(
-        task.beam, {"xy": n}, lambda port, count: task.full[port].truncated(count), wishes
+        task.beam.line, {"xy": n}, lambda port, count: task.full[port].truncated(count), wishes
     ).chain
     model = compiled(field.scene_text(task.hub, cut))
     own = field.chain_of(task, Entry("exact, clamped", n, "RK4"))

@@ -36,9 +36,9 @@ def _without_rounding(about: Array, noise: float) -> Array:
 
 def bodies(line: MassLine, x: Array) -> list[Link]:
     """The appendage's own rigid pieces between the hinges; see `settled`."""
-    behind = np.concatenate([line.whole[None], line.behind(x)])
-    pieces = [*(a - b for a, b in pairwise(behind)), behind[-1]]
     edges = [0.0, *x.tolist(), line.length]
+    pieces = line.matrices(line.moments(edges, inner=True))
+    noise = ROUNDED * float(np.trace(line.whole[3:, 3:]))
     out: list[Link] = []
     for a, b, matrix in zip(edges[:-1], edges[1:], pieces, strict=True):
         mass = float(np.trace(matrix[:3, :3])) / 3.0
@@ -51,10 +51,8 @@ def bodies(line: MassLine, x: Array) -> list[Link]:
             / mass
         )
         about = matrix[3:, 3:] - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
-        about = _without_rounding(about, ROUNDED * float(np.trace(behind[0][3:, 3:])))
-        if np.max(np.abs(about - np.diag(np.diag(about)))) < ROUNDED * float(
-            np.trace(behind[0][3:, 3:])
-        ):
+        about = _without_rounding(about, noise)
+        if np.max(np.abs(about - np.diag(np.diag(about)))) < noise:
             about = np.diag(np.diag(about))
         centre[1:] = np.where(np.abs(centre[1:]) < ROUNDED * line.length, 0.0, centre[1:])
         inertia = (float(about[0, 0]), float(about[1, 1]), float(about[2, 2]))

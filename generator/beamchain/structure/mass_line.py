@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from beamchain.errors import InputError
 from beamchain.late import importing
 from beamchain.ports.motions import Array, body_mass_matrix, locked
+from beamchain.structure.elements import gauss
 from beamchain.structure.planes import MOTIONS
 
 if TYPE_CHECKING:
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 FLAT = 1e-9  # of the second moment along x: a spread across it that is negative by less is none
 INNER = 0.2  # of the length: no point stands nearer to the root, unless the moments ask for it
 STATED = 1e-6  # relative, to which a line that is stated has the rigid mass matrix
+GAUSS = 6  # points, exact for densities of the eighth degree times x^2
 EDGE = 1e-9  # of the length: a body so near an edge stands at it
 SMOOTH = 0.02  # least share of the smooth part where one is possible: no link is without mass
 
@@ -158,24 +160,32 @@ class MassLine:
             rigid=None if self.rigid is None else self.rigid * factor,
         )
 
-    def moments(self, edges: ArrayLike) -> Array:
-        """`(k - 1, 6)` as in `Moments`, of what lies between edges `(k,)` [m], in order; a body at
-        an edge hangs behind it, at the tip before it."""
+    def moments(self, edges: ArrayLike, *, inner: bool = False) -> Array:
+        """`(k - 1, 6)` as in `Moments`, of what lies between edges `(k,)` [m], in order.
+
+        A body at an edge hangs behind it, at the tip before it; `inner`: before every one.
+        """
         edges = np.asarray(edges, dtype=np.float64)
         near = EDGE * self.length
-        ends = np.where(edges >= self.length - near, np.inf, edges)
+        limits = edges + near if inner else edges - near
+        limits[0] = -np.inf if inner else limits[0]
+        limits[-1] = np.inf if edges[-1] >= self.length - near else limits[-1]
         x = self.bodies[:, 0]
-        inside = (x >= edges[:-1, None] - near) & (x < ends[1:, None] - near)
-        return -np.diff(self._smooth_behind(edges), axis=0) + inside @ self._body_moments
+        inside = (x >= limits[:-1, None]) & (x < limits[1:, None])
+        return self._smooth(edges.clip(0.0, self.length)) + inside @ self._body_moments
 
     def behind(self, x: Array) -> Array:
         """`(k, 6, 6)` mass matrix about the root of what lies behind each `x` `(k,)` [m];
         a body there hangs before it."""
         hangs = self.bodies[:, 0] > x[:, None] + EDGE * self.length
-        total = self._smooth_behind(x) + hangs @ self._body_moments
+        smooth = self._integral(self.length - x.clip(0.0, self.length))
+        return self.matrices(smooth + hangs @ self._body_moments)
+
+    def matrices(self, moments: Array) -> Array:
+        """`(k, 6, 6)` mass matrices about the root of stretches with `moments` `(k, 6)`."""
         if self.beside is None:
-            return straight_mass_matrices(total)
-        return np.array([self.beside.mass_matrix(*row[:3]) for row in total.tolist()])
+            return straight_mass_matrices(moments)
+        return np.array([self.beside.mass_matrix(*row[:3]) for row in moments.tolist()])
 
     @cached_property
     def _body_moments(self) -> Array:
@@ -183,9 +193,18 @@ class MassLine:
         x, mass, *inertias = self.bodies.T
         return np.column_stack([mass, mass * x, mass * x**2, *inertias])
 
-    def _smooth_behind(self, x: Array) -> Array:
-        """`(k, 6)` as in `Moments`, of the smooth part behind each `x` `(k,)` [m]."""
-        return self._integral(self.length - x.clip(0.0, self.length))
+    def _smooth(self, edges: Array) -> Array:
+        """`(k - 1, 6)` as in `Moments`, of the smooth part between edges `(k,)` [m]: by Gauss, as
+        differences of the integral lose the digits of short stretches."""
+        breaks = self.length - self._integral.x
+        cuts = np.unique([*edges, *breaks.clip(edges[0], edges[-1])])
+        half = np.diff(cuts)[:, None] / 2.0
+        xi, weights = gauss(GAUSS)
+        values = self._integral(self.length - cuts[:-1, None] - half * (1.0 + xi), 1)
+        total = np.zeros((edges.size - 1, 6))
+        number = np.searchsorted(edges, cuts[:-1], side="right") - 1
+        np.add.at(total, number, np.einsum("kq,kqi->ki", half * weights, values))
+        return total
 
     @cached_property
     def _integral(self) -> "PPoly":
