@@ -113,6 +113,7 @@ def test_page_is_self_contained_and_sound(reports, name):
 
 
 @pytest.mark.parametrize("name", ["seed on a hub", *SEVERAL])
+@pytest.mark.slow
 def test_page_parses_without_errors(reports, name):
     parser = etree.HTMLParser(recover=True)
     etree.fromstring(reports(name)[1].encode(), parser)
@@ -121,6 +122,7 @@ def test_page_parses_without_errors(reports, name):
 
 
 @pytest.mark.parametrize("name", EVERY)
+@pytest.mark.slow
 def test_headings_do_not_skip_a_level(reports, name):
     levels = [int(e.tag[1]) for e in html.fromstring(reports(name)[1]).iter("h1", "h2", "h3", "h4")]
     assert levels[0] == 1

@@ -15,6 +15,8 @@ from command import call
 from examples import EXAMPLES, example
 from spacecraft import CRAFTS, frequencies, spec
 
+pytestmark = pytest.mark.slow  # its pages take seconds
+
 SAME = 1e-12  # the same computation once more
 CREST = 0.01  # how far a crest may rise between the points of the grid (3e-4 measured)
 SHOWN = 5e-7  # seven digits are shown
@@ -52,7 +54,6 @@ def rows(page, title):
 
 
 @pytest.mark.parametrize("name", ["embed", "stability"])
-@pytest.mark.slow
 def test_page_is_self_contained_and_sound(name, pages):
     page = pages[name]
     assert not re.search(
@@ -110,7 +111,6 @@ def test_what_is_missing_is_said(observer, pages):
     assert all(f"{w:.5g}" in section.text_content() for w in gone)
 
 
-@pytest.mark.slow
 def test_commands_of_the_embed_page_make_the_same_file(pages, observer, tmp_path, monkeypatch):
     root = html.fromstring(pages["embed"])
     (section,) = root.xpath("//section[h2[text()='To reproduce']]")
@@ -126,14 +126,12 @@ def test_commands_of_the_embed_page_make_the_same_file(pages, observer, tmp_path
     assert (tmp_path / "out_report.html").read_text() == pages["embed"]
 
 
-@pytest.mark.slow
 def test_no_report_where_none_is_wanted(tmp_path):
     words = ["embed", str(CRAFTS / "planar.xml"), "--mount", f"mount={spec('rod')}", "-q"]
     assert call(*words, "-o", tmp_path / "out.xml", "--no-report").status == 0
     assert [path.name for path in tmp_path.iterdir()] == ["out.xml"]
 
 
-@pytest.mark.slow
 def test_less_than_asked_for_stands_in_the_verdict(tmp_path):
     text = spec("rod").read_text().replace("xy = 2", "xy = 12") + '\n[fit]\nsprings = "hinges"\n'
     (tmp_path / "many.toml").write_text(text)
@@ -163,7 +161,6 @@ def test_damping_shown_is_the_budgets(study, pages):
         )
 
 
-@pytest.mark.slow
 def test_stability_of_a_foreign_model(tmp_path):
     path = bc.embed(CRAFTS / "planar.xml", {"mount": spec("rod")}).write(tmp_path / "craft.xml")[-1]
     assert call("stability", path, "-o", tmp_path / "out", "-q").status in (0, 3)
@@ -172,7 +169,6 @@ def test_stability_of_a_foreign_model(tmp_path):
     assert "beamchain stability craft.xml -o craft-stability" in page
 
 
-@pytest.mark.slow
 def test_names_of_the_user_keep_their_letters():
     """A site `py` is no word to begin a sentence with."""
     text = """<mujoco><worldbody><body name="hub"><joint name="turn" axis="0 0 1"/>
@@ -188,7 +184,6 @@ def test_names_of_the_user_keep_their_letters():
     assert "Gravity is 0 0 -9.81" in page
 
 
-@pytest.mark.slow
 def test_dollars_in_a_name_are_no_formula(tmp_path):
     text = """<mujoco><option gravity="0 0 0"/><worldbody><body name="hub"><freejoint/>
     <geom size=".5" mass="50"/>
@@ -202,7 +197,6 @@ def test_dollars_in_a_name_are_no_formula(tmp_path):
     assert "attitude_x per push$1$" in (tmp_path / "plant_report.html").read_text()
 
 
-@pytest.mark.slow
 def test_equal_appendages_are_shown_once():
     bus = (EXAMPLES / "satellite.xml").read_text()
     bus = bus.replace("<freejoint/>", '<joint name="turn" axis="0 0 1"/>')  # no turn is drawn
