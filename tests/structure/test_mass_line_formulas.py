@@ -146,6 +146,15 @@ def test_a_stated_line_has_the_rigid_mass_to_a_millionth(off, taken):
             mass_line_of_pieces(4.0, rigid, **given)
 
 
+@pytest.mark.parametrize(
+    ("start", "length"), [(0.5, 0.0), (1.0, -0.5), (-0.1, 1.0), (3.0, 1.1)], ids=str
+)
+def test_a_piece_of_a_stated_line_lies_between_root_and_tip(start, length):
+    piece = MassPiece(start, length, np.ones((1, 4)))
+    with pytest.raises(InputError, match="line: a piece runs from"):
+        mass_line_of_pieces(4.0, np.eye(6), pieces=(piece,), points=POINTS)
+
+
 # -- beside the axis -------------------------------------------------------------------------------
 MASSES = np.array([1.0, 2.0, 0.5, 1.5, 0.7])
 PLACES = np.array(

@@ -448,6 +448,13 @@ def mass_line_of_pieces(
     points: Array,
 ) -> MassLine:
     """The mass line that a file states."""
+    for piece in pieces:
+        end = piece.start + piece.length
+        if not -EDGE * length <= piece.start < end <= length * (1.0 + EDGE):
+            raise InputError(
+                f"line: a piece runs from {piece.start:.6g} to {end:.6g} m, but pieces run outwards "
+                f"between the root and the tip at {length:.6g} m; check start and length."
+            )
     stretches = tuple(piece.stretch for piece in pieces)
     line = MassLine(length, stretches, locked(points), rigid=locked(rigid_mass))
     stated = line.whole
