@@ -452,7 +452,7 @@ def mass_line_of_pieces(
         end = piece.start + piece.length
         if not -EDGE * length <= piece.start < end <= length * (1.0 + EDGE):
             raise InputError(
-                f"line: a piece runs from {piece.start:.6g} to {end:.6g} m, but pieces run outwards "
+                f"line: a piece runs from {piece.start:.6g} to {end:.6g} m, but they run outwards "
                 f"between the root and the tip at {length:.6g} m; check start and length."
             )
     stretches = tuple(piece.stretch for piece in pieces)
