@@ -12,6 +12,7 @@ from formulas import (
     Hinge,
     Link,
     MassLine,
+    MassPiece,
     ModeGroup,
     Nodes,
     Wishes,
@@ -27,7 +28,6 @@ from formulas import (
     rigid_link,
     settle_links,
     shared_nodes,
-    stretch_through,
     with_real_polar,
     without_rounding,
 )
@@ -318,7 +318,7 @@ def test_imported_mass_may_differ_between_the_planes_by_what_is_printed(part, ta
     whole = 8.0 / 3.0
 
     rotary = 0.2 + part * 1e-5 * whole
-    smooth = stretch_through(0.0, 2.0, np.array([[1.0, 0.01, rotary / 2.0, 0.1]]))
+    smooth = MassPiece(0.0, 2.0, np.array([[1.0, 0.01, rotary / 2.0, 0.1]]))
     line = MassLine(2.0, (smooth,), np.zeros((0, 5)))
     nodes = Nodes(np.array([0.5, 1.0, 0.5]), np.array([1.0, 1.0]), np.array([4.0]))
     if not taken:

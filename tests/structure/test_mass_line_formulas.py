@@ -14,7 +14,6 @@ from formulas import (
     mass_beside_axis,
     mass_line_of_pieces,
     spread_mass,
-    stretch_through,
     uniform_length,
 )
 
@@ -45,7 +44,7 @@ PIECES = (
     MassPiece(2.5, 1.0, np.array([[1.0, 0.0, 0.0, 0.0], [2.0, 0, 0, 0], [7.0, 0.6, 0.0, 0.9]])),
 )
 POINTS = np.array([[0.5, 0.7, 0.11, 0.12, 0.13], [3.0, 1.3, 0.2, 0.3, 0.4], [4.0, 2.1, 0.5, 0, 0]])
-LINE = MassLine(4.0, tuple(piece.stretch for piece in PIECES), POINTS)
+LINE = MassLine(4.0, PIECES, POINTS)
 
 
 def moments_of_pieces(start, end):
@@ -89,9 +88,9 @@ def test_moments_of_a_stretch(start, end, points):
     assert LINE.moments([start, end])[0] == pytest.approx(wanted, rel=ROUNDED)
 
 
-def test_stretches_that_overlap_add_up():
-    more = stretch_through(1.0, 3.0, np.array([[2.0, 0.1, 0.2, 0.3], [6.0, 0.3, 0.2, 0.1]]))
-    line = MassLine(4.0, (*LINE.stretches, more), POINTS)
+def test_pieces_that_overlap_add_up():
+    more = MassPiece(1.0, 2.0, np.array([[2.0, 0.1, 0.2, 0.3], [6.0, 0.3, 0.2, 0.1]]))
+    line = MassLine(4.0, (*LINE.pieces, more), POINTS)
     edges = np.array([0.0, 1.0, 2.2, 2.7, 4.0])
     x = np.poly1d([1.0, 0.0])
     flat = np.poly1d([0.2])
@@ -107,7 +106,7 @@ def test_the_outermost_of_a_taper_keeps_its_digits():
     """1 kg/m at the root, 1/30 at the tip: a hair of mass before the tip."""
     line = MassLine(
         2.0,
-        (stretch_through(0.0, 2.0, np.array([[1.0, 0, 0, 0], [1.0 / 30.0, 0, 0, 0]])),),
+        (MassPiece(0.0, 2.0, np.array([[1.0, 0, 0, 0], [1.0 / 30.0, 0, 0, 0]])),),
         np.zeros((0, 5)),
     )
     out = 1e-5

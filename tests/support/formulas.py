@@ -444,7 +444,6 @@ from beamchain.structure.mass_line import (
     default_length,
     mass_line_of_pieces,
     spread_mass,
-    stretch_through,
     uniform_length,
 )
 from beamchain.structure.mass_line import _mass_beside_axis as mass_beside_axis
@@ -978,7 +977,6 @@ __all__ = [
     "stiffness_before",
     "still_copy",
     "stop_ahead",
-    "stretch_through",
     "structured_bound",
     "sum_of_poles",
     "sums_behind",

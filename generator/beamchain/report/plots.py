@@ -400,7 +400,7 @@ def _draw_chain(
     ax.yaxis.set_visible(False)
     ax.spines["left"].set_visible(False)
     x = np.linspace(0.0, length, 121)
-    depth = np.array([beam.depth(float(at), plane) if beam else 0.0 for at in x])
+    depth = np.array([0.0 if beam is None else beam.depth(float(at), plane) for at in x])
     depth = 0.24 * (depth / depth.max() if depth.max() > 0.0 else np.ones(x.size))
     ax.fill_between(x, -depth, depth, color="#dddddd", linewidth=0, label="beam")
     ax.fill_between(

@@ -18,7 +18,7 @@ from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORTS, Array
 from beamchain.structure import elements
 from beamchain.structure.discretise import Parts, converged_model
-from beamchain.structure.mass_line import MassLine, Stretch, stretch_through
+from beamchain.structure.mass_line import MassLine, MassPiece
 from beamchain.structure.segment import Joint, Lump, Segment, check_carried_body, expand_repeats
 
 MOST_SEGMENTS = 1000
@@ -117,18 +117,17 @@ class Beam(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=T
     @cached_property
     def line(self) -> MassLine:
         """How its mass lies along x."""
-        ends = [*self._starts[1:], self.length]
         fractions = np.linspace(0.0, 1.0, TAPER + 1)
-        stretches: list[Stretch] = []
-        for start, end, segment in zip(self._starts, ends, self.segments, strict=True):
+        pieces: list[MassPiece] = []
+        for start, segment in zip(self._starts, self.segments, strict=True):
             at = segment.at(fractions)
             rotary = 1.0 if segment.theory == "timoshenko" else 0.0
             values = [at.mass, at.polar, rotary * at.rotary_xy, rotary * at.rotary_xz]
-            stretches.append(stretch_through(start, end, np.column_stack(values)))
+            pieces.append(MassPiece(start, segment.length, np.column_stack(values)))
         rows = [[b.x, b.mass, b.inertia[0], b.inertia[2], b.inertia[1]] for b in self.lumps]
         return MassLine(
             self.length,
-            tuple(stretches),
+            tuple(pieces),
             np.array(rows).reshape(-1, 5),
             hinge_lines={port: self.hinge_lines(port) for port in PORTS},
             exact=True,

@@ -62,7 +62,7 @@ def straight_mass_matrices(moments: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class MassPiece:
-    """A stretch `[start, start + length]` [m] with smooth densities, as a file states it.
+    """A stretch `[start, start + length]` [m] with smooth densities.
 
     `densities` `(k, 4)`: mass [kg/m], polar and rotary inertia in xy and xz [kg m] at k equally
     spaced stations, both ends included; in between the polynomial through them.
@@ -76,24 +76,9 @@ class MassPiece:
         object.__setattr__(self, "densities", locked(self.densities))
 
     @property
-    def stretch(self) -> "Stretch":
-        """The same as a polynomial."""
-        return stretch_through(self.start, self.start + self.length, self.densities)
-
-
-class Stretch(NamedTuple):
-    """Densities between two places [m]: `(k, 4)` coefficients of the powers of the fraction of the
-    way from `end` to `start`, the highest first; the columns are those of `MassPiece.densities`."""
-
-    start: float
-    end: float
-    coefficients: Array
-
-
-def stretch_through(start: float, end: float, densities: Array) -> Stretch:
-    """The polynomial through densities `(k, 4)` at equally spaced stations, both ends included."""
-    powers = np.vander(np.linspace(1.0, 0.0, len(densities)))
-    return Stretch(start, end, np.asarray(np.linalg.solve(powers, densities), dtype=np.float64))
+    def end(self) -> float:
+        """x of its outer end [m]."""
+        return self.start + self.length
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +109,7 @@ class MassLine:
 
     Args:
         length: root to tip [m].
-        stretches: with smooth densities; those that overlap add up.
+        pieces: stretches with smooth densities; those that overlap add up.
         bodies: `(p, 5)` x [m], mass, polar and rotary inertia in xy and xz.
         rigid: `(6, 6)` mass matrix about the root that was stated; None: that of its moments.
         beside: how the mass lies beside the axis; None: on it.
@@ -133,7 +118,7 @@ class MassLine:
     """
 
     length: float
-    stretches: tuple[Stretch, ...]
+    pieces: tuple[MassPiece, ...]
     bodies: Array
     rigid: Array | None = None
     beside: MassBesideAxis | None = None
@@ -151,11 +136,10 @@ class MassLine:
 
     def times(self, factor: float) -> "MassLine":
         """The same with all mass times a factor."""
+        heavier = (replace(piece, densities=piece.densities * factor) for piece in self.pieces)
         return replace(
             self,
-            stretches=tuple(
-                s._replace(coefficients=s.coefficients * factor) for s in self.stretches
-            ),
+            pieces=tuple(heavier),
             bodies=self.bodies * np.array([1.0, *[factor] * 4]),
             rigid=None if self.rigid is None else self.rigid * factor,
         )
@@ -163,7 +147,8 @@ class MassLine:
     def moments(self, edges: ArrayLike, *, inner: bool = False) -> Array:
         """`(k - 1, 6)` as in `Moments`, of what lies between edges `(k,)` [m], in order.
 
-        A body at an edge hangs behind it, at the tip before it; `inner`: before every one.
+        A body at an edge counts to the stretch behind it, or with `inner` to the one before it; a
+        body at the tip to the last.
         """
         edges = np.asarray(edges, dtype=np.float64)
         near = EDGE * self.length
@@ -214,17 +199,19 @@ class MassLine:
             # late: it takes 20 ms to load
             from scipy.interpolate import PPoly
 
-        ends = [0.0, self.length, *(x for s in self.stretches for x in s[:2])]
+        ends = [0.0, self.length, *(x for piece in self.pieces for x in (piece.start, piece.end))]
         breaks = np.unique(self.length - np.array(ends))
-        order = max((len(s.coefficients) for s in self.stretches), default=1)
+        order = max((len(piece.densities) for piece in self.pieces), default=1)
         densities = np.zeros((order, breaks.size - 1, 4))
-        for start, end, own in self.stretches:
-            low, high = self.length - end, self.length - start
+        for piece in self.pieces:
+            low, high = self.length - piece.end, self.length - piece.start
             here = np.flatnonzero((breaks[:-1] >= low) & (breaks[1:] <= high))
-            scaled = own / (high - low) ** np.arange(len(own))[::-1, None]
-            piece = PPoly(scaled[:, None], np.array([low, high]))
-            for k in range(len(own)):  # by Taylor from the outer end of every interval
-                densities[order - 1 - k, here] += piece(breaks[here], k) / factorial(k)
+            k = len(piece.densities)
+            # the polynomial through the stations, in powers of the distance from the outer end
+            powers = np.vander(np.linspace(high - low, 0.0, k))
+            own = PPoly(np.linalg.solve(powers, piece.densities)[:, None], np.array([low, high]))
+            for i in range(k):  # by Taylor from the outer end of every interval
+                densities[order - 1 - i, here] += own(breaks[here], i) / factorial(i)
 
         def times_x(polynomial: Array) -> Array:
             """Of the distance from the outer end, which lies at length - break."""
@@ -422,18 +409,18 @@ def spread_mass(
     share = remainder.largest_share()
     # inertias per mass are those of the whole everywhere
     inertias = np.array([along.polar, along.rotary_xy, along.rotary_xz]) / mass
-    stretches: tuple[Stretch, ...] = ()
+    pieces: tuple[MassPiece, ...] = ()
     if share > 0.0:
         grown = (power + 1.0) * np.linspace(0.0, 1.0, power + 1) ** power if power else np.ones(1)
         densities = share * mass / length * grown[:, None] * np.array([1.0, *inertias])
-        stretches = (stretch_through(0.0, length, densities),)
+        pieces = (MassPiece(0.0, length, densities),)
     rows = [
         [place * length, part * mass, *(part * mass * inertias)]
         for place, part in remainder.points(share)
     ]
     return MassLine(
         length,
-        stretches,
+        pieces,
         locked(np.array(rows).reshape(-1, 5)),
         rigid=locked(rigid),
         beside=None if beside is None else beside[1],
@@ -449,14 +436,12 @@ def mass_line_of_pieces(
 ) -> MassLine:
     """The mass line that a file states."""
     for piece in pieces:
-        end = piece.start + piece.length
-        if not -EDGE * length <= piece.start < end <= length * (1.0 + EDGE):
+        if not -EDGE * length <= piece.start < piece.end <= length * (1.0 + EDGE):
             raise InputError(
-                f"line: a piece runs from {piece.start:.6g} to {end:.6g} m, but they run outwards "
-                f"between the root and the tip at {length:.6g} m; check start and length."
+                f"line: a piece runs from {piece.start:.6g} to {piece.end:.6g} m, but they run "
+                f"outwards between the root and the tip at {length:.6g} m; check start and length."
             )
-    stretches = tuple(piece.stretch for piece in pieces)
-    line = MassLine(length, stretches, locked(points), rigid=locked(rigid_mass))
+    line = MassLine(length, tuple(pieces), locked(points), rigid=locked(rigid_mass))
     stated = line.whole
     scale = np.sqrt(np.maximum(np.diag(stated), np.diag(rigid_mass)))
     apart = np.abs(stated - rigid_mass) > STATED * np.outer(scale, scale)

@@ -30,7 +30,7 @@ from scipy.special import jnp_zeros
 from beamchain.checks import Struct, field
 from beamchain.errors import InputError
 from beamchain.ports.motions import UPRIGHT, Array, Quaternion, body_mass_matrix, locked
-from beamchain.structure.mass_line import MassLine, Stretch
+from beamchain.structure.mass_line import MassLine, MassPiece
 from beamchain.structure.modal_data import ModalData
 
 FEWEST = 2  # lateral modes of a plane that become pendulums, unless the specification says
@@ -197,7 +197,7 @@ class Slosh(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         """How the liquid lies along the axis."""
         rotary = (self.inertia - self.mass * self.height**2 / 12.0) / self.height
         densities = np.array([self.mass / self.height, 0.0, rotary, rotary])
-        whole = Stretch(0.0, self.height, densities[None])
+        whole = MassPiece(0.0, self.height, densities[None])
         return MassLine(self.height, (whole,), np.zeros((0, 5)), rigid=locked(self.rigid_mass()))
 
 
