@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 from lxml import etree
 
-from beamchain.ports.coupled import CoupledPort
 from formulas import measure
 
 ROOT, ROOT_AT, ROOT_OWN = 2.0, 0.5, np.array([0.1, 0.2, 0.3])
@@ -137,12 +136,12 @@ def test_a_damped_joint_makes_a_whole_damping_matrix(dampers):
     if not dampers:
         assert found.damped_motion is found.motion
         return
-    assert isinstance(found.damped_motion, CoupledPort)
+    assert found.damped_motion is found.coupled
     w, row, ratio = mode("xz")
     k = int(np.argmin(np.abs(found.coupled.frequencies - w)))
     wanted = np.zeros((2, 2))
     wanted[k, k] = 2.0 * ratio * w
-    assert found.coupled.rates == pytest.approx(wanted, abs=1e-9)
+    assert found.coupled.damping_matrix == pytest.approx(wanted, abs=1e-9)
     seen = found.coupled.participation[k]
     assert np.sign(seen[2]) * seen == pytest.approx([0, 0, row[0], 0, -row[1], 0], abs=1e-9)
     assert found.coupled.rigid_mass == pytest.approx(rigid(), abs=1e-9)

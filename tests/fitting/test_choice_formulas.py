@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from beamchain import PortModel
-from beamchain.ports.coupled import CoupledPort
 from formulas import Candidates, Promise, choose, with_polar_inertia
 
 RATIO = 0.02
@@ -72,7 +71,8 @@ def test_dampers_that_couple_modes_count():
     rates = np.array([[0.08, 0.05], [0.05, 0.2]])
     promise = Promise(EXACT, hub, [0, 1], 6.0, 0.005)
     wanted = worst(hub, (RIGID, ROWS, W, RATES), (RIGID, ROWS, W, rates), [0, 1], 6.0)
-    found = promise.error(CoupledPort(2.0 * RIGID, W, ROWS, rates))
+    ratios = rates / np.sqrt(np.outer(W, W)) / 2.0
+    found = promise.error(PortModel(2.0 * RIGID, W, ROWS, ratios))
     assert found == pytest.approx(wanted, rel=GRID)
 
 

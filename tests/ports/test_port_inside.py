@@ -7,8 +7,9 @@ import pytest
 from appendages import close
 from beamchain import PortModel
 from beamchain.ports.compare import tolerance_statement
-from beamchain.ports.compose import model_in_space, port_from_rows
+from beamchain.ports.compose import model_in_space
 from beamchain.ports.motions import PORT_MOTION, locked, offset_matrix, square_root
+from beamchain.ports.rows import Rows
 
 ROUNDING = 1e-12  # one small eigenproblem or solve there and back
 
@@ -21,12 +22,18 @@ def test_square_root_is_a_root():
     assert root.T @ root == close(semidefinite, abs=1e-14)
 
 
-def test_port_from_rows_of_two_points_on_a_spring():
-    # m1 at the port, m2 behind a spring k: held sqrt(k / m2), free sqrt(k (m1 + m2) / (m1 m2))
-    m1, m2, k = 3.0, 2.0, 50.0
+def test_two_points_on_a_spring_become_a_port_model():
+    # m1 at the port, m2 behind a spring k and a damper c: held sqrt(k / m2), free
+    # sqrt(k (m1 + m2) / (m1 m2))
+    m1, m2, k, c = 3.0, 2.0, 50.0, 0.4
     rigid = np.sqrt([[m1], [m2]])
-    elastic = np.array([[0.0], [np.sqrt(m2 / k)]])
-    port = port_from_rows(rigid, elastic, np.array([[1.0 / np.sqrt(k)]]))
+    elastic = np.array([[0.0], [np.sqrt(m2)]])
+    springs, point = np.array([[0.0], [np.sqrt(k)]]), np.array([[1.0]])
+    port = PortModel.from_rows(Rows(rigid, elastic, springs, np.array([[c]]), point))
+    assert port.damping_matrix == close(np.array([[c / m2]]), rel=ROUNDING)
+    assert port.ratios == close([c / m2 / 10.0], rel=ROUNDING)
+    scaled = PortModel.from_rows(Rows(rigid, elastic / np.sqrt(k)))
+    assert scaled.frequencies == close(port.frequencies, rel=ROUNDING)
     assert port.rigid_mass == close(np.array([[5.0]]), rel=ROUNDING)
     assert port.frequencies == close([5.0], rel=ROUNDING)
     assert port.participation == close(np.array([[np.sqrt(m2)]]), rel=ROUNDING)

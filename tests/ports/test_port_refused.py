@@ -24,7 +24,7 @@ ROW = np.array([[0.1, 0.1]])
             lambda: PortModel(np.ones(2), np.zeros(0), np.zeros((0, 2))),
             r"needs rigid_mass \(m, m\).*got \(2,\)",
         ),
-        (lambda: PortModel(I2, ONE, ROW, np.zeros(2)), r"damping \(n,\); got .*, \(2,\)\."),
+        (lambda: PortModel(I2, ONE, ROW, np.zeros(2)), r"\(n, n\); got .*, \(2,\)\."),
         (
             lambda: PortModel(I2, np.array([np.nan]), ROW),
             "frequencies holds a value that is not finite",

@@ -6,9 +6,7 @@ from scipy.linalg import eigh
 
 from beamchain import InputError, PortModel, compare
 from formulas import (
-    CoupledPort,
     Shapes,
-    as_compared,
     band_grid,
     body_mass_matrix,
     compared_ratios,
@@ -57,9 +55,12 @@ def test_in_band_error_of_a_rigid_model_is_worst_on_the_light_hub():
 
 def test_modes_of_a_damping_matrix_get_the_damping_that_they_lack():
     w = np.array([2.0, 5.0, 6.0])  # none, 4 %, and half of the least ratio, 1e-5
-    model = CoupledPort(np.eye(1), w, np.array([[0.3], [0.2], [0.1]]), np.diag([0.0, 0.4, 6e-5]))
-    wanted = np.diag([0.02, 0.4, 12e-5])
-    assert as_compared(model, 0.005).rates == pytest.approx(wanted, rel=ROUNDED)
+    rates = np.diag([0.0, 0.4, 6e-5])
+    rates[0, 1] = rates[1, 0] = 1e-3
+    rows = np.array([[0.3], [0.2], [0.1]])
+    model = PortModel(np.eye(1), w, rows, rates / np.sqrt(np.outer(w, w)) / 2.0)
+    rates[np.diag_indices(3)] = [0.02, 0.4, 12e-5]
+    assert with_damping(model, 0.005).damping_matrix == pytest.approx(rates, rel=ROUNDED)
 
 
 def test_points_about_a_peak_go_from_its_width_to_half_its_frequency():
@@ -124,12 +125,10 @@ def test_an_attachment_mode_is_the_static_shape_of_the_modes_left_out():
 def test_dynamic_mass_of_coupled_damping_is_that_of_its_two_equations():
     # q1'' + d11 q1' + d12 q2' + w1^2 q1 = -l1 a, by Cramer's rule
     (w1, w2), (l1, l2), (d11, d12, d22), w = (2.0, 5.0), (0.3, 0.2), (0.1, 0.05, 0.4), 2.5
-    model = CoupledPort(
-        np.array([[1.5]]),
-        np.array([w1, w2]),
-        np.array([[l1], [l2]]),
-        np.array([[d11, d12], [d12, d22]]),
-    )
+    cross = d12 / np.sqrt(w1 * w2) / 2.0
+    ratios = np.array([[d11 / w1 / 2.0, cross], [cross, d22 / w2 / 2.0]])
+    model = PortModel(np.array([[1.5]]), np.array([w1, w2]), np.array([[l1], [-l2]]), ratios)
+    l2 = -l2  # a negative participation turns the mode's sign and that of the coupling
     s = 1j * w
     one, both, two = s**2 + s * d11 + w1**2, s * d12, s**2 + s * d22 + w2**2
     whole = one * two - both**2
@@ -155,10 +154,11 @@ def test_energy_of_a_body_is_that_of_its_points():
 def test_a_free_mode_has_the_modal_mass_that_the_root_leaves_it():
     # (1 - l^2 / m) q'' + d q' + w^2 q = 0
     mass, moment, w, d = 4.0, 1.2, 3.0, 0.24
-    model = PortModel(np.array([[mass]]), np.array([w]), np.array([[moment]]))
+    ratio = np.array([[d / w / 2.0]])
+    model = PortModel(np.array([[mass]]), np.array([w]), np.array([[moment]]), ratio)
     left = 1.0 - moment**2 / mass
     frequency = w / np.sqrt(left)
-    found = free_peaks(model, np.array([[d]]))
+    found = free_peaks(model)
     assert found == pytest.approx(np.array([[frequency, d / (2.0 * left * frequency)]]), rel=1e-9)
 
 
@@ -318,7 +318,7 @@ def test_peaks_of_a_model_are_those_on_its_hub_and_those_held(ratios):
     held = np.column_stack([w, ratios])
     assert found[2:] == pytest.approx(held)
     assert found[np.argsort(found[:2, 0])] == pytest.approx(wanted[np.argsort(wanted[:, 0])])
-    coupled = CoupledPort(np.array([[2.0]]), w, rows, rates)
+    coupled = PortModel(np.array([[2.0]]), w, rows, np.diag(ratios))
     same = peaks_of(coupled, np.array([[1.0]]))
     assert np.sort(same[2:], axis=0) == pytest.approx(held)
 
@@ -483,9 +483,9 @@ def test_a_model_in_other_motions_of_its_root():
 
 def test_a_coupled_port_seen_in_some_motions_with_a_hub():
     rates = np.array([[0.1, 0.05], [0.05, 0.4]])
-    model = CoupledPort(made().rigid_mass, np.array([2.0, 3.0]), 0.5 * np.eye(2), rates)
+    model = made().replaced(damping=rates)
     motions = np.array([[1.0], [2.0]])
-    seen = model.with_hub(np.diag([10.0, 20.0])).seen(motions)
+    seen = model.with_hub(np.diag([10.0, 20.0])).in_motions(motions)
     whole = model.D(np.array([1.7]))[:, :, 0] + np.diag([10.0, 20.0])
     assert seen.D(np.array([1.7]))[:, :, 0] == pytest.approx(motions.T @ whole @ motions)
 

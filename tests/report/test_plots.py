@@ -180,7 +180,7 @@ def test_a_curve_stands_where_the_axes_say(boom):
     points = np.array(re.findall(r"-?[\d.]+", path[0].get("d")), dtype=float).reshape(-1, 2)
     hub, _ = curves.worst_hub(fit, "xy")
     (curve,) = curves.error_curves(
-        fit, "xy", [curves.read_back_model(fit, "xy")], hub, curves.span(fit, "xy")
+        fit, "xy", [fit.measured.damped_port("xy")], hub, curves.span(fit, "xy")
     )
     (x0, x1), (y0, y1) = ax.get_xlim(), ax.get_ylim()
     omega = x0 * (x1 / x0) ** ((points[:, 0] - left) / width)
@@ -207,7 +207,7 @@ def test_error_curve_peaks_at_the_in_band_error(name):
     for port, error in fit.readback_error.items():
         hub, _ = curves.worst_hub(fit, port)
         (curve,) = curves.error_curves(
-            fit, port, [curves.read_back_model(fit, port)], hub, curves.span(fit, port)
+            fit, port, [fit.measured.damped_port(port)], hub, curves.span(fit, port)
         )
         assert curve.error[curve.peak(fit.bandwidth[port])] == pytest.approx(
             error.accelerance_in_band, rel=CURVE

@@ -315,7 +315,6 @@ from beamchain.fitting.warnings import (
 )
 from beamchain.mjcf.craft import craft_from_text
 from beamchain.ports.compare import (
-    as_compared,
     band_grid,
     compared_ratios,
     free_peaks,
@@ -333,7 +332,6 @@ from beamchain.ports.compare import (
     with_damping,
 )
 from beamchain.ports.compose import joined
-from beamchain.ports.coupled import CoupledPort
 from beamchain.ports.model import Shapes
 from beamchain.ports.motions import body_mass_matrix, first_moment
 from beamchain.report.outlines import Drawn
@@ -504,7 +502,6 @@ __all__ = [
     "Composite",
     "Coordinates",
     "CoupledCandidate",
-    "CoupledPort",
     "Craft",
     "CraftError",
     "Drawn",
@@ -607,7 +604,6 @@ __all__ = [
     "appendages_alone",
     "apply_draw",
     "armatures_of",
-    "as_compared",
     "assemble",
     "assemble_lowest",
     "assembled_chain",

@@ -9,9 +9,9 @@ import numpy as np
 
 from beamchain.checks import one_of
 from beamchain.errors import RealisationError
-from beamchain.ports.compose import port_from_rows
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, PORTS, Array, body_mass_matrix, offset_matrix
+from beamchain.ports.rows import Rows
 
 #: A degree of freedom of a chain: number of its hinge from 0,
 #: and the port in which that hinge moves.
@@ -256,48 +256,37 @@ class Chain:
         one_of("port", port, PORTS)
         return self.model([port], PORT_MOTION[port])
 
-    def model(self, ports: Sequence[str], motion: Array) -> PortModel:
-        """The port model in motions `(6, m)` of the root with the hinges of some ports loose."""
+    def model(self, ports: Sequence[str], motion: Array, *, damped: bool = False) -> PortModel:
+        """The port model in motions `(6, m)` of the root with the hinges of some ports loose;
+        `damped`: with the dampers of hinges and tendons."""
         freedoms = self.freedoms(ports)
-        rigid, elastic, tip = self._scaled(freedoms)
         if not freedoms:
             return PortModel(
                 motion.T @ self.rigid_mass() @ motion, np.zeros(0), np.zeros((0, motion.shape[1]))
             )
-        return port_from_rows(rigid @ motion, elastic, motion.T @ tip)
-
-    def _scaled(self, freedoms: Sequence[Freedom]) -> tuple[Array, Array, Array]:
-        """Rigid and elastic rows and the tip's motions; strain energy `|y|^2 / 2`."""
-        rigid, elastic = self.rows(freedoms)
-        root = (
-            np.linalg.inv(np.linalg.qr(self.spring_rows(freedoms), mode="r"))
-            if freedoms
-            else np.zeros((0, 0))
-        )
         tip = offset_matrix(np.array([self.length, 0.0, 0.0]))
-        motions = np.column_stack(
-            [np.zeros((6, 0)), *(tip @ self.freedom_motion(f) for f in freedoms)]
+        motions = np.column_stack([tip @ self.freedom_motion(f) for f in freedoms])
+        rigid, elastic = self.rows(freedoms)
+        rows = Rows(
+            rigid @ motion,
+            elastic,
+            springs=self.spring_rows(freedoms),
+            damping=self.damping(freedoms) if damped else None,
+            points=motion.T @ motions,
         )
-        return rigid, elastic @ root, motions @ root
+        return PortModel.from_rows(rows)
 
-    def shapes(self, port: str, modes: PortModel) -> Array:
+    def shapes(self, port: str) -> Array:
         """`(n, h)` hinge angles of a port in its mass-normalised modes."""
         freedoms = self.freedoms([port])
-        springs = np.linalg.qr(self.spring_rows(freedoms), mode="r")
-        rigid, elastic, _ = self._scaled(freedoms)
-        u, s, vt = np.linalg.svd(elastic, full_matrices=False)
-        # less what `port` leaves out as rounding
-        u, s, vt = u[:, : modes.modes], s[: modes.modes], vt[: modes.modes]
-        signs = np.sign(np.sum((u.T @ rigid @ PORT_MOTION[port]) * modes.participation, axis=1))
-        return np.asarray(
-            np.linalg.solve(springs, (signs[:, None] * vt / s[:, None]).T).T, dtype=np.float64
-        )
+        rigid, elastic = self.rows(freedoms)
+        angles = np.eye(len(freedoms))
+        rows = Rows(rigid @ PORT_MOTION[port], elastic, self.spring_rows(freedoms), points=angles)
+        shapes = PortModel.from_rows(rows).tip
+        assert shapes is not None
+        return shapes
 
     def damped(self, port: str) -> PortModel:
         """`port(...)` with the damping ratios that hinges and tendons give its modes."""
-        modes = self.port(port)
-        if modes.modes == 0:
-            return modes
-        shapes = self.shapes(port, modes)
-        rates = np.diag(shapes @ self.damping(self.freedoms([port])) @ shapes.T)
-        return modes.replaced(damping=rates / (2.0 * modes.frequencies))
+        model = self.model([port], PORT_MOTION[port], damped=True)
+        return model.replaced(damping=model.ratios)

@@ -433,7 +433,7 @@ def _modes_of(chain: Chain, port: str, ratios: Array, *, springs: bool) -> list[
     freedoms = chain.freedoms([port])
     _, elastic = chain.rows(freedoms)
     # rows of the inverse of the modal matrix
-    momenta = chain.shapes(port, modes) @ elastic.T @ elastic
+    momenta = chain.shapes(port) @ elastic.T @ elastic
     out: list[Tendon] = []
     for k in range(min(modes.modes, ratios.size)):
         w = float(modes.frequencies[k])
@@ -452,7 +452,7 @@ def joint_damping(chain: Chain, port: str, ratios: Array) -> Chain:
     if not np.any(damped):
         return chain
     scale = 1.0 / np.where(damped, wanted, np.max(wanted))
-    values, _ = nnls(chain.shapes(port, modes) ** 2 * scale[:, None], np.where(damped, 1.0, 0.0))
+    values, _ = nnls(chain.shapes(port) ** 2 * scale[:, None], np.where(damped, 1.0, 0.0))
     hinges = list(chain.hinges)
     for i, value in zip(moving, values, strict=True):
         hinges[i] = replace(hinges[i], damping={**hinges[i].damping, port: float(value)})

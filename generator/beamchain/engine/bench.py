@@ -11,13 +11,12 @@ import numpy as np
 from lxml.etree import _Element as Element
 
 from beamchain.chain.chain import Chain
-from beamchain.engine.forces import Readings, coupled_port, port_of, readings
+from beamchain.engine.forces import Readings, readings
 from beamchain.engine.library import hangs_on, mujoco, rest
 from beamchain.engine.linearise import Linearisation, compile_model, linearise
 from beamchain.errors import EngineError, InputError
 from beamchain.mjcf import write
 from beamchain.ports.compose import joined
-from beamchain.ports.coupled import CoupledPort
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import (
     PORT_MOTION,
@@ -44,6 +43,7 @@ ROOT = tuple(
 )
 SIGNS = np.array([1.0, 1.0, 1.0, 1.0, -1.0, 1.0])  # the bench turns about -y
 TOGETHER = 1e-6  # relative: frequencies this close are taken together
+NO_RATIO = 1e-14  # damping ratios below are rounding
 NOTHING = 1e-9  # relative, below which a number is printed as zero
 
 
@@ -58,7 +58,7 @@ class Measured:
         couplings: between any two blocks of ports, relative.
         linearisation: of the bench.
         lost: per port, how far A and B are from the direct reading, which is taken beyond 1e-11.
-        coupled: where joints are damped, the appendage in six motions with its whole damping
+        coupled: where joints are damped, the appendage in the live motions with its whole damping
             matrix.
         live: motions in which the appendage has inertia (0 to 5).
     """
@@ -68,7 +68,7 @@ class Measured:
     couplings: dict[str, float]
     linearisation: Linearisation
     lost: dict[str, float] = field(default_factory=dict[str, float])
-    coupled: CoupledPort | None = None
+    coupled: PortModel | None = None
     live: tuple[int, ...] = tuple(range(6))
 
     @cached_property
@@ -91,11 +91,15 @@ class Measured:
         return self.space.in_motions(np.eye(6)[:, list(self.live)])
 
     @property
-    def damped_motion(self) -> PortModel | CoupledPort:
+    def damped_motion(self) -> PortModel:
         """The same, with the whole damping matrix where joints are damped."""
+        return self.motion if self.coupled is None else self.coupled
+
+    def damped_port(self, port: str) -> PortModel:
+        """The view of a port, with the whole damping matrix where joints are damped."""
         if self.coupled is None:
-            return self.motion
-        return self.coupled.seen(np.eye(6)[:, list(self.live)])
+            return self.ports[port]
+        return self.coupled.in_motions(PORT_MOTION[port][list(self.live)])
 
     def reading(self, port: str) -> str:
         """What the figures of a port come from: A and B, or mass and stiffness where these differ
@@ -182,7 +186,7 @@ def measure(
         couplings=couplings,
         linearisation=linear,
         lost=lost,
-        coupled=_with_whole_damping(read, linear.joints, rigid),
+        coupled=_with_whole_damping(read, linear.joints, rigid, list(live)),
         live=tuple(live),
     )
 
@@ -208,10 +212,9 @@ def _block_model(
     """The port model of a block in its `live` motions as A and B hold it, or the direct reading
     where they have lost digits; and how far the two are apart. `extra` `(6, 6)`: the ballast."""
     ballast = extra[np.ix_(dofs.motions, dofs.motions)]
-    signs = np.ones(read.rows.shape[1])
-    signs[dofs.root] = SIGNS[dofs.motions]
     try:
-        direct = port_of(read._replace(rows=read.rows * signs), dofs.root, dofs.inner, ballast)
+        rows = read.held_at(dofs.root, dofs.inner, dofs.signs)
+        direct = PortModel.from_rows(rows, rigid_mass=rows.rigid.T @ rows.rigid - ballast)
     except InputError:
         names = " and ".join(block)
         raise EngineError(
@@ -221,8 +224,11 @@ def _block_model(
     keep = [i for i, motion in enumerate(dofs.motions) if motion in live]
     groups = near_groups(direct.frequencies, TOGETHER)
     if groups:
-        rows = _in_planes(direct.participation, direct.rigid_mass, dofs.motions, groups)
-        direct = direct.replaced(participation=rows)
+        turn = _in_planes(direct.participation, direct.rigid_mass, dofs.motions, groups)
+        damping = turn @ direct.damping @ turn.T
+        direct = direct.replaced(participation=turn @ direct.participation, damping=damping)
+    ratios = np.where(np.abs(direct.ratios) < NO_RATIO, 0.0, direct.ratios)
+    direct = direct.replaced(damping=ratios)
     if len(keep) < len(dofs.motions):
         direct = direct.in_motions(np.eye(len(dofs.motions))[:, keep])
     try:
@@ -245,31 +251,34 @@ def _from_linearisation(
     singles = [[k] for k in range(frequencies.size) if not any(k in group for group in groups)]
     participation = held.rows([*singles, *groups])
     mass = apparent + participation.T @ participation - ballast
-    rows = _in_planes(participation, mass, dofs.motions, groups)
+    rows = _in_planes(participation, mass, dofs.motions, groups) @ participation
     return PortModel(mass[np.ix_(keep, keep)], frequencies, rows[:, keep], held.ratios)
 
 
 def _in_planes(
     participation: Array, mass: Array, motions: list[int], groups: list[list[int]]
 ) -> Array:
-    """`(n, m)` participation, modes of equal frequency turned into the planes."""
+    """`(n, n)` turn of modes of equal frequency into the planes."""
     rows = np.zeros((len(participation), 6))
     rows[:, motions] = participation
     scale = np.ones(6)
     scale[motions] = np.sqrt(np.where(np.diag(mass) > 0.0, np.diag(mass), 1.0))
     turn, _ = turn_into_planes(rows, scale, groups)
-    return turn @ participation
+    return turn
 
 
-def _with_whole_damping(read: Readings, joints: Sequence[str], rigid: Array) -> CoupledPort | None:
-    """The appendage with its whole damping matrix, `rigid` `(6, 6)`;
+def _with_whole_damping(
+    read: Readings, joints: Sequence[str], rigid: Array, live: list[int]
+) -> PortModel | None:
+    """The appendage with its whole damping matrix in its `live` motions, `rigid` `(6, 6)`;
     None where no joint is damped."""
     root = [i for i, joint in enumerate(joints) if joint in ROOT]
     inner = [i for i in range(len(joints)) if i not in root]
     if not any(read.damping[i, i] > 0.0 for i in inner):
         return None
-    motions = np.diag(SIGNS)[[ROOT.index(joints[i]) for i in root]]
-    return coupled_port(read, root, inner, motions, rigid)
+    motions = np.diag(SIGNS)[[ROOT.index(joints[i]) for i in root]][:, live]
+    rows = read.held_at(root, inner, motions)
+    return PortModel.from_rows(rows, rigid_mass=rigid[np.ix_(live, live)])
 
 
 def distance(a: PortModel, b: PortModel) -> float:

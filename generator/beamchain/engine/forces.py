@@ -11,21 +11,31 @@ from typing import NamedTuple
 import numpy as np
 
 from beamchain.engine.library import mujoco
-from beamchain.ports.coupled import CoupledPort
-from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array
+from beamchain.ports.rows import Rows
 
 
 class Readings(NamedTuple):
     """What a model is made of, about its rest pose.
 
-    `rows` `(r, nv)`: velocities of bodies and tendons times the root of their inertia, `rows^T rows
-    = M`; `springs` `(s, nv)`: `springs^T springs = K`; `damping` `(nv, nv)`.
+    `rows` `(r, nv)`: velocities of bodies, joints and tendons times the root of their inertia,
+    `rows^T rows = M`; `springs` `(s, nv)`: `springs^T springs = K`; `damping` `(nv, nv)`.
     """
 
     rows: Array
     springs: Array
     damping: Array
+
+    def held_at(self, root: Sequence[int], inner: Sequence[int], motions: Array) -> Rows:
+        """The motion rows of the freedoms `inner`, held at the freedoms `root`;
+        `motions` `(r, m)`: each of `root` per motion of the port."""
+        own = list(inner)
+        return Rows(
+            self.rows[:, list(root)] @ motions,
+            self.rows[:, own],
+            springs=self.springs[:, own],
+            damping=self.damping[np.ix_(own, own)],
+        )
 
 
 def gravity_of(model: "mujoco.MjModel") -> Array:
@@ -49,10 +59,11 @@ def readings(model: "mujoco.MjModel") -> Readings:
         )
         rows += [np.sqrt(float(model.body_mass[i])) * moves, inertia]
     tendons = along_all(model)
+    armatures = [*model.dof_armature, *model.tendon_armature]
     rows += [
-        np.sqrt(float(a)) * t[None]
-        for a, t in zip(model.tendon_armature, tendons, strict=True)
-        if a > 0.0
+        np.sqrt(float(armature)) * along[None]
+        for armature, along in zip(armatures, [*np.eye(nv), *tendons], strict=True)
+        if armature > 0.0
     ]
     own = zip(model.jnt_stiffness, np.eye(nv)[model.jnt_dofadr], strict=True)
     springs = [
@@ -96,46 +107,3 @@ def along_all(model: "mujoco.MjModel") -> Array:
     return np.array([along(model, i) for i in range(model.ntendon)]).reshape(
         model.ntendon, model.nv
     )
-
-
-def port_of(read: Readings, root: list[int], inner: list[int], ballast: Array) -> PortModel:
-    """The port model at freedoms `root`, `inner` sprung; `ballast` `(m, m)` is taken off."""
-    rigid = read.rows[:, root]
-    if not inner:
-        return PortModel(rigid.T @ rigid - ballast, np.zeros(0), np.zeros((0, len(root))))
-    modes = _modes(read, inner)
-    ratios = np.diag(modes.rates) / modes.frequencies / 2.0
-    ratios = np.where(np.abs(ratios) < 1e-14, 0.0, ratios)
-    return PortModel(rigid.T @ rigid - ballast, modes.frequencies, modes.momenta.T @ rigid, ratios)
-
-
-def coupled_port(
-    read: Readings, root: list[int], inner: list[int], motions: Array, rigid_mass: Array
-) -> CoupledPort:
-    """The port with its whole damping matrix.
-
-    `motions` `(r, m)`: each freedom of `root` in the motions of the port; `rigid_mass` `(m, m)`
-    without what carries the appendage.
-    """
-    modes = _modes(read, inner)
-    rows = modes.momenta.T @ read.rows[:, root] @ motions
-    return CoupledPort(rigid_mass, modes.frequencies, rows, modes.rates)
-
-
-class _Modes(NamedTuple):
-    """Modes of a model with its root held: `momenta` `(r, n)` weighted motion of unit mass,
-    `rates` `(n, n)` the damping matrix in them [1/s]."""
-
-    frequencies: Array
-    momenta: Array
-    rates: Array
-
-
-def _modes(read: Readings, inner: list[int]) -> _Modes:
-    springs = read.springs[:, inner]
-    scale = np.linalg.inv(np.linalg.qr(springs[np.any(springs != 0.0, axis=1)], mode="r"))
-    left, s, right = np.linalg.svd(read.rows[:, inner] @ scale, full_matrices=False)
-    # mass-normalised: the strain energy of a unit of right is 1/2, its frequency 1 / s
-    shapes = scale @ right.T / s
-    rates = shapes.T @ read.damping[np.ix_(inner, inner)] @ shapes
-    return _Modes(1.0 / s, left, rates)

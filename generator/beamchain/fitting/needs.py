@@ -24,7 +24,6 @@ from beamchain.ports.compare import (
     tolerance_statement,
 )
 from beamchain.ports.compose import model_in_space
-from beamchain.ports.coupled import CoupledPort
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, Array
 
@@ -116,7 +115,7 @@ class Promise:
             not set(motions).isdisjoint(block) for blocks in self._blocks for block in blocks
         )
 
-    def error(self, model: PortModel | CoupledPort, tolerance: float | None = None) -> float:
+    def error(self, model: PortModel, tolerance: float | None = None) -> float:
         """In-band error of any model in the same motions.
 
         Its rigid mass does not count. `tolerance`: as of `ports.compare.maximum_of`, for a search.
@@ -132,14 +131,10 @@ class Promise:
         number: int,
         i: int,
         motions: list[int],
-        model: PortModel | CoupledPort,
+        model: PortModel,
         tolerance: float | None,
     ) -> float:
         """In-band error in block i on hub `number`, known for models that were asked for before."""
-        if isinstance(model, CoupledPort):
-            whole = replace(model, rigid_mass=self.exact.rigid_mass)
-            seen = whole.seen(np.eye(self.exact.motions)[:, motions])
-            return self._references[number].error(i, seen, tolerance)
         values = self._modes_seen(model, motions)
         key = (number, i, tolerance, *(array.tobytes() for array in values))
         if key not in self._known:
@@ -176,7 +171,8 @@ class Promise:
         """Frequencies, participation and damping of the modes that move there."""
         modes = np.any(self._moved(model)[:, motions], axis=1)
         rows = model.participation[modes][:, motions]
-        return model.frequencies[modes], rows, model.damping[modes]
+        damping = model.damping[np.ix_(*[modes] * model.damping.ndim)]
+        return model.frequencies[modes], rows, damping
 
 
 @dataclass(frozen=True, eq=False)

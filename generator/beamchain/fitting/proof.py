@@ -19,7 +19,7 @@ from beamchain.fitting.result import Fit, InSpace
 from beamchain.fitting.spec import Spec
 from beamchain.ports.compare import Comparison, compare, in_band_error
 from beamchain.ports.model import PortModel
-from beamchain.ports.motions import PORT_MOTION, Array
+from beamchain.ports.motions import Array
 from beamchain.steps.limits import StepLimits, coupled_limits
 from beamchain.structure.mass_line import MassLine
 
@@ -190,9 +190,8 @@ def _port_errors(
         modes = min(case.kept.get(port, target.modes), target.modes)
         bandwidth[port] = scene.bandwidth or float(target.frequencies[modes - 1])
         carrier = None if hub is None else port_hub_mass(hub, port)
-        whole = measured.coupled
-        made = measured.ports[port] if whole is None else whole.seen(PORT_MOTION[port])
         undamped = case.spec.undamped_ratio
+        made = measured.damped_port(port)
         in_band = in_band_error(made, case.truth(port), carrier, bandwidth[port], undamped=undamped)
         plain = compare(measured.ports[port], target.truncated(modes))
         error[port] = replace(plain, accelerance_in_band=in_band)

@@ -82,7 +82,7 @@ def mode_motion(chain: Chain, port: str, kept: PortModel, x: Array, columns: Ind
     freedoms = chain.freedoms([port])
     motions = np.array([chain.freedom_motion(freedom) for freedom in freedoms])
     hinges = np.array([hinge for hinge, _ in freedoms])
-    angles = chain.shapes(port, own)
+    angles = chain.shapes(port)
     before = hinges < np.arange(len(chain.links))[:, None]
     links: list[Array] = []
     for frequency, participation in zip(kept.frequencies, kept.participation, strict=True):

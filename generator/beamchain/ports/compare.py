@@ -13,7 +13,6 @@ from scipy.optimize import linear_sum_assignment
 
 from beamchain.checks import of_type, positive
 from beamchain.errors import InputError
-from beamchain.ports.coupled import CoupledPort
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array, locked, system_matrix
 
@@ -156,7 +155,7 @@ def _match_modes(
 
 
 def in_band_error(
-    a: PortModel | CoupledPort,
+    a: PortModel,
     b: PortModel,
     hub_mass: ArrayLike | None,
     bandwidth: float,
@@ -219,7 +218,7 @@ class Block:
         roots = np.sqrt(masses)
         return np.outer(roots, roots)
 
-    def response(self, model: PortModel | CoupledPort, omega: Array) -> NDArray[np.complex128]:
+    def response(self, model: PortModel, omega: Array) -> NDArray[np.complex128]:
         """`(k, n, n)` dimensionless accelerance of hub and `model`, the motions that matter."""
         pick = list(self.keep)
         dynamic_mass = self.hub[:, :, None] + model.D(omega)
@@ -271,12 +270,10 @@ class Reference:
             np.maximum(out, spectral_norms(exact), out=out)
         return out
 
-    def error(
-        self, number: int, model: PortModel | CoupledPort, tolerance: float | None = None
-    ) -> float:
+    def error(self, number: int, model: PortModel, tolerance: float | None = None) -> float:
         """In-band error that `model` in place of the exact one of block `number` makes;
         `tolerance` as of `maximum_of`."""
-        block, model = self.blocks[number], as_compared(model, self.undamped)
+        block, model = self.blocks[number], with_damping(model, self.undamped)
         if number not in self._exact:
             omega = grid_of([self._peaks[number]], self.bandwidth)
             exact = block.response(block.exact, omega)
@@ -293,19 +290,20 @@ class Reference:
             tolerance=tolerance,
         )
 
-    def curve(self, number: int, model: PortModel | CoupledPort, omega: Array) -> Array:
+    def curve(self, number: int, model: PortModel, omega: Array) -> Array:
         """`(k,)` the error at each of `omega`, before its maximum is taken."""
-        block, model = self.blocks[number], as_compared(model, self.undamped)
+        block, model = self.blocks[number], with_damping(model, self.undamped)
         if omega.size == 0:
             return np.zeros(0)
         exact = block.response(block.exact, omega)
         difference = block.response(model, omega) - exact
         return spectral_norms(difference) / self.size(omega, number, exact)
 
-    def grid(self, number: int, models: Sequence[PortModel | CoupledPort]) -> Array:
+    def grid(self, number: int, models: Sequence[PortModel]) -> Array:
         """`(k,)` where the error of `models` in a block is looked at [rad/s]."""
         peaks = [
-            peaks_of(as_compared(model, self.undamped), self.blocks[number].hub) for model in models
+            peaks_of(with_damping(model, self.undamped), self.blocks[number].hub)
+            for model in models
         ]
         return grid_of([self._peaks[number], *peaks], self.bandwidth)
 
@@ -332,9 +330,9 @@ def small_inverse(matrices: NDArray[np.complex128]) -> NDArray[np.complex128]:
 @lru_cache(maxsize=256)  # a search asks for the same models many times
 def with_damping(model: PortModel, undamped: float = DEFAULT_RATIO) -> PortModel:
     """The model with the damping at which it is compared; `undamped`: as of `compared_ratios`."""
-    if np.all(model.damping >= LEAST_RATIO):
+    if np.all(model.ratios >= LEAST_RATIO):
         return model
-    return model.replaced(damping=compared_ratios(model.damping, undamped))
+    return model.with_ratios(compared_ratios(model.ratios, undamped))
 
 
 def compared_ratios(ratios: Array, undamped: float = DEFAULT_RATIO) -> Array:
@@ -350,41 +348,31 @@ def compared_ratios(ratios: Array, undamped: float = DEFAULT_RATIO) -> Array:
     return np.where(ratios > UNDAMPED, np.maximum(ratios, LEAST_RATIO), undamped)
 
 
-def as_compared(model: PortModel | CoupledPort, undamped: float) -> PortModel | CoupledPort:
-    """A model as of `with_damping`; of one with a damping matrix each mode gets what it lacks."""
-    if not isinstance(model, CoupledPort):
-        return with_damping(model, undamped)
-    ratios = np.diag(model.rates) / model.frequencies / 2.0
-    more = 2.0 * (compared_ratios(ratios, undamped) - ratios) * model.frequencies
-    return replace(model, rates=model.rates + np.diag(more))
-
-
-def peaks_of(model: PortModel | CoupledPort, hub: Array) -> Array:
+def peaks_of(model: PortModel, hub: Array) -> Array:
     """`(k, 2)` frequency [rad/s] and ratio of every peak, coupled and held."""
-    if isinstance(model, CoupledPort):
-        held = np.linalg.eigvals(system_matrix(np.diag(model.frequencies**2), model.rates))
-        coupled = free_peaks(model.with_hub(hub), model.rates)
-        return np.vstack([coupled, peaks_at(held.astype(np.complex128))])
     loaded = model.with_hub(hub)
+    if model.damping.ndim == 2:
+        stiffness = np.diag(model.frequencies**2)
+        held = np.linalg.eigvals(system_matrix(stiffness, model.damping_matrix))
+        return np.vstack([free_peaks(loaded), peaks_at(held.astype(np.complex128))])
     ratios = model.damping
     most_even = np.minimum(EVEN, 2.0 * ratios.min(initial=np.inf))
     if np.all(ratios <= most_even):
         coupled = np.column_stack([loaded.free_frequencies, loaded.free_damping])
     else:
-        coupled = free_peaks(loaded, np.diag(2.0 * ratios * model.frequencies))
+        coupled = free_peaks(loaded)
     held = np.column_stack([model.frequencies, ratios])
     return np.vstack([coupled, held])
 
 
-def free_peaks(model: PortModel | CoupledPort, damping: Array) -> Array:
-    """`(k, 2)` as of `peaks_of`: damped poles of a free model whose cantilever modes have
-    `damping` `(n, n)` [1/s]."""
+def free_peaks(model: PortModel) -> Array:
+    """`(k, 2)` as of `peaks_of`: damped poles of a model whose root is free."""
     rows = model.participation
     # with the root free: (I - L M^-1 L^T) q'' + damping q' + W^2 q = 0
     mass = np.eye(model.modes) - rows @ np.linalg.solve(model.rigid_mass, rows.T)
     # in W q and 1 / s, where a motion without mass has a root 0 and not an infinite one
     squares = np.outer(model.frequencies, model.frequencies)
-    inverse_poles = np.linalg.eigvals(system_matrix(mass / squares, damping / squares))
+    inverse_poles = np.linalg.eigvals(system_matrix(mass / squares, model.damping_matrix / squares))
     inverse_poles = inverse_poles.astype(np.complex128)
     return peaks_at(1.0 / inverse_poles[np.abs(inverse_poles) > 0.0])
 

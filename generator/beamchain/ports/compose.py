@@ -1,14 +1,14 @@
-"""Port models composed: of independent ports, and of mass-weighted motion rows.
+"""Port models composed of independent ports.
 
 Theory: docs/theory.md, section 1.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from beamchain.ports.model import PortModel, Shapes
+from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, Array
 
 
@@ -56,31 +56,3 @@ def _points_in_space(tip: Array, motion: Array) -> Array:
     points = tip.reshape(len(tip), tip.shape[1] // motion.shape[1], motion.shape[1])
     in_space = points @ motion.T
     return np.asarray(in_space.reshape(len(tip), 6 * points.shape[1]), dtype=np.float64)
-
-
-def port_from_rows(
-    rigid: Array,
-    elastic: Array,
-    tip: Array | None = None,
-    shapes: Callable[[Array], Shapes] | None = None,
-) -> PortModel:
-    """The port model of mass-weighted motion rows, by singular values,
-    so that every frequency keeps its digits.
-
-    `rigid` `(r, m)` per unit motion of the port; `elastic` `(r, n)` and `tip` `(t, n)` per elastic
-    coordinate, scaled so that the strain energy is `|y|^2 / 2`; `shapes` makes the shapes from the
-    modes' mass-weighted motion `(n, r)`.
-    """
-    u, s, vt = np.linalg.svd(elastic, full_matrices=False)
-    keep = s > 1e-14 * s.max(initial=0.0)
-    u = u[:, keep]
-    s = s[keep]
-    vt = vt[keep]
-    tip_modes = None if tip is None else (tip @ vt.T / s).T
-    return PortModel(
-        rigid.T @ rigid,
-        frequencies=1.0 / s,
-        participation=u.T @ rigid,
-        tip=tip_modes,
-        shapes=None if shapes is None else shapes(u.T),
-    )

@@ -6,7 +6,7 @@ become a `PortModel`.
 Theory: docs/theory.md, section 1.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from numbers import Integral
@@ -19,6 +19,7 @@ from beamchain.checks import as_array, finite_array, one_of
 from beamchain.errors import InputError, RealisationError
 from beamchain.late import importing
 from beamchain.ports.motions import PORT_MOTION, PORTS, Array, locked, square_root
+from beamchain.ports.rows import Rows
 
 if TYPE_CHECKING:
     import control
@@ -64,12 +65,12 @@ def _check_shapes(mass: Array, frequencies: Array, participation: Array, damping
         frequencies.ndim != 1
         or mass.shape != (m, m)
         or participation.shape != (n, m)
-        or damping.shape != (n,)
+        or damping.shape not in {(n,), (n, n)}
     ):
         raise InputError(
             "a port model needs rigid_mass (m, m), frequencies (n,), participation (n, m), "
-            f"damping (n,); got {mass.shape}, {frequencies.shape}, {participation.shape}, "
-            f"{damping.shape}."
+            f"damping (n,) or (n, n); got {mass.shape}, {frequencies.shape}, "
+            f"{participation.shape}, {damping.shape}."
         )
 
 
@@ -80,7 +81,8 @@ def _check_finite(arrays: Mapping[str, Array]) -> None:
 
 
 def _check_damping(damping: Array) -> None:
-    if np.any(damping < DAMPING_NOISE):
+    ratios = np.linalg.eigvalsh(damping) if damping.ndim == 2 else damping
+    if np.any(ratios < DAMPING_NOISE):
         raise InputError(f"damping = {damping.tolist()} holds a negative ratio; give zero or more.")
 
 
@@ -163,7 +165,9 @@ class PortModel:
             `D(0)` [kg, kg m, kg m^2].
         frequencies: `(n,)` cantilever frequencies (port held), ascending [rad/s].
         participation: `(n, m)` rows `L_k` of the mass-normalised cantilever modes.
-        damping: `(n,)` damping ratios of the cantilever modes; default: zero.
+        damping: `(n,)` damping ratios of the cantilever modes, or `(n, n)` where dampers couple
+            them: `Z` with the damping matrix `2 W^1/2 Z W^1/2`, the ratios on its diagonal;
+            default: zero.
         tip: `(n, m)` or more columns: tip motion in each mass-normalised cantilever mode, where
             known, then that of further points.
         shapes: the modes along the appendage, where known.
@@ -196,6 +200,45 @@ class PortModel:
     shapes: Shapes | None = None
     labels: tuple[str, ...] = ()
 
+    @classmethod
+    def from_rows(
+        cls,
+        rows: Rows,
+        *,
+        rigid_mass: Array | None = None,
+        shapes: Callable[[Array], Shapes] | None = None,
+    ) -> "PortModel":
+        """The port model of a structure that is known by its motion rows.
+
+        Args:
+            rows: its damping, where it has any, becomes `damping` `(n, n)`, its points `tip`.
+            rigid_mass: `(m, m)` where it is not that of the rows.
+            shapes: makes the shapes from the modes' weighted motion `(n, r)`.
+
+        Example:
+            >>> import beamchain as bc
+            >>> import numpy as np
+            >>> # a point of 4 kg on the end of a spring of 16 N/m, and nothing else
+            >>> rows = Rows(np.array([[2.0]]), np.array([[2.0]]), springs=np.array([[4.0]]))
+            >>> model = bc.PortModel.from_rows(rows)
+            >>> model.frequencies, model.rigid_mass
+            (array([2.]), array([[4.]]))
+        """
+        modes = rows.normal_modes()
+        coordinates = modes.coordinates
+        damping = np.zeros(0)
+        if rows.damping is not None:
+            roots = np.sqrt(modes.frequencies)
+            damping = coordinates.T @ rows.damping @ coordinates / np.outer(roots, roots) / 2.0
+        return cls(
+            rows.rigid.T @ rows.rigid if rigid_mass is None else rigid_mass,
+            frequencies=modes.frequencies,
+            participation=modes.participation,
+            damping=damping,
+            tip=None if rows.points is None else (rows.points @ coordinates).T,
+            shapes=None if shapes is None else shapes(modes.momenta.T),
+        )
+
     def __repr__(self) -> str:
         first = ", ".join(f"{w:.6g}" for w in self.frequencies[:3])
         more = ", ..." if self.modes > 3 else ""
@@ -225,6 +268,8 @@ class PortModel:
         _check_frequencies(frequencies)
         signs = _leading_signs(participation, mass)
         arrays["participation"] = participation * signs[:, None]
+        if damping.ndim == 2:
+            arrays["damping"] = damping * np.outer(signs, signs)
         if self.tip is not None:
             arrays["tip"] = np.array(self.tip, dtype=np.float64) * signs[:, None]
         for name, values in arrays.items():
@@ -261,6 +306,26 @@ class PortModel:
     def gains(self) -> Array:
         """`(m, m)` accelerance at infinite frequency, the paper's gains `k`."""
         return np.asarray(np.linalg.inv(self.residual_mass), dtype=np.float64)
+
+    # -- damping -----------------------------------------------------------------------------------
+    @property
+    def ratios(self) -> Array:
+        """`(n,)` damping ratios of the cantilever modes."""
+        return np.diag(self.damping) if self.damping.ndim == 2 else self.damping
+
+    @property
+    def damping_matrix(self) -> Array:
+        """`(n, n)` damping matrix of the mass-normalised cantilever modes [1/s]."""
+        if self.damping.ndim == 1:
+            return np.diag(2.0 * self.damping * self.frequencies)
+        roots = np.sqrt(self.frequencies)
+        return 2.0 * self.damping * np.outer(roots, roots)
+
+    def with_ratios(self, ratios: Array) -> "PortModel":
+        """The same with damping ratios `(n,)`; dampers that couple modes stay."""
+        if self.damping.ndim == 1:
+            return self.replaced(damping=ratios)
+        return self.replaced(damping=self.damping + np.diag(ratios - self.ratios))
 
     # -- free modes --------------------------------------------------------------------------------
     def _rows(self) -> tuple[Array, Array]:
@@ -320,7 +385,7 @@ class PortModel:
     def free_damping(self) -> Array:
         """`(n,)` damping ratios of the free modes, where damping does not couple them."""
         # zeta_free = w_free sum_k zeta_k v_k^2 / W_k
-        ratios = (self.damping / self.frequencies) @ self._free.shares**2
+        ratios = (self.ratios / self.frequencies) @ self._free.shares**2
         return np.asarray(self._free.frequencies * ratios, dtype=np.float64)
 
     @property
@@ -338,6 +403,13 @@ class PortModel:
         """Dynamic mass `(m, m, k)`: wrench per unit acceleration at `omega` `(k,)` [rad/s]."""
         s = 1j * np.atleast_1d(finite_array("omega", omega, (), (None,), unit="rad/s"))
         m = self.motions
+        if self.damping.ndim == 2:
+            # (s^2 I + s C + W^2)^-1 s^2 L
+            inner = np.diag(self.frequencies**2) + s[:, None, None] * self.damping_matrix
+            inner = inner + (s**2)[:, None, None] * np.eye(self.modes)
+            inertial = (s**2)[:, None, None] * self.participation
+            coupled = self.participation.T @ np.linalg.solve(inner, inertial)
+            return np.moveaxis(self.rigid_mass - coupled, 0, -1)
         w = self.frequencies[:, None]
         weight = s**2 / (s**2 + 2.0 * self.damping[:, None] * w * s + w**2)
         effective = self.effective_mass.reshape(self.modes, m**2)
@@ -412,8 +484,7 @@ class PortModel:
         n = self.modes
         gain = self.gains
         stiffness = np.diag(self.frequencies**2)
-        damping = np.diag(2.0 * self.damping * self.frequencies)
-        spring = np.hstack([stiffness, damping])
+        spring = np.hstack([stiffness, self.damping_matrix])
         c = gain @ self.participation.T @ spring
         rates = np.hstack([np.zeros((n, n)), np.eye(n)])
         accelerations = -spring - self.participation @ c
@@ -464,7 +535,7 @@ class PortModel:
         return self.replaced(
             frequencies=self.frequencies[pick],
             participation=self.participation[pick],
-            damping=self.damping[pick],
+            damping=self.damping[np.ix_(*[pick] * self.damping.ndim)],
             tip=None if self.tip is None else self.tip[pick],
             shapes=None if self.shapes is None else self.shapes.combined(np.eye(self.modes)[pick]),
             labels=tuple(self.labels[k] for k in pick) if self.labels else (),
@@ -563,15 +634,13 @@ class PortModel:
     def _projection(self, basis: Array) -> "PortModel":
         """Galerkin reduction on an orthonormal `basis` `(n, k)` of `W q`."""
         rigid, elastic = self._rows()
-        u, s, wt = np.linalg.svd(elastic @ basis, full_matrices=False)
-        # (k, n): in terms of this model's mass-normalised modes
-        modes = (basis @ wt.T / s).T / self.frequencies
-        return PortModel(
-            self.rigid_mass,
-            frequencies=1.0 / s,
-            participation=u.T @ rigid,
-            tip=None if self.tip is None else modes @ self.tip,
-            shapes=None if self.shapes is None else self.shapes.combined(modes),
+        points = None if self.tip is None else (self.tip.T / self.frequencies) @ basis
+        shapes = self.shapes
+        return PortModel.from_rows(
+            Rows(rigid, elastic @ basis, points=points),
+            rigid_mass=self.rigid_mass,
+            # the first rows are in terms of this model's mass-normalised modes
+            shapes=shapes and (lambda momenta: shapes.combined(momenta[:, : self.modes])),
         )
 
     def attached(self, modes: int, columns: Sequence[int]) -> "PortModel":

@@ -17,9 +17,8 @@ from beamchain.ports.compare import (
     peaks_of,
     with_damping,
 )
-from beamchain.ports.coupled import CoupledPort
 from beamchain.ports.model import PortModel
-from beamchain.ports.motions import PORT_MOTION, Array
+from beamchain.ports.motions import Array
 from beamchain.structure.exact import UniformBeam
 
 if TYPE_CHECKING:
@@ -195,23 +194,17 @@ def worst_hub(fit: "Fit", port: str) -> tuple[Array, str]:
     limits = (min(span(fit, port)[0], 0.5 * band), band)
     worst = max(
         STANDARD_HUBS,
-        key=lambda f: error_curves(fit, port, [read_back_model(fit, port)], f * rigid, limits)[
+        key=lambda f: error_curves(fit, port, [fit.measured.damped_port(port)], f * rigid, limits)[
             0
         ].error.max(),
     )
     return worst * rigid, f"on a hub of {worst:g} times the appendage's mass (the worst of three)"
 
 
-def read_back_model(fit: "Fit", port: str) -> PortModel | CoupledPort:
-    """What MuJoCo has in a port, with its whole damping matrix where joints are damped."""
-    coupled = fit.measured.coupled
-    return fit.achieved[port] if coupled is None else coupled.seen(PORT_MOTION[port])
-
-
 def error_curves(
     fit: "Fit",
     port: str,
-    models: Sequence[PortModel | CoupledPort],
+    models: Sequence[PortModel],
     hub: Array,
     limits: tuple[float, float],
 ) -> list[ErrorCurve]:

@@ -22,7 +22,6 @@ from beamchain.report.curves import (
     count,
     error_curves,
     moving,
-    read_back_model,
     responses,
     rival_chains,
     rival_model,
@@ -204,7 +203,7 @@ def error_figure(fit: "Fit", port: str) -> Figure:
     band = fit.bandwidth[port]
     rivals = rival_chains(fit, port)
     rival_models = [rival_model(fit, port, chain) for chain in rivals.values()]
-    models = [read_back_model(fit, port), *rival_models]
+    models = [fit.measured.damped_port(port), *rival_models]
     ours, *others = error_curves(fit, port, models, hub, limits)
     top = max(float(curve.error.max(initial=ROUNDING)) for curve in (ours, *others))
     bottom = float(np.clip(ours.error.min(), 1e-7 * top, 0.1 * top))

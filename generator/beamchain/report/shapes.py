@@ -46,7 +46,7 @@ def chain_shapes(chain: "Chain", port: str, model: PortModel) -> tuple[Array, Ar
     before and after.
     """
     at = np.array([hinge.x for hinge in chain.hinges if port in hinge.stiffness])
-    angles = chain.shapes(port, model)
+    angles = chain.shapes(port)
     if port in ("xy", "xz"):
         x = np.array([0.0, *at, chain.length])
         return x, angles @ np.clip(x[None] - at[:, None], 0.0, None)

@@ -18,9 +18,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.polynomial.legendre import leggauss, legint, legvander
 
-from beamchain.ports.compose import port_from_rows
 from beamchain.ports.model import PortModel, Shapes
 from beamchain.ports.motions import Array, locked
+from beamchain.ports.rows import Rows
 
 STILL = 1e-11  # relative change of the wanted frequencies between two checks
 ROUNDED = 1e-5  # the same, where it falls no further: rounding of what is that far apart
@@ -318,7 +318,7 @@ def _shear_scale(pieces: Sequence[Piece], strain: Array, lengths: Array) -> Arra
 def assemble(rows: MotionRows) -> PortModel:
     """The port model of all modes of the discretisation, from the rows written down."""
     elastic, ends = rows.rows(np.eye(rows.size))
-    return port_from_rows(rows.rigid.T, elastic.T, ends.T, rows.shapes)
+    return PortModel.from_rows(Rows(rows.rigid.T, elastic.T, points=ends.T), shapes=rows.shapes)
 
 
 def assemble_lowest(line: MotionRows, wanted: int, *, shaped: bool = False) -> PortModel | None:
@@ -354,9 +354,8 @@ def assemble_lowest(line: MotionRows, wanted: int, *, shaped: bool = False) -> P
             shapes = partial(_shapes_of_fewer, line, q)
         else:
             r = np.asarray(np.linalg.qr(every, mode="r"), dtype=np.float64)
-        model = port_from_rows(
-            rigid=r[:, len(motions) :], elastic=r[:, : len(motions)], tip=ends.T, shapes=shapes
-        )
+        fewer = Rows(r[:, len(motions) :], r[:, : len(motions)], points=ends.T)
+        model = PortModel.from_rows(fewer, shapes=shapes)
         now = model.frequencies[:wanted], model.free_frequencies[:wanted]
         change = _largest_change(before, now)
         converged = change < STILL or 0.3 * least < change < ROUNDED
