@@ -18,6 +18,7 @@ from formulas import (
     Carrying,
     Inputs,
     Outputs,
+    PartialFractions,
     Signal,
     Turn,
     check_workers,
@@ -37,7 +38,6 @@ from formulas import (
     skin_vertices,
     small_turn,
     spacecraft_body,
-    sum_of_poles,
     turn,
     unit_of_control,
 )
@@ -63,13 +63,15 @@ def test_a_turn_is_its_axis_times_the_sine_in_the_axes_it_starts_from(axis):
 
 
 def test_accelerance_of_poles_is_their_sum():
-    # s^2 / (1 - s p): of 1 / p, the poles of s
-    products = np.array([[[2.0 + 1.0j]], [[0.5 + 0.0j]]])
-    slowness = np.array([0.2 + 0.1j, 0.4 + 0.0j])
+    # of what is sprung s^2 / (s p - 1), of what is not s / (s p - 1): of 1 / p, the poles of s
+    sprung = np.array([[[2.0 + 1.0j]], [[0.5 + 0.0j]]])
+    loose = np.array([[[0.0j]], [[0.3 - 0.2j]]])
+    made = PartialFractions(np.array([0.2 + 0.1j, 0.4 + 0.0j]), sprung, loose, np.array([[7.0]]))
     s = 1j * np.array([0.3, 2.0])
-    wanted = 7.0 + s**2 * ((2.0 + 1.0j) / (1.0 - 0.2 * s - 0.1j * s) + 0.5 / (1.0 - 0.4 * s))
-    got = sum_of_poles(slowness, products, np.array([[7.0]]), np.array([0.3, 2.0]))
-    assert got[0, 0] == pytest.approx(wanted, rel=1e-13)
+    first = s**2 * (2.0 + 1.0j) / (0.2 * s + 0.1j * s - 1.0)
+    second = (0.5 * s**2 + (0.3 - 0.2j) * s) / (0.4 * s - 1.0)
+    assert made(s.imag)[0, 0] == pytest.approx(7.0 + first + second, rel=1e-13)
+    assert made.poles == pytest.approx([1.0 / (0.2 + 0.1j), 2.5])
 
 
 # -- places and motions ----------------------------------------------------------------------------
@@ -361,12 +363,14 @@ def test_one_worker_is_a_number_of_workers():
             check_workers(wrong)
 
 
+@pytest.mark.parametrize("drag", [0.0, 0.4])
 @pytest.mark.parametrize("stiffness", [0.5, 50.0, 5e4])
-def test_the_accelerance_as_a_sum_of_poles_of_a_damped_oscillator(stiffness):
-    """A spring and a damper on q, beside a body x that it pulls along; both pushed and seen."""
+def test_the_accelerance_as_a_sum_of_poles_of_a_damped_oscillator(stiffness, drag):
+    """A spring and a damper on q, beside a body x that it pulls along, free or on a damper of its
+    own; both pushed and seen."""
     names = (Signal("u", "N"),)
     mass = np.array([[3.0, 1.0], [1.0, 2.0]])
-    damping, spring = np.diag([0.7, 0.0]), np.diag([stiffness, 0.0])
+    damping, spring = np.diag([0.7, drag]), np.diag([stiffness, 0.0])
     none = np.zeros((1, 2))
     made = Linear(
         mass,

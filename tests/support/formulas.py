@@ -128,6 +128,7 @@ from beamchain.craft.error import (
     peaks_of_craft,
 )
 from beamchain.craft.error import by_base as mounts_by_base
+from beamchain.craft.exchange import Exchange
 from beamchain.craft.fits import _far as far_mount
 from beamchain.craft.fits import _points_inward as points_inward
 from beamchain.craft.hanging_liquid import hanging_liquid, springs_at_stated
@@ -247,7 +248,7 @@ from beamchain.engine.mount import _carriers as carriers
 from beamchain.engine.mount import apparent_hubs, held_joints, mount, rigid_hubs, root_frame
 from beamchain.engine.normal_modes import normal_modes
 from beamchain.engine.operating_point import OperatingPoint, rest_point, still_copy
-from beamchain.engine.partial_fractions import _accelerance as sum_of_poles
+from beamchain.engine.partial_fractions import PartialFractions
 from beamchain.engine.partial_fractions import _fractions as fractions_of
 from beamchain.engine.reach import reach, spacecraft_body, turn
 from beamchain.engine.rollout import _rotation as rotation_vectors
@@ -510,6 +511,7 @@ __all__ = [
     "DriveOfHinge",
     "Effort",
     "Embedded",
+    "Exchange",
     "GainOfModes",
     "Held",
     "Hinge",
@@ -544,6 +546,7 @@ __all__ = [
     "Nodes",
     "OperatingPoint",
     "Outputs",
+    "PartialFractions",
     "Parts",
     "Piece",
     "PlaceOfHinge",
@@ -974,7 +977,6 @@ __all__ = [
     "still_copy",
     "stop_ahead",
     "structured_bound",
-    "sum_of_poles",
     "sums_behind",
     "takes_a_tendon_per_mode",
     "taper_cuts",

@@ -94,7 +94,7 @@ class PerPort:
         """The mode that was added last, in words."""
         return f"mode {self.counts[self.last]} in {self.last}"
 
-    @property
+    @cached_property
     def model(self) -> PortModel:
         """The appendage in six motions, as MuJoCo has it or would."""
         if not self.changed:
@@ -202,7 +202,7 @@ class Coupled:
         """The mode that was added last, in words."""
         return f"mode {self.last} of the file ({self.newest:.4g} rad/s)"
 
-    @property
+    @cached_property
     def model(self) -> PortModel:
         """The appendage in six motions, as MuJoCo has it or would."""
         return self._only(self.numbers) if self.last else self.a.fit.measured.space
@@ -274,7 +274,7 @@ class Liquid:
         """The modes that were added last, in words."""
         return f"pendulum {self.count}"
 
-    @property
+    @cached_property
     def model(self) -> PortModel:
         """The liquid in six motions, as MuJoCo has it or would."""
         return self._exact.picked(list(range(2 * self.count))) if self.grown else model_of(self.a)

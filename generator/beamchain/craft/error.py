@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 
 from beamchain.craft.bent_line import BentLine
+from beamchain.craft.exchange import Exchange
 from beamchain.craft.hanging_liquid import HangingLiquid
 from beamchain.craft.loads import Load, Root, carrying_of
 from beamchain.craft.under_load import LoadedTree
@@ -35,19 +36,23 @@ from beamchain.engine.operating_point import (
     rest_point,
     still_copy,
 )
-from beamchain.engine.partial_fractions import MOST, Accelerance, accelerance_of
+from beamchain.engine.partial_fractions import MOST, partial_fractions
 from beamchain.errors import EngineError, InputError
 from beamchain.fitting.needs import AXES
 from beamchain.ports.compare import (
     DEFAULT_RATIO,
     LEAST_RATIO,
+    Curve,
     Response,
     compared_ratios,
+    crests,
     grid_of,
     maximum_of,
+    norm_ratios,
     peak_clusters,
     peaks_at,
     relative_error,
+    spectral_norms,
     unresolved_peaks,
     with_damping,
 )
@@ -55,6 +60,7 @@ from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array, system_matrix
 
 RANK = 1e-9  # relative singular value below which a motion of the base is held
+TOPS = 8  # frequencies at which a mode has to lower the error, to be worth a trial
 FAR = 1000.0  # times the band: modes beyond are gathered in searches
 NEARLY = 1e-4  # in-band error that this may make
 STARTED = 0.1  # of the band: the rate about which poles are looked for that grow
@@ -136,17 +142,20 @@ def on_base(linear: Linear, point: OperatingPoint, body: int) -> Linear:
     return linear.on_body(rows)
 
 
-def peaks_of_craft(craft: Linear) -> Array:
+def peaks_of_craft(craft: Linear, poles: NDArray[np.complex128] | None = None) -> Array:
     """Peaks `(k, 2)`, frequency [rad/s] and damping ratio, with the base free,
     and with its own joints held.
 
-    Those of the damped poles, and of the undamped modes where they lie elsewhere.
+    Those of the damped poles, and of the undamped modes where they lie elsewhere; `poles`: those
+    with the base free, where they are known.
     """
     free = np.ones(craft.mass.shape[0], dtype=np.bool_)
     held = np.abs(craft.outputs.acceleration).max(axis=0, initial=0.0) <= 0.0
     picks = [np.ix_(pick, pick) for pick in (free, held) if np.any(pick)]
     parts = [(craft.mass[pick], craft.damping[pick], craft.stiffness[pick]) for pick in picks]
-    moving = np.vstack([peaks_at(_poles(*part)) for part in parts])
+    known = [] if poles is None else [poles]
+    known += [_poles(*part) for part in parts[len(known) :]]
+    moving = np.vstack([peaks_at(each) for each in known])
     return np.vstack(
         [moving, unresolved_peaks(np.vstack([_modes(*part) for part in parts]), moving)]
     )
@@ -421,13 +430,37 @@ class Pose:
 
     @cached_property
     def _of_exact(self) -> Response:
-        return self._response_of(self.whole, self.with_exact if self.carrying else self.craft)
-
-    def gathered(self, models: Sequence[PortModel]) -> list[PortModel]:
-        """Appendages as searches take them: in trees, far modes are gathered."""
         if self.carrying is None:
-            return list(models)
+            return partial(self.response, self.whole)
+        return self._by_poles(self.with_exact, self.whole)[0]
+
+    def _gathered(self, models: Sequence[PortModel]) -> list[PortModel]:
+        """The modes that lie far above the band gathered, as searches take them in trees."""
         return self._damped([model.condensed(FAR * self.band) for model in models])
+
+    @cached_property
+    def _exchange(self) -> Exchange:
+        return Exchange(self.craft, self.whole, self.jacobians, self.known[1])
+
+    def of_exchange(self, number: int, model: PortModel) -> float:
+        """In-band error with `model` for an appendage and all others exact, where the exact craft
+        has its peaks."""
+        _, omega, exact = self.known
+        undamped = self.carried[number].undamped
+        if self.carrying is None:
+            pick = np.ix_(range(omega.size), self.motions, self.motions)
+            response = self._exchange.response(number, with_damping(model, undamped))[pick]
+            return float(np.max(norm_ratios(response * self.scale - exact, self._size)))
+        models = [item.whole for item in self.carried]
+        models[number] = model
+        models = self._gathered(models)
+        response, _ = self._by_poles(self.with_appendages(models), models)
+        return float(np.max(norm_ratios(response(omega) - exact, self._size)))
+
+    @cached_property
+    def _size(self) -> Array:
+        """`(k,)` what errors are relative to, at the frequencies of `known`."""
+        return np.maximum(spectral_norms(self.known[2]), self.frozen)
 
     @cached_property
     def _of_nearly_exact(self) -> Response:
@@ -435,8 +468,8 @@ class Pose:
         exact craft has too many modes for its poles."""
         if self.carrying is None or self.with_exact.mass.shape[0] <= MOST:
             return self.exact
-        models = self.gathered([item.whole for item in self.carried])
-        response = self._response_of(models, self.with_appendages(models))
+        models = self._gathered([item.whole for item in self.carried])
+        response, _ = self._by_poles(self.with_appendages(models), models)
         _, omega, there = self.known
         apart = np.max(relative_error(response(omega), there, self.frozen))
         return response if apart <= NEARLY else self.exact
@@ -446,28 +479,32 @@ class Pose:
         `maximum_of`)."""
         appendages = self._damped(models)
         together = self.with_appendages(appendages)
-        return self._error(
-            self._response_of(appendages, together), peaks_of_craft(together), tolerance
+        response, poles = self._by_poles(together, appendages)
+        return self._error(response, peaks_of_craft(together, poles), tolerance)
+
+    def _by_poles(
+        self, craft: Linear, models: Sequence[PortModel] = ()
+    ) -> tuple[Response, NDArray[np.complex128] | None]:
+        """The response of a craft, by its poles where they can be summed up, and these.
+
+        `models`: the appendages whose modes are coordinates of `craft`; without them its response
+        at each frequency is found otherwise.
+        """
+        whole = self.craft if models else craft
+        hub, whole = (
+            each.picked(inputs=self.motions, outputs=self.motions) for each in (craft, whole)
         )
-
-    def _response_of(self, models: Sequence[PortModel], together: Linear) -> Response:
-        """`response` with these appendages; where they carry, by the poles of it all `together`."""
-        if self.carrying is None:
-            return partial(self.response, models)
-        hub = self.craft.picked(inputs=self.motions, outputs=self.motions)
-        plain = partial(hub.response, models=models, roots=self.jacobians, carrying=self.carrying)
-        return self._by_poles(together, plain)
-
-    def _by_poles(self, craft: Linear, plain: Response | None = None) -> Response:
-        hub = craft.picked(inputs=self.motions, outputs=self.motions)
-        accelerance = accelerance_of(hub, self.band, plain or hub.response)
-        return partial(_scaled, accelerance, self.scale)
+        carrying = self.carrying if models else None
+        roots = self.jacobians if models else ()
+        plain = partial(whole.response, models=models, roots=roots, carrying=carrying)
+        fractions = None if self.loading else partial_fractions(hub, self.band, plain)
+        response = partial(_scaled, fractions or plain, self.scale)
+        return response, None if fractions is None else fractions.poles
 
     def of_compiled(self, compiled: Linear) -> float:
         """In-band error of what `compiled` gave."""
-        by_poles = self.carrying is not None and self.loading is None
-        response = self._by_poles(compiled) if by_poles else partial(self.accelerance, compiled)
-        return self._error(response, peaks_of_craft(compiled))
+        response, poles = self._by_poles(compiled)
+        return self._error(response, peaks_of_craft(compiled, poles))
 
     def compiled(self, model: "mujoco.MjModel", qpos: Array, body: int) -> Linear:
         """The quiet compiled `model` at `qpos`, as it is compared with the exact craft; under its
@@ -502,18 +539,37 @@ class Pose:
 
     def _error(self, response: Response, peaks: Array, tolerance: float | None = None) -> float:
         """In-band error of any `response` that has these `peaks`."""
-        known, omega, exact = self.known
         of_exact = self.exact if tolerance is None else self._of_nearly_exact
-        more = peak_clusters(unresolved_peaks(peaks, known), self.band)
 
         def curve(at: Array) -> Array:
             return relative_error(response(at), of_exact(at), self.frozen)
 
-        values = np.concatenate([relative_error(response(omega), exact, self.frozen), curve(more)])
-        return maximum_of(curve, np.concatenate([omega, more]), values, tolerance)
+        return maximum_of(curve, *self._on_grid(response, peaks, curve), tolerance)
+
+    def _on_grid(self, response: Response, peaks: Array, curve: Curve) -> tuple[Array, Array]:
+        """Frequencies that resolve the peaks of the exact craft and these, and the error there."""
+        known, omega, exact = self.known
+        more = peak_clusters(unresolved_peaks(peaks, known), self.band)
+        values = np.concatenate([norm_ratios(response(omega) - exact, self._size), curve(more)])
+        return np.concatenate([omega, more]), values
+
+    def tops(self, models: Sequence[PortModel]) -> tuple[Array, NDArray[np.complex128]]:
+        """Where the error with `models` is highest `(k,)` [rad/s], and the exact response there."""
+        models = self._damped(models)
+        _, omega, exact = self.known
+        response, _ = self._by_poles(self.with_appendages(models), models)
+        highest = crests(norm_ratios(response(omega) - exact, self._size))[:TOPS]
+        return omega[highest], exact[highest]
+
+    def error_at(
+        self, models: Sequence[PortModel], omega: Array, exact: NDArray[np.complex128]
+    ) -> float:
+        """The largest error at some frequencies `(k,)`; the in-band error is no smaller."""
+        response = self.response(self._damped(models), omega)
+        return float(np.max(relative_error(response, exact, self.frozen), initial=0.0))
 
 
-def _scaled(accelerance: Accelerance, scale: Array, omega: Array) -> NDArray[np.complex128]:
+def _scaled(accelerance: Response, scale: Array, omega: Array) -> NDArray[np.complex128]:
     """`(k, m, m)` accelerance, dimensionless."""
     return np.moveaxis(accelerance(omega), -1, 0) * scale
 

@@ -4,6 +4,8 @@ added one at a time where they pay most."""
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from beamchain.craft.appendage import Appendage, carried
 from beamchain.craft.candidates import Candidate, candidate, model_of
 from beamchain.craft.error import Pose, by_base, craft_poses
@@ -130,14 +132,11 @@ def _grow(
     `steps` gets a line each.
     """
     ours = list(ours)
-
-    def models(i: int | None = None, other: PortModel | None = None) -> list[PortModel]:
-        return [
-            other if k == i and other is not None else item.model for k, item in enumerate(ours)
-        ]
-
-    error, worst = _worst(poses, models())
+    # error with all exact but for one port, as it is now: by pose, appendage and port
+    lacks = dict[tuple[str, int, str], float]()
+    error, name = _worst(poses, [item.model for item in ours])
     while not keeps_tolerance(error, tolerance):
+        worst = poses[name]
         further = {
             (i, key): longer
             for i, item in enumerate(ours)
@@ -146,34 +145,56 @@ def _grow(
         }
         if not further:
             break
-        tried = {
-            (i, key): worst.of_models(models(i, longer.model), tolerance)
-            for (i, key), longer in further.items()
-        }
-        found = min(tried, key=lambda k: (tried[k], further[k].newest))
-        if tried[found] > PAYS * error:  # it takes several: what alone costs most, all others exact
-            exact = [item.whole for item in worst.carried]
-            alone = {
-                (i, key): worst.of_models(
-                    worst.gathered([*exact[:i], ours[i].alone(key), *exact[i + 1 :]]), tolerance
-                )
-                for i, key in further
-            }
-            heavy = max(alone, key=lambda k: alone[k])
-            if alone[heavy] < IDLE * error:
+        found = _best(worst, [item.model for item in ours], further, PAYS * error, tolerance)
+        if found is None:  # it takes several: the one that costs most
+            for i, key in further:
+                if (name, i, key) not in lacks:
+                    lacks[name, i, key] = worst.of_exchange(i, ours[i].alone(key))
+            found = max(further, key=lambda k: lacks[name, *k])
+            if lacks[name, *found] < IDLE * error:
                 break  # nothing that modes could mend
-            found = heavy if tried[heavy] > PAYS * error or tried[found] > tried[heavy] else found
-        i = found[0]
+        i, key = found
+        for pose in poses:
+            lacks.pop((pose, i, key), None)
         ours[i] = further[found]
         before = error
-        error, worst = _worst(poses, models())
+        error, name = _worst(poses, [item.model for item in ours])
         steps.append(
             f"{ours[i].a.at}: {ours[i].added}: error of the craft {before:.2e} -> {error:.2e}"
         )
     return ours
 
 
-def _worst(poses: Mapping[str, Pose], models: Sequence[PortModel]) -> tuple[float, Pose]:
+def _best(
+    pose: Pose,
+    models: Sequence[PortModel],
+    further: Mapping[tuple[int, str], Candidate],
+    most: float,
+    tolerance: float,
+) -> tuple[int, str] | None:
+    """The mode more that leaves the least error, of those that leave `most` or less.
+
+    A mode that leaves more than another where the error is highest now needs no trial.
+    """
+
+    def with_mode(key: tuple[int, str]) -> list[PortModel]:
+        return [further[key].model if k == key[0] else model for k, model in enumerate(models)]
+
+    tops = pose.tops(models)
+    floors = {key: pose.error_at(with_mode(key), *tops) for key in further}
+    best = None
+    least = most, np.inf
+    for key in sorted(floors, key=lambda k: floors[k]):
+        if floors[key] > least[0]:
+            break
+        left = max(floors[key], pose.of_models(with_mode(key), tolerance))
+        if (left, further[key].newest) < least:
+            best = key
+            least = left, further[key].newest
+    return best
+
+
+def _worst(poses: Mapping[str, Pose], models: Sequence[PortModel]) -> tuple[float, str]:
     errors = {name: pose.of_models(models) for name, pose in poses.items()}
     name = max(errors, key=lambda n: errors[n])
-    return errors[name], poses[name]
+    return errors[name], name

@@ -295,21 +295,24 @@ class Linear:
         """The same with a wrench on a body for inputs and the body's acceleration for outputs:
         its response is the accelerance.
 
-        `motion` `(6, nv)`: of the body, in the axes that the wrench has.
+        `motion` `(6, nv)`: of the body, in the axes that the wrench has; or `(6 b, nv)` of several.
         """
         na = self.activations.force.shape[1]
+        rows = motion.shape[0]
         nothing = np.zeros_like(motion)
         return replace(
             self,
-            inputs=Inputs(WRENCH, motion.T),
+            inputs=Inputs(WRENCH * (rows // 6), motion.T),
             outputs=Outputs(
-                ACCELERATION,
+                ACCELERATION * (rows // 6),
                 position=nothing,
                 rate=nothing,
                 acceleration=motion,
-                feedthrough=np.zeros((6, 6)),
+                feedthrough=np.zeros((rows, rows)),
             ),
-            activations=self.activations._replace(feed=np.zeros((na, 6)), seen=np.zeros((6, na))),
+            activations=self.activations._replace(
+                feed=np.zeros((na, rows)), seen=np.zeros((rows, na))
+            ),
         )
 
     def picked(self, inputs: Sequence[int], outputs: Sequence[int]) -> "Linear":

@@ -36,6 +36,7 @@ ZOOMS = 2  # rounds in which a crest is followed, each on points six times as cl
 SAFETY = 1.01  # times the stated error must be within the tolerance
 
 Response = Callable[[Array], NDArray[np.complex128]]
+Curve = Callable[[Array], Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -439,9 +440,7 @@ def relative_error(
     return spectral_norms(responses - exact) / np.maximum(spectral_norms(exact), frozen)
 
 
-def maximum_of(
-    curve: Callable[[Array], Array], omega: Array, values: Array, tolerance: float | None = None
-) -> float:
+def maximum_of(curve: Curve, omega: Array, values: Array, tolerance: float | None = None) -> float:
     """Maximum of a curve whose `values` at `omega` `(k,)` are known:
     its highest crests are followed between the points.
 
@@ -456,26 +455,22 @@ def maximum_of(
     order = np.argsort(omega, kind="stable")
     omega = omega[order]
     values = values[order]
-    # points that are as high as both neighbours, the highest few of them
-    fence = np.concatenate([[-np.inf], values, [-np.inf]])
-    is_crest = (values >= fence[:-2]) & (values >= fence[2:]) & (values > CREST * most)
-    crests = np.flatnonzero(is_crest)
-    crests = crests[np.argsort(-values[crests])[:CRESTS]]
-    if crests.size == 0:
+    highest = crests(values)[:CRESTS]
+    if highest.size == 0:
         return most
-    low = omega[np.maximum(crests - 1, 0)]
-    middle = omega[crests]
-    high = omega[np.minimum(crests + 1, omega.size - 1)]
-    top = values[crests][:, None]
+    low = omega[np.maximum(highest - 1, 0)]
+    middle = omega[highest]
+    high = omega[np.minimum(highest + 1, omega.size - 1)]
+    top = values[highest][:, None]
     fractions = np.arange(1, 6) / 6.0
-    row = np.arange(crests.size)
-    zero = np.zeros((crests.size, 1))
+    row = np.arange(highest.size)
+    zero = np.zeros((highest.size, 1))
     for _ in range(ZOOMS):
         rising = low[:, None] + (middle - low)[:, None] * fractions
         falling = middle[:, None] + (high - middle)[:, None] * fractions
         points = np.hstack([low[:, None], rising, middle[:, None], falling, high[:, None]])
         new_values = curve(np.concatenate([rising.ravel(), falling.ravel()]))
-        rising_values, falling_values = new_values.reshape(2, crests.size, fractions.size)
+        rising_values, falling_values = new_values.reshape(2, highest.size, fractions.size)
         # the ends are no crests: zero keeps them from being chosen
         point_values = np.hstack([zero, rising_values, top, falling_values, zero])
         best = np.clip(point_values.argmax(axis=1), 1, point_values.shape[1] - 2)
@@ -484,6 +479,15 @@ def maximum_of(
         high = points[row, best + 1]
         top = point_values[row, best][:, None]
     return max(most, float(top.max()))
+
+
+def crests(values: Array) -> NDArray[np.int64]:
+    """Numbers of the points that are as high as both neighbours, from the highest down to `CREST`
+    of it."""
+    fence = np.concatenate([[-np.inf], values, [-np.inf]])
+    is_high = values > CREST * values.max(initial=0.0)
+    found = np.flatnonzero((values >= fence[:-2]) & (values >= fence[2:]) & is_high)
+    return found[np.argsort(-values[found])]
 
 
 def norm_ratios(matrices: NDArray[np.complex128], size: Array) -> Array:

@@ -9,6 +9,7 @@ Theory: docs/theory.md, section 5; the definition of the error: docs/time.md.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,8 +71,7 @@ def exact_response(exact: Linear, timestep: float, lacking: Array | None = None)
     flow = np.zeros((2 * n + m, 2 * n + m))
     flow[:n, n : 2 * n], flow[n : 2 * n, :n] = np.diag(w), -np.diag(w)
     flow[n:, n:] = -held.T @ exact.damping @ held
-    poles, vectors = np.linalg.eig(flow)
-    poles, back = poles.astype(np.complex128), np.linalg.inv(vectors)
+    poles, vectors, back = _eigenvectors(flow.tobytes())
     lost = np.zeros(poles.size)
     if lacking is not None:
         # d s = -l^T C r of a pole's left and right vectors
@@ -104,6 +104,15 @@ def exact_response(exact: Linear, timestep: float, lacking: Array | None = None)
     gap = np.maximum(1.0 - np.exp(poles.real * h), 1e-12)
     peaks = np.linalg.norm(first, axis=(1, 2)) / gap * 2.0 * np.abs(turned) ** 2 / (h**2 * ends)
     return Response(at, poles, peaks, lost)
+
+
+@lru_cache(maxsize=2)  # one craft is looked at with many steps, and they do not change its motion
+def _eigenvectors(matrix: bytes) -> tuple[Complex, Complex, Complex]:
+    """Eigenvalues, right and left eigenvectors of a square matrix."""
+    entries = np.frombuffer(matrix)
+    values, vectors = np.linalg.eig(entries.reshape(2 * [round(np.sqrt(entries.size))]))
+    vectors = vectors.astype(np.complex128)
+    return values.astype(np.complex128), vectors, np.linalg.inv(vectors)
 
 
 def step_response(motion: Motion, rows: Array) -> Response:
