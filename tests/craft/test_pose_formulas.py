@@ -233,6 +233,51 @@ def test_the_exact_answer_at_a_pose(wanted):
     assert made.own_dofs(11).tolist() == list(range(7))
 
 
+def curve_without(keep, omega):
+    """The error of the craft with some of its four modes left out, by matrices."""
+    bus, _, rigid, mass, damping, stiffness = truth()
+    felt = np.linalg.inv(bus[:, :6] @ np.linalg.solve(rigid[:6, :6], bus[:, :6].T))
+    size = np.outer(np.sqrt(np.diag(felt)), np.sqrt(np.diag(felt)))
+    frozen = np.linalg.norm(np.linalg.inv(felt) * size, 2)
+    out = []
+    for w in omega:
+        dynamic = stiffness - w**2 * mass + 1j * w * damping
+        seen = np.hstack([bus, np.zeros((6, 4))])
+        both = []
+        for pick in (np.arange(11), np.array([*range(7), *(7 + k for k in keep)])):
+            part = np.linalg.solve(dynamic[np.ix_(pick, pick)], seen[:, pick].T)
+            both.append(-(w**2) * seen[:, pick] @ part * size)
+        largest = max(np.linalg.norm(both[0], 2), frozen)
+        out.append(np.linalg.norm(both[1] - both[0], 2) / largest)
+    return np.array(out)
+
+
+GRID = np.linspace(0.01, 4.0, 8000)
+FINE = 2e-3  # of the largest value, between points that are that close
+
+
+def test_a_mode_left_out_costs_its_curve():
+    """In a search as in the error itself; where it costs most no trial with the mode stands lower
+    than it does there."""
+    made = pose()
+    left, right = made.whole
+    fewer = [left.picked([0]), right]
+    wanted = curve_without([0, 2, 3], GRID)
+    assert made.of_models(fewer) == pytest.approx(wanted.max(), rel=FINE)
+    assert made.of_models(fewer, 1e-3) == pytest.approx(wanted.max(), rel=0.02)
+    assert made.of_exchange(0, left.picked([0])) == pytest.approx(wanted.max(), rel=0.02)
+    assert made.of_exchange(1, right.picked([])) == pytest.approx(
+        curve_without([0, 1], GRID).max(), rel=0.02
+    )
+    omega, exact = made.tops(fewer)
+    assert 1 <= omega.size <= 8
+    assert curve_without([0, 2, 3], omega[:1])[0] == pytest.approx(wanted.max(), rel=0.02)
+    np.testing.assert_allclose(exact, made.exact(omega), rtol=1e-9)
+    there = np.array([0.7, 2.3])
+    at = made.error_at([left.picked([0]), right.picked([0])], there, made.exact(there))
+    assert at == pytest.approx(curve_without([0, 2], there).max(), rel=1e-6)
+
+
 def test_a_drive_without_a_damper_has_half_a_percent_in_the_exact_craft():
     model = mujoco.MjModel.from_xml_string(CRAFT.replace(' damping="0.6"', ""))
     made = Pose(model, QPOS, [carried(place) for place in PLACES], BAND, range(6), None)

@@ -153,6 +153,7 @@ from beamchain.craft.model_fields import Maker as VariantMaker
 from beamchain.craft.model_fields import apply as apply_draw
 from beamchain.craft.moving_modes import moving_modes
 from beamchain.craft.poses import Way, pose_label, poses_of
+from beamchain.craft.promise import _best as best_mode
 from beamchain.craft.proof import _bent_keyframes as bent_keyframes
 from beamchain.craft.quantities import Quantity, draws, inertia_matrix, quantities
 from beamchain.craft.quantities import _check_inertia as check_inertia
@@ -621,6 +622,7 @@ __all__ = [
     "bent_keyframes",
     "bent_line",
     "best_cut",
+    "best_mode",
     "bodies",
     "body_departure",
     "body_in_port",
