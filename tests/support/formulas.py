@@ -232,7 +232,7 @@ from beamchain.engine.linearise import (
     check_freedoms,
     implicit_stiffness,
     mass_of_alone,
-    runge_kutta_step,
+    runge_kutta_change,
 )
 from beamchain.engine.linearise import _motor_freedoms as motor_freedoms
 from beamchain.engine.loaded import (
@@ -916,8 +916,8 @@ __all__ = [
     "run_of_drive",
     "run_of_push",
     "run_of_turn",
+    "runge_kutta_change",
     "runge_kutta_limit",
-    "runge_kutta_step",
     "safe_step",
     "same_planes",
     "sampled_delay_margin",

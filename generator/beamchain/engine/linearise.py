@@ -396,8 +396,8 @@ def linearise(
         both = np.zeros((2 * nv + model.nu, 2 * nv + model.nu))
         both[: 2 * nv, : 2 * nv] = h * system_matrix(stiffness, damping)
         both[nv : 2 * nv, 2 * nv :] = h * inputs
-        both = runge_kutta_step(both)
-        a = both[: 2 * nv, : 2 * nv]
+        both = runge_kutta_change(both)
+        a = np.eye(2 * nv) + both[: 2 * nv, : 2 * nv]
         b = both[: 2 * nv, 2 * nv :]
     elif name != "implicitfast":
         a, b, c, d = transition(model, data, epsilon, name)
@@ -419,13 +419,12 @@ def _rounding(model: "mujoco.MjModel", data: "mujoco.MjData", epsilon: float) ->
     return 4.0 * np.finfo(np.float64).eps * change / epsilon
 
 
-def runge_kutta_step(f: Array) -> Array:
-    """RK4's step `exp(f)`, to fourth order, for a system matrix times the step."""
-    out = term = np.eye(f.shape[0])
-    for k in range(1, 5):
-        term = term @ f / k
-        out = out + term
-    return out
+def runge_kutta_change(f: Array) -> Array:
+    """RK4's `exp(f) - 1`, to fourth order, for a system matrix times the step."""
+    mean = np.eye(f.shape[0])
+    for k in (4, 3, 2):
+        mean = np.eye(f.shape[0]) + f @ mean / k
+    return f @ mean
 
 
 def transition(

@@ -19,6 +19,7 @@ from beamchain.steps.integrators import (
     Timed,
     polynomial,
     runge_kutta_limit,
+    step_matrices,
     step_pole,
     time_modes,
 )
@@ -396,7 +397,7 @@ class _Step(NamedTuple):
     mass: Array
     implicit: Array
     explicit: Array
-    late: bool  # dampers of tendons are implicit
+    integrator: str
     h: float
 
     @classmethod
@@ -409,11 +410,18 @@ class _Step(NamedTuple):
         tendons = craft.rows.T @ (damping[:, None] * craft.rows)
         implicit = craft.implicit + tendons if late else craft.implicit
         explicit = craft.explicit if late else craft.explicit + tendons
-        return cls(craft, mass, implicit, explicit, late, h)
+        return cls(craft, mass, implicit, explicit, integrator, h)
 
     def poles(self) -> tuple[Complex, Complex]:
         """Oscillating poles of the step, upper half plane, and the modes in columns."""
-        return _step_poles(self.mass, self.craft.squares, self.implicit, self.explicit, self.h)
+        squares = np.diag(self.craft.squares)
+        change, _ = step_matrices(
+            self.integrator, squares, self.implicit, self.explicit, self.h, mass=self.mass
+        )
+        step, vectors = np.linalg.eig(change)
+        upper = np.imag(step) > RINGING
+        shapes = vectors[: len(squares), upper]
+        return 1.0 + step[upper].astype(np.complex128), shapes.astype(np.complex128)
 
     def paired(self, wanted: Complex) -> tuple[Complex, Complex]:
         """Of these the ones nearest to the `wanted` `(k,)`, in their order; fewer where the step
@@ -437,19 +445,6 @@ class _Step(NamedTuple):
         # -(b y)^2 / (y^T P'(z) y) of each tendon's row b
         lever = -((self.craft.rows @ y) ** 2) / np.sum(y * slope, axis=0)
         by_armature = lever * step**2
-        by_damping = lever * h * step * (z if self.late else np.ones(z.size))
+        late = SCHEMES[self.integrator].implicit_damping
+        by_damping = lever * h * step * (z if late else np.ones(z.size))
         return by_armature.T, by_damping.T
-
-
-def _step_poles(
-    mass: Array, squares: Array, implicit: Array, explicit: Array, h: float
-) -> tuple[Complex, Complex]:
-    """Oscillating poles of the step, upper half plane, and the modes in columns."""
-    n = squares.size
-    solved = np.linalg.solve(
-        mass + h * implicit, np.hstack([h**2 * np.diag(squares), mass - h * explicit])
-    )
-    pull, keep = solved[:, :n], solved[:, n:]
-    z, vectors = np.linalg.eig(np.block([[np.eye(n) - pull, keep], [-pull, keep]]))
-    upper = np.imag(z) > RINGING
-    return z[upper].astype(np.complex128), vectors[:n, upper].astype(np.complex128)

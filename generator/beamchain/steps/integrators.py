@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
 from beamchain.checks import one_of
+from beamchain.engine.linearise import runge_kutta_change
 from beamchain.ports.motions import Array
 
 Complex = NDArray[np.complex128]
@@ -80,6 +81,56 @@ def polynomial(s: NDArray[Any]) -> Complex:
     return np.asarray(
         1.0 + s * (1.0 + s / 2.0 * (1.0 + s / 3.0 * (1.0 + s / 4.0))), dtype=np.complex128
     )
+
+
+def step_matrices(
+    integrator: str,
+    stiffness: Array,
+    implicit: Array,
+    explicit: Array,
+    timestep: float,
+    *,
+    mass: Array | None = None,
+    springs: Array | float = 0.0,
+    held: Array | float = 0.0,
+) -> tuple[Array, Array]:
+    """One step of `M y'' + D y' + K y = f` less the unit matrix, `(2 n, 2 n)` over the states
+    (y, h y'), and what a force on each y that is held over the step adds, `(2 n, n)`.
+
+        y+ = y + h v+
+        v+ = (M + h D_i + h^2 (S - H))^-1 (M - h D_e) v + h (M + h D_i + h^2 S)^-1 (f - K y)
+
+    Of RK4 the exponential to fourth order.
+
+    Args:
+        integrator: MuJoCo's name.
+        stiffness: `(n, n)` K.
+        implicit, explicit: `(n, n)` D_i and D_e, the dampers as the integrator takes them.
+        timestep: h [s].
+        mass: `(n, n)` M; the unit matrix where left out.
+        springs: `(n, n)` S, springs that are implicit.
+        held: `(n, n)` H, those of them that are implicit for the force of the position alone.
+    """
+    h = float(timestep)
+    n = stiffness.shape[0]
+    eye = np.eye(n)
+    mass = eye if mass is None else mass
+    damping = implicit + explicit
+    if integrator == "RK4":
+        moved = np.linalg.solve(mass, np.hstack([-(h**2) * stiffness, -h * damping, h**2 * eye]))
+        flow = np.zeros((3 * n, 3 * n))
+        flow[:n, n : 2 * n] = eye
+        flow[n : 2 * n] = moved
+        change = runge_kutta_change(flow)[: 2 * n]
+        return change[:, : 2 * n], change[:, 2 * n :]
+    left = mass + h * implicit + h**2 * springs
+    drag = h * damping + h**2 * (springs - held)
+    solved = np.linalg.solve(left, np.hstack([h**2 * stiffness, drag, h**2 * eye]))
+    pull, lost, push = np.split(solved, 3, axis=1)
+    if np.any(held):
+        lost = np.linalg.solve(left - h**2 * held, drag)
+    difference = np.block([[-pull, eye - lost], [-pull, -lost]])
+    return np.asarray(difference, dtype=np.float64), np.vstack([push, push])
 
 
 def step_pole(

@@ -14,7 +14,6 @@ from scipy.optimize import brentq, linear_sum_assignment
 
 from beamchain.checks import one_of
 from beamchain.engine.library import one_thread
-from beamchain.engine.linearise import runge_kutta_step
 from beamchain.errors import EngineError
 from beamchain.ports.compare import (
     DEFAULT_RATIO,
@@ -32,6 +31,7 @@ from beamchain.steps.integrators import (
     Complex,
     polynomial,
     runge_kutta_limit,
+    step_matrices,
     step_pole,
 )
 
@@ -92,17 +92,11 @@ class LinearModel:
     def step(self, integrator: str, timestep: float) -> Array:
         """`(2 nv, 2 nv)` one step in the states (q, h v), so that all entries are pure numbers."""
         one_of("integrator", integrator, INTEGRATORS)
-        h, n = timestep, self.stiffness.shape[0]
-        if integrator == "RK4":
-            return runge_kutta_step(system_matrix(h**2 * self.stiffness, h * self.damping))
-        eye = np.eye(n)
-        implicit, explicit, spring, held = self._parts(integrator)
-        left = eye + h * implicit + h**2 * spring
-        solved = np.linalg.solve(left, np.hstack([h**2 * self.stiffness, eye - h * explicit]))
-        pull, keep = solved[:, :n], solved[:, n:]
-        if np.any(held):
-            keep = np.linalg.solve(left - h**2 * held, eye - h * explicit)
-        return np.asarray(np.block([[eye - pull, keep], [-pull, keep]]), dtype=np.float64)
+        implicit, explicit, springs, held = self._parts(integrator)
+        change, _ = step_matrices(
+            integrator, self.stiffness, implicit, explicit, timestep, springs=springs, held=held
+        )
+        return np.eye(len(change)) + change
 
     def largest_step(self, integrator: str) -> float:
         """Largest stable step [s]; infinity where there is none."""

@@ -24,7 +24,7 @@ from beamchain.engine.operating_point import pose_words, rest_point, still_copy
 from beamchain.ports.compare import compared_ratios
 from beamchain.ports.motions import Array
 from beamchain.steps.elements import elements
-from beamchain.steps.integrators import PHASE, SCHEMES, Complex
+from beamchain.steps.integrators import PHASE, SCHEMES, Complex, step_matrices
 from beamchain.steps.modal import FILLER, modal_tendons
 
 # rad or m by which the step of "discrete" is differenced: it is not linear in the pose
@@ -122,10 +122,8 @@ def motion_at(model: "mujoco.MjModel", qpos: Array | None = None) -> Motion:
     implicit = _implicit(still, name, whole, shapes)
     if name == "discrete":
         difference, drive = _by_differences(still, point.qpos, shapes)
-    elif name == "RK4":
-        difference, drive = _runge_kutta(squares, whole, h)
     else:
-        difference, drive = _semi_implicit(squares, whole, implicit, h)
+        difference, drive = step_matrices(name, np.diag(squares), implicit, whole - implicit, h)
     return Motion(
         shapes,
         squares,
@@ -168,30 +166,6 @@ def _implicit(model: "mujoco.MjModel", integrator: str, damping: Array, shapes: 
     if not euler_damps_implicitly(model):
         return np.zeros_like(damping)
     return shapes.T @ (model.dof_damping[:, None] * shapes)
-
-
-def _semi_implicit(
-    squares: Array, damping: Array, implicit: Array, h: float
-) -> tuple[Array, Array]:
-    """`(1 + h D_i) (v+ - v) = h (f - K y - D v)`, `y+ = y + h v+`."""
-    n = squares.size
-    left = np.eye(n) + h * implicit
-    solved = np.linalg.solve(
-        left, np.hstack([h**2 * np.diag(squares), h * damping, h**2 * np.eye(n)])
-    )
-    pull, lost, push = (np.asarray(part, dtype=np.float64) for part in np.split(solved, 3, axis=1))
-    difference = np.asarray(np.block([[-pull, np.eye(n) - lost], [-pull, -lost]]), dtype=np.float64)
-    return difference, np.vstack([push, push])
-
-
-def _runge_kutta(squares: Array, damping: Array, h: float) -> tuple[Array, Array]:
-    """RK4's exp(F) to fourth order, and its integral for a force that is held."""
-    n = squares.size
-    flow = np.block([[np.zeros((n, n)), np.eye(n)], [-(h**2) * np.diag(squares), -h * damping]])
-    mean = np.eye(2 * n)
-    for k in (4, 3, 2):
-        mean = np.eye(2 * n) + flow @ mean / k
-    return flow @ mean, mean[:, n:] * h**2
 
 
 def _by_differences(model: "mujoco.MjModel", qpos: Array, shapes: Array) -> tuple[Array, Array]:
