@@ -119,6 +119,7 @@ def _by_poles(linear: Linear) -> PartialFractions:
         ]
     )
     inverse_poles, vectors = np.linalg.eig(states)
+    vectors = vectors.astype(np.complex128)
     pushed, seen = linear.inputs.force, linear.outputs.acceleration
     drag = dragged.T @ pushed
     given = np.vstack(
@@ -128,7 +129,7 @@ def _by_poles(linear: Linear) -> PartialFractions:
             -drag / rates[~is_rigid, None],
         ]
     )
-    given = np.linalg.solve(vectors, given)
+    given = np.asarray(np.linalg.solve(vectors, given), dtype=np.complex128)
     by_modes = seen @ moving @ vectors[:n]
     by_drag = seen @ dragged @ vectors[2 * n :]
     return PartialFractions(
@@ -143,4 +144,4 @@ def _products(
     read: NDArray[np.complex128], given: NDArray[np.complex128]
 ) -> NDArray[np.complex128]:
     """`(n, p, m)` of what outputs `(p, n)` read of states `(n, m)`."""
-    return (read.T[:, :, None] * given[:, None, :]).astype(np.complex128)
+    return read.T[:, :, None] * given[:, None, :]

@@ -130,7 +130,8 @@ def step_matrices(
     if np.any(held):
         lost = np.linalg.solve(left - h**2 * held, drag)
     difference = np.block([[-pull, eye - lost], [-pull, -lost]])
-    return np.asarray(difference, dtype=np.float64), np.vstack([push, push])
+    drive = np.vstack([push, push])
+    return np.asarray(difference, dtype=np.float64), np.asarray(drive, dtype=np.float64)
 
 
 def step_pole(

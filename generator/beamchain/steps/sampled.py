@@ -112,7 +112,8 @@ def _eigenvectors(matrix: bytes) -> tuple[Complex, Complex, Complex]:
     entries = np.frombuffer(matrix)
     values, vectors = np.linalg.eig(entries.reshape(2 * [round(np.sqrt(entries.size))]))
     vectors = vectors.astype(np.complex128)
-    return values.astype(np.complex128), vectors, np.linalg.inv(vectors)
+    back = np.asarray(np.linalg.inv(vectors), dtype=np.complex128)
+    return values.astype(np.complex128), vectors, back
 
 
 def step_response(motion: Motion, rows: Array) -> Response:
