@@ -496,3 +496,11 @@ def test_what_is_beyond_its_limit_or_touches_is_named(moved, beyond):
         assert sorted(constraints.beyond_limits(model, data)) == beyond
         touches = sign * moved < -0.2
         assert constraints.touching(model, data) == [("floor", "a")] * touches
+
+
+@pytest.mark.parametrize("length", [0.1, 1.0, 30.0])
+def test_a_quaternion_of_any_length_is_its_turn(length):
+    quaternion = np.array([0.4, -0.2, 0.8, 0.1])
+    wanted = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
+    found = library.rotation_matrix(length * quaternion)
+    assert found == pytest.approx(wanted, abs=1e-12)

@@ -196,6 +196,9 @@ def test_weighted_sums_of_inputs_and_outputs():
     data.qvel[3:6] = [0.0, 0.5, 0.0]
     mujoco.mj_forward(point.model, data)
     assert turns.read(data) == pytest.approx([6e-4, -0.5, 0.0], abs=1e-9)
+    (double,) = outputs_of(point, {"double": {"rate": 2.0}})
+    assert double.labels == ("double_x", "double_y", "double_z")
+    assert double.read(data) == pytest.approx([0.0, 1.0, 0.0], abs=1e-9)
     for weights in ({"one": 0.0}, {"one": 1.0, "force:bus": 1.0}):
         with pytest.raises(bc.InputError):
             inputs_of(point, {"sum": weights})

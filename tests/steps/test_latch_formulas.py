@@ -16,6 +16,7 @@ from formulas import (
     is_stop,
     made_for,
     modal_tendons,
+    retime_by,
     rounded_up,
     stiffness_before,
     stop_ahead,
@@ -271,3 +272,32 @@ def test_a_latched_hinge_is_stable_with_what_its_spring_needs_beside_its_own(int
     model, data = panel('stiffness="2" damping="0.1" armature="0.4"')
     bc.latch(model, data, "hinge", angle=0.0, stiffness=50.0, damping=3.0)
     assert _stable_armature(model, 0, integrator, 0.02) == pytest.approx(0.4 + added)
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "drive"), [(250.0, 0.02**2 * 250.0 / 12.0), (5000.0, 0.02**2 * 5000.0 / 4.0)]
+)
+def test_timing_gives_sprung_and_latched_joints_of_a_craft_their_armature(stiffness, drive):
+    """h^2 k / 4 of a latched hinge beside an appendage, none of one that stands farther; h^2 k / 12
+    of a drive, and h^2 k / 4 where 5000 N m/rad on 0.1 kg m^2 would grow."""
+    hinge = """<body pos="{at} 0 0"><joint name="{name}" axis="0 1 0" armature=".2"/>
+        <inertial pos="-.5 0 0" mass="1" diaginertia=".1 .1 .1"/>{inside}</body>"""
+    far = hinge.format(at=-1, name="far", inside="")
+    middle = f'<body><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>{far}</body>'
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><option gravity="0 0 0" timestep="{H}"/><worldbody><body><freejoint/>
+        <inertial pos="0 0 0" mass="40" diaginertia="9 9 9"/>
+        <body pos="1 0 0"><joint name="h1" axis="0 0 1"/>
+        <inertial pos="1 0 0" mass="1" diaginertia=".1 .1 .1"/></body>
+        <body pos="0 1 0"><joint name="drive" axis="0 0 1" stiffness="{stiffness}"/>
+        <inertial pos="0 0 0" mass="1" diaginertia=".1 .1 .1"/></body>
+        {hinge.format(at=-1, name="near", inside="")}{middle}</body></worldbody>
+        <tendon><fixed name="arm_mode1" stiffness="35">
+        <joint joint="h1" coef="{1.1**0.5}"/></fixed></tendon></mujoco>"""
+    )
+    for name in ("near", "far"):
+        bc.latch(model, mujoco.MjData(model), name, angle=0.0, stiffness=50.0)
+    retime_by(2, model, H, joints=True)
+    added = {name: model.dof_armature[model.joint(name).dofadr[0]] for name in ("drive", "h1")}
+    assert added == pytest.approx({"drive": drive, "h1": 0.0})
+    assert model.dof_armature[-2:] == pytest.approx([0.2 + H**2 * 50.0 / 4.0, 0.2])

@@ -232,6 +232,12 @@ def test_a_slow_craft_is_compared_at_its_slow_mode():
     qpos, joints = np.array(model.qpos0), np.zeros(7)
     found = SeenAtPose.of(model, modal_tendons(model), qpos, motion_at(model), 0.01, joints)
     assert np.min(np.abs(found.omega / pole - 1.0)) < 1e-6
+    # motions of the base, of which each moves one unit of mass while the hinge is locked
+    free = np.zeros((7, 7))
+    mujoco.mj_solveM(model, data, free, np.eye(7))
+    held = np.linalg.inv(np.linalg.inv(free)[:6, :6])
+    share = np.diag(free)[:6] / np.diag(held)
+    assert np.sum(found.rows**2, axis=1) == pytest.approx(share)
 
 
 def test_a_step_is_halved_until_it_lowers_the_objective_enough():

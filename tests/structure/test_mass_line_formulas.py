@@ -13,6 +13,7 @@ from formulas import (
     default_length,
     mass_beside_axis,
     mass_line_of_pieces,
+    of_moments,
     spread_mass,
     uniform_length,
 )
@@ -36,6 +37,12 @@ def on_axis(moments):
     out[1, 5] = out[5, 1] = first
     out[2, 4] = out[4, 2] = -first
     return out
+
+
+def test_the_mass_matrix_of_each_moment():
+    for moment in np.eye(6):
+        found = (moment @ of_moments()).reshape(6, 6)
+        assert found == pytest.approx(on_axis(moment), abs=0.0)
 
 
 # -- stated lines ----------------------------------------------------------------------------------

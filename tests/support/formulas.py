@@ -341,6 +341,7 @@ from beamchain.report.replay import _steepest as steepest
 from beamchain.steps.culprit import culprit, inertia_words, stable_step
 from beamchain.steps.cures import Names, Setting, find_cure, round_down
 from beamchain.steps.driven import driven, run_of_turn
+from beamchain.steps.elements import elements as elements_of_step
 from beamchain.steps.forms import Craft, appendage_poles, form2, form2_many, form4, tune
 from beamchain.steps.forms import _Step as StepOfCraft
 from beamchain.steps.forms import stability as squared_phase
@@ -377,6 +378,7 @@ from beamchain.steps.limits import (
 from beamchain.steps.limits import normalise as unit_mass_of_port
 from beamchain.steps.modal import condensed_mass, made_for, modal_tendons, stiffness_before
 from beamchain.steps.poles import PoleRow, growing_frequencies, mismatch, phase_limit, pole_rows
+from beamchain.steps.retime import retime_by
 from beamchain.steps.retime_file import retimed_file
 from beamchain.steps.sampled import (
     SampledError,
@@ -412,7 +414,7 @@ from beamchain.steps.tree_time import _newton_step as newton_step
 from beamchain.steps.tree_time import _Room as Room
 from beamchain.steps.tree_time import _step_length as step_length
 from beamchain.steps.turn import turn_error
-from beamchain.structure.discretise import Parts
+from beamchain.structure.discretise import Parts, sampled_model
 from beamchain.structure.discretise import _body as body_in_port
 from beamchain.structure.discretise import _edges as edges_of_pieces
 from beamchain.structure.discretise import _join_equal_neighbours as joined_neighbours
@@ -447,6 +449,7 @@ from beamchain.structure.mass_line import (
     uniform_length,
 )
 from beamchain.structure.mass_line import _mass_beside_axis as mass_beside_axis
+from beamchain.structure.mass_line import _of_moments as of_moments
 from beamchain.structure.planes import (
     near_groups,
     rounding_of_residual,
@@ -454,16 +457,22 @@ from beamchain.structure.planes import (
     turn_into_planes,
 )
 from beamchain.structure.profile import Properties
-from beamchain.structure.readers.craig_bampton import Boundary
+from beamchain.structure.readers.craig_bampton import Boundary, from_matrices
 from beamchain.structure.readers.craig_bampton import _almost_body as almost_body
 from beamchain.structure.readers.craig_bampton import _is_noisy as is_noisy
 from beamchain.structure.readers.craig_bampton import _is_soft as is_soft
 from beamchain.structure.readers.craig_bampton import _largest_forces as largest_forces
 from beamchain.structure.readers.craig_bampton import _largest_inner as largest_inner
 from beamchain.structure.readers.craig_bampton import _noise_of_freedoms as noise_of_freedoms
+from beamchain.structure.readers.craig_bampton import _rigid_motion as rigid_motion_of_inner
 from beamchain.structure.readers.imported import check_outwards, proposed_axes, with_length
 from beamchain.structure.readers.nastran_bulk import System, dmig_matrices, read_bulk
+from beamchain.structure.readers.nastran_f06 import _frequencies as frequencies_of_print
+from beamchain.structure.readers.nastran_op2 import Eigenvalues
+from beamchain.structure.readers.nastran_op2 import _chosen as chosen_table
+from beamchain.structure.readers.nastran_op2 import _modal_data as data_of_tables
 from beamchain.structure.readers.nastran_op4 import _text_header as header_of_text
+from beamchain.structure.readers.nastran_op4 import read_op4
 from beamchain.structure.rigid_body import (
     body_departure,
     independent_parts,
@@ -511,6 +520,7 @@ __all__ = [
     "Drive",
     "DriveOfHinge",
     "Effort",
+    "Eigenvalues",
     "Embedded",
     "Exchange",
     "GainOfModes",
@@ -649,6 +659,7 @@ __all__ = [
     "choose",
     "choose_cut",
     "choose_step",
+    "chosen_table",
     "climb",
     "clusters",
     "column_range",
@@ -673,6 +684,7 @@ __all__ = [
     "damped_by",
     "damped_modes",
     "damping_of_file",
+    "data_of_tables",
     "default_hub",
     "default_length",
     "departs",
@@ -690,6 +702,7 @@ __all__ = [
     "driven",
     "drives_of_craft",
     "edges_of_pieces",
+    "elements_of_step",
     "energy_words",
     "equal_parts",
     "error_of_step",
@@ -714,6 +727,8 @@ __all__ = [
     "fractions_of",
     "free_peaks",
     "freedoms_of_block",
+    "frequencies_of_print",
+    "from_matrices",
     "gain_of_pair",
     "given_modes",
     "grid_of",
@@ -837,6 +852,7 @@ __all__ = [
     "normal_shapes",
     "null_directions",
     "number_of_pole",
+    "of_moments",
     "off_by",
     "offset_cautions",
     "one_mode_more",
@@ -883,6 +899,7 @@ __all__ = [
     "ranks_of_modes",
     "reach",
     "read_bulk",
+    "read_op4",
     "real_polar",
     "realisable_body",
     "realise",
@@ -897,12 +914,14 @@ __all__ = [
     "response_change",
     "response_of_loop",
     "rest_point",
+    "retime_by",
     "retimed_file",
     "rigid_body",
     "rigid_hubs",
     "rigid_link",
     "rigid_load",
     "rigid_mass",
+    "rigid_motion_of_inner",
     "rigid_plane",
     "rk4_words",
     "root_body",
@@ -922,6 +941,7 @@ __all__ = [
     "same_planes",
     "sampled_delay_margin",
     "sampled_error",
+    "sampled_model",
     "sampled_system",
     "scaled_participation",
     "score",
