@@ -29,6 +29,7 @@ from formulas import (
     mount,
     named_output,
     offset_cautions,
+    partial_fractions,
     reach,
     rest_point,
     rigid_body,
@@ -386,6 +387,15 @@ def test_the_accelerance_as_a_sum_of_poles_of_a_damped_oscillator(stiffness, dra
     moved = [np.linalg.solve(spring + 1j * w * damping - w**2 * mass, [1.0, 0.4]) for w in omega]
     wanted = -(omega**2) * (np.array(moved) @ [1.0, 0.7])
     assert found == pytest.approx(wanted, rel=1e-9)
+    # it must give the response that is told, to 1e-8 of it, at the end of the band too
+    for off, taken in ((0.9e-8, True), (1.1e-8, False)):
+        for at in (0.02, 2.0):
+
+            def told(omega, at=at, off=off):
+                near = np.where(np.isclose(omega, at), off, 0.0)
+                return fractions_of(made)(omega) * (1.0 + near)
+
+            assert (partial_fractions(made, 2.0, told) is not None) == taken
 
 
 # -- small ones ------------------------------------------------------------------------------------

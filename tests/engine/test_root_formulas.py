@@ -9,6 +9,7 @@ from beamchain.engine.combinations import inputs_of, outputs_of
 from beamchain.engine.operating_point import (
     is_cyclic,
     operating_point,
+    poses_between,
     state_at,
     value_text,
 )
@@ -144,6 +145,22 @@ def test_poses_by_name_and_number():
             operating_point(model, "first", {name: rate})
 
 
+@pytest.mark.parametrize("share", [0.0, 0.25, 1.0])
+def test_poses_on_the_way_from_one_keyframe_to_the_next(share):
+    """Along lines, and about one axis by a share of 2 rad."""
+    qpos = f"0 0 5 {np.cos(1.0)} 0 {np.sin(1.0)} 0 .3 .4"
+    model = mujoco.MjModel.from_xml_string(CRAFT.replace("0 0 0 1 0 0 0 .3 .4", qpos))
+    found = poses_between(model, share)
+    assert list(found) == [f"{share:.0%} from rest to first", f"{share:.0%} from first to last"]
+    first, last = found.values()
+    lines = np.array([[1.0, 2.0, 2.0, 0.1, 0.2], [-1.0, -2.0, 2.0, 0.2, 0.2]]) * share
+    apart = np.array([[0.0, 0.0, 1.0, 0.0, 0.0], [1.0, 2.0, 3.0, 0.1, 0.2]]) + lines
+    assert first[[0, 1, 2, 7, 8]] == pytest.approx(apart[0])
+    assert last[[0, 1, 2, 7, 8]] == pytest.approx(apart[1])
+    assert first[3:7] == pytest.approx([1.0, 0.0, 0.0, 0.0])
+    assert last[3:7] == pytest.approx([np.cos(share), 0.0, np.sin(share), 0.0])
+
+
 def test_joints_that_slide_and_wheels_that_are_balanced():
     """The mass matrix does not know the angle of a balanced wheel, if nothing else hangs on it."""
     text = CRAFT.split("<keyframe>")[0] + "</mujoco>"
@@ -178,6 +195,8 @@ def test_signals_of_one_name_are_told_apart_by_their_places():
     # another name stands in front; one signal alone is called by it
     renamed = inputs_of(point, {"push": "force:bus", "spin": "one", "two": "two"})
     assert [one.label for one in renamed] == ["push_x", "push_y", "push_z", "spin", "two"]
+    with pytest.raises(bc.InputError, match="names 'one' twice"):
+        inputs_of(point, ["one", "two", "one"])
     with pytest.raises(bc.InputError, match="called 'push_x'"):
         inputs_of(point, {"push": "force:bus", "push_x": "one"})
 

@@ -275,11 +275,12 @@ def test_a_latched_hinge_is_stable_with_what_its_spring_needs_beside_its_own(int
 
 
 @pytest.mark.parametrize(
-    ("stiffness", "drive"), [(250.0, 0.02**2 * 250.0 / 12.0), (5000.0, 0.02**2 * 5000.0 / 4.0)]
+    ("stiffness", "drive"), [(250.0, 0.03**2 * 250.0 / 12.0), (5000.0, 0.03**2 * 5000.0 / 4.0)]
 )
 def test_timing_gives_sprung_and_latched_joints_of_a_craft_their_armature(stiffness, drive):
-    """h^2 k / 4 of a latched hinge beside an appendage, none of one that stands farther; h^2 k / 12
-    of a drive, and h^2 k / 4 where 5000 N m/rad on 0.1 kg m^2 would grow."""
+    """At another step than they latched at: h^2 k / 4 of a latched hinge beside an appendage, none
+    of one that stands farther; h^2 k / 12 of a drive, and h^2 k / 4 where 5000 N m/rad on
+    0.1 kg m^2 would grow."""
     hinge = """<body pos="{at} 0 0"><joint name="{name}" axis="0 1 0" armature=".2"/>
         <inertial pos="-.5 0 0" mass="1" diaginertia=".1 .1 .1"/>{inside}</body>"""
     far = hinge.format(at=-1, name="far", inside="")
@@ -297,7 +298,7 @@ def test_timing_gives_sprung_and_latched_joints_of_a_craft_their_armature(stiffn
     )
     for name in ("near", "far"):
         bc.latch(model, mujoco.MjData(model), name, angle=0.0, stiffness=50.0)
-    retime_by(2, model, H, joints=True)
+    retime_by(2, model, 0.03, joints=True)
     added = {name: model.dof_armature[model.joint(name).dofadr[0]] for name in ("drive", "h1")}
     assert added == pytest.approx({"drive": drive, "h1": 0.0})
-    assert model.dof_armature[-2:] == pytest.approx([0.2 + H**2 * 50.0 / 4.0, 0.2])
+    assert model.dof_armature[-2:] == pytest.approx([0.2 + 0.03**2 * 50.0 / 4.0, 0.2])

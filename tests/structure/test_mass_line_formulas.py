@@ -152,6 +152,16 @@ def test_a_stated_line_has_the_rigid_mass_to_a_millionth(off, taken):
             mass_line_of_pieces(4.0, rigid, **given)
 
 
+@pytest.mark.parametrize(("start", "end"), [(0.0, 4.0), (-3e-9, 4.0 + 3e-9), (0.05, 4.0)])
+def test_a_stated_line_may_begin_behind_the_root_and_at_it_to_a_billionth(start, end):
+    piece = MassPiece(start, end - start, np.array([[3.0, 0.1, 0.2, 0.3]]))
+    long = 4.0 - max(start, 0.0)
+    first, second = (3.0 * (4.0**n - max(start, 0.0) ** n) / n for n in (2, 3))
+    wanted = on_axis([3.0 * long, first, second, 0.1 * long, 0.2 * long, 0.3 * long])
+    line = mass_line_of_pieces(4.0, wanted, pieces=(piece,), points=np.zeros((0, 5)))
+    assert on_axis(line.moments([0.0, 4.0])[0]) == pytest.approx(wanted, rel=1e-8, abs=1e-8)
+
+
 @pytest.mark.parametrize(
     ("start", "length"), [(0.5, 0.0), (1.0, -0.5), (-0.1, 1.0), (3.0, 1.1)], ids=str
 )

@@ -13,6 +13,7 @@ from formulas import (
     body_departure,
     chosen_table,
     data_of_tables,
+    digits_of_numbers,
     dmig_matrices,
     frequencies_of_print,
     from_matrices,
@@ -26,6 +27,7 @@ from formulas import (
     noise_of_motions,
     read_bulk,
     read_op4,
+    read_recovery,
     rigid_motion_of_inner,
     within_body,
 )
@@ -308,6 +310,9 @@ def test_a_header_with_fields_of_8_or_of_16(wide):
     assert (header.name, header.rows, header.columns, header.kind) == ("KAA", 5, 7, 2)
     other, same = header_of_text(f"{7:8d}{5:8d}{2:8d}{2:8d}KAA     1P,3E23.16")
     assert (header, layout) == (other, same)
+    for words, numbers in (("1P,3E23.16", (3, 23, 17)), ("5E16.9", (5, 16, 9)), ("", (5, 16, 10))):
+        _, layout = header_of_text(f"{fields}KAA     {words}{end}")
+        assert (layout.per_line, layout.width, layout.digits) == numbers
 
 
 def test_the_largest_number_of_a_grid(tmp_path):
@@ -428,3 +433,47 @@ def test_the_grid_that_is_held_elsewhere_is_named(held):
     boundary = Boundary((0, 1), motion, ("grid 4", "grid 9"))
     with pytest.raises(InputError, match=f"most at {boundary.names[held]},"):
         rigid_motion_of_inner(np.eye(3), stiffness, [2], boundary, "a", 1e-12)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "digits"),
+    [((2.0, -30.0, 4e-7), 1), ((0.25, -1.5e-7), 2), ((0.0, 123.4), 4), ((0.00102,), 3), ((), 1)],
+)
+def test_digits_that_numbers_were_given_with(numbers, digits):
+    assert digits_of_numbers([(1.0,), numbers]) == digits
+
+
+# -- rows of recovery ------------------------------------------------------------------------------
+def test_rows_of_a_file_have_zeros_where_one_leaves_out_what_another_gives(tmp_path):
+    text, arrays = tmp_path / "a.toml", tmp_path / "a.npz"
+    text.write_text(
+        """[[row]]
+        name = "moment"
+        unit = "N m"
+        modes = [1.0, 2.0]
+        [[row]]
+        name = "tip"
+        accelerations = [3.0, 4.0]
+        root = [0.0, 1.0, 0.0, 0.0, 0.0, 2.0]
+        point = [2.0, 0.0, 0.5]"""
+    )
+    root = np.array([[0.0] * 6, [0.0, 1.0, 0.0, 0.0, 0.0, 2.0]])
+    wanted = {
+        "modes": np.array([[1.0, 2.0], [0.0, 0.0]]),
+        "accelerations": np.array([[0.0, 0.0], [3.0, 4.0]]),
+        "root": root,
+        "points": np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.5]]),
+    }
+    np.savez(arrays, names=["moment", "tip"], units=["N m", ""], **wanted)
+    for path in (text, arrays):
+        found = read_recovery(path)
+        assert (found.names, found.units) == (("moment", "tip"), ("N m", ""))
+        assert found.source == path.name
+        for name, values in wanted.items():
+            assert getattr(found, name).tolist() == values.tolist()
+    text.write_text(text.read_text().replace("[3.0, 4.0]", "[3.0, 4.0, 5.0]"))
+    with pytest.raises(InputError):
+        read_recovery(text)
+    text.write_text(text.read_text() + '\n[[row]]\nname = "c"\naccelerations = [1.0]')
+    with pytest.raises(InputError, match="'c' has 1 numbers in accelerations, others have 3"):
+        read_recovery(text)

@@ -132,6 +132,8 @@ def test_the_fibre_under_most_tension_is_where_navier_s_stress_is_largest(is_rou
     )
     moment = np.array([9.0, -40.0, 25.0])
     y, z = section.fibre(0, moment, sign)
+    assert section.fibre(0, 1e-3 * moment, sign) == pytest.approx((y, z), rel=ROUNDED)
+    assert section.fibre(0, 0.0 * moment, sign) == (0.0, 0.0)
     got = section.per_load(0, y, z) @ np.concatenate([[100.0, 7.0, 8.0], moment])
     if is_round:
         towards = sign * np.array([-25.0, -40.0]) / np.hypot(25.0, 40.0)

@@ -249,7 +249,7 @@ from beamchain.engine.mount import _carriers as carriers
 from beamchain.engine.mount import apparent_hubs, held_joints, mount, rigid_hubs, root_frame
 from beamchain.engine.normal_modes import normal_modes
 from beamchain.engine.operating_point import OperatingPoint, rest_point, still_copy
-from beamchain.engine.partial_fractions import PartialFractions
+from beamchain.engine.partial_fractions import PartialFractions, partial_fractions
 from beamchain.engine.partial_fractions import _fractions as fractions_of
 from beamchain.engine.reach import reach, spacecraft_body, turn
 from beamchain.engine.rollout import _rotation as rotation_vectors
@@ -473,6 +473,8 @@ from beamchain.structure.readers.nastran_op2 import _chosen as chosen_table
 from beamchain.structure.readers.nastran_op2 import _modal_data as data_of_tables
 from beamchain.structure.readers.nastran_op4 import _text_header as header_of_text
 from beamchain.structure.readers.nastran_op4 import read_op4
+from beamchain.structure.readers.own_format import _digits as digits_of_numbers
+from beamchain.structure.readers.recovery_file import read_recovery
 from beamchain.structure.rigid_body import (
     body_departure,
     independent_parts,
@@ -688,6 +690,7 @@ __all__ = [
     "default_hub",
     "default_length",
     "departs",
+    "digits_of_numbers",
     "distance",
     "disturbances",
     "dmig_matrices",
@@ -863,6 +866,7 @@ __all__ = [
     "owner_of_place",
     "owners_of_poles",
     "pairs_of_modes",
+    "partial_fractions",
     "participation_of_tendon",
     "patterns_of_cuts",
     "peak_clusters",
@@ -900,6 +904,7 @@ __all__ = [
     "reach",
     "read_bulk",
     "read_op4",
+    "read_recovery",
     "real_polar",
     "realisable_body",
     "realise",
