@@ -17,6 +17,7 @@ from formulas import (
     Activations,
     Carrying,
     Inputs,
+    NormalModes,
     Outputs,
     PartialFractions,
     Signal,
@@ -514,3 +515,21 @@ def test_a_quaternion_of_any_length_is_its_turn(length):
     wanted = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
     found = library.rotation_matrix(length * quaternion)
     assert found == pytest.approx(wanted, abs=1e-12)
+
+
+def test_modes_in_another_order_with_other_signs():
+    shapes, mass = np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]]), np.eye(3)
+    modes = NormalModes(np.ones((3, 1)), (0,), shapes, np.array([7.0, 8.0]), mass)
+    found = modes.ordered([1, 0], np.array([1.0, -1.0]))
+    assert found.shapes.tolist() == [[2.0, -1.0], [4.0, -3.0], [6.0, -5.0]]
+    assert found.frequency.tolist() == [8.0, 7.0]
+    assert (found.pivots, found.mass) == ((0,), mass)
+
+
+@pytest.mark.parametrize("field", ["body_mass", "jnt_axis", "site_pos"])
+def test_one_number_that_is_not_finite_is_named(field):
+    model = mujoco.MjModel.from_xml_string(FREE.format(inside=ARM, rest=""))
+    door.check_model(model, "a.xml")
+    getattr(model, field)[-1] = np.nan
+    with pytest.raises(InputError, match="a.xml: .* is nan"):
+        door.check_model(model, "a.xml")

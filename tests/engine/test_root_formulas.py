@@ -7,6 +7,7 @@ import pytest
 import beamchain as bc
 from beamchain.engine.combinations import inputs_of, outputs_of
 from beamchain.engine.operating_point import (
+    check_pose,
     is_cyclic,
     operating_point,
     poses_between,
@@ -143,6 +144,23 @@ def test_poses_by_name_and_number():
     for name, rate in (("free", 1.0), ("none", 0.0)):
         with pytest.raises(bc.InputError, match=name):
             operating_point(model, "first", {name: rate})
+
+
+@pytest.mark.parametrize(
+    ("angle", "within"), [(-0.51, False), (-0.5, True), (0.1, True), (0.7, True), (0.71, False)]
+)
+def test_a_pose_lies_within_the_ranges_of_its_joints(angle, within):
+    limited = '<compiler angle="radian"/><worldbody>'
+    text = CRAFT.replace("<worldbody>", limited).split("<keyframe>")[0] + "</mujoco>"
+    text = text.replace('name="drive"', 'name="drive" range="-0.5 0.7"')
+    model = mujoco.MjModel.from_xml_string(text)
+    qpos = np.array(model.qpos0)
+    qpos[7:] = 3.0, angle
+    if within:
+        check_pose(model, qpos)
+    else:
+        with pytest.raises(bc.InputError, match=r"'drive' .* outside its range \[-0\.5, 0\.7\]"):
+            check_pose(model, qpos)
 
 
 @pytest.mark.parametrize("share", [0.0, 0.25, 1.0])

@@ -182,6 +182,9 @@ def test_what_takes_most_of_the_energy_that_a_pole_loses(share, name):
     motion = motion_at(model)
     assert damped_by(model, np.zeros(2), motion, -0.2 + 6j) == name
     assert damped_by(model, np.zeros(2), motion, -0.2 + 5j) == "a"
+    real = slides((2.0, 0.0, 40.0), (5.0, 0.0, 10.0))
+    for rate, joint in ((-20.0, "a"), (-2.0, "b")):
+        assert damped_by(real, np.zeros(2), motion_at(real), rate) == joint
     still = slides((2.0, 50.0, 0.0))
     assert damped_by(still, np.zeros(1), motion_at(still), 5j) == ""
 

@@ -14,6 +14,7 @@ from formulas import (
     Tendons,
     modal_tendons,
     motion_at,
+    nearest_response,
     newton_step,
     outer_motions,
     step_length,
@@ -265,3 +266,46 @@ def test_a_step_is_halved_until_it_lowers_the_objective_enough():
     assert length(2.0, 0.0, 4.1e4) == 0.5
     assert length(2.0, 0.0, 6.1e4) == 0.0
     assert length(-2.0, 0.0, 1.0) == 0.0
+
+
+def test_a_response_is_taken_beside_the_unit_circle_and_relative_to_one_at_least():
+    """Of gains 3 and -4 at the first frequency, 0.2 and 0.1 at the second."""
+    gains = np.array([[3.0, -4.0], [0.2, 0.1]])
+    seen = SeenAtPose(
+        SimpleNamespace(timestep=STEP),
+        *(None for _ in range(4)),
+        exact=lambda step: step[:, None, None] * np.array([np.diag(gain) for gain in gains]),
+        omega=np.array([2.0, 5.0]),
+    )
+    found = seen.compared(0.1)
+    step = np.exp((0.1 + 1j) * STEP * np.array([2.0, 5.0])) - 1.0
+    assert found.step == pytest.approx(step)
+    assert found.exact == pytest.approx(np.array([np.diag(row) for row in step[:, None] * gains]))
+    assert found.size == pytest.approx([max(4.0 * abs(step[0]), 1.0), 1.0])
+
+
+@pytest.mark.parametrize(("apart", "last"), [(0.4, -2), (0.6, 0)])
+def test_the_search_comes_nearer_to_the_circle_while_responses_are_alike(apart, last):
+    """Differences `A x - (1 + nearness) b`; without walls the least squares are at `A x = b`."""
+    a, b, asked = np.array([[2.0, 1.0], [0.5, 3.0]]), np.array([1.0, -2.0]), []
+
+    def compared(nearness):
+        asked.append(nearness)
+
+        def missed(x):
+            return a @ x - (1.0 + nearness) * b
+
+        return SimpleNamespace(
+            difference=missed, slopes=lambda x: (missed(x), a), worst=lambda x: apart
+        )
+
+    nothing = SimpleNamespace(
+        start=np.zeros(2),
+        tendons=lambda x: x,
+        value=lambda x: 0.0,
+        derivatives=lambda x: (np.zeros(2), np.zeros((2, 2))),
+        by_unknowns=lambda rows: rows,
+    )
+    found = nearest_response(nothing, [SimpleNamespace(compared=compared)])
+    assert sorted(asked, reverse=True) == asked
+    assert found == pytest.approx(np.linalg.solve(a, (1.0 + asked[last]) * b), rel=1e-6)

@@ -262,6 +262,8 @@ def test_lengths_of_a_uniform_rod_and_of_one_that_must_be_longer():
     assert default_length(near) == pytest.approx(3.0)  # second over first
     ring = np.diag([2.0, 2.0, 2.0, 0.5, 0.6, 0.6])  # about its centre
     assert default_length(ring) == pytest.approx(uniform_length(ring))
+    small = on_axis([2.0, 0.0, 2.0 * 0.01**2 / 3.0, 0.0, 0.0, 0.0])
+    assert default_length(small) == pytest.approx(0.01)  # from -1 to 1 cm
 
 
 def test_moments_that_no_mass_beside_an_axis_has_are_taken_on_it():

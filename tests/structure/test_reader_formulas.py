@@ -12,6 +12,7 @@ from formulas import (
     almost_body,
     body_departure,
     chosen_table,
+    compare_with_print,
     data_of_tables,
     digits_of_numbers,
     dmig_matrices,
@@ -403,6 +404,31 @@ def test_frequencies_of_a_print_are_the_roots_of_its_eigenvalues(squares, radian
     else:
         with pytest.raises(InputError, match=says):
             frequencies_of_print("a.f06", rows, hertz * [1.0, cycles])
+
+
+@pytest.mark.parametrize(
+    ("mode", "column", "off", "says"),
+    [
+        (1, 1, 4.0 * 0.9e-4, None),
+        (1, 1, 4.0 * 1.1e-4, "mode 1: participation squared 4 "),
+        (2, 5, 0.25 * 1.1e-4, "mode 2: participation squared 0.25 "),
+        # 1e-9 of the largest of all displacements, or of all rotations
+        (2, 1, 3.9e-9, None),
+        (2, 1, 4.1e-9, "mode 2"),
+        (1, 5, 0.9e-7, None),
+        (1, 5, 1.1e-7, "mode 1"),
+        (3, 1, 9.0, None),
+    ],
+)
+def test_effective_masses_of_a_print_are_participation_squared(mode, column, off, says):
+    rows = np.array([[0.0, 2.0, 0.0, 10.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0, 0.0, 0.5]])
+    printed = {k: [float(k), *values] for k, values in enumerate([*rows**2, np.zeros(6)], start=1)}
+    printed[mode][1 + column] += off
+    if says is None:
+        compare_with_print("a.f06", rows, printed)
+    else:
+        with pytest.raises(InputError, match=says):
+            compare_with_print("a.f06", rows, printed)
 
 
 # -- matrices --------------------------------------------------------------------------------------

@@ -247,7 +247,7 @@ from beamchain.engine.loaded import (
 from beamchain.engine.loaded import _push as push_of_actuators
 from beamchain.engine.mount import _carriers as carriers
 from beamchain.engine.mount import apparent_hubs, held_joints, mount, rigid_hubs, root_frame
-from beamchain.engine.normal_modes import normal_modes
+from beamchain.engine.normal_modes import NormalModes, normal_modes
 from beamchain.engine.operating_point import OperatingPoint, rest_point, still_copy
 from beamchain.engine.partial_fractions import PartialFractions, partial_fractions
 from beamchain.engine.partial_fractions import _fractions as fractions_of
@@ -378,6 +378,7 @@ from beamchain.steps.limits import (
 from beamchain.steps.limits import normalise as unit_mass_of_port
 from beamchain.steps.modal import condensed_mass, made_for, modal_tendons, stiffness_before
 from beamchain.steps.poles import PoleRow, growing_frequencies, mismatch, phase_limit, pole_rows
+from beamchain.steps.retime import _is_unit as are_of_unit_mass
 from beamchain.steps.retime import retime_by
 from beamchain.steps.retime_file import retimed_file
 from beamchain.steps.sampled import (
@@ -410,6 +411,7 @@ from beamchain.steps.tree_response import Compared, Tendons, outer_motions
 from beamchain.steps.tree_response import Seen as SeenAtPose
 from beamchain.steps.tree_time import Alone, appendages_alone, tuned_poses
 from beamchain.steps.tree_time import _modes as modes_of_tendons
+from beamchain.steps.tree_time import _nearest as nearest_response
 from beamchain.steps.tree_time import _newton_step as newton_step
 from beamchain.steps.tree_time import _Room as Room
 from beamchain.steps.tree_time import _step_length as step_length
@@ -467,6 +469,7 @@ from beamchain.structure.readers.craig_bampton import _noise_of_freedoms as nois
 from beamchain.structure.readers.craig_bampton import _rigid_motion as rigid_motion_of_inner
 from beamchain.structure.readers.imported import check_outwards, proposed_axes, with_length
 from beamchain.structure.readers.nastran_bulk import System, dmig_matrices, read_bulk
+from beamchain.structure.readers.nastran_f06 import _compare as compare_with_print
 from beamchain.structure.readers.nastran_f06 import _frequencies as frequencies_of_print
 from beamchain.structure.readers.nastran_op2 import Eigenvalues
 from beamchain.structure.readers.nastran_op2 import _chosen as chosen_table
@@ -557,6 +560,7 @@ __all__ = [
     "MotionRows",
     "Names",
     "Nodes",
+    "NormalModes",
     "OperatingPoint",
     "Outputs",
     "PartialFractions",
@@ -619,6 +623,7 @@ __all__ = [
     "appendage_poles",
     "appendages_alone",
     "apply_draw",
+    "are_of_unit_mass",
     "armatures_of",
     "assemble",
     "assemble_lowest",
@@ -665,6 +670,7 @@ __all__ = [
     "climb",
     "clusters",
     "column_range",
+    "compare_with_print",
     "compared_ratios",
     "composite",
     "condensed_mass",
@@ -844,6 +850,7 @@ __all__ = [
     "near_groups",
     "nearest_body",
     "nearest_flexibility",
+    "nearest_response",
     "nearest_turn",
     "new_directions",
     "newton_step",
