@@ -149,10 +149,11 @@ def test_poses_by_name_and_number():
 @pytest.mark.parametrize(
     ("angle", "within"), [(-0.51, False), (-0.5, True), (0.1, True), (0.7, True), (0.71, False)]
 )
-def test_a_pose_lies_within_the_ranges_of_its_joints(angle, within):
+@pytest.mark.parametrize("kind", ["hinge", "slide"])
+def test_a_pose_lies_within_the_ranges_of_its_joints(angle, within, kind):
     limited = '<compiler angle="radian"/><worldbody>'
     text = CRAFT.replace("<worldbody>", limited).split("<keyframe>")[0] + "</mujoco>"
-    text = text.replace('name="drive"', 'name="drive" range="-0.5 0.7"')
+    text = text.replace('name="drive"', f'name="drive" type="{kind}" range="-0.5 0.7"')
     model = mujoco.MjModel.from_xml_string(text)
     qpos = np.array(model.qpos0)
     qpos[7:] = 3.0, angle

@@ -95,6 +95,16 @@ def test_moments_of_a_stretch(start, end, points):
     assert LINE.moments([start, end])[0] == pytest.approx(wanted, rel=ROUNDED)
 
 
+def test_inner_stretches_take_the_points_at_their_outer_edges():
+    """The first one all that stand before it, the last one the tip's."""
+    found = LINE.moments([0.9, 3.0, 4.0], inner=True)
+    for i, (start, end, points) in enumerate(((0.9, 3.0, [0, 1]), (3.0, 4.0, [2]))):
+        wanted = moments_of_pieces(start, end) + moments_of_points(points)
+        assert found[i] == pytest.approx(wanted, rel=ROUNDED)
+    (near,) = LINE.moments([0.5 - 5e-9, 3.0 - 5e-9], inner=True)
+    assert near[0] == pytest.approx(moments_of_pieces(0.5, 3.0)[0] + POINTS[0, 1], rel=1e-7)
+
+
 def test_pieces_that_overlap_add_up():
     more = MassPiece(1.0, 2.0, np.array([[2.0, 0.1, 0.2, 0.3], [6.0, 0.3, 0.2, 0.1]]))
     line = MassLine(4.0, (*LINE.pieces, more), POINTS)

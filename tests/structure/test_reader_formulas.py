@@ -501,5 +501,10 @@ def test_rows_of_a_file_have_zeros_where_one_leaves_out_what_another_gives(tmp_p
     with pytest.raises(InputError):
         read_recovery(text)
     text.write_text(text.read_text() + '\n[[row]]\nname = "c"\naccelerations = [1.0]')
+    for ending, says in (("op4", "MUG1"), ("txt", "unknown ending"), ("npz", "is empty")):
+        path = tmp_path / f"rows.{ending}"
+        path.write_text("")
+        with pytest.raises(InputError, match=says):
+            read_recovery(path)
     with pytest.raises(InputError, match="'c' has 1 numbers in accelerations, others have 3"):
         read_recovery(text)
