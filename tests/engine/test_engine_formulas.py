@@ -29,6 +29,7 @@ from formulas import (
     linear_at,
     mount,
     named_output,
+    normal_modes,
     offset_cautions,
     partial_fractions,
     reach,
@@ -533,3 +534,15 @@ def test_one_number_that_is_not_finite_is_named(field):
     getattr(model, field)[-1] = np.nan
     with pytest.raises(InputError, match="a.xml: .* is nan"):
         door.check_model(model, "a.xml")
+
+
+def test_heavy_modes_are_of_unit_mass_and_point_along_their_largest_part():
+    """400 and 900 kg on springs of 36 N/m to each other, 100 N/m to the ground."""
+    mass = np.diag([400.0, 900.0])
+    stiffness = np.array([[136.0, -36.0], [-36.0, 36.0]])
+    found = normal_modes(mass, stiffness)
+    squares = np.sort(np.linalg.eigvals(np.linalg.solve(mass, stiffness)))
+    assert found.frequency == pytest.approx(np.sqrt(squares))
+    assert found.shapes.T @ mass @ found.shapes == pytest.approx(np.eye(2), abs=1e-12)
+    assert (found.shapes[1, 0] > 0.0, found.shapes[0, 1] > 0.0) == (True, True)
+    assert found.rigid.shape == (2, 0)

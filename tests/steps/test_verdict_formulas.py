@@ -228,8 +228,9 @@ def test_what_another_step_makes_of_a_mode_is_said():
     (said,) = mismatch(shorter)
     assert f"off by up to {abs(shown / w - 1.0):.2g};" in said
     assert "made exact for Euler at 0.05 s, but the model runs Euler at 0.04 s" in said
-    (said,) = mismatch(timed(k, more, 0.0, f"{H} 0 2 0 {k}", h=0.25))
-    assert "that is unstable" in said
+    for turn, unstable in ((1.999, False), (2.001, True), (3.0, True)):  # w h; from 2 on it grows
+        longer = timed(k, more, 0.0, f"{H} 0 2 0 {k}", h=turn * np.sqrt(1.0 + more) / w)
+        assert ("that is unstable" in mismatch(longer)[0]) is unstable
     (said,) = mismatch(timed(k, more, 0.0, f"{H} 0 2 0 {k}", integrator="implicitfast"))
     assert "runs implicitfast at 0.05 s" in said
     assert mismatch(timed(k, more, 0.0, f"{H} 2 2 0 {k}", integrator="implicitfast")) == []
