@@ -459,6 +459,18 @@ def test_within_one_thread_openblas_has_one_and_then_as_many_as_before():
             put(count)
 
 
+def test_a_setting_is_made_by_the_first_that_enters_and_undone_by_the_last_that_leaves():
+    told = []
+    setting = library._WhileAny(lambda: told.append("made") or (lambda: told.append("undone")))
+    for _ in range(2):
+        told.clear()
+        with setting():
+            with setting():
+                assert told == ["made"]
+            assert told == ["made"]
+        assert told == ["made", "undone"]
+
+
 # -- constraints -----------------------------------------------------------------------------------
 TIED = """<mujoco><option>{flag}</option><worldbody><geom name="floor" type="plane" size="9 9 1"/>
 <body name="a" pos="0 0 {height}"><joint name="up" type="slide" axis="0 0 1" limited="true"

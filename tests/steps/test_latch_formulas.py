@@ -9,6 +9,7 @@ import pytest
 import beamchain as bc
 from beamchain.errors import InputError
 from beamchain.steps.latch import _stable_armature
+from beamchain.steps.modal import MadeFor
 from formulas import (
     PlaceOfHinge,
     appendages_alone,
@@ -22,6 +23,7 @@ from formulas import (
     stiffness_before,
     stop_ahead,
     tuned_poses,
+    write_values,
 )
 
 H = 0.02
@@ -161,6 +163,25 @@ def test_an_armature_is_rounded_up_to_three_digits():
 )
 def test_what_five_numbers_say_of_a_tendon(values, known):
     assert made_for(np.array(values, dtype=float)) == known
+
+
+@pytest.mark.parametrize("form", [2, 5])
+def test_a_timed_tendon_remembers_its_form_and_what_it_was(form):
+    """Form 5 makes it stiffer too, here by a tenth."""
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><worldbody><body><joint name="h1"/><geom size="1"/></body></worldbody>
+        <tendon><fixed name="other"><joint joint="h1" coef="1"/></fixed>
+        <fixed name="arm_mode1" stiffness="35" damping="0.4"><joint joint="h1" coef="1"/></fixed>
+        </tendon></mujoco>"""
+    )
+    stiffness = np.array([38.5]) if form == 5 else None
+    plan = SimpleNamespace(armature=np.array([0.03]), damping=np.array([0.7]), stiffness=stiffness)
+    write_values(model, modal_tendons(model), plan, MadeFor(0.05, "RK4", form))
+    assert model.tendon_armature.tolist() == [0.0, 0.03]
+    assert model.tendon_damping.tolist() == [0.0, 0.7]
+    assert model.tendon_stiffness.tolist() == [0.0, 38.5 if form == 5 else 35.0]
+    mark = [0.05, 1.0, 5.1 if form == 5 else 2.0, 0.4, 35.0]
+    assert model.tendon_solimp_lim[1] == pytest.approx(mark)
 
 
 def test_stiffness_before_form_5_changed_it():

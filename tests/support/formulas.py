@@ -379,7 +379,7 @@ from beamchain.steps.limits import normalise as unit_mass_of_port
 from beamchain.steps.modal import condensed_mass, made_for, modal_tendons, stiffness_before
 from beamchain.steps.poles import PoleRow, growing_frequencies, mismatch, phase_limit, pole_rows
 from beamchain.steps.retime import _is_unit as are_of_unit_mass
-from beamchain.steps.retime import retime_by
+from beamchain.steps.retime import retime_by, write_values
 from beamchain.steps.retime_file import retimed_file
 from beamchain.steps.sampled import (
     SampledError,
@@ -1054,5 +1054,6 @@ __all__ = [
     "without_actuators",
     "without_rounding",
     "wrench_on_ports",
+    "write_values",
     "zero_pole_product",
 ]
