@@ -18,6 +18,7 @@ from formulas import (
     newton_step,
     outer_motions,
     step_length,
+    tree_form,
 )
 
 STEP = 0.05
@@ -309,3 +310,27 @@ def test_the_search_comes_nearer_to_the_circle_while_responses_are_alike(apart, 
     found = nearest_response(nothing, [SimpleNamespace(compared=compared)])
     assert sorted(asked, reverse=True) == asked
     assert found == pytest.approx(np.linalg.solve(a, (1.0 + asked[last]) * b), rel=1e-6)
+
+
+def test_the_timing_of_a_tree_gives_its_step_the_pole_of_exact_motion():
+    """1 kg on a sprung and damped slide on 4 kg that slide along: a reduced mass of 0.8 kg."""
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><option gravity="0 0 0" timestep="{STEP}"/><worldbody><body>
+        <joint type="slide" axis="0 1 0"/><inertial pos="0 0 0" mass="4" diaginertia="9 9 9"/>
+        <body><joint name="q" type="slide" axis="0 1 0"/>
+        <inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body></body></worldbody><tendon>
+        <fixed name="arm_mode1" stiffness="35" damping="0.3"><joint joint="q" coef="1"/></fixed>
+        </tendon></mujoco>"""
+    )
+    found = tree_form(model, modal_tendons(model), "Euler", STEP, joints=np.zeros(2), band=9.0)
+    mass = 0.8 + found.armature[0]
+    pull, lost = STEP**2 * found.stiffness[0] / mass, STEP * found.damping[0] / mass
+    step = np.roots([1.0, pull + lost - 2.0, 1.0 - lost])
+    exact = np.exp(STEP * np.roots([0.8, 0.3, 35.0]))
+    assert np.sort_complex(step) == pytest.approx(np.sort_complex(exact), abs=2e-5)
+    late = STEP * found.damping[0] / 2.0
+    assert found.lambda_max == pytest.approx(STEP**2 * found.stiffness[0] / (mass - late))
+    (mode,) = found.modes
+    assert (mode.frequency, mode.ratio) == pytest.approx((35.0**0.5, 0.15 / 35.0**0.5))
+    left = tree_form(model, modal_tendons(model), "discrete", STEP, joints=np.zeros(2))
+    assert (left.damping[0], left.armature[0], left.stiffness) == (0.3, 0.0, None)

@@ -409,7 +409,7 @@ from beamchain.steps.step_map import _by_differences as map_by_differences
 from beamchain.steps.tree_draws import TreeDraws
 from beamchain.steps.tree_response import Compared, Tendons, outer_motions
 from beamchain.steps.tree_response import Seen as SeenAtPose
-from beamchain.steps.tree_time import Alone, appendages_alone, tuned_poses
+from beamchain.steps.tree_time import Alone, appendages_alone, tree_form, tuned_poses
 from beamchain.steps.tree_time import _modes as modes_of_tendons
 from beamchain.steps.tree_time import _nearest as nearest_response
 from beamchain.steps.tree_time import _newton_step as newton_step
@@ -1019,6 +1019,7 @@ __all__ = [
     "tip_displacement",
     "torque_of_actuator",
     "torques_of_allocation",
+    "tree_form",
     "tune",
     "tuned_poses",
     "turn",
