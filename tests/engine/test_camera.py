@@ -23,7 +23,8 @@ def test_arrays_are_seen_from_the_side_on_one_side_and_on_both(degrees, sides, l
     way = np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees)), 0.0])
     points = np.array([side * x * way for side in sides for x in np.linspace(0.5, 6.0, 20)]) + lean
     model = mujoco.MjModel.from_xml_string(PLAIN.format(""))
-    camera, _ = draw._camera(model, points, np.zeros(3), 1.6)
+    place = np.array([30.0, -40.0, 5.0])
+    camera, _ = draw._camera(model, points + place, place, 1.6)
     again = 360.0 / len(sides)  # either end of what stands on both sides is its direction
     off = (camera.azimuth - degrees - draw.AZIMUTH) % again
     assert min(off, again - off) == pytest.approx(0.0, abs=1.0)

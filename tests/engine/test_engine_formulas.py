@@ -17,6 +17,7 @@ from formulas import (
     Activations,
     Carrying,
     Inputs,
+    NormalModes,
     Outputs,
     PartialFractions,
     Signal,
@@ -28,7 +29,9 @@ from formulas import (
     linear_at,
     mount,
     named_output,
+    normal_modes,
     offset_cautions,
+    partial_fractions,
     reach,
     rest_point,
     rigid_body,
@@ -386,6 +389,15 @@ def test_the_accelerance_as_a_sum_of_poles_of_a_damped_oscillator(stiffness, dra
     moved = [np.linalg.solve(spring + 1j * w * damping - w**2 * mass, [1.0, 0.4]) for w in omega]
     wanted = -(omega**2) * (np.array(moved) @ [1.0, 0.7])
     assert found == pytest.approx(wanted, rel=1e-9)
+    # it must give the response that is told, to 1e-8 of it, at the end of the band too
+    for off, taken in ((0.9e-8, True), (1.1e-8, False)):
+        for at in (0.02, 2.0):
+
+            def told(omega, at=at, off=off):
+                near = np.where(np.isclose(omega, at), off, 0.0)
+                return fractions_of(made)(omega) * (1.0 + near)
+
+            assert (partial_fractions(made, 2.0, told) is not None) == taken
 
 
 # -- small ones ------------------------------------------------------------------------------------
@@ -447,6 +459,18 @@ def test_within_one_thread_openblas_has_one_and_then_as_many_as_before():
             put(count)
 
 
+def test_a_setting_is_made_by_the_first_that_enters_and_undone_by_the_last_that_leaves():
+    told = []
+    setting = library._WhileAny(lambda: told.append("made") or (lambda: told.append("undone")))
+    for _ in range(2):
+        told.clear()
+        with setting():
+            with setting():
+                assert told == ["made"]
+            assert told == ["made"]
+        assert told == ["made", "undone"]
+
+
 # -- constraints -----------------------------------------------------------------------------------
 TIED = """<mujoco><option>{flag}</option><worldbody><geom name="floor" type="plane" size="9 9 1"/>
 <body name="a" pos="0 0 {height}"><joint name="up" type="slide" axis="0 0 1" limited="true"
@@ -496,3 +520,41 @@ def test_what_is_beyond_its_limit_or_touches_is_named(moved, beyond):
         assert sorted(constraints.beyond_limits(model, data)) == beyond
         touches = sign * moved < -0.2
         assert constraints.touching(model, data) == [("floor", "a")] * touches
+
+
+@pytest.mark.parametrize("length", [0.1, 1.0, 30.0])
+def test_a_quaternion_of_any_length_is_its_turn(length):
+    quaternion = np.array([0.4, -0.2, 0.8, 0.1])
+    wanted = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
+    found = library.rotation_matrix(length * quaternion)
+    assert found == pytest.approx(wanted, abs=1e-12)
+
+
+def test_modes_in_another_order_with_other_signs():
+    shapes, mass = np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]]), np.eye(3)
+    modes = NormalModes(np.ones((3, 1)), (0,), shapes, np.array([7.0, 8.0]), mass)
+    found = modes.ordered([1, 0], np.array([1.0, -1.0]))
+    assert found.shapes.tolist() == [[2.0, -1.0], [4.0, -3.0], [6.0, -5.0]]
+    assert found.frequency.tolist() == [8.0, 7.0]
+    assert (found.pivots, found.mass) == ((0,), mass)
+
+
+@pytest.mark.parametrize("field", ["body_mass", "jnt_axis", "site_pos"])
+def test_one_number_that_is_not_finite_is_named(field):
+    model = mujoco.MjModel.from_xml_string(FREE.format(inside=ARM, rest=""))
+    door.check_model(model, "a.xml")
+    getattr(model, field)[-1] = np.nan
+    with pytest.raises(InputError, match="a.xml: .* is nan"):
+        door.check_model(model, "a.xml")
+
+
+def test_heavy_modes_are_of_unit_mass_and_point_along_their_largest_part():
+    """400 and 900 kg on springs of 36 N/m to each other, 100 N/m to the ground."""
+    mass = np.diag([400.0, 900.0])
+    stiffness = np.array([[136.0, -36.0], [-36.0, 36.0]])
+    found = normal_modes(mass, stiffness)
+    squares = np.sort(np.linalg.eigvals(np.linalg.solve(mass, stiffness)))
+    assert found.frequency == pytest.approx(np.sqrt(squares))
+    assert found.shapes.T @ mass @ found.shapes == pytest.approx(np.eye(2), abs=1e-12)
+    assert (found.shapes[1, 0] > 0.0, found.shapes[0, 1] > 0.0) == (True, True)
+    assert found.rigid.shape == (2, 0)

@@ -7,8 +7,10 @@ import pytest
 import beamchain as bc
 from beamchain.engine.combinations import inputs_of, outputs_of
 from beamchain.engine.operating_point import (
+    check_pose,
     is_cyclic,
     operating_point,
+    poses_between,
     state_at,
     value_text,
 )
@@ -144,6 +146,40 @@ def test_poses_by_name_and_number():
             operating_point(model, "first", {name: rate})
 
 
+@pytest.mark.parametrize(
+    ("angle", "within"), [(-0.51, False), (-0.5, True), (0.1, True), (0.7, True), (0.71, False)]
+)
+@pytest.mark.parametrize("kind", ["hinge", "slide"])
+def test_a_pose_lies_within_the_ranges_of_its_joints(angle, within, kind):
+    limited = '<compiler angle="radian"/><worldbody>'
+    text = CRAFT.replace("<worldbody>", limited).split("<keyframe>")[0] + "</mujoco>"
+    text = text.replace('name="drive"', f'name="drive" type="{kind}" range="-0.5 0.7"')
+    model = mujoco.MjModel.from_xml_string(text)
+    qpos = np.array(model.qpos0)
+    qpos[7:] = 3.0, angle
+    if within:
+        check_pose(model, qpos)
+    else:
+        with pytest.raises(bc.InputError, match=r"'drive' .* outside its range \[-0\.5, 0\.7\]"):
+            check_pose(model, qpos)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.25, 1.0])
+def test_poses_on_the_way_from_one_keyframe_to_the_next(share):
+    """Along lines, and about one axis by a share of 2 rad."""
+    qpos = f"0 0 5 {np.cos(1.0)} 0 {np.sin(1.0)} 0 .3 .4"
+    model = mujoco.MjModel.from_xml_string(CRAFT.replace("0 0 0 1 0 0 0 .3 .4", qpos))
+    found = poses_between(model, share)
+    assert list(found) == [f"{share:.0%} from rest to first", f"{share:.0%} from first to last"]
+    first, last = found.values()
+    lines = np.array([[1.0, 2.0, 2.0, 0.1, 0.2], [-1.0, -2.0, 2.0, 0.2, 0.2]]) * share
+    apart = np.array([[0.0, 0.0, 1.0, 0.0, 0.0], [1.0, 2.0, 3.0, 0.1, 0.2]]) + lines
+    assert first[[0, 1, 2, 7, 8]] == pytest.approx(apart[0])
+    assert last[[0, 1, 2, 7, 8]] == pytest.approx(apart[1])
+    assert first[3:7] == pytest.approx([1.0, 0.0, 0.0, 0.0])
+    assert last[3:7] == pytest.approx([np.cos(share), 0.0, np.sin(share), 0.0])
+
+
 def test_joints_that_slide_and_wheels_that_are_balanced():
     """The mass matrix does not know the angle of a balanced wheel, if nothing else hangs on it."""
     text = CRAFT.split("<keyframe>")[0] + "</mujoco>"
@@ -178,6 +214,8 @@ def test_signals_of_one_name_are_told_apart_by_their_places():
     # another name stands in front; one signal alone is called by it
     renamed = inputs_of(point, {"push": "force:bus", "spin": "one", "two": "two"})
     assert [one.label for one in renamed] == ["push_x", "push_y", "push_z", "spin", "two"]
+    with pytest.raises(bc.InputError, match="names 'one' twice"):
+        inputs_of(point, ["one", "two", "one"])
     with pytest.raises(bc.InputError, match="called 'push_x'"):
         inputs_of(point, {"push": "force:bus", "push_x": "one"})
 
@@ -196,6 +234,9 @@ def test_weighted_sums_of_inputs_and_outputs():
     data.qvel[3:6] = [0.0, 0.5, 0.0]
     mujoco.mj_forward(point.model, data)
     assert turns.read(data) == pytest.approx([6e-4, -0.5, 0.0], abs=1e-9)
+    (double,) = outputs_of(point, {"double": {"rate": 2.0}})
+    assert double.labels == ("double_x", "double_y", "double_z")
+    assert double.read(data) == pytest.approx([0.0, 1.0, 0.0], abs=1e-9)
     for weights in ({"one": 0.0}, {"one": 1.0, "force:bus": 1.0}):
         with pytest.raises(bc.InputError):
             inputs_of(point, {"sum": weights})

@@ -187,6 +187,8 @@ def test_armature_of_sprung_joints(integrator, at_end, damping):
     model.dof_damping[1] = damping
     model.dof_armature[1] = 0.5
     found = joint_armature(model, modal_tendons(model), integrator, 0.05, slowed=False)
+    soft = joint_armature(two(0.09), modal_tendons(two(0.09)), integrator, 0.05, slowed=False)
+    assert soft[1] == pytest.approx(0.09 * 0.0025 / 12.0)
     late = 0.05 * (6.4 - at_end - at_end) / 2.0
     first = max(25.0 * 0.0025 / 12.0 + late, 0.0)
     second = max(100.0 * 0.0025 / 12.0 - 0.05 * damping / 2.0, -0.5)

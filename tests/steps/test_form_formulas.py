@@ -1,5 +1,7 @@
 """Closed forms beside the timing of tendons and the map of a step."""
 
+from types import SimpleNamespace
+
 import mujoco
 import numpy as np
 import pytest
@@ -63,6 +65,17 @@ def test_poles_of_a_step_and_their_slopes(integrator):
         assert by_damping[:, k] == pytest.approx(quotient, rel=1e-5)
     wanted = z[::-1] * (1.0 + 1e-3j)
     assert step.paired(wanted)[0] == pytest.approx(z[::-1])
+
+
+def test_poles_are_paired_by_how_far_off_they_are_of_their_own_turn():
+    """Turns of 0.28 and 0.63: the first is 0.18 from 0.1 and 0.22 from 0.5, the other 0.61 and
+    0.67."""
+    poles, wanted = np.array([1.0 + 0.1j, 1.0 + 0.5j]), np.array([1.0 + 0.28j, 1.6 + 0.2j])
+    for order in ([0, 1], [1, 0]):
+        step = SimpleNamespace(poles=lambda order=order: (poles[order], np.eye(2)[:, order]))
+        z, y = StepOfCraft.paired(step, wanted)
+        assert z.tolist() == poles.tolist()
+        assert y.tolist() == np.eye(2).tolist()
 
 
 @pytest.mark.parametrize("integrator", SEMI_IMPLICIT)

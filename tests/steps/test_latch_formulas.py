@@ -9,17 +9,21 @@ import pytest
 import beamchain as bc
 from beamchain.errors import InputError
 from beamchain.steps.latch import _stable_armature
+from beamchain.steps.modal import MadeFor
 from formulas import (
     PlaceOfHinge,
     appendages_alone,
+    are_of_unit_mass,
     has_just_passed,
     is_stop,
     made_for,
     modal_tendons,
+    retime_by,
     rounded_up,
     stiffness_before,
     stop_ahead,
     tuned_poses,
+    write_values,
 )
 
 H = 0.02
@@ -161,6 +165,25 @@ def test_what_five_numbers_say_of_a_tendon(values, known):
     assert made_for(np.array(values, dtype=float)) == known
 
 
+@pytest.mark.parametrize("form", [2, 5])
+def test_a_timed_tendon_remembers_its_form_and_what_it_was(form):
+    """Form 5 makes it stiffer too, here by a tenth."""
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><worldbody><body><joint name="h1"/><geom size="1"/></body></worldbody>
+        <tendon><fixed name="other"><joint joint="h1" coef="1"/></fixed>
+        <fixed name="arm_mode1" stiffness="35" damping="0.4"><joint joint="h1" coef="1"/></fixed>
+        </tendon></mujoco>"""
+    )
+    stiffness = np.array([38.5]) if form == 5 else None
+    plan = SimpleNamespace(armature=np.array([0.03]), damping=np.array([0.7]), stiffness=stiffness)
+    write_values(model, modal_tendons(model), plan, MadeFor(0.05, "RK4", form))
+    assert model.tendon_armature.tolist() == [0.0, 0.03]
+    assert model.tendon_damping.tolist() == [0.0, 0.7]
+    assert model.tendon_stiffness.tolist() == [0.0, 38.5 if form == 5 else 35.0]
+    mark = [0.05, 1.0, 5.1 if form == 5 else 2.0, 0.4, 35.0]
+    assert model.tendon_solimp_lim[1] == pytest.approx(mark)
+
+
 def test_stiffness_before_form_5_changed_it():
     marks = np.array([[0, 0, 5.1, 0, 40.0], [0, 0, 4.8, 0, 70.0], [0, 0, 2.0, 0, 30.0]])
     changed = np.array([True, True, False])
@@ -271,3 +294,51 @@ def test_a_latched_hinge_is_stable_with_what_its_spring_needs_beside_its_own(int
     model, data = panel('stiffness="2" damping="0.1" armature="0.4"')
     bc.latch(model, data, "hinge", angle=0.0, stiffness=50.0, damping=3.0)
     assert _stable_armature(model, 0, integrator, 0.02) == pytest.approx(0.4 + added)
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "drive"), [(250.0, 0.03**2 * 250.0 / 12.0), (5000.0, 0.03**2 * 5000.0 / 4.0)]
+)
+def test_timing_gives_sprung_and_latched_joints_of_a_craft_their_armature(stiffness, drive):
+    """At another step than they latched at: h^2 k / 4 of a latched hinge beside an appendage, none
+    of one that stands farther; h^2 k / 12 of a drive, and h^2 k / 4 where 5000 N m/rad on
+    0.1 kg m^2 would grow."""
+    hinge = """<body pos="{at} 0 0"><joint name="{name}" axis="0 1 0" armature=".2"/>
+        <inertial pos="-.5 0 0" mass="1" diaginertia=".1 .1 .1"/>{inside}</body>"""
+    far = hinge.format(at=-1, name="far", inside="")
+    middle = f'<body><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>{far}</body>'
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><option gravity="0 0 0" timestep="{H}"/><worldbody><body><freejoint/>
+        <inertial pos="0 0 0" mass="40" diaginertia="9 9 9"/>
+        <body pos="1 0 0"><joint name="h1" axis="0 0 1"/>
+        <inertial pos="1 0 0" mass="1" diaginertia=".1 .1 .1"/></body>
+        <body pos="0 1 0"><joint name="drive" axis="0 0 1" stiffness="{stiffness}"/>
+        <inertial pos="0 0 0" mass="1" diaginertia=".1 .1 .1"/></body>
+        {hinge.format(at=-1, name="near", inside="")}{middle}</body></worldbody>
+        <tendon><fixed name="arm_mode1" stiffness="35">
+        <joint joint="h1" coef="{1.1**0.5}"/></fixed></tendon></mujoco>"""
+    )
+    for name in ("near", "far"):
+        bc.latch(model, mujoco.MjData(model), name, angle=0.0, stiffness=60.0)
+    done = retime_by(2, model, 0.03, joints=True)
+    added = {name: model.dof_armature[model.joint(name).dofadr[0]] for name in ("drive", "h1")}
+    assert added == pytest.approx({"drive": drive, "h1": 0.0})
+    assert model.dof_armature[-2:] == pytest.approx([0.2 + 0.03**2 * 60.0 / 4.0, 0.2])
+    (words,) = done.slowed  # 0.0135 here, of which 0.006 were there at the other step
+    assert "'near' has 0.0075 kg m^2 more" in words
+    assert "brings 0.00375 w^2 J" in words
+
+
+@pytest.mark.parametrize(
+    ("share", "unit"), [(0.9e-4, True), (-0.9e-4, True), (1.1e-4, False), (-1.1e-4, False)]
+)
+def test_a_mode_of_an_appendage_alone_has_one_unit_of_mass(share, unit):
+    """1.25 kg m^2 of a link about its hinge, over the square of its lever."""
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><worldbody><body><freejoint/>
+        <inertial pos="0 0 0" mass="40" diaginertia="9 9 9"/><body pos="1 0 0">
+        <joint name="h1" axis="0 0 1"/><inertial pos=".5 0 0" mass="1" diaginertia="1 1 1"/></body>
+        </body></worldbody><tendon><fixed name="arm_mode1" stiffness="35">
+        <joint joint="h1" coef="{(1.25 / (1.0 + share)) ** 0.5}"/></fixed></tendon></mujoco>"""
+    )
+    assert are_of_unit_mass(model, modal_tendons(model)) is unit

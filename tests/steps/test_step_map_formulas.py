@@ -47,6 +47,17 @@ def test_poles_of_a_step_are_paired_with_those_that_are_wanted():
     assert found.error == pytest.approx(np.abs(near - z) / np.abs(z - 1.0))
 
 
+def test_a_mode_that_turns_too_far_is_not_taken_for_the_slow_one_it_looks_like():
+    """Where another step has the slow one, to which the fast one's exact pole leads as well."""
+    slow = -0.1 - 1.1j
+    there = 0.9 * slow
+    fast = there + 2j * np.pi
+    slowed = np.exp(fast * 2.6 / fast.imag)
+    found = pole_pairs(of_poles(stepped=[np.exp(there), slowed]), of_poles([fast, slow]))
+    assert found.wanted == pytest.approx(np.array([slow, fast]) / H)
+    assert found.shown == pytest.approx(np.array([np.exp(there), slowed]) - 1.0)
+
+
 def test_pairs_are_those_of_the_least_squares():
     """One exact and one off by 0.5, 0.25 in all, or off by 0.4 and 0.35, 0.2825 in all, of which
     the sum of cubes were the smaller one."""
@@ -182,6 +193,9 @@ def test_what_takes_most_of_the_energy_that_a_pole_loses(share, name):
     motion = motion_at(model)
     assert damped_by(model, np.zeros(2), motion, -0.2 + 6j) == name
     assert damped_by(model, np.zeros(2), motion, -0.2 + 5j) == "a"
+    real = slides((2.0, 0.0, 40.0), (5.0, 0.0, 10.0))
+    for rate, joint in ((-20.0, "a"), (-2.0, "b")):
+        assert damped_by(real, np.zeros(2), motion_at(real), rate) == joint
     still = slides((2.0, 50.0, 0.0))
     assert damped_by(still, np.zeros(1), motion_at(still), 5j) == ""
 

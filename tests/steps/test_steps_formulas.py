@@ -15,6 +15,7 @@ from formulas import (
     Link,
     PlanarChain,
     PoleRow,
+    Tendon,
     apparent_pole,
     condensed_mass,
     continuous_poles,
@@ -399,7 +400,9 @@ def test_links_without_a_hinge_in_a_plane_are_one_body_in_it():
     )
     hinges = (Hinge(1.0, {"torsion": 7.0}), Hinge(2.0, {"xz": 5.0, "xy": 9.0}))
     for port, stiffness, of in (("xy", 9.0, (0.4, 0.6, 0.3)), ("xz", 5.0, (0.3, 0.5, 0.2))):
-        found = plane_of_chain(Chain(links, hinges, 3.0), port)
+        inert = Tendon("armature1", ((1, port), (0, "torsion")), np.array([1.5, 9.0]), armature=0.4)
+        found = plane_of_chain(Chain(links, hinges, 3.0, (inert,)), port)
+        assert found.armature[0, 0] == pytest.approx(0.4 * 1.5**2)
         centre = (2.0 * 0.5 + 4.0 * 1.8) / 6.0
         spread = 2.0 * (centre - 0.5) ** 2 + 4.0 * (1.8 - centre) ** 2
         assert found.hinges.tolist() == [2.0]

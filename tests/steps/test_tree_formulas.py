@@ -14,9 +14,11 @@ from formulas import (
     Tendons,
     modal_tendons,
     motion_at,
+    nearest_response,
     newton_step,
     outer_motions,
     step_length,
+    tree_form,
 )
 
 STEP = 0.05
@@ -232,6 +234,12 @@ def test_a_slow_craft_is_compared_at_its_slow_mode():
     qpos, joints = np.array(model.qpos0), np.zeros(7)
     found = SeenAtPose.of(model, modal_tendons(model), qpos, motion_at(model), 0.01, joints)
     assert np.min(np.abs(found.omega / pole - 1.0)) < 1e-6
+    # motions of the base, of which each moves one unit of mass while the hinge is locked
+    free = np.zeros((7, 7))
+    mujoco.mj_solveM(model, data, free, np.eye(7))
+    held = np.linalg.inv(np.linalg.inv(free)[:6, :6])
+    share = np.diag(free)[:6] / np.diag(held)
+    assert np.sum(found.rows**2, axis=1) == pytest.approx(share)
 
 
 def test_a_step_is_halved_until_it_lowers_the_objective_enough():
@@ -259,3 +267,70 @@ def test_a_step_is_halved_until_it_lowers_the_objective_enough():
     assert length(2.0, 0.0, 4.1e4) == 0.5
     assert length(2.0, 0.0, 6.1e4) == 0.0
     assert length(-2.0, 0.0, 1.0) == 0.0
+
+
+def test_a_response_is_taken_beside_the_unit_circle_and_relative_to_one_at_least():
+    """Of gains 3 and -4 at the first frequency, 0.2 and 0.1 at the second."""
+    gains = np.array([[3.0, -4.0], [0.2, 0.1]])
+    seen = SeenAtPose(
+        SimpleNamespace(timestep=STEP),
+        *(None for _ in range(4)),
+        exact=lambda step: step[:, None, None] * np.array([np.diag(gain) for gain in gains]),
+        omega=np.array([2.0, 5.0]),
+    )
+    found = seen.compared(0.1)
+    step = np.exp((0.1 + 1j) * STEP * np.array([2.0, 5.0])) - 1.0
+    assert found.step == pytest.approx(step)
+    assert found.exact == pytest.approx(np.array([np.diag(row) for row in step[:, None] * gains]))
+    assert found.size == pytest.approx([max(4.0 * abs(step[0]), 1.0), 1.0])
+
+
+@pytest.mark.parametrize(("apart", "last"), [(0.4, -2), (0.6, 0)])
+def test_the_search_comes_nearer_to_the_circle_while_responses_are_alike(apart, last):
+    """Differences `A x - (1 + nearness) b`; without walls the least squares are at `A x = b`."""
+    a, b, asked = np.array([[2.0, 1.0], [0.5, 3.0]]), np.array([1.0, -2.0]), []
+
+    def compared(nearness):
+        asked.append(nearness)
+
+        def missed(x):
+            return a @ x - (1.0 + nearness) * b
+
+        return SimpleNamespace(
+            difference=missed, slopes=lambda x: (missed(x), a), worst=lambda x: apart
+        )
+
+    nothing = SimpleNamespace(
+        start=np.zeros(2),
+        tendons=lambda x: x,
+        value=lambda x: 0.0,
+        derivatives=lambda x: (np.zeros(2), np.zeros((2, 2))),
+        by_unknowns=lambda rows: rows,
+    )
+    found = nearest_response(nothing, [SimpleNamespace(compared=compared)])
+    assert sorted(asked, reverse=True) == asked
+    assert found == pytest.approx(np.linalg.solve(a, (1.0 + asked[last]) * b), rel=1e-6)
+
+
+def test_the_timing_of_a_tree_gives_its_step_the_pole_of_exact_motion():
+    """1 kg on a sprung and damped slide on 4 kg that slide along: a reduced mass of 0.8 kg."""
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><option gravity="0 0 0" timestep="{STEP}"/><worldbody><body>
+        <joint type="slide" axis="0 1 0"/><inertial pos="0 0 0" mass="4" diaginertia="9 9 9"/>
+        <body><joint name="q" type="slide" axis="0 1 0"/>
+        <inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body></body></worldbody><tendon>
+        <fixed name="arm_mode1" stiffness="35" damping="0.3"><joint joint="q" coef="1"/></fixed>
+        </tendon></mujoco>"""
+    )
+    found = tree_form(model, modal_tendons(model), "Euler", STEP, joints=np.zeros(2), band=9.0)
+    mass = 0.8 + found.armature[0]
+    pull, lost = STEP**2 * found.stiffness[0] / mass, STEP * found.damping[0] / mass
+    step = np.roots([1.0, pull + lost - 2.0, 1.0 - lost])
+    exact = np.exp(STEP * np.roots([0.8, 0.3, 35.0]))
+    assert np.sort_complex(step) == pytest.approx(np.sort_complex(exact), abs=2e-5)
+    late = STEP * found.damping[0] / 2.0
+    assert found.lambda_max == pytest.approx(STEP**2 * found.stiffness[0] / (mass - late))
+    (mode,) = found.modes
+    assert (mode.frequency, mode.ratio) == pytest.approx((35.0**0.5, 0.15 / 35.0**0.5))
+    left = tree_form(model, modal_tendons(model), "discrete", STEP, joints=np.zeros(2))
+    assert (left.damping[0], left.armature[0], left.stiffness) == (0.3, 0.0, None)

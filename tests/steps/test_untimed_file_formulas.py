@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from beamchain import InputError
 from formulas import retimed_file
 
 FILE = """<mujoco><option gravity="0 0 0" timestep="0.02" integrator="implicitfast"/><worldbody>
@@ -37,3 +38,13 @@ def test_without_timing_a_file_has_the_springs_that_it_had(tmp_path):
     assert model.tendon_stiffness[0] == pytest.approx(35.0, rel=1e-12)
     assert model.tendon_damping[0] == pytest.approx(0.2, rel=1e-12)
     assert model.tendon_armature[0] == 0.0
+
+
+def test_a_step_at_which_a_spring_of_the_craft_would_grow_is_refused(tmp_path):
+    """h^2 k / J is 4 at 1600 N m/rad on 1 kg m^2."""
+    path = tmp_path / "a.xml"
+    more = """<body><joint stiffness="1610"/>
+        <inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body></worldbody>"""
+    path.write_text(FILE.replace("</worldbody>", more))
+    with pytest.raises(InputError, match=r"vibrate at 40\.12 rad"):
+        retimed_file(path, 0.05, "Euler", tmp_path)

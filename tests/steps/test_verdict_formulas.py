@@ -14,6 +14,7 @@ from formulas import (
     TreeDraws,
     culprit,
     driven,
+    elements_of_step,
     find_cure,
     growing_frequencies,
     inertia_words,
@@ -104,12 +105,34 @@ def test_a_servo_is_named_by_its_joint_and_nothing_by_the_spacecraft():
     found = culprit(two_slides(((0, 0), (0, 0)), 0.0, 0.0, servo=servo), np.zeros(2))
     assert (found.name, found.kind, found.moves) == ("a", "servo", "2 kg")
     assert found.share == pytest.approx(1.0)
+    heavy = mujoco.MjModel.from_xml_string(
+        """<mujoco><worldbody><body><joint type="slide" stiffness="1e9"/>
+        <inertial pos="0 0 0" mass="40" diaginertia="1 1 1"/></body></worldbody></mujoco>"""
+    )
+    assert culprit(heavy, np.zeros(1)).moves == "40 kg"
     none = mujoco.MjModel.from_xml_string(
         """<mujoco><worldbody><body><joint type="slide"/>
         <inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/></body></worldbody></mujoco>"""
     )
     found = culprit(none, np.zeros(1))
     assert (found.name, found.share, found.moves) == ("of the spacecraft", 0.0, "")
+
+
+def test_what_holds_or_damps_little_is_an_element_too():
+    servo = '<general name="s" joint="b" biastype="affine" biasprm="0 {} {}"/>'
+    for position, rate in ((0.0, -0.04), (-0.04, 0.0), (-3.0, -0.04)):
+        acts = servo.format(position, rate)
+        found = elements_of_step(two_slides(((0, 0.03), (0.05, 0)), 0, 0, servo=acts), np.zeros(2))
+        numbers = [(one.name, one.kind, one.stiffness, one.damping) for one in found]
+        assert numbers == [
+            ("a", "spring", 0.0, 0.03),
+            ("b", "spring", 0.05, 0.0),
+            ("between", "spring", 0.0, 0.0),
+            ("b", "servo", -position, -rate),
+        ]
+        rows = np.array([one.row for one in found])
+        assert rows.tolist() == [[1.0, 0.0], [0.0, 1.0], ROW.tolist(), [0.0, 1.0]]
+    assert len(elements_of_step(two_slides(((0, 0), (0, 0)), 0, 0), np.zeros(2))) == 1
 
 
 def test_a_hinge_moves_an_inertia():
@@ -205,8 +228,9 @@ def test_what_another_step_makes_of_a_mode_is_said():
     (said,) = mismatch(shorter)
     assert f"off by up to {abs(shown / w - 1.0):.2g};" in said
     assert "made exact for Euler at 0.05 s, but the model runs Euler at 0.04 s" in said
-    (said,) = mismatch(timed(k, more, 0.0, f"{H} 0 2 0 {k}", h=0.25))
-    assert "that is unstable" in said
+    for turn, unstable in ((1.999, False), (2.001, True), (3.0, True)):  # w h; from 2 on it grows
+        longer = timed(k, more, 0.0, f"{H} 0 2 0 {k}", h=turn * np.sqrt(1.0 + more) / w)
+        assert ("that is unstable" in mismatch(longer)[0]) is unstable
     (said,) = mismatch(timed(k, more, 0.0, f"{H} 0 2 0 {k}", integrator="implicitfast"))
     assert "runs implicitfast at 0.05 s" in said
     assert mismatch(timed(k, more, 0.0, f"{H} 2 2 0 {k}", integrator="implicitfast")) == []

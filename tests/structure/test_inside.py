@@ -95,3 +95,33 @@ def test_momentum_is_what_strain_gives(beam, x, stiffness):
 def test_stations_beside_a_step_stand_on_it():
     beam = mixed()
     assert snapped(beam, np.array([1.5 + 1e-9, 2.0 - 1e-8, 1.0])).tolist() == [1.5, 2.0, 1.0]
+
+
+ROD = bc.Equivalent(bending_stiffness_xy=300.0, axial_stiffness=70.0, linear_mass=2.0)
+
+
+@pytest.mark.parametrize("port", ["xy", "axial"])
+def test_constant_loads_bend_and_stretch_a_uniform_beam_as_in_the_textbook(port):
+    """Of 5 m, under accelerations of its root, which pull back, and under a force at 3 m."""
+    length, at, m = 5.0, 3.0, 2.0
+    beam = bc.Beam(segments=[bc.Segment(length=length, section=ROD)])
+    s = np.array([1.0, 3.0, 5.0])
+    found = inside_beam(beam, port, 4, lambda model, _: model.truncated(2), s, [at])
+    low = np.minimum(s, at)
+    if port == "axial":
+        # N = m (L - s), and m (L^2 - s^2) / 2 of a pull that grows with x
+        wanted = [length * s - s**2 / 2.0, length**2 * s / 2.0 - s**3 / 6.0]
+        assert found.static[:, 0] == pytest.approx(-m / 70.0 * np.transpose(wanted), rel=1e-9)
+        assert found.static_carried[:, 0, 0] == pytest.approx(low / 70.0, rel=1e-9)
+        return
+    # of m per length, and of m x
+    wanted = [
+        s**2 * (6.0 * length**2 - 4.0 * length * s + s**2) / 24.0,
+        s**2 * (20.0 * length**3 - 10.0 * length**2 * s + s**3) / 120.0,
+    ]
+    assert found.static[:, 0] == pytest.approx(-m / 300.0 * np.transpose(wanted), rel=1e-9)
+    moved = np.where(s <= at, s**2 * (3.0 * at - s), at**2 * (3.0 * s - at)) / 6.0
+    turned = np.where(s <= at, s * (at - s / 2.0), at**2 / 2.0)
+    assert found.static_carried[:, 0, 0] == pytest.approx(moved / 300.0, rel=1e-9)
+    assert found.static_carried[:, 1, 0] == pytest.approx(turned / 300.0, rel=1e-9)
+    assert found.static_carried[:, 1, 1] == pytest.approx(low / 300.0, rel=1e-9)

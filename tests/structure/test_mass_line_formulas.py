@@ -13,6 +13,7 @@ from formulas import (
     default_length,
     mass_beside_axis,
     mass_line_of_pieces,
+    of_moments,
     spread_mass,
     uniform_length,
 )
@@ -36,6 +37,12 @@ def on_axis(moments):
     out[1, 5] = out[5, 1] = first
     out[2, 4] = out[4, 2] = -first
     return out
+
+
+def test_the_mass_matrix_of_each_moment():
+    for moment in np.eye(6):
+        found = (moment @ of_moments()).reshape(6, 6)
+        assert found == pytest.approx(on_axis(moment), abs=0.0)
 
 
 # -- stated lines ----------------------------------------------------------------------------------
@@ -86,6 +93,16 @@ def test_moments_of_a_stretch(start, end, points):
     if points:
         wanted = wanted + moments_of_points(points)
     assert LINE.moments([start, end])[0] == pytest.approx(wanted, rel=ROUNDED)
+
+
+def test_inner_stretches_take_the_points_at_their_outer_edges():
+    """The first one all that stand before it, the last one the tip's."""
+    found = LINE.moments([0.9, 3.0, 4.0], inner=True)
+    for i, (start, end, points) in enumerate(((0.9, 3.0, [0, 1]), (3.0, 4.0, [2]))):
+        wanted = moments_of_pieces(start, end) + moments_of_points(points)
+        assert found[i] == pytest.approx(wanted, rel=ROUNDED)
+    (near,) = LINE.moments([0.5 - 5e-9, 3.0 - 5e-9], inner=True)
+    assert near[0] == pytest.approx(moments_of_pieces(0.5, 3.0)[0] + POINTS[0, 1], rel=1e-7)
 
 
 def test_pieces_that_overlap_add_up():
@@ -143,6 +160,16 @@ def test_a_stated_line_has_the_rigid_mass_to_a_millionth(off, taken):
     else:
         with pytest.raises(InputError, match=r"in \(rotation y, z\)"):
             mass_line_of_pieces(4.0, rigid, **given)
+
+
+@pytest.mark.parametrize(("start", "end"), [(0.0, 4.0), (-3e-9, 4.0 + 3e-9), (0.05, 4.0)])
+def test_a_stated_line_may_begin_behind_the_root_and_at_it_to_a_billionth(start, end):
+    piece = MassPiece(start, end - start, np.array([[3.0, 0.1, 0.2, 0.3]]))
+    long = 4.0 - max(start, 0.0)
+    first, second = (3.0 * (4.0**n - max(start, 0.0) ** n) / n for n in (2, 3))
+    wanted = on_axis([3.0 * long, first, second, 0.1 * long, 0.2 * long, 0.3 * long])
+    line = mass_line_of_pieces(4.0, wanted, pieces=(piece,), points=np.zeros((0, 5)))
+    assert on_axis(line.moments([0.0, 4.0])[0]) == pytest.approx(wanted, rel=1e-8, abs=1e-8)
 
 
 @pytest.mark.parametrize(
@@ -245,6 +272,8 @@ def test_lengths_of_a_uniform_rod_and_of_one_that_must_be_longer():
     assert default_length(near) == pytest.approx(3.0)  # second over first
     ring = np.diag([2.0, 2.0, 2.0, 0.5, 0.6, 0.6])  # about its centre
     assert default_length(ring) == pytest.approx(uniform_length(ring))
+    small = on_axis([2.0, 0.0, 2.0 * 0.01**2 / 3.0, 0.0, 0.0, 0.0])
+    assert default_length(small) == pytest.approx(0.01)  # from -1 to 1 cm
 
 
 def test_moments_that_no_mass_beside_an_axis_has_are_taken_on_it():

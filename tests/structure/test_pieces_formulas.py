@@ -31,6 +31,7 @@ from formulas import (
     momentum_beyond,
     pieces_of_beam,
     proposed_axes,
+    sampled_model,
     snapped,
     taper_cuts,
     with_length,
@@ -348,3 +349,15 @@ def test_a_long_piece_beside_short_ones_has_its_modes_too():
     rod = Beam(segments=(part(0.995, 1e-13), *(part(0.001, 1e-13 * (k % 2)) for k in range(5))))
     wanted = (np.arange(5) + 0.5) * np.pi * 20.0
     assert rod.port("axial", 5).frequencies[:5] == pytest.approx(wanted, rel=1e-10)
+
+
+def test_a_drawn_rod_has_its_lowest_modes_at_its_stations():
+    """Held at the root: w = (n - 1/2) pi sqrt(EA / m) / L, u ~ sin((n - 1/2) pi x / L)."""
+    section = Equivalent(bending_stiffness_xy=1.0, axial_stiffness=36.0, linear_mass=4.0)
+    parts = Parts((Segment(length=3.0, section=section),), (), ())
+    found = sampled_model(parts, "axial", 0, (0.5, 1.5, 2.0))
+    waves = np.pi * np.array([0.5, 1.5])
+    assert found.frequencies[:2] == pytest.approx(waves, rel=1e-6)
+    sines = np.sin(waves[:, None] * np.array([3.0, 0.5, 1.5, 2.0]) / 3.0)
+    size = np.sqrt(2.0 / 12.0)  # of unit modal mass
+    assert np.abs(found.tip[:2]) == pytest.approx(size * np.abs(sines), rel=1e-5, abs=1e-6)

@@ -4,12 +4,20 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
+import superelements as se
 from beamchain import InputError, read_modes
 from formulas import (
     Boundary,
+    Eigenvalues,
     almost_body,
     body_departure,
+    chosen_table,
+    compare_with_print,
+    data_of_tables,
+    digits_of_numbers,
     dmig_matrices,
+    frequencies_of_print,
+    from_matrices,
     header_of_text,
     is_noisy,
     is_soft,
@@ -19,6 +27,9 @@ from formulas import (
     noise_of_freedoms,
     noise_of_motions,
     read_bulk,
+    read_op4,
+    read_recovery,
+    rigid_motion_of_inner,
     within_body,
 )
 
@@ -300,6 +311,9 @@ def test_a_header_with_fields_of_8_or_of_16(wide):
     assert (header.name, header.rows, header.columns, header.kind) == ("KAA", 5, 7, 2)
     other, same = header_of_text(f"{7:8d}{5:8d}{2:8d}{2:8d}KAA     1P,3E23.16")
     assert (header, layout) == (other, same)
+    for words, numbers in (("1P,3E23.16", (3, 23, 17)), ("5E16.9", (5, 16, 9)), ("", (5, 16, 10))):
+        _, layout = header_of_text(f"{fields}KAA     {words}{end}")
+        assert (layout.per_line, layout.width, layout.digits) == numbers
 
 
 def test_the_largest_number_of_a_grid(tmp_path):
@@ -310,3 +324,187 @@ def test_the_largest_number_of_a_grid(tmp_path):
         with pytest.raises(InputError) as caught:
             read_modes(path, ports={"root": grid})
         assert ("ports.root" in str(caught.value)) is (words is not None)
+
+
+@pytest.mark.parametrize("form", ["dense", "sparse", "bigmat"])
+@pytest.mark.parametrize("binary", [False, True])
+def test_strings_of_a_column_end_where_they_say(form, binary, tmp_path):
+    """One of three numbers, then eight of one each; a matrix that is not asked for goes by."""
+    k = np.zeros((19, 2))
+    k[:3, 0], k[4::2, 0], k[4:9, 1] = [9.0, 10.0, 11.0], np.arange(1.0, 9.0), 0.1
+    path = tmp_path / "a.op4"
+    write = se.op4_binary if binary else se.op4_text
+    path.write_bytes(write({"OTHER": k.T, "KAA": k, "MAA": 2.0 * k}, form))
+    others = set()
+    found = read_op4(path, {"KAA", "MAA"}, others)
+    assert others == {"OTHER"}
+    assert found["KAA"].values == pytest.approx(k)
+    assert found["MAA"].values == pytest.approx(2.0 * k)
+
+
+# -- tables of modes -------------------------------------------------------------------------------
+def tables(*masses):
+    return Eigenvalues(np.array([3.0, 4.0]), np.array(masses))
+
+
+def test_a_subcase_is_chosen_by_its_number():
+    first, second = tables(1.0, 1.0), tables(4.0, 9.0)
+    assert chosen_table("a", [first], None) is first
+    assert chosen_table("a", [first, second], 1) is first
+    assert chosen_table("a", [first, second], 2) is second
+    for found, number, says in (
+        ([], None, "no eigenvalues"),
+        ([first, second], None, "2 subcases"),
+        ([first, second], 0, "1 to 2"),
+        ([first, second], 3, "1 to 2"),
+    ):
+        with pytest.raises(InputError, match=says):
+            chosen_table("a", found, number)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize(("masses", "scaled"), [((1.0, 1.0), False), ((4.0, 0.25), True)])
+def test_participation_is_of_modes_of_unit_mass(turned, masses, scaled):
+    """L / sqrt(m): a factor is L / m."""
+    factors = np.array([[0.1, 0.2, 0.3, 0.4, 0.5, 0.6], [0.0, 0.3, 0.0, 0.0, 0.0, 0.7]])
+    rigid = np.diag([9.0, 9.0, 9.0, 5.0, 6.0, 7.0])
+    given = {"MPFACS": factors.T if turned else factors, "RBMASSS": rigid}
+    data = data_of_tables("a", tables(*masses), given)
+    assert data.frequencies.tolist() == [3.0, 4.0]
+    assert data.participation[0] == pytest.approx(factors[0] * np.sqrt(masses[0]), rel=ROUNDED)
+    assert data.participation[1] == pytest.approx(factors[1] * np.sqrt(masses[1]), rel=ROUNDED)
+    assert data.rigid_mass == pytest.approx(rigid)
+    assert any("unit generalized mass" in step for step in data.steps) is scaled
+    for wrong, says in (
+        ({"MPFACS": factors}, "RBMASS"),
+        ({"MPFACS": factors[:1], "RBMASS": rigid}, "do not fit"),
+        ({"MPFACS": factors, "RBMASS": rigid[:5]}, "do not fit"),
+    ):
+        with pytest.raises(InputError, match=says):
+            data_of_tables("a", tables(*masses), wrong)
+
+
+@pytest.mark.parametrize(
+    ("squares", "radians", "cycles", "says"),
+    [
+        ((0.04, 9.0), 1.0, 1.0, None),
+        ((0.0, 9.0), 1.0, 1.0, "as a rigid body"),
+        ((2e-10, 4.0), 1.0, 1.0, "as a rigid body"),  # 1e-5 of the highest is 2e-5
+        ((8e-10, 4.0), 1.0, 1.0, None),
+        ((0.04, 9.0), 1.01, 1.0, "its radians disagree"),
+        ((0.04, 9.0), 1.0, 1.01, "its frequency disagree"),
+    ],
+)
+def test_frequencies_of_a_print_are_the_roots_of_its_eigenvalues(squares, radians, cycles, says):
+    roots = np.sqrt(squares)
+    hertz = roots / (2.0 * np.pi)
+    rows = np.column_stack([[1.0, 2.0], squares, roots * [1.0, radians], hertz])
+    if says is None:
+        assert frequencies_of_print("a.f06", rows, hertz) == pytest.approx(roots, rel=ROUNDED)
+    else:
+        with pytest.raises(InputError, match=says):
+            frequencies_of_print("a.f06", rows, hertz * [1.0, cycles])
+
+
+@pytest.mark.parametrize(
+    ("mode", "column", "off", "says"),
+    [
+        (1, 1, 4.0 * 0.9e-4, None),
+        (1, 1, 4.0 * 1.1e-4, "mode 1: participation squared 4 "),
+        (2, 5, 0.25 * 1.1e-4, "mode 2: participation squared 0.25 "),
+        # 1e-9 of the largest of all displacements, or of all rotations
+        (2, 1, 3.9e-9, None),
+        (2, 1, 4.1e-9, "mode 2"),
+        (1, 5, 0.9e-7, None),
+        (1, 5, 1.1e-7, "mode 1"),
+        (3, 1, 9.0, None),
+    ],
+)
+def test_effective_masses_of_a_print_are_participation_squared(mode, column, off, says):
+    rows = np.array([[0.0, 2.0, 0.0, 10.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0, 0.0, 0.5]])
+    printed = {k: [float(k), *values] for k, values in enumerate([*rows**2, np.zeros(6)], start=1)}
+    printed[mode][1 + column] += off
+    if says is None:
+        compare_with_print("a.f06", rows, printed)
+    else:
+        with pytest.raises(InputError, match=says):
+            compare_with_print("a.f06", rows, printed)
+
+
+# -- matrices --------------------------------------------------------------------------------------
+def test_modes_of_one_mass_on_a_spring_beside_a_port():
+    """3 kg, 2 m along x from a port of 5 kg, that slide along y on 12 N/m."""
+    arm = np.array([0.0, 1.0, 0.0, 0.0, 0.0, 2.0, -1.0])
+    own = np.diag([5.0, 5.0, 5.0, 0.1, 0.2, 0.3])
+    mass = np.zeros((7, 7))
+    mass[:6, :6], mass[6, 6] = own, 3.0
+    order = [6, *range(6)]  # the port last
+    stiffness = 12.0 * np.outer(arm, arm)
+    found = from_matrices(
+        mass[np.ix_(order, order)], stiffness[np.ix_(order, order)], range(1, 7), "a"
+    )
+    assert found.frequencies == pytest.approx([2.0], rel=1e-9)
+    assert found.rigid_mass == pytest.approx(own + 3.0 * np.outer(arm[:6], arm[:6]))
+    effective = found.participation.T @ found.participation
+    assert effective == pytest.approx(3.0 * np.outer(arm[:6], arm[:6]), abs=1e-9)
+
+
+@pytest.mark.parametrize("held", [0, 1])
+def test_the_grid_that_is_held_elsewhere_is_named(held):
+    """Two grids that move along x on a spring of 1000 N/m between them, one on one of 1 N/m."""
+    stiffness = np.array([[1e3, -1e3, 0.0], [-1e3, 1e3, 0.0], [0.0, 0.0, 5.0]])
+    stiffness[held, held] += 1.0
+    motion = np.zeros((2, 6))
+    motion[:, 0] = 1.0
+    boundary = Boundary((0, 1), motion, ("grid 4", "grid 9"))
+    with pytest.raises(InputError, match=f"most at {boundary.names[held]},"):
+        rigid_motion_of_inner(np.eye(3), stiffness, [2], boundary, "a", 1e-12)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "digits"),
+    [((2.0, -30.0, 4e-7), 1), ((0.25, -1.5e-7), 2), ((0.0, 123.4), 4), ((0.00102,), 3), ((), 1)],
+)
+def test_digits_that_numbers_were_given_with(numbers, digits):
+    assert digits_of_numbers([(1.0,), numbers]) == digits
+
+
+# -- rows of recovery ------------------------------------------------------------------------------
+def test_rows_of_a_file_have_zeros_where_one_leaves_out_what_another_gives(tmp_path):
+    text, arrays = tmp_path / "a.toml", tmp_path / "a.npz"
+    text.write_text(
+        """[[row]]
+        name = "moment"
+        unit = "N m"
+        modes = [1.0, 2.0]
+        [[row]]
+        name = "tip"
+        accelerations = [3.0, 4.0]
+        root = [0.0, 1.0, 0.0, 0.0, 0.0, 2.0]
+        point = [2.0, 0.0, 0.5]"""
+    )
+    root = np.array([[0.0] * 6, [0.0, 1.0, 0.0, 0.0, 0.0, 2.0]])
+    wanted = {
+        "modes": np.array([[1.0, 2.0], [0.0, 0.0]]),
+        "accelerations": np.array([[0.0, 0.0], [3.0, 4.0]]),
+        "root": root,
+        "points": np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.5]]),
+    }
+    np.savez(arrays, names=["moment", "tip"], units=["N m", ""], **wanted)
+    for path in (text, arrays):
+        found = read_recovery(path)
+        assert (found.names, found.units) == (("moment", "tip"), ("N m", ""))
+        assert found.source == path.name
+        for name, values in wanted.items():
+            assert getattr(found, name).tolist() == values.tolist()
+    text.write_text(text.read_text().replace("[3.0, 4.0]", "[3.0, 4.0, 5.0]"))
+    with pytest.raises(InputError):
+        read_recovery(text)
+    text.write_text(text.read_text() + '\n[[row]]\nname = "c"\naccelerations = [1.0]')
+    for ending, says in (("op4", "MUG1"), ("txt", "unknown ending"), ("npz", "is empty")):
+        path = tmp_path / f"rows.{ending}"
+        path.write_text("")
+        with pytest.raises(InputError, match=says):
+            read_recovery(path)
+    with pytest.raises(InputError, match="'c' has 1 numbers in accelerations, others have 3"):
+        read_recovery(text)

@@ -15,6 +15,7 @@ from formulas import (
     realisable_body,
     rounding_of_residual,
     sections_at,
+    within_body,
 )
 
 ROUNDED = 1e-12
@@ -131,6 +132,8 @@ def test_the_fibre_under_most_tension_is_where_navier_s_stress_is_largest(is_rou
     )
     moment = np.array([9.0, -40.0, 25.0])
     y, z = section.fibre(0, moment, sign)
+    assert section.fibre(0, 1e-3 * moment, sign) == pytest.approx((y, z), rel=ROUNDED)
+    assert section.fibre(0, 0.0 * moment, sign) == (0.0, 0.0)
     got = section.per_load(0, y, z) @ np.concatenate([[100.0, 7.0, 8.0], moment])
     if is_round:
         towards = sign * np.array([-25.0, -40.0]) / np.hypot(25.0, 40.0)
@@ -265,3 +268,11 @@ def test_freedoms_that_a_spring_joins_are_one_part_in_every_unit(size):
         stiffness = size * np.array([[1.0, part], [part, 1.0]])
         found = independent_parts(mass, stiffness, np.full(8, 1e-2))
         assert found[6, 7] == (1e-6 if kept else 0.0)
+
+
+@pytest.mark.parametrize("share", [0.8, 1.2])
+def test_one_mode_takes_a_body_s_mass_but_for_the_room(share):
+    rigid = np.diag([2.0, 2.0, 2.0, 0.5, 0.6, 0.7])
+    row = np.array([[0.0, share * np.sqrt(2.0), 0.0, 0.0, 0.0, 0.0]])
+    found = within_body(row, rigid, 0.19)
+    assert found[0] == pytest.approx(min(share, 0.9) / share * row[0], rel=ROUNDED, abs=1e-15)

@@ -247,9 +247,9 @@ from beamchain.engine.loaded import (
 from beamchain.engine.loaded import _push as push_of_actuators
 from beamchain.engine.mount import _carriers as carriers
 from beamchain.engine.mount import apparent_hubs, held_joints, mount, rigid_hubs, root_frame
-from beamchain.engine.normal_modes import normal_modes
+from beamchain.engine.normal_modes import NormalModes, normal_modes
 from beamchain.engine.operating_point import OperatingPoint, rest_point, still_copy
-from beamchain.engine.partial_fractions import PartialFractions
+from beamchain.engine.partial_fractions import PartialFractions, partial_fractions
 from beamchain.engine.partial_fractions import _fractions as fractions_of
 from beamchain.engine.reach import reach, spacecraft_body, turn
 from beamchain.engine.rollout import _rotation as rotation_vectors
@@ -341,6 +341,7 @@ from beamchain.report.replay import _steepest as steepest
 from beamchain.steps.culprit import culprit, inertia_words, stable_step
 from beamchain.steps.cures import Names, Setting, find_cure, round_down
 from beamchain.steps.driven import driven, run_of_turn
+from beamchain.steps.elements import elements as elements_of_step
 from beamchain.steps.forms import Craft, appendage_poles, form2, form2_many, form4, tune
 from beamchain.steps.forms import _Step as StepOfCraft
 from beamchain.steps.forms import stability as squared_phase
@@ -377,6 +378,8 @@ from beamchain.steps.limits import (
 from beamchain.steps.limits import normalise as unit_mass_of_port
 from beamchain.steps.modal import condensed_mass, made_for, modal_tendons, stiffness_before
 from beamchain.steps.poles import PoleRow, growing_frequencies, mismatch, phase_limit, pole_rows
+from beamchain.steps.retime import _is_unit as are_of_unit_mass
+from beamchain.steps.retime import retime_by, write_values
 from beamchain.steps.retime_file import retimed_file
 from beamchain.steps.sampled import (
     SampledError,
@@ -406,13 +409,14 @@ from beamchain.steps.step_map import _by_differences as map_by_differences
 from beamchain.steps.tree_draws import TreeDraws
 from beamchain.steps.tree_response import Compared, Tendons, outer_motions
 from beamchain.steps.tree_response import Seen as SeenAtPose
-from beamchain.steps.tree_time import Alone, appendages_alone, tuned_poses
+from beamchain.steps.tree_time import Alone, appendages_alone, tree_form, tuned_poses
 from beamchain.steps.tree_time import _modes as modes_of_tendons
+from beamchain.steps.tree_time import _nearest as nearest_response
 from beamchain.steps.tree_time import _newton_step as newton_step
 from beamchain.steps.tree_time import _Room as Room
 from beamchain.steps.tree_time import _step_length as step_length
 from beamchain.steps.turn import turn_error
-from beamchain.structure.discretise import Parts
+from beamchain.structure.discretise import Parts, sampled_model
 from beamchain.structure.discretise import _body as body_in_port
 from beamchain.structure.discretise import _edges as edges_of_pieces
 from beamchain.structure.discretise import _join_equal_neighbours as joined_neighbours
@@ -447,6 +451,7 @@ from beamchain.structure.mass_line import (
     uniform_length,
 )
 from beamchain.structure.mass_line import _mass_beside_axis as mass_beside_axis
+from beamchain.structure.mass_line import _of_moments as of_moments
 from beamchain.structure.planes import (
     near_groups,
     rounding_of_residual,
@@ -454,16 +459,25 @@ from beamchain.structure.planes import (
     turn_into_planes,
 )
 from beamchain.structure.profile import Properties
-from beamchain.structure.readers.craig_bampton import Boundary
+from beamchain.structure.readers.craig_bampton import Boundary, from_matrices
 from beamchain.structure.readers.craig_bampton import _almost_body as almost_body
 from beamchain.structure.readers.craig_bampton import _is_noisy as is_noisy
 from beamchain.structure.readers.craig_bampton import _is_soft as is_soft
 from beamchain.structure.readers.craig_bampton import _largest_forces as largest_forces
 from beamchain.structure.readers.craig_bampton import _largest_inner as largest_inner
 from beamchain.structure.readers.craig_bampton import _noise_of_freedoms as noise_of_freedoms
+from beamchain.structure.readers.craig_bampton import _rigid_motion as rigid_motion_of_inner
 from beamchain.structure.readers.imported import check_outwards, proposed_axes, with_length
 from beamchain.structure.readers.nastran_bulk import System, dmig_matrices, read_bulk
+from beamchain.structure.readers.nastran_f06 import _compare as compare_with_print
+from beamchain.structure.readers.nastran_f06 import _frequencies as frequencies_of_print
+from beamchain.structure.readers.nastran_op2 import Eigenvalues
+from beamchain.structure.readers.nastran_op2 import _chosen as chosen_table
+from beamchain.structure.readers.nastran_op2 import _modal_data as data_of_tables
 from beamchain.structure.readers.nastran_op4 import _text_header as header_of_text
+from beamchain.structure.readers.nastran_op4 import read_op4
+from beamchain.structure.readers.own_format import _digits as digits_of_numbers
+from beamchain.structure.readers.recovery_file import read_recovery
 from beamchain.structure.rigid_body import (
     body_departure,
     independent_parts,
@@ -511,6 +525,7 @@ __all__ = [
     "Drive",
     "DriveOfHinge",
     "Effort",
+    "Eigenvalues",
     "Embedded",
     "Exchange",
     "GainOfModes",
@@ -545,6 +560,7 @@ __all__ = [
     "MotionRows",
     "Names",
     "Nodes",
+    "NormalModes",
     "OperatingPoint",
     "Outputs",
     "PartialFractions",
@@ -607,6 +623,7 @@ __all__ = [
     "appendage_poles",
     "appendages_alone",
     "apply_draw",
+    "are_of_unit_mass",
     "armatures_of",
     "assemble",
     "assemble_lowest",
@@ -649,9 +666,11 @@ __all__ = [
     "choose",
     "choose_cut",
     "choose_step",
+    "chosen_table",
     "climb",
     "clusters",
     "column_range",
+    "compare_with_print",
     "compared_ratios",
     "composite",
     "condensed_mass",
@@ -673,9 +692,11 @@ __all__ = [
     "damped_by",
     "damped_modes",
     "damping_of_file",
+    "data_of_tables",
     "default_hub",
     "default_length",
     "departs",
+    "digits_of_numbers",
     "distance",
     "disturbances",
     "dmig_matrices",
@@ -690,6 +711,7 @@ __all__ = [
     "driven",
     "drives_of_craft",
     "edges_of_pieces",
+    "elements_of_step",
     "energy_words",
     "equal_parts",
     "error_of_step",
@@ -714,6 +736,8 @@ __all__ = [
     "fractions_of",
     "free_peaks",
     "freedoms_of_block",
+    "frequencies_of_print",
+    "from_matrices",
     "gain_of_pair",
     "given_modes",
     "grid_of",
@@ -826,6 +850,7 @@ __all__ = [
     "near_groups",
     "nearest_body",
     "nearest_flexibility",
+    "nearest_response",
     "nearest_turn",
     "new_directions",
     "newton_step",
@@ -837,6 +862,7 @@ __all__ = [
     "normal_shapes",
     "null_directions",
     "number_of_pole",
+    "of_moments",
     "off_by",
     "offset_cautions",
     "one_mode_more",
@@ -847,6 +873,7 @@ __all__ = [
     "owner_of_place",
     "owners_of_poles",
     "pairs_of_modes",
+    "partial_fractions",
     "participation_of_tendon",
     "patterns_of_cuts",
     "peak_clusters",
@@ -883,6 +910,8 @@ __all__ = [
     "ranks_of_modes",
     "reach",
     "read_bulk",
+    "read_op4",
+    "read_recovery",
     "real_polar",
     "realisable_body",
     "realise",
@@ -897,12 +926,14 @@ __all__ = [
     "response_change",
     "response_of_loop",
     "rest_point",
+    "retime_by",
     "retimed_file",
     "rigid_body",
     "rigid_hubs",
     "rigid_link",
     "rigid_load",
     "rigid_mass",
+    "rigid_motion_of_inner",
     "rigid_plane",
     "rk4_words",
     "root_body",
@@ -922,6 +953,7 @@ __all__ = [
     "same_planes",
     "sampled_delay_margin",
     "sampled_error",
+    "sampled_model",
     "sampled_system",
     "scaled_participation",
     "score",
@@ -987,6 +1019,7 @@ __all__ = [
     "tip_displacement",
     "torque_of_actuator",
     "torques_of_allocation",
+    "tree_form",
     "tune",
     "tuned_poses",
     "turn",
@@ -1022,5 +1055,6 @@ __all__ = [
     "without_actuators",
     "without_rounding",
     "wrench_on_ports",
+    "write_values",
     "zero_pole_product",
 ]
