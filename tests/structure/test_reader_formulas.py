@@ -342,6 +342,17 @@ def test_strings_of_a_column_end_where_they_say(form, binary, tmp_path):
     assert found["MAA"].values == pytest.approx(2.0 * k)
 
 
+def test_matrices_of_a_text_file_are_counted(tmp_path, monkeypatch):
+    """However long the columns before are; those that are not asked for count as well."""
+    monkeypatch.setattr("beamchain.structure.readers.nastran_op4.MOST_MATRICES", 2)
+    path, wide = tmp_path / "a.op4", np.ones((1, 7))
+    path.write_bytes(se.op4_text({"A": wide.T, "B": wide}))
+    assert read_op4(path, {"B"})["B"].values == pytest.approx(wide)
+    path.write_bytes(se.op4_text({"A": wide, "B": wide, "C": wide}))
+    with pytest.raises(InputError, match="more than 2 matrices"):
+        read_op4(path, {"C"})
+
+
 # -- tables of modes -------------------------------------------------------------------------------
 def tables(*masses):
     return Eigenvalues(np.array([3.0, 4.0]), np.array(masses))

@@ -322,14 +322,14 @@ def _text(path: Path, wanted: Collection[str]) -> Iterator[tuple[str, Matrix | N
             head = next(lines, None)
             if head is None:
                 raise ValueError(f"it ends within {header.name}")
-            column, row, count = _integers(head, (8, 8, 8))
+            column, row, words = _integers(head, (8, 8, 8))
             if not target.begin(column):
-                layout.skip(lines, max(count, 1))
+                layout.skip(lines, max(words, 1))
                 break
             if row > 0:
-                _take(target, layout, lines, row, count)
+                _take(target, layout, lines, row, words)
             else:
-                _take_strings(target, layout, lines, count)
+                _take_strings(target, layout, lines, words)
         if target.values is None:
             yield header.name, None
         else:
