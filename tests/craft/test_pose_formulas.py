@@ -15,9 +15,11 @@ from formulas import (
     Pose,
     counterpart,
     coupled_modes,
+    exact_craft,
     extra_damping,
     growth,
     lacking_damping,
+    load_on_exact,
     mode_words,
     mount,
     mounts_by_base,
@@ -440,3 +442,70 @@ def test_a_joint_that_moves_the_base_a_little_is_not_held_with_those_that_do_not
     for wanted in (*both, 5.0):
         assert np.min(np.abs(found - wanted)) < 1e-7
     assert np.abs(both - 5.0).min() > 0.05
+
+
+# -- the exact plant -------------------------------------------------------------------------------
+@pytest.mark.parametrize(("omega", "loaded"), [(1.0, False), (3.0, False), (3.0, True)])
+def test_the_exact_plant_has_all_modes_of_the_appendages(monkeypatch, omega, loaded):
+    """Those beyond 25 times the frequencies of interest and of what is kept are gathered; a load
+    finds them behind the craft's own coordinates, and tells modes apart without a free base."""
+    items = [carried(place) for place in PLACES]
+    wholes = [item.whole for item in items]
+    items[0].dofs[:], items[1].dofs[:] = [1, 4], [5, 10]  # between those of the craft
+    lines = [SimpleNamespace(model=whole) for whole in wholes]
+    for item, line in zip(items, lines, strict=True):
+        object.__setattr__(item, "line", lambda band, line=line: (tops.append(band), line)[1])
+    tops, bases = [], []
+
+    def exact_appendage(fit, _):
+        return SimpleNamespace(model=SimpleNamespace(condensed=lambda w: (tops.append(w), fit)[1]))
+
+    def under_load(*given):
+        assert given[4] == lines
+        return SimpleNamespace(loaded=lambda linear, at, w: (bases.append((at, w)), linear)[1])
+
+    module = "beamchain.craft.linear_craft"
+    monkeypatch.setattr(f"{module}.carried", lambda *_: items)
+    monkeypatch.setattr(f"{module}.exact_appendage", exact_appendage)
+    monkeypatch.setattr(f"{module}.LoadedTree", under_load)
+    monkeypatch.setattr(f"{module}._load", lambda *_: SimpleNamespace(free=0))
+    made = SimpleNamespace(
+        model=SimpleNamespace(nv=11),
+        craft=MODEL,
+        appendages=[
+            SimpleNamespace(prefix=f"{place}_", fit=whole)
+            for place, whole in zip(PLACES, wholes, strict=True)
+        ],
+        bare_qpos=lambda qpos: qpos[:8],
+    )
+    point = SimpleNamespace(qpos=np.append(QPOS, np.ones(4)), qvel=1e-12 * np.arange(11.0))
+    found = exact_craft(made, point, None, None, omega, loaded=loaded)
+    *_, mass, damping, stiffness = truth()
+    np.testing.assert_allclose(found.linear.mass, mass, atol=1e-9)
+    np.testing.assert_allclose(found.linear.damping, damping, atol=1e-6)
+    np.testing.assert_allclose(found.linear.stiffness, stiffness, atol=1e-6)
+    assert found.point.qvel == pytest.approx(1e-12 * np.array([0, 2, 3, 6, 7, 8, 9]), abs=0.0)
+    names = ("drive", "left_mode1_xy", "left_mode1_xz", "right_mode1_xy", "right_mode1_torsion")
+    assert found.names == names
+    assert [each.name for each in found.linear.coordinates[-4:]] == list(names[1:])
+    springs = np.diag(stiffness)
+    np.testing.assert_allclose(found.rows, np.diag(np.sqrt(springs))[6:], atol=1e-6)
+    if not loaded:
+        assert tops == [25.0 * max(omega, 2.0)] * 2
+        assert found.internal is None
+        return
+    assert tops == [omega] * 2
+    assert bases == [([7, 9], omega)]
+    np.testing.assert_allclose(found.internal, np.diag(springs), atol=1e-6)
+
+
+def test_the_exact_plant_is_accelerated_by_its_thrust_over_all_its_mass():
+    """60 kg of the bus, 7 of what turns on it, and 8 kg of each of two appendages."""
+    text = CRAFT.replace(
+        "</mujoco>",
+        """<actuator><motor name="jet" site="left" gear="0 0 1 0 0 0"/></actuator><keyframe>
+        <key name="burn" qpos="0 0 0 1 0 0 0 0" ctrl="41.5"/></keyframe></mujoco>""",
+    )
+    made = SimpleNamespace(craft=mujoco.MjModel.from_xml_string(text))
+    found = load_on_exact(made, [carried(place) for place in PLACES], "burn")
+    assert np.linalg.norm(found.field) == pytest.approx(41.5 / (67.0 + 16.0))

@@ -133,8 +133,9 @@ from beamchain.craft.fits import _far as far_mount
 from beamchain.craft.fits import _points_inward as points_inward
 from beamchain.craft.hanging_liquid import hanging_liquid, springs_at_stated
 from beamchain.craft.inspect import energy_words, inspect_model
+from beamchain.craft.linear_craft import _load as load_on_exact
 from beamchain.craft.linear_craft import _names as names_of_models
-from beamchain.craft.linear_craft import internal_stiffness, linear_craft
+from beamchain.craft.linear_craft import exact_craft, internal_stiffness, linear_craft
 from beamchain.craft.liquid import liquid_cautions, with_liquids_sprung
 from beamchain.craft.loads import Item as AppendageOnLoad
 from beamchain.craft.loads import Load as LoadOfPort
@@ -155,6 +156,9 @@ from beamchain.craft.moving_modes import moving_modes
 from beamchain.craft.poses import Way, pose_label, poses_of
 from beamchain.craft.promise import _best as best_mode
 from beamchain.craft.proof import _bent_keyframes as bent_keyframes
+from beamchain.craft.proof import _check_ports as check_ports_of_file
+from beamchain.craft.proof import _elements as elements_of_file
+from beamchain.craft.proof import _with_poses_of as bare_at_poses_of
 from beamchain.craft.quantities import Quantity, draws, inertia_matrix, quantities
 from beamchain.craft.quantities import _check_inertia as check_inertia
 from beamchain.craft.recovered_body import Coordinates, imported_body, place_of, tip_displacement
@@ -617,6 +621,7 @@ __all__ = [
     "balanced_bounds",
     "ballast_for",
     "band_grid",
+    "bare_at_poses_of",
     "base",
     "base_place",
     "bent_keyframes",
@@ -643,6 +648,7 @@ __all__ = [
     "check_freedoms",
     "check_inertia",
     "check_outwards",
+    "check_ports_of_file",
     "check_pushes",
     "check_steps",
     "check_workers",
@@ -690,11 +696,13 @@ __all__ = [
     "driven",
     "drives_of_craft",
     "edges_of_pieces",
+    "elements_of_file",
     "energy_words",
     "equal_parts",
     "error_of_step",
     "even_cut",
     "exact_appendage",
+    "exact_craft",
     "exact_response",
     "extra_damping",
     "far_mount",
@@ -777,6 +785,7 @@ __all__ = [
     "liquid_cautions",
     "load_at",
     "load_of_modes_left_out",
+    "load_on_exact",
     "loaded_linear",
     "loading_at",
     "loadings_of",
