@@ -111,6 +111,7 @@ from beamchain.craft.coupled_modes import coupled_modes, mode_words, slow_modes
 from beamchain.craft.cures import changes_of, more_modes
 from beamchain.craft.cures import models_at as models_at_setting
 from beamchain.craft.disturbances import disturbances
+from beamchain.craft.documents import Wish
 from beamchain.craft.embedded import Embedded
 from beamchain.craft.embedding import _load_warnings as warnings_of_loads
 from beamchain.craft.embedding import _owner as owner_of_place
@@ -131,6 +132,7 @@ from beamchain.craft.error import by_base as mounts_by_base
 from beamchain.craft.exchange import Exchange
 from beamchain.craft.fits import _far as far_mount
 from beamchain.craft.fits import _points_inward as points_inward
+from beamchain.craft.fits import fit_all
 from beamchain.craft.hanging_liquid import hanging_liquid, springs_at_stated
 from beamchain.craft.inspect import energy_words, inspect_model
 from beamchain.craft.linear_craft import _load as load_on_exact
@@ -598,6 +600,7 @@ __all__ = [
     "VariantMaker",
     "Wanted",
     "Way",
+    "Wish",
     "Wishes",
     "acceleration_of_sections",
     "acting",
@@ -713,6 +716,7 @@ __all__ = [
     "find_cure",
     "first_moment",
     "first_of_ports",
+    "fit_all",
     "fit_warnings",
     "flat_points",
     "follow_modes",
