@@ -18,6 +18,7 @@ from robust_doors import (
     plot_worst,
     worst_figure,
     worst_sample,
+    worst_table,
 )
 
 MASS, SPRING, DAMPER = 2.0, 18.0, 0.5
@@ -146,6 +147,33 @@ def test_margins_of_a_sample_reach_as_far_as_the_sensitivity_does():
             assert slope[k] == pytest.approx(by_reach, rel=5e-3, abs=1e-4)
 
 
+def test_corners_to_which_slopes_point_are_the_worst_of_all_corners():
+    """Four bodies side by side on springs of their own, which are uncertain: of all corners, those
+    at which E reaches farthest, in size and along both axes, either way."""
+    squares, ratios = np.array([2.0, 9.0, 17.0, 30.0]), np.array([0.2, 0.3, 0.5, 0.9])
+    gains, ranges = np.array([1.0, 0.7, 0.9, 1.4]), np.array([0.3, 0.4, 0.3, 0.2])
+    a = np.zeros((8, 8))
+    a[:4, 4:], a[4:, :4], a[4:, 4:] = np.eye(4), -np.diag(squares), -np.diag(ratios)
+    b, c = np.zeros((8, 5)), np.zeros((5, 8))
+    b[4:, :4], b[4:, 4] = -np.eye(4), 1.0
+    c[:4, :4], c[4, :4] = np.diag(ranges * squares), gains
+    made = SampleLoops((a, b, c, np.zeros((5, 5))), [0, 1, 2, 3], ["torque"], ["angle"], CONTROLLER)
+    s = 1j * np.geomspace(0.1, 50.0, 1500)
+
+    def reached(deltas):
+        springs = (squares * (1.0 + ranges * deltas))[:, None]
+        plant = gains @ (1.0 / (s**2 + ratios[:, None] * s + springs))
+        e = 1.0 / (1.0 + law_at(s) * plant) - 0.5
+        return np.array([np.abs(e).max(), *((e * way).real.max() for way in (1, -1, 1j, -1j))])
+
+    every = np.max([reached(np.array(at)) for at in product((-1.0, 1.0), repeat=4)], axis=0)
+    corners = made._corners()
+    assert all(set(np.abs(deltas)) <= {0.0, 1.0} for deltas in corners)
+    found = np.max([reached(deltas) for deltas in corners], axis=0)
+    assert found[every > 0.5] == pytest.approx(every[every > 0.5], rel=1e-3)
+    assert np.sum(every > 0.5) >= 4
+
+
 @pytest.mark.parametrize("size", [1, 2, 3, 5])
 def test_bound_of_a_matrix_of_rank_one_is_the_sum_of_its_diagonal_s_sizes(size):
     """mu of u v^H is sum |u_i v_i|, and scaling reaches it."""
@@ -165,7 +193,7 @@ def test_bound_of_a_matrix_without_its_diagonal():
     assert balanced_bounds(np.array([m, 3.0 * m])) == pytest.approx([2.0, 6.0], rel=1e-3)
 
 
-# -- pictures --------------------------------------------------------------------------------------
+# -- tables and pictures ---------------------------------------------------------------------------
 def drawn(**more):
     omega = np.array([0.5, 2.0, 8.0])
     given = {
@@ -174,6 +202,26 @@ def drawn(**more):
         "drawn": np.array([3.0, np.inf, 1.0, 2.0]), "gain": 5.0,
     }  # fmt: skip
     return SimpleNamespace(**given | more)
+
+
+def test_worst_cases_are_told_by_their_poses_where_there_are_several():
+    """A bound stands before the unit, where there is one."""
+    one = drawn(stable=True, pose="rest")
+    bounded = drawn(stable=False, pose="folded", bound=SimpleNamespace(gain=7.0), drawn=())
+    columns = [(each.name, list(each.values)) for each in worst_table([one]).columns]
+    assert columns == [
+        ("disturbance → output", ["torque → angle"]),
+        ("worst sample, predicted", [5.0]),
+        ("worst sample, MuJoCo", [4.1]),
+        ("at", [2.0]),
+        ("worst of the draws", [np.inf]),
+        ("unit", ["rad per N m"]),
+    ]
+    columns = {each.name: list(each.values) for each in worst_table([one, bounded]).columns}
+    assert list(columns)[-2:] == ["no value exceeds", "unit"]
+    assert columns["no value exceeds"] == [np.inf, 7.0]
+    assert columns["disturbance → output"] == ["rest: torque → angle", "folded: torque → angle"]
+    assert columns["worst sample, predicted"] == [5.0, np.inf]
 
 
 def test_peak_gains_of_draws_rise_to_the_share_that_is_stable():
