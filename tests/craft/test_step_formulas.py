@@ -18,9 +18,11 @@ from formulas import (
     Embedded,
     Way,
     cantilever_names,
+    decide_timing,
     disturbances,
     hanging_notes,
     is_worth_timing,
+    joint_request,
     lightest_of_bodies,
     linear_craft,
     mode_names,
@@ -67,6 +69,58 @@ def test_one_step_of_euler(step, rates):
     wanted[:, 0] = np.concatenate([step * rate[:, 0], rate[:, 0], [0.0]])
     wanted[4, 1] = step / 0.2
     np.testing.assert_allclose(driven, wanted, rtol=1e-6, atol=1e-9)
+    if step == H:  # its blocks are of (A - 1) / h and B / h
+        form = craft.form(sampled=True)
+        rates = np.linalg.eigvals(found) - 1.0
+        for value in np.linalg.eigvals(form.a):
+            assert np.min(np.abs(H * value - rates)) < 1e-9
+
+
+# -- which timing ----------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("by", "error", "wanted", "needed"),
+    [
+        ("Euler", 0.21, None, True),
+        ("Euler", 0.19, None, False),
+        ("Euler", 0.19, True, True),
+        ("Euler", 0.21, False, False),
+        ("implicitfast", np.inf, None, True),
+        ("RK4", 0.21, None, False),
+        ("RK4", 0.21, True, False),
+        ("RK4", np.inf, None, True),
+    ],
+)
+def test_timing_is_needed_where_the_step_errs_by_more_than_is_allowed(
+    monkeypatch, by, error, wanted, needed
+):
+    """0.2 is; RK4 is timed where it would be unstable alone."""
+    monkeypatch.setattr("beamchain.craft.timing.step_error", lambda *_: (error, 0.2, "rest"))
+    text = SLIDES.replace('integrator="Euler"', f'integrator="{by}"')
+    model = mujoco.MjModel.from_xml_string(text)
+
+    def appendage(hung, hinges):
+        chain = SimpleNamespace(hung=hung, hinges=range(hinges))
+        return SimpleNamespace(fit=SimpleNamespace(chain=chain, spec=SimpleNamespace(scene=None)))
+
+    liquid, stiff, boom = appendage(True, 4), appendage(False, 0), appendage(False, 4)
+    found = decide_timing(model, [liquid, boom, stiff], wanted)
+    assert found.needed is needed
+    assert ("unstable" in found.reason) is (error == np.inf or by == "RK4")
+    assert not decide_timing(model, [liquid, stiff], wanted).needed
+
+
+def test_appendages_ask_together_for_the_largest_band_and_the_least_tolerance():
+    """In the motions of any of them; of no scene with a band, all six."""
+    scenes = [
+        bc.Scene(bandwidth=3.0, tolerance=0.02, axes=("z",)),
+        bc.Scene(bandwidth=5.0, tolerance=0.04, axes=("tx", "z")),
+        bc.Scene(tolerance=0.001, axes=("ty",)),
+        None,
+    ]
+    found = joint_request([SimpleNamespace(scene=scene) for scene in scenes])
+    assert (found.band, found.tolerance, found.motions) == (5.0, 0.02, (0, 5))
+    found = joint_request([SimpleNamespace(scene=scene) for scene in scenes[2:]])
+    assert (found.band, found.tolerance, found.motions) == (None, None, (0, 1, 2, 3, 4, 5))
 
 
 # -- timing ----------------------------------------------------------------------------------------

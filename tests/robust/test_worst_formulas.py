@@ -87,6 +87,17 @@ def test_gain_of_a_sample_its_slopes_and_its_peak():
     assert found.omega == pytest.approx(fine[sizes.argmax()], abs=1e-2)
 
 
+def test_a_gain_without_resonance_is_largest_at_rest():
+    """1 / (s + 2) under a gain of 3: 1 / 5."""
+    plant = tuple(np.array([[value]]) for value in (-2.0, 1.0, 1.0, 0.0))
+    law = bc.spec.Controller(
+        loop=(bc.spec.Loop(input="u", output="y", numerator=[3.0], denominator=[1.0]),)
+    )
+    found = LoopsOfSamples(plant, [], ["u"], ["y"], law, ("u", "y")).peak(np.zeros(0))
+    assert found.gain == pytest.approx(0.2, rel=1e-5)
+    assert found.omega < 0.02
+
+
 def test_the_worst_sample_is_the_worst_of_a_grid():
     fine = np.linspace(0.1, 8.0, 4001)
     sides = np.linspace(-1.0, 1.0, 9)

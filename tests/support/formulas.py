@@ -157,6 +157,7 @@ from beamchain.craft.model_fields import apply as apply_draw
 from beamchain.craft.moving_modes import moving_modes
 from beamchain.craft.poses import Way, pose_label, poses_of
 from beamchain.craft.promise import _best as best_mode
+from beamchain.craft.promise import joint_request
 from beamchain.craft.proof import _bent_keyframes as bent_keyframes
 from beamchain.craft.proof import _check_ports as check_ports_of_file
 from beamchain.craft.proof import _elements as elements_of_file
@@ -171,6 +172,7 @@ from beamchain.craft.recovery import _carried_load as carried_load
 from beamchain.craft.recovery import _felt as felt_by_modes
 from beamchain.craft.recovery import _left_out as load_of_modes_left_out
 from beamchain.craft.recovery import _of_beam as recovery_of_beam
+from beamchain.craft.recovery import _of_imported as recovery_of_imported
 from beamchain.craft.recovery import _on_ports as wrench_on_ports
 from beamchain.craft.recovery import _rigid_load as rigid_load
 from beamchain.craft.recovery import _root_factors as root_factors
@@ -192,7 +194,7 @@ from beamchain.craft.slews import _turns as turns_of_hinge
 from beamchain.craft.slews import _warnings as slew_warnings
 from beamchain.craft.slews import _wished as wished_hinges
 from beamchain.craft.step_slopes import step_slopes
-from beamchain.craft.timing import is_worth_timing, response_change
+from beamchain.craft.timing import decide_timing, is_worth_timing, response_change
 from beamchain.craft.timing import step_error as error_of_step
 from beamchain.craft.under_load import LoadedTree
 from beamchain.engine.allocation import Allocated, allocated
@@ -682,6 +684,7 @@ __all__ = [
     "damped_by",
     "damped_modes",
     "damping_of_file",
+    "decide_timing",
     "default_hub",
     "default_length",
     "departs",
@@ -766,6 +769,7 @@ __all__ = [
     "joined",
     "joined_neighbours",
     "joint_damping",
+    "joint_request",
     "judged_part",
     "key_number",
     "lacking_damping",
@@ -902,6 +906,7 @@ __all__ = [
     "realise_controller",
     "realise_fraction",
     "recovery_of_beam",
+    "recovery_of_imported",
     "reduced_to_kept",
     "refined_bounds",
     "relative_error",
