@@ -9,6 +9,8 @@ import pytest
 from matplotlib.figure import Figure
 
 import beamchain as bc
+from beamchain.robust.least_margins import Extremum
+from beamchain.robust.uncertain_plant import UncertainPlant
 from formulas import balanced_bounds, structured_bound
 from robust_doors import (
     LoopsOfSamples,
@@ -156,6 +158,46 @@ def test_margins_of_a_sample_reach_as_far_as_the_sensitivity_does():
                 lambda at, f=figure: np.log(made.reach(at).sizes[f]), DELTAS, k, 1e-2
             )
             assert slope[k] == pytest.approx(by_reach, rel=5e-3, abs=1e-4)
+
+
+@pytest.mark.parametrize("bound", [True, False])
+def test_what_no_value_lets_a_disk_margin_fall_below_is_one_over_its_bound(monkeypatch, bound):
+    """Stated are the least of the margins at all values that were found: here 40 and -30 degrees,
+    which is less, and gains that may fall to 0.2 and 0.4, which is more."""
+
+    def margins(_, deltas):
+        nominal = not np.any(deltas)
+        loop = SimpleNamespace(
+            input="torque",
+            **{name: first if nominal else second for name, first, second in (
+                ("disk", 0.9, 0.7), ("disk_frequency", 3.0, 4.0), ("gain", 3.0, 3.5),
+                ("gain_frequency", 5.0, 6.0), ("lowest_gain", 0.2, 0.4),
+                ("lowest_gain_frequency", 1.0, 2.0), ("phase", 40.0, -30.0),
+                ("phase_frequency", 7.0, 8.0),
+            )},
+        )  # fmt: skip
+        at_once = Extremum(0.5, 9.0) if nominal else Extremum(0.6, 10.0)
+        return SimpleNamespace(stable=True, loops=[loop], all_at_once=at_once)
+
+    monkeypatch.setattr(SampleLoops, "margins", margins)
+    made = UncertainPlant.__new__(UncertainPlant)
+    made._system, made._group, made._of = SYSTEM, np.array([0, 1]), np.array([0, 1])
+    made.inputs, made.outputs = ["torque"], ["angle"]
+    made.quantities = tuple(
+        SimpleNamespace(name=name, nominal=nominal, reach=share * nominal, unit="", key=name)
+        for name, nominal, share in (("k", SPRING, SOFTER), ("d", DAMPER, WEAKER))
+    )
+    made.blocks = (made._block(0), made._block(1))
+    made.drawn_deltas = lambda *_: np.zeros((0, 2))
+    monkeypatch.setattr(SampleLoops, "search", lambda *_: [DELTAS])
+    made._bound = lambda found, _: (SimpleNamespace(gain=2.5), found.deltas, found.worst)
+    found = made.worst_margins(CONTROLLER, bound=bound)
+    assert [(row.nominal, row.worst, row.frequency) for row in found] == [
+        (0.9, 0.7, 4.0), (3.0, 3.0, 5.0), (0.2, 0.4, 2.0), (40.0, -30.0, 8.0), (0.5, 0.5, 9.0),
+    ]  # fmt: skip
+    assert [row.proved for row in found] == [0.4 if bound else None] + [None] * 4
+    assert found[0].values == pytest.approx(made.values(DELTAS))
+    assert found[1].values == pytest.approx({"k": SPRING, "d": DAMPER})
 
 
 def test_corners_to_which_slopes_point_are_the_worst_of_all_corners():
