@@ -15,6 +15,7 @@ from formulas import (
     RootMotion,
     acceleration_of_sections,
     appendage_at,
+    attachment_turn,
     carried_load,
     felt_by_modes,
     imported_body,
@@ -591,3 +592,28 @@ def test_rows_over_imported_modes_are_in_the_units_of_their_file(monkeypatch):
     np.testing.assert_allclose(histories["root moment"].factors, wanted[None, 3:])
     less = recovery_of_imported(None, made, run, motion, rows=given, static=False).rows[:, 0]
     np.testing.assert_allclose(less, size * amplitudes @ kept @ np.array(given.modes[0]))
+
+
+def test_combined_tendons_of_loads_are_turned_into_their_modes(monkeypatch):
+    """Two ports that bend: behind one mode stand two tendons, by whose motion of the ports they are
+    combinations of the attachment modes."""
+    coefficients, tip = RNG.standard_normal((3, 3)), RNG.standard_normal((3, 8))
+    turn = np.linalg.qr(RNG.standard_normal((2, 2)))[0]
+    moved = RNG.standard_normal((4, 3))  # of the tendons' own coordinates
+    moved[:, 1:] = tip[1:, [2, 3, 6, 7]].T @ turn
+    rows = dict(zip((1.5, 2.5), np.split(moved @ coefficients, 2), strict=True))
+    monkeypatch.setattr(
+        "beamchain.craft.recovered_body.port_rows", lambda _chain, _freedoms, _motion, x: rows[x]
+    )
+    monkeypatch.setattr("beamchain.craft.recovered_body.further_columns", lambda _: [1, 3])
+    tendons = [
+        SimpleNamespace(stiffness=4.0, label=f"mode{k}_xy", coefficients=row)
+        for k, row in enumerate(coefficients)
+    ]
+    wrong = SimpleNamespace(stiffness=4.0, label="mode1_xz", coefficients=np.ones(3))
+    limp = SimpleNamespace(stiffness=0.0, label="mode4_xy", coefficients=np.ones(3))
+    chain = SimpleNamespace(tendons=[limp, *tendons, wrong], freedoms=lambda _: [])
+    target = {"xy": SimpleNamespace(modes=3, tip=tip, motions=2)}
+    spec = SimpleNamespace(further={"mid": 1.5, "end": 2.5})
+    made = SimpleNamespace(fit=SimpleNamespace(target=target, spec=spec))
+    np.testing.assert_allclose(attachment_turn(made, chain, "xy", 1), turn, atol=1e-12)

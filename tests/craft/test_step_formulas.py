@@ -12,17 +12,20 @@ from scipy.linalg import eigh
 
 import beamchain as bc
 from beamchain.craft.stability import StabilityStudy
+from beamchain.errors import EngineError
 from formulas import (
     AppendageOnLoad,
     CraftError,
     Embedded,
     Way,
     cantilever_names,
+    cure_of_step,
     decide_timing,
     disturbances,
     hanging_notes,
     is_worth_timing,
     joint_request,
+    layout_of,
     lightest_of_bodies,
     linear_craft,
     mode_names,
@@ -389,6 +392,18 @@ def test_the_fastest_mode_of_no_appendage_is_damped_by_no_step():
         <body><freejoint/><geom size=".3"/></body></worldbody></mujoco>"""
     )
     assert motion_warnings(model, [], model) == []
+    text = STILL.format(step=0.01, by="Euler", g="0 0 0", rho=0, mu=0, con=0, aff=0, damper=0.1)
+    model = mujoco.MjModel.from_xml_string(text)
+    assert motion_warnings(model, [], model) == []
+
+
+@pytest.mark.parametrize(
+    ("damps", "kind", "shorter"),
+    [(True, "servo", False), (True, "appendage", True), (False, "servo", True)],
+)
+def test_only_what_damps_the_spacecraft_itself_has_another_cure_than_a_step(damps, kind, shorter):
+    found = cure_of_step(SimpleNamespace(damps=damps, kind=kind), "Euler", "STEP")
+    assert (found == "write STEP") is shorter
 
 
 def test_a_site_stands_on_its_body():
@@ -480,3 +495,25 @@ def test_of_two_poses_the_worse_is_named():
     made.promise = replace(promise, poses={"folded": 0.03, "unfolded": 0.01})
     assert "unfolded" not in Embedded.headline.fget(made)
     assert "folded" in Embedded.headline.fget(made)
+
+
+def test_positions_and_rates_of_the_craft_among_those_with_appendages(monkeypatch):
+    """Hinges of appendages stand between a free joint, a ball, a slide and a hinge."""
+    joints = ["<freejoint/>", *(f'<joint type="{kind}"/>' for kind in ("ball", "slide", "hinge"))]
+
+    def chain(*joints):
+        text = "".join(f'<body>{joint}<geom size="1"/>' for joint in joints)
+        return mujoco.MjModel.from_xml_string(
+            f"<mujoco><worldbody>{text}{'</body>' * len(joints)}</worldbody></mujoco>"
+        )
+
+    whole = chain(joints[0], "<joint/>", joints[1], "<joint/>", *joints[2:])
+    module = "beamchain.craft.documents"
+    monkeypatch.setattr(f"{module}.compile_document", lambda *_: whole)
+    monkeypatch.setattr(f"{module}.craft_elements", lambda *_: {"jnt": [0, 2, 4, 5]})
+    found = layout_of(None, [], chain(*joints))
+    assert found["qpos"] == [*range(7), None, *range(7, 11), None, 11, 12]
+    assert found["qvel"] == [*range(6), None, *range(6, 9), None, 9, 10]
+    assert found["rest"] == list(whole.qpos0)
+    with pytest.raises(EngineError, match="has 3 joints, with appendages 4"):
+        layout_of(None, [], chain(*joints[:3]))

@@ -110,8 +110,9 @@ from beamchain.craft.coupled_modes import _spans as spans_of_motion
 from beamchain.craft.coupled_modes import coupled_modes, mode_words, slow_modes
 from beamchain.craft.cures import changes_of, more_modes
 from beamchain.craft.cures import models_at as models_at_setting
+from beamchain.craft.disturbances import _cure as cure_of_step
 from beamchain.craft.disturbances import disturbances
-from beamchain.craft.documents import Wish
+from beamchain.craft.documents import Wish, layout_of
 from beamchain.craft.embedded import Embedded
 from beamchain.craft.embedding import _load_warnings as warnings_of_loads
 from beamchain.craft.embedding import _owner as owner_of_place
@@ -165,6 +166,7 @@ from beamchain.craft.proof import _with_poses_of as bare_at_poses_of
 from beamchain.craft.quantities import Quantity, draws, inertia_matrix, quantities
 from beamchain.craft.quantities import _check_inertia as check_inertia
 from beamchain.craft.recovered_body import Coordinates, imported_body, place_of, tip_displacement
+from beamchain.craft.recovered_body import _attachment_turn as attachment_turn
 from beamchain.craft.recovered_body import _participation as participation_of_tendon
 from beamchain.craft.recovery import History, Recovery, appendage_at
 from beamchain.craft.recovery import _acceleration as acceleration_of_sections
@@ -623,6 +625,7 @@ __all__ = [
     "assembly_at_rest",
     "assigned_poles",
     "assumed_hub",
+    "attachment_turn",
     "balanced_bounds",
     "ballast_for",
     "band_grid",
@@ -681,6 +684,7 @@ __all__ = [
     "crossings_of_size_one",
     "culprit",
     "cure_of",
+    "cure_of_step",
     "damped_by",
     "damped_modes",
     "damping_of_file",
@@ -780,6 +784,7 @@ __all__ = [
     "largest_inner",
     "largest_norm_ratio",
     "last_kept",
+    "layout_of",
     "least_share",
     "leaves_at",
     "legendre_series",
