@@ -234,6 +234,21 @@ def test_what_the_exact_craft_is_compared_up_to(made):
     )
 
 
+@pytest.mark.parametrize(("bandwidth", "band"), [(None, 2.0), (7.0, 7.0), ("no scene", 2.0)])
+def test_a_rigid_body_is_compared_up_to_what_its_scene_asks_for(monkeypatch, bandwidth, band):
+    """Else up to its first mode."""
+    whole = bc.PortModel(np.diag([4.0] * 6), np.array([2.0, 3.0]), np.eye(6)[:2])
+    exact = SimpleNamespace(model=whole, kept=np.zeros(2, bool), band={})
+    monkeypatch.setattr("beamchain.craft.appendage.exact_appendage", lambda _: exact)
+    scene = None if bandwidth == "no scene" else SimpleNamespace(bandwidth=bandwidth)
+    fit = SimpleNamespace(spec=SimpleNamespace(scene=scene, slosh=None), space="imported")
+    spec = SimpleNamespace(undamped_ratio=0.03)
+    given = SimpleNamespace(fit=fit, spec=spec, mount="place", loads=())
+    (found,) = carried_by_craft(None, [given])
+    assert found.band == {"rigid": band}
+    assert (found.mount, found.whole, found.undamped, found.line) == ("place", whole, 0.03, None)
+
+
 def joints(model):
     return [model.joint(i).name for i in range(model.njnt)]
 

@@ -24,6 +24,7 @@ from formulas import (
     modes_finely_divided,
     rk4_words,
     slew_warnings,
+    slews_of_file,
     turns_of_hinge,
     wished_hinges,
 )
@@ -265,6 +266,59 @@ def test_steps_and_ports_of_the_craft_that_is_slewed(
     assert scene.limited == said
     assert scene.held == [1, 2]
     assert scene.ports == ["arm_end", "arm_eye"]
+
+
+@pytest.mark.parametrize(
+    ("count", "joints", "slewed_hinges"),
+    [(3, (), [0, 1, 2]), (8, (), [0, 1, 2, 3, 4, 5]), (8, ("h7", "h2"), [7, 2])],
+)
+def test_hinges_are_slewed_in_every_turn_by_periods_of_the_slowest_mode(
+    monkeypatch, count, joints, slewed_hinges
+):
+    """Of 0.5 rad/s: 5 and 10 periods by 90 degrees, 10 by 180; at most six hinges unless asked."""
+    bodies = "".join(f'<body><joint name="h{i}"/><geom size="1"/></body>' for i in range(count))
+    bare = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><worldbody><body><freejoint/><geom size="1"/>{bodies}</body></worldbody>
+        </mujoco>"""
+    )
+    hinges = [bare.joint(f"h{i}").id for i in range(count)]
+    said, slewn = [], []
+
+    class Scene:
+        def __init__(self, marked, model, period):
+            self.bare, self.period, self.tolerance = marked.craft, period, None
+
+        def slew(self, joint, name, turn):
+            if name == "h2" and turn.angle > 2.0:
+                raise EngineError("it blows up")
+            slewn.append((joint, turn.angle, turn.duration))
+            return name
+
+    for name, stub in (
+        ("read_bare", lambda _: (SimpleNamespace(), {"m": "wish"})),
+        ("relocate", lambda *_: SimpleNamespace(text="text")),
+        ("compile_model", lambda _: bare),
+        ("marked_craft", lambda *_: SimpleNamespace(craft=bare)),
+        ("_hinges", lambda _: hinges),
+        ("_Scene", Scene),
+    ):
+        monkeypatch.setattr(f"beamchain.craft.slews.{name}", stub)
+    found = slews_of_file(None, None, 0.5, said.append, joints)
+    period = 4.0 * np.pi
+    turns = [(np.pi / 2.0, 5.0 * period), (np.pi / 2.0, 10.0 * period), (np.pi, 10.0 * period)]
+    wanted = [(hinges[i], *turn) for i in slewed_hinges for turn in turns]
+    wanted.remove((hinges[2], *turns[2]))
+    np.testing.assert_allclose(slewn, wanted)
+    assert len(found.rows) == len(wanted)
+    blown, *more = found.warnings
+    assert "slew of h2: it blows up" in blown
+    left = count > 6 and not joints
+    assert len(more) == left
+    if left:
+        assert "only the first 6 hinges were slewed, not h6, h7; --joint" in more[0]
+    of = len(slewed_hinges)
+    assert said[1].endswith(f"by 90 degrees in 62.8 s (hinge 1 of {of}, slew 1 of 3)")
+    assert said[-1].endswith(f"(hinge {of} of {of}, slew 3 of 3)")
 
 
 # -- what is stated --------------------------------------------------------------------------------

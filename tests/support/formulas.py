@@ -195,6 +195,7 @@ from beamchain.craft.slews import _Trial as Trial
 from beamchain.craft.slews import _turns as turns_of_hinge
 from beamchain.craft.slews import _warnings as slew_warnings
 from beamchain.craft.slews import _wished as wished_hinges
+from beamchain.craft.slews import slews as slews_of_file
 from beamchain.craft.step_slopes import step_slopes
 from beamchain.craft.timing import decide_timing, is_worth_timing, response_change
 from beamchain.craft.timing import step_error as error_of_step
@@ -966,6 +967,7 @@ __all__ = [
     "simulate_slew",
     "skin_vertices",
     "slew_warnings",
+    "slews_of_file",
     "slopes",
     "slosh_case",
     "slow_modes",
