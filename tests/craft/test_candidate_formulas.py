@@ -27,6 +27,7 @@ from formulas import (
     models_at_setting,
     more_modes,
     mount,
+    retime_craft,
     split_port,
     with_liquids_sprung,
 )
@@ -248,6 +249,10 @@ def test_error_of_a_step_in_the_band_and_beyond(bands, tolerances, allowed):
     assert pose in ("rest", "there")
     model.opt.timestep = 0.41  # beyond 2 / w
     assert error_of_step(model, appendages)[0] == np.inf
+    free = mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><body><freejoint/><geom size="1"/></body></worldbody></mujoco>'
+    )
+    assert error_of_step(free, appendages) == (0.0, pytest.approx(allowed), "rest")
 
 
 # -- liquids ---------------------------------------------------------------------------------------
@@ -406,6 +411,29 @@ def test_a_file_whose_timing_was_taken_out_is_not_judged():
     for error, step, met in ((0.0297, 0.01, True), (0.0298, 0.01, False), (0.02, 1.31, False)):
         proof.sampled_error = error
         assert RetimedCraft(None, step, proof, "").met is met
+
+
+def test_a_file_is_judged_by_its_marks_where_it_has_timing(monkeypatch):
+    asked = []
+
+    def retimed(path, timestep, integrator, folder, band="none", joints=None):
+        asked.append((path, timestep, integrator, folder, band, joints))
+        return "file"
+
+    marks = []
+    monkeypatch.setattr("beamchain.craft.retiming.retimed_file", retimed)
+    monkeypatch.setattr("beamchain.craft.retiming.marked_appendages", marks.append)
+    still = retime_craft("path", 0.0, None, "folder")
+    assert (still.file, still.timestep, still.proof, still.unknown) == ("file", 0.0, None, "")
+    assert marks == []
+    made = retime_craft("path", 0.02, "Euler", "folder", joints=True)
+    assert (made.file, made.timestep, made.proof) == ("file", 0.02, None)
+    assert "does not say what its appendages are" in made.unknown
+    assert marks == ["path"]
+    assert asked == [
+        ("path", 0.0, None, "folder", "none", None),
+        ("path", 0.02, "Euler", "folder", None, True),
+    ]
 
 
 @dataclass

@@ -254,6 +254,8 @@ def test_energy_of_a_mode_is_shared_among_the_parts_that_strain():
     ("momenta", "words"),
     [
         ([[1, 0.1, 0], [2, 0, 0]], " in phase"),
+        ([[0.1, 0, 0], [0.2, 0, 0]], " in phase"),
+        ([[0, 0, 0], [2, 0, 0]], ""),
         ([[1, 0.1, 0], [-2, 0, 0]], " opposed"),
         ([[1, 0, 0], [0, 2, 0]], ""),
         ([[1, 0, 0]], ""),

@@ -11,6 +11,7 @@ import beamchain as bc
 from beamchain.craft.fits import _same_hub
 from formulas import (
     CraftError,
+    Embedded,
     SampledError,
     Setting,
     carried_by_craft,
@@ -232,6 +233,21 @@ def test_what_the_exact_craft_is_compared_up_to(made):
     assert lightest_of_bodies(made.appendages)[0] == pytest.approx(
         min(made.model.body_mass[i] for i in range(made.model.nbody) if moves(made, i))
     )
+
+
+@pytest.mark.parametrize("loaded", [True, False])
+def test_a_loaded_craft_is_assembled_about_its_loaded_pose_of_rest(monkeypatch, loaded):
+    given = []
+    monkeypatch.setattr("beamchain.craft.embedded.carried", lambda *_: "exact")
+    monkeypatch.setattr("beamchain.craft.embedded.assembly_at_rest", lambda *of: given.append(of))
+    of_poses = {"bent": [1.0], "rest": [2.0]}
+    made = SimpleNamespace(
+        craft="craft", model="model", untimed="untimed", appendages=(), promise="promise", _own=[3],
+        _asked=SimpleNamespace(band=0.8), loaded=loaded, _exact_poses=of_poses,
+    )  # fmt: skip
+    Embedded.assembly.func(made)
+    pose = 2.0 if loaded else None
+    assert given == [("craft", "untimed", "exact", "promise", 0.8, [3], pose)]
 
 
 @pytest.mark.parametrize(("bandwidth", "band"), [(None, 2.0), (7.0, 7.0), ("no scene", 2.0)])

@@ -9,15 +9,18 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from formulas import (
+    AppendageOnLoad,
     LoadOfPort,
     OperatingPoint,
     Root,
     carrying_of,
     craft_from_text,
+    loads_of,
     loose_craft,
     mount,
     root_frame,
 )
+from specs import spec_of
 
 TEXT = """<mujoco><option gravity="0 0 0"/><worldbody><body name="bus" pos="0.1 0.2 0.3"
 euler="10 -30 20"><freejoint/><inertial pos="0.1 0 0" mass="30" diaginertia="9 8 7"/>
@@ -92,3 +95,42 @@ def test_its_matrices_are_over_its_own_motion_and_that_of_its_ports(loose):
     np.testing.assert_allclose(linear.stiffness[:, 6:8], stiffness[:, 6:8], atol=1e-6)
     names = [name for name, _ in linear.coordinates]
     assert names[8:] == [f"port {k}" for k in range(1, 13)]
+
+
+def test_a_port_carries_all_that_hangs_on_what_it_carries():
+    """An arm with a hand and a tool on its end, and a boom on its middle, on whose end another one
+    and an eye stand; a grip is on the tool, a lens on the eye."""
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><worldbody><body name="bus"><freejoint/><geom size="1"/>
+        <body name="hand"><geom size="1"/><body name="tool"><geom size="1"/></body></body>
+        <body name="eye"><geom size="1"/></body><body name="mast"><geom size="1"/></body></body>
+        </worldbody></mujoco>"""
+    )
+    section = {"shape": "equivalent", "bending_stiffness_xy": 900.0, "linear_mass": 1.0}
+
+    def item(body, ports=(), **carries):
+        table = {"name": "boom", "segment": [{"length": 3.0, "section": section}]}
+        if ports:
+            table["port"] = [{"name": name, "x": x} for name, x in ports]
+        return AppendageOnLoad(model.body(body).id, spec_of(table), carries)
+
+    found = loads_of(
+        model,
+        {
+            "arm": item("bus", [("end", 3.0), ("mid", 1.5), ("bare", 2.0)], end=("hand",)),
+            "grip": item("tool"),
+            "arm:mid": item("bus", [("end", 3.0)], end=("eye",)),
+            "arm:mid:end": item("bus"),
+            "lens": item("eye"),
+            "other": item("mast", [("end", 3.0)]),
+        },
+    )
+    hand, tool, eye = (model.body(name).id for name in ("hand", "tool", "eye"))
+    ends = ("arm:mid:end", "lens")
+    (end, mid), (inner,) = found["arm"], found["arm:mid"]
+    assert end == (3.0, 3, (hand, tool), ("grip",))
+    assert (mid.x, mid.column, mid.bodies) == (1.5, 1, (eye,))
+    assert sorted(mid.places) == sorted(("arm:mid", *ends))
+    assert (inner.x, inner.column, inner.bodies) == (3.0, 1, (eye,))
+    assert sorted(inner.places) == sorted(ends)
+    assert [found[name] for name in ("grip", "arm:mid:end", "lens", "other")] == [()] * 4

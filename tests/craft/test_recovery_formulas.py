@@ -484,17 +484,18 @@ def with_tendon(frequency, coefficients, **more):
     return model, made, fit
 
 
-def test_the_tip_of_a_beam_moves_with_its_mode():
+@pytest.mark.parametrize("length", [4.0, 40.0])
+def test_the_tip_of_a_beam_moves_with_its_mode(length):
     """A cantilever, whose tip moves by 2 / sqrt(m) in its first mode."""
-    beam = beam_of(4.0).fit.spec.beam
+    beam = beam_of(length).fit.spec.beam
     mass, stiff = 0.04 * 0.02 * 2700.0, 7e10 * 0.02 * 0.04**3 / 12.0
-    wave = 1.8751040687 / 4.0
+    wave = 1.8751040687 / length
     frequency = wave**2 * np.sqrt(stiff / mass)
     model, made, fit = with_tendon(frequency, [0.3, -0.8], beam=beam, root=bc.spec.Root())
-    tip = 2.0 / np.sqrt(4.0 * mass)
+    tip = 2.0 / np.sqrt(length * mass)
     fit.target = {
         "xy": SimpleNamespace(
-            modes=1, frequencies=np.array([frequency]), tip=np.array([[tip, 1.3765 * tip / 4.0]])
+            modes=1, frequencies=np.array([frequency]), tip=np.array([[tip, 1.3765 * tip / length]])
         )
     }
     fit.kept_for = "clamped"

@@ -148,6 +148,7 @@ from beamchain.craft.loads import (
     carries_of,
     carrying_of,
     hanging_notes,
+    loads_of,
     split_port,
 )
 from beamchain.craft.loose_ports import loose_craft
@@ -158,6 +159,7 @@ from beamchain.craft.model_fields import apply as apply_draw
 from beamchain.craft.moving_modes import moving_modes
 from beamchain.craft.poses import Way, pose_label, poses_of
 from beamchain.craft.promise import _best as best_mode
+from beamchain.craft.promise import _grow as appendages_grown
 from beamchain.craft.promise import joint_request
 from beamchain.craft.proof import _bent_keyframes as bent_keyframes
 from beamchain.craft.proof import _check_ports as check_ports_of_file
@@ -180,7 +182,7 @@ from beamchain.craft.recovery import _rigid_load as rigid_load
 from beamchain.craft.recovery import _root_factors as root_factors
 from beamchain.craft.recovery import _stations as stations_of
 from beamchain.craft.recovery import run_of as run_of_data
-from beamchain.craft.retiming import RetimedCraft
+from beamchain.craft.retiming import RetimedCraft, retime_craft
 from beamchain.craft.slews import SlewBody, SlewRow
 from beamchain.craft.slews import _apart as apart
 from beamchain.craft.slews import _drift as drift_of_momentum
@@ -618,6 +620,7 @@ __all__ = [
     "appendage_at",
     "appendage_poles",
     "appendages_alone",
+    "appendages_grown",
     "apply_draw",
     "armatures_of",
     "assemble",
@@ -803,6 +806,7 @@ __all__ = [
     "loaded_linear",
     "loading_at",
     "loadings_of",
+    "loads_of",
     "long_delays",
     "long_enough",
     "loop_by_state",
@@ -921,6 +925,7 @@ __all__ = [
     "response_change",
     "response_of_loop",
     "rest_point",
+    "retime_craft",
     "retimed_file",
     "rigid_body",
     "rigid_hubs",
