@@ -160,6 +160,40 @@ def test_margins_of_a_sample_reach_as_far_as_the_sensitivity_does():
             assert slope[k] == pytest.approx(by_reach, rel=5e-3, abs=1e-4)
 
 
+def test_a_large_phase_margin_has_the_slope_of_a_small_reach():
+    """L = 1.02 / (s + 1 + 0.3 delta) is of size one at a small angle t: E is j tan(t / 2) / 2."""
+    plant = np.array([[-1.0]]), np.array([[-1.0, 1.0]]), np.array([[0.3], [1.0]]), np.zeros((2, 2))
+    law = bc.spec.Controller(
+        loop=(bc.spec.Loop(input="u", output="y", numerator=[1.02], denominator=[1.0]),)
+    )
+    made = SampleLoops(plant, [0], ["u"], ["y"], law)
+
+    def reach(delta):
+        return np.tan(np.arccos((1.0 + 0.3 * delta) / 1.02) / 2.0) / 2.0
+
+    at = made.figures.index(("u", "phase"))
+    assert reach(0.0) < 0.1
+    assert made.reach(np.zeros(1)).sizes[at] == pytest.approx(reach(0.0), rel=1e-3)
+    wanted = (np.log(reach(1e-6)) - np.log(reach(-1e-6))) / 2e-6
+    found = made.slope(at, np.zeros(1), np.sqrt(1.02**2 - 1.0))
+    assert found == pytest.approx([wanted], rel=1e-5)
+
+
+def test_undamped_poles_are_allowed_where_that_is_said():
+    """9 + 7 = 4^2: a disk margin may be asked of it, a gain not."""
+    plant = (
+        np.array([[0.0, 1.0], [-9.0, 0.0]]), np.array([[0.0], [1.0]]), np.array([[1.0, 0.0]]),
+        np.zeros((1, 1)),
+    )  # fmt: skip
+    law = bc.spec.Controller(
+        loop=(bc.spec.Loop(input="u", output="y", numerator=[7.0], denominator=[1.0]),)
+    )
+    given = plant, [], ["u"], ["y"], law, ("u", "y")
+    assert np.abs(LoopsOfSamples(*given, undamped=True).poles) == pytest.approx([4.0, 4.0])
+    with pytest.raises(bc.InputError, match="not stable"):
+        LoopsOfSamples(*given)
+
+
 @pytest.mark.parametrize("bound", [True, False])
 def test_what_no_value_lets_a_disk_margin_fall_below_is_one_over_its_bound(monkeypatch, bound):
     """Stated are the least of the margins at all values that were found: here 40 and -30 degrees,
