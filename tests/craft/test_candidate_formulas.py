@@ -352,6 +352,20 @@ def test_one_mode_more_keeps_what_a_load_on_a_port_bends():
     assert found[0, 0] == pytest.approx(wanted[0, 0], rel=1e-3)
 
 
+@pytest.mark.parametrize(("groups", "coupled"), [([("xz", "axial"), ("xy",)], True), ([], False)])
+def test_imported_modes_that_move_in_several_ports_are_counted_together(
+    monkeypatch, groups, coupled
+):
+    monkeypatch.setattr("beamchain.craft.candidates.kept_counts", lambda _: {"xy": 2, "xz": 1})
+    data = SimpleNamespace(groups=[("torsion",), *groups])
+    space = SimpleNamespace(data=data, numbers=(1, 4))
+    found = candidate(
+        SimpleNamespace(fit=SimpleNamespace(spec=SimpleNamespace(slosh=None), space=space))
+    )
+    assert isinstance(found, CoupledCandidate) is coupled
+    assert found.modes == (2 if coupled else 3)
+
+
 # -- ports, keyframes, other steps -----------------------------------------------------------------
 def test_places_of_appendages_on_ports_of_others():
     places = ["a", "a:end", "a:end:tip", "b:c"]

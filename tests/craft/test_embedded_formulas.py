@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import beamchain as bc
-from beamchain.craft.fits import _same_hub
+from beamchain.craft.fits import Fits, _same_hub
 from formulas import (
     CraftError,
     Embedded,
@@ -208,6 +208,28 @@ def test_a_hub_is_the_same_to_rounding_of_its_own_size(size):
         ):
             assert _same_hub(made, other) is same
     assert not _same_hub(SimpleNamespace(hub_mass=None), hub)
+
+
+def test_a_boom_is_fitted_once_for_a_hub_a_target_and_its_data(monkeypatch):
+    made = []
+
+    def fitted(spec, data):
+        made.append((spec.name, spec.root.target, data))
+        return SimpleNamespace(hub_mass=spec.root.hub.mass_matrix(), number=len(made))
+
+    monkeypatch.setattr("beamchain.craft.fits.fit_spec", fitted)
+    hubs = [bc.Hub(mass=mass, inertia=(2.0, 2.5, 1.5)) for mass in (3.0, 4.0)]
+    fits = Fits(held={"c": "modes"})
+    one, other = boom(), boom(stiff=3e3)
+    asked = [
+        ("a", one, "hub", 0, 1), ("b", one, "hub", 0, 1), ("b", other, "hub", 0, 2),
+        ("a", one, "free", 0, 3), ("a", one, "hub", 1, 4), ("c", one, "hub", 0, 5),
+        ("c", one, "hub", 0, 5), ("a", one, "hub", 0, 1),
+    ]  # fmt: skip
+    for at, spec, target, hub, number in asked:
+        root = bc.spec.Root(target=target, hub=hubs[hub])
+        assert fits(at, spec, root).number == number
+    assert [data for *_, data in made] == [None] * 4 + ["modes"]
 
 
 def test_equal_booms_on_unequal_hubs_have_fits_of_their_own():

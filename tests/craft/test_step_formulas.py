@@ -176,6 +176,8 @@ def test_modes_of_an_arm_with_its_root_held(held, kind):
     stiffness = np.diag([90.0, 0.0, 8.0, 9.0, held])
     names, rows = cantilever_names(model, mass, stiffness)
     assert names == ["arm_mode1_xy", "arm_mode1_xz", f"arm_{kind}_xy", "drive"]
+    soft = np.diag([0.05, *np.diag(stiffness)[1:]])
+    assert cantilever_names(model, mass, soft)[0] == names
     wanted = np.zeros((4, 5))
     wanted[[0, 1, 2, 3], [2, 3, 4, 0]] = np.sqrt([8.0, 9.0, held, 90.0])
     np.testing.assert_allclose(np.abs(rows), wanted, atol=1e-9)
@@ -443,6 +445,11 @@ def test_mass_centres_are_told_from_the_base_wherever_it_stands():
     made = SimpleNamespace(craft=craft, appendages=[SimpleNamespace(at="m", mount=held, fit=fit)])
     found = Embedded.mass_centres.func(made)["m"]
     assert found == pytest.approx([0.5, 3.0, 0.0], abs=1e-12)
+
+
+def test_only_a_file_of_the_spacecraft_has_hinges_to_slew():
+    with pytest.raises(bc.InputError, match="--joint elbow: arm.toml has no hinges"):
+        bc.stability("arm.toml", joints=["elbow"])
 
 
 def test_a_study_counts_no_cases_of_the_suite():

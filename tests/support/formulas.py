@@ -157,6 +157,7 @@ from beamchain.craft.mode_names import cantilever_names, mode_names
 from beamchain.craft.model_fields import Maker as VariantMaker
 from beamchain.craft.model_fields import apply as apply_draw
 from beamchain.craft.moving_modes import moving_modes
+from beamchain.craft.plant_load import check_standing, liquid_prefixes
 from beamchain.craft.poses import Way, pose_label, poses_of
 from beamchain.craft.promise import _best as best_mode
 from beamchain.craft.promise import _grow as appendages_grown
@@ -662,6 +663,7 @@ __all__ = [
     "check_outwards",
     "check_ports_of_file",
     "check_pushes",
+    "check_standing",
     "check_steps",
     "check_workers",
     "choose",
@@ -800,6 +802,7 @@ __all__ = [
     "linear_at",
     "linear_craft",
     "liquid_cautions",
+    "liquid_prefixes",
     "load_at",
     "load_of_modes_left_out",
     "load_on_exact",
