@@ -10,11 +10,13 @@ from matplotlib.figure import Figure
 
 import beamchain as bc
 from beamchain.robust.least_margins import Extremum
+from beamchain.robust.search import Peak
 from beamchain.robust.uncertain_plant import UncertainPlant
 from formulas import balanced_bounds, structured_bound
 from robust_doors import (
     LoopsOfSamples,
     SampleLoops,
+    ascent,
     drawn_figure,
     plot_steps,
     plot_worst,
@@ -160,23 +162,73 @@ def test_margins_of_a_sample_reach_as_far_as_the_sensitivity_does():
             assert slope[k] == pytest.approx(by_reach, rel=5e-3, abs=1e-4)
 
 
-def test_a_large_phase_margin_has_the_slope_of_a_small_reach():
-    """L = 1.02 / (s + 1 + 0.3 delta) is of size one at a small angle t: E is j tan(t / 2) / 2."""
-    plant = np.array([[-1.0]]), np.array([[-1.0, 1.0]]), np.array([[0.3], [1.0]]), np.zeros((2, 2))
+# L = 1.02 / (s + 1 + 0.3 delta), which lags, and 1.02 (1 + 0.01 delta) s / (s + 1), which leads
+LAGS = np.array([[-1.0]]), np.array([[-1.0, 1.0]]), np.array([[0.3], [1.0]]), np.zeros((2, 2))
+LEADS = (
+    np.array([[-1.0]]), np.array([[0.0, 1.0]]), np.array([[-0.01], [-1.0]]),
+    np.array([[0.0, 0.01], [1.0, 1.0]]),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("plant", "cosine", "omega"),
+    [
+        (LAGS, lambda delta: (1.0 + 0.3 * delta) / 1.02, np.sqrt(1.02**2 - 1.0)),
+        (LEADS, lambda delta: 1.0 / (1.02 * (1.0 + 0.01 * delta)), 1.0 / np.sqrt(1.02**2 - 1.0)),
+    ],
+)
+def test_a_large_phase_margin_has_the_slope_of_a_small_reach(plant, cosine, omega):
+    """L is of size one at a small angle t, and E there j tan(t / 2) / 2, or minus that."""
     law = bc.spec.Controller(
         loop=(bc.spec.Loop(input="u", output="y", numerator=[1.02], denominator=[1.0]),)
     )
     made = SampleLoops(plant, [0], ["u"], ["y"], law)
 
     def reach(delta):
-        return np.tan(np.arccos((1.0 + 0.3 * delta) / 1.02) / 2.0) / 2.0
+        return np.tan(np.arccos(cosine(delta)) / 2.0) / 2.0
 
     at = made.figures.index(("u", "phase"))
     assert reach(0.0) < 0.1
     assert made.reach(np.zeros(1)).sizes[at] == pytest.approx(reach(0.0), rel=1e-3)
     wanted = (np.log(reach(1e-6)) - np.log(reach(-1e-6))) / 2e-6
-    found = made.slope(at, np.zeros(1), np.sqrt(1.02**2 - 1.0))
-    assert found == pytest.approx([wanted], rel=1e-5)
+    assert made.slope(at, np.zeros(1), omega) == pytest.approx([wanted], rel=1e-5)
+
+
+def test_of_unstable_samples_one_is_found():
+    """x' = 2 delta x + u under a gain of 1: it grows beyond delta = 1/2."""
+    plant = np.zeros((1, 1)), np.array([[1.0, 1.0]]), np.array([[2.0], [1.0]]), np.zeros((2, 2))
+    law = bc.spec.Controller(
+        loop=(bc.spec.Loop(input="u", output="y", numerator=[1.0], denominator=[1.0]),)
+    )
+    made = SampleLoops(plant, [0], ["u"], ["y"], law)
+    (found,) = made.search([np.zeros(1), np.array([0.4]), np.array([0.6])])
+    assert found[0] > 0.5
+    assert not made.margins(found).stable
+
+
+def test_a_search_ends_in_the_corner_to_which_small_slopes_point():
+    slope = np.array([-0.05, 0.05])
+    gain = SimpleNamespace(
+        peak=lambda deltas: Peak(float(np.exp(slope @ deltas)), 1.0), slope=lambda *_: slope
+    )
+    tried = ascent(gain, np.array([0.3, -0.2]))
+    assert tried[-1].deltas.tolist() == [-1.0, 1.0]
+    assert tried[-1].peak.gain == pytest.approx(np.exp(0.1))
+
+
+def test_what_drifts_is_held_by_no_loop():
+    """Two bodies at rates of their own, one of which a loop holds."""
+    plant = np.zeros((2, 2)), np.eye(2), np.eye(2), np.zeros((2, 2))
+    law = bc.spec.Controller(
+        loop=(bc.spec.Loop(input="u", output="x", numerator=[1.0], denominator=[1.0]),)
+    )
+    for ends, held in ((("u", "x"), True), (("v", "y"), False)):
+        given = plant, [], ["u", "v"], ["x", "y"], law, ends
+        if held:
+            assert LoopsOfSamples(*given, undamped=True).poles == pytest.approx([-1.0])
+        else:
+            with pytest.raises(bc.InputError, match="not stable"):
+                LoopsOfSamples(*given, undamped=True)
 
 
 def test_undamped_poles_are_allowed_where_that_is_said():
