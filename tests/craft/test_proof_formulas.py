@@ -1,5 +1,6 @@
 """What a file that was edited by hand holds of its appendages, beside what its marks say."""
 
+from dataclasses import dataclass
 from types import SimpleNamespace
 
 import mujoco
@@ -7,7 +8,13 @@ import numpy as np
 import pytest
 
 import beamchain as bc
-from formulas import bare_at_poses_of, check_ports_of_file, elements_of_file
+from formulas import (
+    assemble_document,
+    bare_at_poses_of,
+    check_ports_of_file,
+    elements_of_file,
+    marked_appendages,
+)
 
 # an arm of two links, between them a strap; a hand and a leg stand on its end
 FILE = """<mujoco><asset><material name="arm_skin"/><material name="paint"/></asset><worldbody>
@@ -110,3 +117,53 @@ def test_a_pose_edited_in_the_file_is_the_one_that_is_proved():
     result.model = mujoco.MjModel.from_xml_string(CRAFT.format(HINGE, keys.replace('"b"', '"c"')))
     with pytest.raises(bc.InputError, match="the poses rest, a, c, .* are rest, a, b"):
         bare_at_poses_of(result)
+
+
+def test_appendages_by_their_marks_are_those_of_the_bare_spacecraft(monkeypatch):
+    module = "beamchain.craft.embedding"
+    marked = {}
+    monkeypatch.setattr(f"{module}.read_bare", lambda _: ("original", marked))
+    monkeypatch.setattr(f"{module}._fit_on_craft", lambda *_, **__: ("model", "those", "notes"))
+    assert marked_appendages("file") is None
+    marked["mount"] = "wish"
+    assert marked_appendages("file") == ("model", "those")
+
+
+@dataclass(frozen=True)
+class Place:
+    at: str
+
+
+def test_a_document_hangs_on_ports_what_they_carry(monkeypatch):
+    """A hand on the end of an arm, and a leg on its middle."""
+    hung = []
+
+    def hang(out, *what):
+        hung.append(what)
+        return out
+
+    insert = SimpleNamespace(
+        place_includes_with_keys=lambda out: out,
+        Insertion=lambda place, *more: (place.at, *more[2:]),
+        insert_appendages=lambda out, items: (out, items),
+        hang_on_port=hang,
+    )
+    module = "beamchain.craft.documents"
+    monkeypatch.setattr(f"{module}.insert", insert)
+    monkeypatch.setattr(f"{module}.relocate", lambda *_: "out")
+    monkeypatch.setattr(f"{module}.place_includes_with_targets", lambda out, names: (out, names))
+    monkeypatch.setattr(f"{module}.find_target", lambda _, place: Place(place))
+    appendages = [
+        SimpleNamespace(
+            at=at, prefix=prefix, carries=carries, spec=SimpleNamespace(name="spec"), timed=None,
+            mount=SimpleNamespace(position=None, quaternion=None), element=lambda: "element",
+        )
+        for at, prefix, carries in (
+            ("mount:mid", "leg_", {}), ("mount", "arm_", {"end": ("hand",)}),
+        )
+    ]  # fmt: skip
+    monkeypatch.setattr(f"{module}.msgspec.to_builtins", lambda spec: spec.name)
+    (out, names), items = assemble_document(None, appendages, None, None)
+    assert (out, names) == ("out", ["mount", "mount", "body:hand"])
+    assert [item[0] for item in items] == ["mount:mid", "mount"]
+    assert hung == [("arm_", "mid", "leg_link1"), ("arm_", "end", "hand")]

@@ -113,9 +113,11 @@ from beamchain.craft.cures import models_at as models_at_setting
 from beamchain.craft.disturbances import _cure as cure_of_step
 from beamchain.craft.disturbances import disturbances
 from beamchain.craft.documents import Wish, layout_of
+from beamchain.craft.documents import assemble as assemble_document
 from beamchain.craft.embedded import Embedded
 from beamchain.craft.embedding import _load_warnings as warnings_of_loads
 from beamchain.craft.embedding import _owner as owner_of_place
+from beamchain.craft.embedding import marked_appendages
 from beamchain.craft.error import (
     Carried,
     CraftError,
@@ -625,6 +627,7 @@ __all__ = [
     "apply_draw",
     "armatures_of",
     "assemble",
+    "assemble_document",
     "assemble_lowest",
     "assembled_chain",
     "assembly_at_rest",
@@ -821,6 +824,7 @@ __all__ = [
     "margin_figures",
     "margin_sentence",
     "margins_of_all",
+    "marked_appendages",
     "mass_beside_axis",
     "mass_line_of_pieces",
     "mass_of_alone",
