@@ -106,6 +106,9 @@ def test_a_thrust_accelerates_all_mass():
     for item in items:
         item.line = "known"
     assert list(loadings_of(model, items)) == [("burn", 1)]
+    items[1].loads = (SimpleNamespace(bodies=(1,)),)  # the thruster stands on what hangs on a port
+    with pytest.raises(bc.InputError, match="keyframe 'burn': .* pushes with ctrl = 7 on what"):
+        loadings_of(model, items)
     with pytest.raises(bc.InputError, match="no load acts"):
         loadings_of(mujoco.MjModel.from_xml_string(THRUST.replace('"7"', '"0"')), items)
 
