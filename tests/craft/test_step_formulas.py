@@ -73,10 +73,13 @@ def test_one_step_of_euler(step, rates):
     wanted[4, 1] = step / 0.2
     np.testing.assert_allclose(driven, wanted, rtol=1e-6, atol=1e-9)
     if step == H:  # its blocks are of (A - 1) / h and B / h
-        form = craft.form(sampled=True)
-        rates = np.linalg.eigvals(found) - 1.0
-        for value in np.linalg.eigvals(form.a):
-            assert np.min(np.abs(H * value - rates)) < 1e-9
+        read = '<sensor><jointpos name="place" joint="a"/></sensor></mujoco>'
+        model = mujoco.MjModel.from_xml_string(text.replace("</mujoco>", read))
+        form = linear_craft(model, None, None, None, ["place"]).form(sampled=True)
+        s = 0.3 + 2.1j
+        moved = np.linalg.solve(s * H * np.eye(5) - (found - np.eye(5)), driven)[:1]
+        blocks = form.c @ np.linalg.solve(s * np.eye(len(form.a)) - form.a, form.b)
+        np.testing.assert_allclose(blocks, moved, rtol=1e-5)
 
 
 # -- which timing ----------------------------------------------------------------------------------

@@ -138,7 +138,7 @@ def test_boxes_and_intervals_are_halved():
     np.testing.assert_allclose(left, [[0.2, -0.3], [0.8, 0.2]])
     np.testing.assert_allclose(right, [[0.2, 0.1], [0.8, 0.2]])
     assert middle_of(2.0, 8.0) == pytest.approx(4.0)
-    assert middle_of(0.05, 0.2) == pytest.approx(0.1)
+    assert middle_of(0.05, 0.8) == pytest.approx(0.2)
     assert middle_of(0.0, 8.0) == 4.0
     assert middle_of(3.0, np.inf) == 6.0
     assert is_narrow(Interval(2.0, 2.0 * 1.0009, ()))
