@@ -27,6 +27,7 @@ from formulas import (
     models_at_setting,
     more_modes,
     mount,
+    retime_craft,
     split_port,
     with_liquids_sprung,
 )
@@ -248,6 +249,10 @@ def test_error_of_a_step_in_the_band_and_beyond(bands, tolerances, allowed):
     assert pose in ("rest", "there")
     model.opt.timestep = 0.41  # beyond 2 / w
     assert error_of_step(model, appendages)[0] == np.inf
+    free = mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><body><freejoint/><geom size="1"/></body></worldbody></mujoco>'
+    )
+    assert error_of_step(free, appendages) == (0.0, pytest.approx(allowed), "rest")
 
 
 # -- liquids ---------------------------------------------------------------------------------------
@@ -347,6 +352,20 @@ def test_one_mode_more_keeps_what_a_load_on_a_port_bends():
     assert found[0, 0] == pytest.approx(wanted[0, 0], rel=1e-3)
 
 
+@pytest.mark.parametrize(("groups", "coupled"), [([("xz", "axial"), ("xy",)], True), ([], False)])
+def test_imported_modes_that_move_in_several_ports_are_counted_together(
+    monkeypatch, groups, coupled
+):
+    monkeypatch.setattr("beamchain.craft.candidates.kept_counts", lambda _: {"xy": 2, "xz": 1})
+    data = SimpleNamespace(groups=[("torsion",), *groups])
+    space = SimpleNamespace(data=data, numbers=(1, 4))
+    found = candidate(
+        SimpleNamespace(fit=SimpleNamespace(spec=SimpleNamespace(slosh=None), space=space))
+    )
+    assert isinstance(found, CoupledCandidate) is coupled
+    assert found.modes == (2 if coupled else 3)
+
+
 # -- ports, keyframes, other steps -----------------------------------------------------------------
 def test_places_of_appendages_on_ports_of_others():
     places = ["a", "a:end", "a:end:tip", "b:c"]
@@ -406,6 +425,29 @@ def test_a_file_whose_timing_was_taken_out_is_not_judged():
     for error, step, met in ((0.0297, 0.01, True), (0.0298, 0.01, False), (0.02, 1.31, False)):
         proof.sampled_error = error
         assert RetimedCraft(None, step, proof, "").met is met
+
+
+def test_a_file_is_judged_by_its_marks_where_it_has_timing(monkeypatch):
+    asked = []
+
+    def retimed(path, timestep, integrator, folder, band="none", joints=None):
+        asked.append((path, timestep, integrator, folder, band, joints))
+        return "file"
+
+    marks = []
+    monkeypatch.setattr("beamchain.craft.retiming.retimed_file", retimed)
+    monkeypatch.setattr("beamchain.craft.retiming.marked_appendages", marks.append)
+    still = retime_craft("path", 0.0, None, "folder")
+    assert (still.file, still.timestep, still.proof, still.unknown) == ("file", 0.0, None, "")
+    assert marks == []
+    made = retime_craft("path", 0.02, "Euler", "folder", joints=True)
+    assert (made.file, made.timestep, made.proof) == ("file", 0.02, None)
+    assert "does not say what its appendages are" in made.unknown
+    assert marks == ["path"]
+    assert asked == [
+        ("path", 0.0, None, "folder", "none", None),
+        ("path", 0.02, "Euler", "folder", None, True),
+    ]
 
 
 @dataclass

@@ -254,6 +254,8 @@ def test_energy_of_a_mode_is_shared_among_the_parts_that_strain():
     ("momenta", "words"),
     [
         ([[1, 0.1, 0], [2, 0, 0]], " in phase"),
+        ([[0.1, 0, 0], [0.2, 0, 0]], " in phase"),
+        ([[0, 0, 0], [2, 0, 0]], ""),
         ([[1, 0.1, 0], [-2, 0, 0]], " opposed"),
         ([[1, 0, 0], [0, 2, 0]], ""),
         ([[1, 0, 0]], ""),
@@ -268,6 +270,10 @@ def test_a_mode_is_of_the_port_in_which_its_strongest_cantilever_mode_participat
     model = bc.PortModel(np.diag([4.0, 4.0, 4.0, 0.3, 2.0, 2.0]), np.array([2.0, 5.0]), rows)
     assert port_of_mode(model, np.array([1.0, 0.3])) == "xy"  # energies 4 and 2.25
     assert port_of_mode(model, np.array([1.0, 0.5])) == "torsion"  # 4 and 6.25
+    # by squares of what it moves per root of the mass: 0.32 in bending and 0.36 in torsion
+    row = [0.0, 0.8, 0.0, 0.6 * np.sqrt(0.3), 0.0, 0.4 * np.sqrt(2.0)]
+    both = model.replaced(participation=[row, np.zeros(6)])
+    assert port_of_mode(both, np.array([1.0, 0.0])) == "torsion"
     found = momentum_of_mode(model, np.array([2.0, 3.0]), "xy")
     assert found == pytest.approx(2.0 * rows[0, :3] + 3.0 * rows[1, :3])
     found = momentum_of_mode(model, np.array([2.0, 3.0]), "torsion")

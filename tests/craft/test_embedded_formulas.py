@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 import beamchain as bc
-from beamchain.craft.fits import _same_hub
+from beamchain.craft.fits import Fits, _same_hub
 from formulas import (
     CraftError,
+    Embedded,
     SampledError,
     Setting,
     carried_by_craft,
@@ -209,6 +210,28 @@ def test_a_hub_is_the_same_to_rounding_of_its_own_size(size):
     assert not _same_hub(SimpleNamespace(hub_mass=None), hub)
 
 
+def test_a_boom_is_fitted_once_for_a_hub_a_target_and_its_data(monkeypatch):
+    made = []
+
+    def fitted(spec, data):
+        made.append((spec.name, spec.root.target, data))
+        return SimpleNamespace(hub_mass=spec.root.hub.mass_matrix(), number=len(made))
+
+    monkeypatch.setattr("beamchain.craft.fits.fit_spec", fitted)
+    hubs = [bc.Hub(mass=mass, inertia=(2.0, 2.5, 1.5)) for mass in (3.0, 4.0)]
+    fits = Fits(held={"c": "modes"})
+    one, other = boom(), boom(stiff=3e3)
+    asked = [
+        ("a", one, "hub", 0, 1), ("b", one, "hub", 0, 1), ("b", other, "hub", 0, 2),
+        ("a", one, "free", 0, 3), ("a", one, "hub", 1, 4), ("c", one, "hub", 0, 5),
+        ("c", one, "hub", 0, 5), ("a", one, "hub", 0, 1),
+    ]  # fmt: skip
+    for at, spec, target, hub, number in asked:
+        root = bc.spec.Root(target=target, hub=hubs[hub])
+        assert fits(at, spec, root).number == number
+    assert [data for *_, data in made] == [None] * 4 + ["modes"]
+
+
 def test_equal_booms_on_unequal_hubs_have_fits_of_their_own():
     both = bc.embed(craft(), {"fixed": boom(), "turning": boom()}, retime=False)
     first, second = both.appendages
@@ -232,6 +255,36 @@ def test_what_the_exact_craft_is_compared_up_to(made):
     assert lightest_of_bodies(made.appendages)[0] == pytest.approx(
         min(made.model.body_mass[i] for i in range(made.model.nbody) if moves(made, i))
     )
+
+
+@pytest.mark.parametrize("loaded", [True, False])
+def test_a_loaded_craft_is_assembled_about_its_loaded_pose_of_rest(monkeypatch, loaded):
+    given = []
+    monkeypatch.setattr("beamchain.craft.embedded.carried", lambda *_: "exact")
+    monkeypatch.setattr("beamchain.craft.embedded.assembly_at_rest", lambda *of: given.append(of))
+    of_poses = {"bent": [1.0], "rest": [2.0]}
+    made = SimpleNamespace(
+        craft="craft", model="model", untimed="untimed", appendages=(), promise="promise", _own=[3],
+        _asked=SimpleNamespace(band=0.8), loaded=loaded, _exact_poses=of_poses,
+    )  # fmt: skip
+    Embedded.assembly.func(made)
+    pose = 2.0 if loaded else None
+    assert given == [("craft", "untimed", "exact", "promise", 0.8, [3], pose)]
+
+
+@pytest.mark.parametrize(("bandwidth", "band"), [(None, 2.0), (7.0, 7.0), ("no scene", 2.0)])
+def test_a_rigid_body_is_compared_up_to_what_its_scene_asks_for(monkeypatch, bandwidth, band):
+    """Else up to its first mode."""
+    whole = bc.PortModel(np.diag([4.0] * 6), np.array([2.0, 3.0]), np.eye(6)[:2])
+    exact = SimpleNamespace(model=whole, kept=np.zeros(2, bool), band={})
+    monkeypatch.setattr("beamchain.craft.appendage.exact_appendage", lambda _: exact)
+    scene = None if bandwidth == "no scene" else SimpleNamespace(bandwidth=bandwidth)
+    fit = SimpleNamespace(spec=SimpleNamespace(scene=scene, slosh=None), space="imported")
+    spec = SimpleNamespace(undamped_ratio=0.03)
+    given = SimpleNamespace(fit=fit, spec=spec, mount="place", loads=())
+    (found,) = carried_by_craft(None, [given])
+    assert found.band == {"rigid": band}
+    assert (found.mount, found.whole, found.undamped, found.line) == ("place", whole, 0.03, None)
 
 
 def joints(model):

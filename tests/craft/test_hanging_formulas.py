@@ -14,7 +14,9 @@ from formulas import (
     Pose,
     acting,
     bent_line,
+    check_standing,
     craft_error,
+    liquid_prefixes,
     loadings_of,
     mount,
     slow_modes,
@@ -104,6 +106,9 @@ def test_a_thrust_accelerates_all_mass():
     for item in items:
         item.line = "known"
     assert list(loadings_of(model, items)) == [("burn", 1)]
+    items[1].loads = (SimpleNamespace(bodies=(1,)),)  # the thruster stands on what hangs on a port
+    with pytest.raises(bc.InputError, match="keyframe 'burn': .* pushes with ctrl = 7 on what"):
+        loadings_of(model, items)
     with pytest.raises(bc.InputError, match="no load acts"):
         loadings_of(mujoco.MjModel.from_xml_string(THRUST.replace('"7"', '"0"')), items)
 
@@ -144,3 +149,38 @@ def test_the_worst_pose_counts_and_what_grows_anywhere():
     assert found.growth == {"burn": (pytest.approx(0.7), pytest.approx(0.3))}
     unnamed = craft_error(model, model, {"rest": [judged(0.0, body=2)]})
     assert (unnamed.error, unnamed.body, unnamed.poses) == (0.0, "body 2", {"rest": 0.0})
+
+
+# -- what a load makes topple ----------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("stiffness", "topples"),
+    [
+        ([[2.0, 1.3], [1.3, 1.0]], False),
+        ([[2.0, 1.5], [1.5, 1.0]], True),  # 2 - 2.25 < 0
+        ([[1e-8, 1.1e-8], [1.1e-8, 1e-8]], True),  # however soft
+        ([[3.0, 0.0], [0.0, -1e-6]], True),
+        ([[1.0, 1.0 + 1e-10], [1.0 + 1e-10, 1.0]], False),  # rounding
+        ([[1.0, 1.0 + 1e-8], [1.0 + 1e-8, 1.0]], True),
+    ],
+)
+def test_what_has_no_stiffness_left_topples(stiffness, topples):
+    load = SimpleNamespace(words="under 3 m/s^2 of gravity")
+    if topples:
+        with pytest.raises(bc.InputError, match="loaded: under 3 m/s.2 of gravity something"):
+            check_standing(np.array(stiffness), load)
+    else:
+        check_standing(np.array(stiffness), load)
+
+
+def test_liquids_are_told_by_hinges_that_no_spring_holds():
+    chain = "".join(
+        f'<body><joint name="{name}" stiffness="{stiffness}"/><geom size="1"/>'
+        for name, stiffness in (
+            ("drive", 0), ("b_hinge1_xy", 0), ("b_hinge2_xz", 0), ("boom_hinge1_xy", 7),
+            ("a_hinge1_xy", 0),
+        )
+    )  # fmt: skip
+    model = mujoco.MjModel.from_xml_string(
+        f"<mujoco><worldbody>{chain}{'</body>' * 5}</worldbody></mujoco>"
+    )
+    assert liquid_prefixes(model) == ["a_", "b_"]

@@ -10,11 +10,14 @@ import pytest
 import beamchain as bc
 from beamchain.craft.source import linear_omissions
 from formulas import (
+    Wish,
     energy_words,
     far_mount,
+    fit_all,
     holders_of_shape,
     inspect_model,
     internal_stiffness,
+    mount,
     moving_modes,
     names_of_models,
     points_inward,
@@ -22,6 +25,7 @@ from formulas import (
     spans_of_motion,
     turn,
 )
+from specs import spec_of
 
 # -- inspections -----------------------------------------------------------------------------------
 MODEL = """<mujoco model="three"><option timestep="0.05" integrator="Euler" gravity="0 0 0"/>
@@ -183,6 +187,28 @@ def test_an_appendage_through_the_centre_of_mass_points_inward(origin, length, i
     assert not points_inward(model, on_load, fit, loads)
     fit.spec.is_beam = False
     assert not points_inward(model, place, fit, loads)
+
+
+@pytest.mark.parametrize(("mass", "refused"), [(0.9e-10, True), (1.1e-10, False)])
+def test_what_carries_an_appendage_has_mass_beside_what_that_carries(mass, refused):
+    """1e-12 of the 100 kg of a hand on its end."""
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><worldbody><body name="tray"><freejoint/><inertial pos="0 0 0" mass="{mass}"
+        diaginertia="1e-10 1e-10 1e-10"/><site name="m"/><body name="hand" pos="3 0 0">
+        <inertial pos="0 0 0" mass="100" diaginertia="1 1 1"/></body></body></worldbody></mujoco>"""
+    )
+    section = {"shape": "equivalent", "bending_stiffness_xy": 900.0, "linear_mass": 1.0}
+    boom = {"name": "boom", "segment": [{"length": 3.0, "section": section}]}
+    spec = spec_of({**boom, "port": [{"name": "end", "x": 3.0}]})
+    wanted = {"m": Wish(spec, "b_", {"end": ("hand",)})}
+
+    class Fits(SimpleNamespace):
+        def __call__(self, *_):
+            raise NotImplementedError  # only where there is a hub
+
+    said = (bc.InputError, "has no mass beside") if refused else (NotImplementedError, None)
+    with pytest.raises(said[0], match=said[1]):
+        fit_all(model, {"m": mount(model, "m", "site", "m")}, wanted, 9, Fits(held={}, ready={}))
 
 
 @pytest.mark.parametrize(

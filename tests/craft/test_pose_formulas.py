@@ -12,12 +12,15 @@ from scipy.linalg import block_diag, eigh
 import beamchain as bc
 from formulas import (
     Carried,
+    LoadOfPort,
     Pose,
     counterpart,
     coupled_modes,
+    exact_craft,
     extra_damping,
     growth,
     lacking_damping,
+    load_on_exact,
     mode_words,
     mount,
     mounts_by_base,
@@ -179,24 +182,25 @@ def pose(wanted=range(6), own=None):
     return Pose(MODEL, QPOS, [carried(place) for place in PLACES], BAND, wanted, own)
 
 
-def jacobian(data, body, point, axes):
+def jacobian(model, data, body, point, axes):
     """`(6, nv)` motion of a point of a body in some axes."""
     both = np.zeros((2, 3, NV))
-    mujoco.mj_jac(MODEL, data, both[0], both[1], point, body)
+    mujoco.mj_jac(model, data, both[0], both[1], point, body)
     return np.vstack([axes.T @ both[0], axes.T @ both[1]])
 
 
-def truth():
+def truth(model=MODEL):
     """Motion of the bus and of both roots, mass matrix, damping and stiffness of it all."""
-    data = mujoco.MjData(MODEL)
+    data = mujoco.MjData(model)
     data.qpos[:] = QPOS / np.append(np.ones(3), [*np.full(4, np.linalg.norm(QPOS[3:7])), 1.0])
-    mujoco.mj_forward(MODEL, data)
+    mujoco.mj_forward(model, data)
     own = np.zeros((NV, NV))
-    mujoco.mj_fullM(MODEL, data, own)
-    bus = jacobian(data, 1, data.xpos[1], data.xmat[1].reshape(3, 3))
+    mujoco.mj_fullM(model, data, own)
+    bus = jacobian(model, data, 1, data.xpos[1], data.xmat[1].reshape(3, 3))
     roots = [
-        jacobian(data, MODEL.site(p).bodyid[0], data.site(p).xpos, data.site(p).xmat.reshape(3, 3))
+        jacobian(model, data, model.site(p).bodyid[0], at.xpos, at.xmat.reshape(3, 3))
         for p in PLACES
+        for at in [data.site(p)]
     ]
     rigid = own + sum(root.T @ BODY @ root for root in roots)
     pushed = np.vstack([ROWS[p] @ root for p, root in zip(PLACES, roots, strict=True)])
@@ -233,26 +237,31 @@ def test_the_exact_answer_at_a_pose(wanted):
     assert made.own_dofs(11).tolist() == list(range(7))
 
 
-def curve_without(keep, omega):
-    """The error of the craft with some of its four modes left out, by matrices."""
-    bus, _, rigid, mass, damping, stiffness = truth()
+def curve_without(keep, omega, whole=None):
+    """The error of the craft, or a `whole` of its own, with some of its four modes left out, by
+    matrices."""
+    bus, _, rigid, mass, damping, stiffness = whole or truth()
     felt = np.linalg.inv(bus[:, :6] @ np.linalg.solve(rigid[:6, :6], bus[:, :6].T))
     size = np.outer(np.sqrt(np.diag(felt)), np.sqrt(np.diag(felt)))
     frozen = np.linalg.norm(np.linalg.inv(felt) * size, 2)
-    out = []
-    for w in omega:
-        dynamic = stiffness - w**2 * mass + 1j * w * damping
-        seen = np.hstack([bus, np.zeros((6, 4))])
-        both = []
-        for pick in (np.arange(11), np.array([*range(7), *(7 + k for k in keep)])):
-            part = np.linalg.solve(dynamic[np.ix_(pick, pick)], seen[:, pick].T)
-            both.append(-(w**2) * seen[:, pick] @ part * size)
-        largest = max(np.linalg.norm(both[0], 2), frozen)
-        out.append(np.linalg.norm(both[1] - both[0], 2) / largest)
-    return np.array(out)
+    w = omega[:, None, None]
+    dynamic = stiffness - w**2 * mass + 1j * w * damping
+    seen = np.hstack([bus, np.zeros((6, 4))])
+    both = []
+    for pick in (np.arange(11), np.array([*range(7), *(7 + k for k in keep)])):
+        part = np.linalg.solve(dynamic[:, pick[:, None], pick], seen[:, pick].T)
+        both.append(-(w**2) * (seen[:, pick] @ part) * size)
+    largest = np.maximum(np.linalg.norm(both[0], 2, axis=(1, 2)), frozen)
+    return np.linalg.norm(both[1] - both[0], 2, axis=(1, 2)) / largest
 
 
-GRID = np.linspace(0.01, 4.0, 8000)
+def highest(keep, whole=None):
+    """The largest value of that curve in the band."""
+    grid = np.linspace(0.01, BAND, 250)
+    at = grid[np.argmax(curve_without(keep, grid, whole))]
+    return curve_without(keep, np.minimum(at + np.linspace(-0.02, 0.02, 41), BAND), whole).max()
+
+
 FINE = 2e-3  # of the largest value, between points that are that close
 
 
@@ -262,20 +271,55 @@ def test_a_mode_left_out_costs_its_curve():
     made = pose()
     left, right = made.whole
     fewer = [left.picked([0]), right]
-    wanted = curve_without([0, 2, 3], GRID)
-    assert made.of_models(fewer) == pytest.approx(wanted.max(), rel=FINE)
-    assert made.of_models(fewer, 1e-3) == pytest.approx(wanted.max(), rel=0.02)
-    assert made.of_exchange(0, left.picked([0])) == pytest.approx(wanted.max(), rel=0.02)
-    assert made.of_exchange(1, right.picked([])) == pytest.approx(
-        curve_without([0, 1], GRID).max(), rel=0.02
-    )
+    wanted = highest([0, 2, 3])
+    assert made.of_models(fewer) == pytest.approx(wanted, rel=FINE)
+    assert made.of_models(fewer, 1e-3) == pytest.approx(wanted, rel=0.02)
+    assert made.of_exchange(0, left.picked([0])) == pytest.approx(wanted, rel=0.02)
+    assert made.of_exchange(1, right.picked([])) == pytest.approx(highest([0, 1]), rel=0.02)
     omega, exact = made.tops(fewer)
     assert 1 <= omega.size <= 8
-    assert curve_without([0, 2, 3], omega[:1])[0] == pytest.approx(wanted.max(), rel=0.02)
+    assert curve_without([0, 2, 3], omega[:1])[0] == pytest.approx(wanted, rel=0.02)
     np.testing.assert_allclose(exact, made.exact(omega), rtol=1e-9)
     there = np.array([0.7, 2.3])
     at = made.error_at([left.picked([0]), right.picked([0])], there, made.exact(there))
     assert at == pytest.approx(curve_without([0, 2], there).max(), rel=1e-6)
+
+
+def test_a_mode_left_out_of_a_boom_that_carries_a_hand_costs_its_curve():
+    """The hand on the bus moves by what the modes of the left boom do at its end as well."""
+    hand = """<body name="hand" pos="0.4 4.2 0.3" euler="0 40 10">
+    <inertial pos="0.1 0.2 0" mass="3" diaginertia="0.2 0.3 0.4"/></body>"""
+    model = mujoco.MjModel.from_xml_string(CRAFT.replace("<body pos", f"{hand}<body pos"))
+    tips = np.array([[0.0, 0.9, 0.1, 0.0, 0.1, 0.3], [0.1, 0.0, -0.8, 0.2, 0.4, 0.0]])
+    body = model.body("hand").id
+    items = []
+    for place, tip, loads in (
+        ("left", tips, (LoadOfPort(LENGTH, 0, (body,), ()),)),
+        ("right", np.zeros((2, 6)), ()),
+    ):
+        whole = bc.PortModel(BODY, FREQUENCY[place], ROWS[place], damping=RATIO[place], tip=tip)
+        at = mount(model, place, "site", place)
+        items.append(Carried(at, whole, np.ones(2, bool), [], {"xy": 2.0}, loads))
+    made = Pose(model, QPOS, items, BAND, range(6))
+    bus, roots, rigid, mass, damping, stiffness = truth(model)
+    data = mujoco.MjData(model)
+    data.qpos[:] = QPOS
+    mujoco.mj_forward(model, data)
+    axes = data.site("left").xmat.reshape(3, 3)
+    out = data.xipos[body] - data.site("left").xpos - LENGTH * axes[:, 0]
+    moved = [(axes @ tip[:3] + np.cross(axes @ tip[3:], out), axes @ tip[3:]) for tip in tips]
+    by_modes = np.array([np.concatenate(each) for each in moved]).T
+    turned = data.ximat[body].reshape(3, 3)
+    weight = block_diag(3.0 * np.eye(3), turned @ np.diag(model.body_inertia[body]) @ turned.T)
+    own = jacobian(model, data, body, data.xipos[body], np.eye(3))
+    mass[:NV, NV : NV + 2] += own.T @ weight @ by_modes
+    mass[NV : NV + 2, :NV] = mass[:NV, NV : NV + 2].T
+    mass[NV : NV + 2, NV : NV + 2] += by_modes.T @ weight @ by_modes
+    whole = bus, roots, rigid, mass, damping, stiffness
+    left, right = made.whole
+    wanted = highest([0, 2, 3], whole)
+    assert made.of_exchange(0, left.picked([0])) == pytest.approx(wanted, rel=0.02)
+    assert made.of_models([left.picked([0]), right]) == pytest.approx(wanted, rel=0.02)
 
 
 def test_a_drive_without_a_damper_has_half_a_percent_in_the_exact_craft():
@@ -440,3 +484,70 @@ def test_a_joint_that_moves_the_base_a_little_is_not_held_with_those_that_do_not
     for wanted in (*both, 5.0):
         assert np.min(np.abs(found - wanted)) < 1e-7
     assert np.abs(both - 5.0).min() > 0.05
+
+
+# -- the exact plant -------------------------------------------------------------------------------
+@pytest.mark.parametrize(("omega", "loaded"), [(1.0, False), (3.0, False), (3.0, True)])
+def test_the_exact_plant_has_all_modes_of_the_appendages(monkeypatch, omega, loaded):
+    """Those beyond 25 times the frequencies of interest and of what is kept are gathered; a load
+    finds them behind the craft's own coordinates, and tells modes apart without a free base."""
+    items = [carried(place) for place in PLACES]
+    wholes = [item.whole for item in items]
+    items[0].dofs[:], items[1].dofs[:] = [1, 4], [5, 10]  # between those of the craft
+    lines = [SimpleNamespace(model=whole) for whole in wholes]
+    for item, line in zip(items, lines, strict=True):
+        object.__setattr__(item, "line", lambda band, line=line: (tops.append(band), line)[1])
+    tops, bases = [], []
+
+    def exact_appendage(fit, _):
+        return SimpleNamespace(model=SimpleNamespace(condensed=lambda w: (tops.append(w), fit)[1]))
+
+    def under_load(*given):
+        assert given[4] == lines
+        return SimpleNamespace(loaded=lambda linear, at, w: (bases.append((at, w)), linear)[1])
+
+    module = "beamchain.craft.linear_craft"
+    monkeypatch.setattr(f"{module}.carried", lambda *_: items)
+    monkeypatch.setattr(f"{module}.exact_appendage", exact_appendage)
+    monkeypatch.setattr(f"{module}.LoadedTree", under_load)
+    monkeypatch.setattr(f"{module}._load", lambda *_: SimpleNamespace(free=0))
+    made = SimpleNamespace(
+        model=SimpleNamespace(nv=11),
+        craft=MODEL,
+        appendages=[
+            SimpleNamespace(prefix=f"{place}_", fit=whole)
+            for place, whole in zip(PLACES, wholes, strict=True)
+        ],
+        bare_qpos=lambda qpos: qpos[:8],
+    )
+    point = SimpleNamespace(qpos=np.append(QPOS, np.ones(4)), qvel=1e-12 * np.arange(11.0))
+    found = exact_craft(made, point, None, None, omega, loaded=loaded)
+    *_, mass, damping, stiffness = truth()
+    np.testing.assert_allclose(found.linear.mass, mass, atol=1e-9)
+    np.testing.assert_allclose(found.linear.damping, damping, atol=1e-6)
+    np.testing.assert_allclose(found.linear.stiffness, stiffness, atol=1e-6)
+    assert found.point.qvel == pytest.approx(1e-12 * np.array([0, 2, 3, 6, 7, 8, 9]), abs=0.0)
+    names = ("drive", "left_mode1_xy", "left_mode1_xz", "right_mode1_xy", "right_mode1_torsion")
+    assert found.names == names
+    assert [each.name for each in found.linear.coordinates[-4:]] == list(names[1:])
+    springs = np.diag(stiffness)
+    np.testing.assert_allclose(found.rows, np.diag(np.sqrt(springs))[6:], atol=1e-6)
+    if not loaded:
+        assert tops == [25.0 * max(omega, 2.0)] * 2
+        assert found.internal is None
+        return
+    assert tops == [omega] * 2
+    assert bases == [([7, 9], omega)]
+    np.testing.assert_allclose(found.internal, np.diag(springs), atol=1e-6)
+
+
+def test_the_exact_plant_is_accelerated_by_its_thrust_over_all_its_mass():
+    """60 kg of the bus, 7 of what turns on it, and 8 kg of each of two appendages."""
+    text = CRAFT.replace(
+        "</mujoco>",
+        """<actuator><motor name="jet" site="left" gear="0 0 1 0 0 0"/></actuator><keyframe>
+        <key name="burn" qpos="0 0 0 1 0 0 0 0" ctrl="41.5"/></keyframe></mujoco>""",
+    )
+    made = SimpleNamespace(craft=mujoco.MjModel.from_xml_string(text))
+    found = load_on_exact(made, [carried(place) for place in PLACES], "burn")
+    assert np.linalg.norm(found.field) == pytest.approx(41.5 / (67.0 + 16.0))

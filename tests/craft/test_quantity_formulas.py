@@ -363,3 +363,8 @@ def test_moments_that_no_body_has_are_not_written(moment, refused):
     else:
         out = written(("rail.inertia_zz", 2, moment))
         assert np.sort(out.body_inertia[2]) == pytest.approx([0.2, 0.3, moment])
+
+
+def test_a_rod_without_a_moment_about_its_axis_is_no_body():
+    with pytest.raises(bc.InputError, match="body 'rail' has principal moments"):
+        written(("rail.inertia_yy", 2, 0.0), ("rail.inertia_zz", 2, 0.3))

@@ -15,6 +15,7 @@ from formulas import (
     RootMotion,
     acceleration_of_sections,
     appendage_at,
+    attachment_turn,
     carried_load,
     felt_by_modes,
     imported_body,
@@ -22,6 +23,7 @@ from formulas import (
     participation_of_tendon,
     place_of,
     recovery_of_beam,
+    recovery_of_imported,
     rigid_load,
     root_factors,
     run_of_data,
@@ -482,17 +484,18 @@ def with_tendon(frequency, coefficients, **more):
     return model, made, fit
 
 
-def test_the_tip_of_a_beam_moves_with_its_mode():
+@pytest.mark.parametrize("length", [4.0, 40.0])
+def test_the_tip_of_a_beam_moves_with_its_mode(length):
     """A cantilever, whose tip moves by 2 / sqrt(m) in its first mode."""
-    beam = beam_of(4.0).fit.spec.beam
+    beam = beam_of(length).fit.spec.beam
     mass, stiff = 0.04 * 0.02 * 2700.0, 7e10 * 0.02 * 0.04**3 / 12.0
-    wave = 1.8751040687 / 4.0
+    wave = 1.8751040687 / length
     frequency = wave**2 * np.sqrt(stiff / mass)
     model, made, fit = with_tendon(frequency, [0.3, -0.8], beam=beam, root=bc.spec.Root())
-    tip = 2.0 / np.sqrt(4.0 * mass)
+    tip = 2.0 / np.sqrt(length * mass)
     fit.target = {
         "xy": SimpleNamespace(
-            modes=1, frequencies=np.array([frequency]), tip=np.array([[tip, 1.3765 * tip / 4.0]])
+            modes=1, frequencies=np.array([frequency]), tip=np.array([[tip, 1.3765 * tip / length]])
         )
     }
     fit.kept_for = "clamped"
@@ -527,3 +530,91 @@ def test_a_slow_imported_mode_is_told_by_its_tendon(sign):
     assert found.coordinates.frequencies == pytest.approx([0.2])
     np.testing.assert_allclose(found.coordinates.rows, [[0.3, -0.8]])
     assert found.coordinates.dofs.tolist() == [6, 7]
+
+
+def test_rows_over_imported_modes_are_in_the_units_of_their_file(monkeypatch):
+    """mm and t: a coordinate of unit energy is 1e-3 sqrt(1e3) of one in SI. One row follows the
+    amplitudes, another, of a point, the accelerations and w x (w x r)."""
+    kept, static = RNG.standard_normal((2, 3)), RNG.standard_normal((3, 6))
+    frequencies, participation = np.array([2.0, 5.0]), RNG.standard_normal((3, 6))
+    in_file = np.linalg.qr(RNG.standard_normal((3, 3)))[0]
+    amplitudes, accelerations = RNG.standard_normal((2, 4, 2))
+    coordinates = SimpleNamespace(
+        labels=("mode1", "mode4"),
+        frequencies=frequencies,
+        amplitudes=lambda _, qpos: amplitudes,
+        rates=lambda values: values,
+    )
+    body = SimpleNamespace(coordinates=coordinates, kept=kept, static=static)
+    monkeypatch.setattr("beamchain.craft.recovery.imported_body", lambda *_: body)
+    given = bc.spec.RecoveryRows(
+        names=("hinge", "eye"),
+        modes=[RNG.standard_normal(3), np.zeros(3)],
+        accelerations=[np.zeros(3), RNG.standard_normal(3)],
+        root=[np.zeros(6), RNG.standard_normal(6)],
+        points=[np.zeros(3), [0.4, -1.2, 0.7]],
+        units=("N m", "m/s^2"),
+    )
+    moved = root(4)
+    motion = SimpleNamespace(
+        roots=(moved,), qpos=amplitudes, qvel=0.0 * amplitudes, qacc=accelerations
+    )
+    space = SimpleNamespace(
+        data=SimpleNamespace(in_file=in_file, participation=participation),
+        in_file={"mode1": 2, "mode4": 7}.get,
+    )
+    imported = SimpleNamespace(units=SimpleNamespace(si=(1e-3, 1e3)))
+    fit = SimpleNamespace(spec=SimpleNamespace(imported=imported), space=space, kept_for="clamped")
+    made = SimpleNamespace(at="mount", fit=fit)
+    run = SimpleNamespace(time=np.arange(4.0))
+    found = recovery_of_imported(None, made, run, motion, rows=given, static=True)
+    assert found.in_file == (2, 7)
+    # one unit of the file's coordinate is so many of those in SI
+    size = 1.0 / (1e-3 * np.sqrt(1e3))
+    felt = moved.acceleration - np.hstack([moved.gravity, np.zeros((4, 3))])
+    hinge = size * (amplitudes @ kept + felt @ static.T) @ np.array(given.modes[0])
+    np.testing.assert_allclose(found.rows[:, 0], hinge, rtol=1e-12)
+    eye = size * accelerations @ kept @ np.array(given.accelerations[1])
+    eye += moved.acceleration @ np.array(given.root[1])
+    for t, spin in enumerate(moved.spin):
+        eye[t] += given.root[1][:3] @ np.cross(spin, np.cross(spin, given.points[1]))
+    np.testing.assert_allclose(found.rows[:, 1], eye, rtol=1e-12)
+    histories = found.histories
+    follows = {name: (histories[name].follows, histories[name].rest) for name in given.names}
+    assert follows == {
+        "hinge": ("amplitudes", "modes left out"),
+        "eye": ("accelerations", "motion of the root"),
+    }
+    np.testing.assert_allclose(histories["eye"].values[:, 0, 0], eye)
+    wanted = size * kept @ np.array(given.modes[0])
+    np.testing.assert_allclose(histories["hinge"].factors, wanted[None, None])
+    wanted = (kept @ in_file.T @ participation).T * frequencies**2
+    np.testing.assert_allclose(histories["root force"].factors, wanted[None, :3])
+    np.testing.assert_allclose(histories["root moment"].factors, wanted[None, 3:])
+    less = recovery_of_imported(None, made, run, motion, rows=given, static=False).rows[:, 0]
+    np.testing.assert_allclose(less, size * amplitudes @ kept @ np.array(given.modes[0]))
+
+
+def test_combined_tendons_of_loads_are_turned_into_their_modes(monkeypatch):
+    """Two ports that bend: behind one mode stand two tendons, by whose motion of the ports they are
+    combinations of the attachment modes."""
+    coefficients, tip = RNG.standard_normal((3, 3)), RNG.standard_normal((3, 8))
+    turn = np.linalg.qr(RNG.standard_normal((2, 2)))[0]
+    moved = RNG.standard_normal((4, 3))  # of the tendons' own coordinates
+    moved[:, 1:] = tip[1:, [2, 3, 6, 7]].T @ turn
+    rows = dict(zip((1.5, 2.5), np.split(moved @ coefficients, 2), strict=True))
+    monkeypatch.setattr(
+        "beamchain.craft.recovered_body.port_rows", lambda _chain, _freedoms, _motion, x: rows[x]
+    )
+    monkeypatch.setattr("beamchain.craft.recovered_body.further_columns", lambda _: [1, 3])
+    tendons = [
+        SimpleNamespace(stiffness=4.0, label=f"mode{k}_xy", coefficients=row)
+        for k, row in enumerate(coefficients)
+    ]
+    wrong = SimpleNamespace(stiffness=4.0, label="mode1_xz", coefficients=np.ones(3))
+    limp = SimpleNamespace(stiffness=0.0, label="mode4_xy", coefficients=np.ones(3))
+    chain = SimpleNamespace(tendons=[limp, *tendons, wrong], freedoms=lambda _: [])
+    target = {"xy": SimpleNamespace(modes=3, tip=tip, motions=2)}
+    spec = SimpleNamespace(further={"mid": 1.5, "end": 2.5})
+    made = SimpleNamespace(fit=SimpleNamespace(target=target, spec=spec))
+    np.testing.assert_allclose(attachment_turn(made, chain, "xy", 1), turn, atol=1e-12)

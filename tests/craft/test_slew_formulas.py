@@ -24,6 +24,7 @@ from formulas import (
     modes_finely_divided,
     rk4_words,
     slew_warnings,
+    slews_of_file,
     turns_of_hinge,
     wished_hinges,
 )
@@ -193,6 +194,131 @@ def test_means_of_inputs_are_for_the_file_at_its_own_step(monkeypatch, is_own, b
     found = SceneOfSlews._run(scene, placed, 2, drive, 0.03, by)
     assert found == (placed, 2, "states")
     assert given == {"held": [7, 6], "by": by, "count": 4, "mean": mean}
+
+
+BARE = """<mujoco><worldbody><body name="bus"><freejoint/><geom size="1"/>
+<body><joint/><geom size="1"/><body><joint type="slide"/><geom size="1"/>
+<body><joint type="ball"/><geom size="1"/></body></body></body></body>
+<body pos="9 0 0"><joint/><geom size="1"/></body></worldbody></mujoco>"""
+SITES = '<mujoco><option timestep="{}" integrator="{}"/><worldbody>{}</worldbody></mujoco>'
+
+
+@pytest.mark.parametrize(
+    ("timestep", "by", "limit", "wanted", "step", "other", "said"),
+    [
+        (0.01, "Euler", 9.0, 0.005, 0.005, 0.01, ""),  # 8 s / 1600
+        (0.004, "Euler", 9.0, 0.004, 0.004, 0.008, ""),
+        (0.004, "RK4", 9.0, 0.002, 0.002, 0.004, ""),  # it is no judge of itself
+        # a shorter one than is wanted: twice or half of it
+        (0.01, "Euler", 0.004, 0.005, 0.004, 0.002, " (why)"),
+    ],
+)
+def test_steps_and_ports_of_the_craft_that_is_slewed(
+    monkeypatch, timestep, by, limit, wanted, step, other, said
+):
+    """RK4 takes 1600 steps in the slowest period, and no longer ones than the file's own; ports
+    that carry nothing are looked at, where all three models have them."""
+    asked = []
+
+    class Placed(SimpleNamespace):
+        def under_rk4(self, step):
+            asked.append((self.name, step))
+            return Reference(self.name, min(step, limit), limit)
+
+    def placed(_, marked, model):
+        sites = {"file": ("end", "eye", "tip"), "fine": ("end", "eye"), "twin": ("eye", "end")}
+        names = [f"arm_{name}" for name in sites[marked.name]]
+        text = SITES.format(1, "Euler", "".join(f'<site name="{name}"/>' for name in names))
+        return Placed(name=marked.name, given=model, model=mujoco.MjModel.from_xml_string(text))
+
+    for name, stub in (
+        ("joint_request", lambda specs: SimpleNamespace(tolerance=len(specs))),
+        ("_divided", lambda a: f"divided {a.at}"),
+        ("without_timing", lambda _: "untimed"),
+        ("_rk4_words", lambda reference: " (why)" if reference.model == "fine" else ""),
+    ):
+        monkeypatch.setattr(f"beamchain.craft.slews.{name}", stub)
+    monkeypatch.setattr(SceneOfSlews, "_placed", placed)
+    monkeypatch.setattr(SceneOfSlews, "_seen_bodies", lambda *_: [1])
+    spec = SimpleNamespace(further={"end": 1.0, "eye": 2.0, "tip": 3.0, "hand": 4.0, "leg": 5.0})
+    arm = SimpleNamespace(at="arm", prefix="arm_", spec=spec, carries={"hand": ("palm",)})
+    leg = SimpleNamespace(at="arm:leg", prefix="leg_", spec=SimpleNamespace(further={}), carries={})
+    given = {}
+
+    def with_specs(specs):
+        given.update(specs)
+        return SimpleNamespace(name="fine", compiled=lambda: "finely")
+
+    marked = SimpleNamespace(
+        name="file",
+        craft=mujoco.MjModel.from_xml_string(BARE),
+        appendages=[arm, leg],
+        with_specs=with_specs,
+        as_rigid=lambda: SimpleNamespace(name="twin", compiled=lambda: "rigid"),
+    )
+    model = mujoco.MjModel.from_xml_string(SITES.format(timestep, by, ""))
+    scene = SceneOfSlews(marked, model, 8.0)
+    assert given == {"arm": "divided arm", "arm:leg": "divided arm:leg"}
+    assert (scene.file.given, scene.fine.given, scene.twin.given) == ("untimed", "finely", "rigid")
+    assert asked[:2] == [("file", wanted), ("fine", 0.005)]
+    assert (scene.step, scene.other.step) == pytest.approx((step, other))
+    assert (scene.timestep, scene.integrator, scene.tolerance) == (timestep, by, 2)
+    assert scene.limited == said
+    assert scene.held == [1, 2]
+    assert scene.ports == ["arm_end", "arm_eye"]
+
+
+@pytest.mark.parametrize(
+    ("count", "joints", "slewed_hinges"),
+    [(3, (), [0, 1, 2]), (8, (), [0, 1, 2, 3, 4, 5]), (8, ("h7", "h2"), [7, 2])],
+)
+def test_hinges_are_slewed_in_every_turn_by_periods_of_the_slowest_mode(
+    monkeypatch, count, joints, slewed_hinges
+):
+    """Of 0.5 rad/s: 5 and 10 periods by 90 degrees, 10 by 180; at most six hinges unless asked."""
+    bodies = "".join(f'<body><joint name="h{i}"/><geom size="1"/></body>' for i in range(count))
+    bare = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><worldbody><body><freejoint/><geom size="1"/>{bodies}</body></worldbody>
+        </mujoco>"""
+    )
+    hinges = [bare.joint(f"h{i}").id for i in range(count)]
+    said, slewn = [], []
+
+    class Scene:
+        def __init__(self, marked, model, period):
+            self.bare, self.period, self.tolerance = marked.craft, period, None
+
+        def slew(self, joint, name, turn):
+            if name == "h2" and turn.angle > 2.0:
+                raise EngineError("it blows up")
+            slewn.append((joint, turn.angle, turn.duration))
+            return name
+
+    for name, stub in (
+        ("read_bare", lambda _: (SimpleNamespace(), {"m": "wish"})),
+        ("relocate", lambda *_: SimpleNamespace(text="text")),
+        ("compile_model", lambda _: bare),
+        ("marked_craft", lambda *_: SimpleNamespace(craft=bare)),
+        ("_hinges", lambda _: hinges),
+        ("_Scene", Scene),
+    ):
+        monkeypatch.setattr(f"beamchain.craft.slews.{name}", stub)
+    found = slews_of_file(None, None, 0.5, said.append, joints)
+    period = 4.0 * np.pi
+    turns = [(np.pi / 2.0, 5.0 * period), (np.pi / 2.0, 10.0 * period), (np.pi, 10.0 * period)]
+    wanted = [(hinges[i], *turn) for i in slewed_hinges for turn in turns]
+    wanted.remove((hinges[2], *turns[2]))
+    np.testing.assert_allclose(slewn, wanted)
+    assert len(found.rows) == len(wanted)
+    blown, *more = found.warnings
+    assert "slew of h2: it blows up" in blown
+    left = count > 6 and not joints
+    assert len(more) == left
+    if left:
+        assert "only the first 6 hinges were slewed, not h6, h7; --joint" in more[0]
+    of = len(slewed_hinges)
+    assert said[1].endswith(f"by 90 degrees in 62.8 s (hinge 1 of {of}, slew 1 of 3)")
+    assert said[-1].endswith(f"(hinge {of} of {of}, slew 3 of 3)")
 
 
 # -- what is stated --------------------------------------------------------------------------------

@@ -12,15 +12,20 @@ from scipy.linalg import eigh
 
 import beamchain as bc
 from beamchain.craft.stability import StabilityStudy
+from beamchain.errors import EngineError
 from formulas import (
     AppendageOnLoad,
     CraftError,
     Embedded,
     Way,
     cantilever_names,
+    cure_of_step,
+    decide_timing,
     disturbances,
     hanging_notes,
     is_worth_timing,
+    joint_request,
+    layout_of,
     lightest_of_bodies,
     linear_craft,
     mode_names,
@@ -67,6 +72,61 @@ def test_one_step_of_euler(step, rates):
     wanted[:, 0] = np.concatenate([step * rate[:, 0], rate[:, 0], [0.0]])
     wanted[4, 1] = step / 0.2
     np.testing.assert_allclose(driven, wanted, rtol=1e-6, atol=1e-9)
+    if step == H:  # its blocks are of (A - 1) / h and B / h
+        read = '<sensor><jointpos name="place" joint="a"/></sensor></mujoco>'
+        model = mujoco.MjModel.from_xml_string(text.replace("</mujoco>", read))
+        form = linear_craft(model, None, None, None, ["place"]).form(sampled=True)
+        s = 0.3 + 2.1j
+        moved = np.linalg.solve(s * H * np.eye(5) - (found - np.eye(5)), driven)[:1]
+        blocks = form.c @ np.linalg.solve(s * np.eye(len(form.a)) - form.a, form.b)
+        np.testing.assert_allclose(blocks, moved, rtol=1e-5)
+
+
+# -- which timing ----------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("by", "error", "wanted", "needed"),
+    [
+        ("Euler", 0.21, None, True),
+        ("Euler", 0.19, None, False),
+        ("Euler", 0.19, True, True),
+        ("Euler", 0.21, False, False),
+        ("implicitfast", np.inf, None, True),
+        ("RK4", 0.21, None, False),
+        ("RK4", 0.21, True, False),
+        ("RK4", np.inf, None, True),
+    ],
+)
+def test_timing_is_needed_where_the_step_errs_by_more_than_is_allowed(
+    monkeypatch, by, error, wanted, needed
+):
+    """0.2 is; RK4 is timed where it would be unstable alone."""
+    monkeypatch.setattr("beamchain.craft.timing.step_error", lambda *_: (error, 0.2, "rest"))
+    text = SLIDES.replace('integrator="Euler"', f'integrator="{by}"')
+    model = mujoco.MjModel.from_xml_string(text)
+
+    def appendage(hung, hinges):
+        chain = SimpleNamespace(hung=hung, hinges=range(hinges))
+        return SimpleNamespace(fit=SimpleNamespace(chain=chain, spec=SimpleNamespace(scene=None)))
+
+    liquid, stiff, boom = appendage(True, 4), appendage(False, 0), appendage(False, 4)
+    found = decide_timing(model, [liquid, boom, stiff], wanted)
+    assert found.needed is needed
+    assert ("unstable" in found.reason) is (error == np.inf or by == "RK4")
+    assert not decide_timing(model, [liquid, stiff], wanted).needed
+
+
+def test_appendages_ask_together_for_the_largest_band_and_the_least_tolerance():
+    """In the motions of any of them; of no scene with a band, all six."""
+    scenes = [
+        bc.Scene(bandwidth=3.0, tolerance=0.02, axes=("z",)),
+        bc.Scene(bandwidth=5.0, tolerance=0.04, axes=("tx", "z")),
+        bc.Scene(tolerance=0.001, axes=("ty",)),
+        None,
+    ]
+    found = joint_request([SimpleNamespace(scene=scene) for scene in scenes])
+    assert (found.band, found.tolerance, found.motions) == (5.0, 0.02, (0, 5))
+    found = joint_request([SimpleNamespace(scene=scene) for scene in scenes[2:]])
+    assert (found.band, found.tolerance, found.motions) == (None, None, (0, 1, 2, 3, 4, 5))
 
 
 # -- timing ----------------------------------------------------------------------------------------
@@ -119,6 +179,8 @@ def test_modes_of_an_arm_with_its_root_held(held, kind):
     stiffness = np.diag([90.0, 0.0, 8.0, 9.0, held])
     names, rows = cantilever_names(model, mass, stiffness)
     assert names == ["arm_mode1_xy", "arm_mode1_xz", f"arm_{kind}_xy", "drive"]
+    soft = np.diag([0.05, *np.diag(stiffness)[1:]])
+    assert cantilever_names(model, mass, soft)[0] == names
     wanted = np.zeros((4, 5))
     wanted[[0, 1, 2, 3], [2, 3, 4, 0]] = np.sqrt([8.0, 9.0, held, 90.0])
     np.testing.assert_allclose(np.abs(rows), wanted, atol=1e-9)
@@ -335,6 +397,18 @@ def test_the_fastest_mode_of_no_appendage_is_damped_by_no_step():
         <body><freejoint/><geom size=".3"/></body></worldbody></mujoco>"""
     )
     assert motion_warnings(model, [], model) == []
+    text = STILL.format(step=0.01, by="Euler", g="0 0 0", rho=0, mu=0, con=0, aff=0, damper=0.1)
+    model = mujoco.MjModel.from_xml_string(text)
+    assert motion_warnings(model, [], model) == []
+
+
+@pytest.mark.parametrize(
+    ("damps", "kind", "shorter"),
+    [(True, "servo", False), (True, "appendage", True), (False, "servo", True)],
+)
+def test_only_what_damps_the_spacecraft_itself_has_another_cure_than_a_step(damps, kind, shorter):
+    found = cure_of_step(SimpleNamespace(damps=damps, kind=kind), "Euler", "STEP")
+    assert (found == "write STEP") is shorter
 
 
 def test_a_site_stands_on_its_body():
@@ -374,6 +448,11 @@ def test_mass_centres_are_told_from_the_base_wherever_it_stands():
     made = SimpleNamespace(craft=craft, appendages=[SimpleNamespace(at="m", mount=held, fit=fit)])
     found = Embedded.mass_centres.func(made)["m"]
     assert found == pytest.approx([0.5, 3.0, 0.0], abs=1e-12)
+
+
+def test_only_a_file_of_the_spacecraft_has_hinges_to_slew():
+    with pytest.raises(bc.InputError, match="--joint elbow: arm.toml has no hinges"):
+        bc.stability("arm.toml", joints=["elbow"])
 
 
 def test_a_study_counts_no_cases_of_the_suite():
@@ -426,3 +505,25 @@ def test_of_two_poses_the_worse_is_named():
     made.promise = replace(promise, poses={"folded": 0.03, "unfolded": 0.01})
     assert "unfolded" not in Embedded.headline.fget(made)
     assert "folded" in Embedded.headline.fget(made)
+
+
+def test_positions_and_rates_of_the_craft_among_those_with_appendages(monkeypatch):
+    """Hinges of appendages stand between a free joint, a ball, a slide and a hinge."""
+    joints = ["<freejoint/>", *(f'<joint type="{kind}"/>' for kind in ("ball", "slide", "hinge"))]
+
+    def chain(*joints):
+        text = "".join(f'<body>{joint}<geom size="1"/>' for joint in joints)
+        return mujoco.MjModel.from_xml_string(
+            f"<mujoco><worldbody>{text}{'</body>' * len(joints)}</worldbody></mujoco>"
+        )
+
+    whole = chain(joints[0], "<joint/>", joints[1], "<joint/>", *joints[2:])
+    module = "beamchain.craft.documents"
+    monkeypatch.setattr(f"{module}.compile_document", lambda *_: whole)
+    monkeypatch.setattr(f"{module}.craft_elements", lambda *_: {"jnt": [0, 2, 4, 5]})
+    found = layout_of(None, [], chain(*joints))
+    assert found["qpos"] == [*range(7), None, *range(7, 11), None, 11, 12]
+    assert found["qvel"] == [*range(6), None, *range(6, 9), None, 9, 10]
+    assert found["rest"] == list(whole.qpos0)
+    with pytest.raises(EngineError, match="has 3 joints, with appendages 4"):
+        layout_of(None, [], chain(*joints[:3]))

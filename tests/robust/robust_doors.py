@@ -31,7 +31,7 @@ from beamchain.robust.simulated_gain import SteppedController, simulated_gain
 from beamchain.robust.simulated_gain import _measure as measured_in_mujoco
 from beamchain.robust.simulated_gain import _plan as plan_of_run
 from beamchain.robust.simulated_gain import _whole as whole_count
-from beamchain.robust.tables import worst_margin_table
+from beamchain.robust.tables import worst_margin_table, worst_table
 from beamchain.robust.uncertain_plant import _grid as frequencies_of_curves
 from beamchain.robust.uncertain_plant import _with_peak as with_frequency_of_peak
 
@@ -78,5 +78,6 @@ __all__ = [
     "worst_figure",
     "worst_margin_table",
     "worst_sample",
+    "worst_table",
     "zero_crossings",
 ]

@@ -1,5 +1,6 @@
 """Closed forms beside bounds over intervals: the loop there, parts of ranges, what is halved."""
 
+from time import perf_counter
 from types import SimpleNamespace
 
 import control
@@ -7,7 +8,7 @@ import numpy as np
 import pytest
 
 import beamchain as bc
-from beamchain.robust.bounds import Bounder, Box, GainBound, Interval
+from beamchain.robust.bounds import FEWER, FIRST, MANY, Bounder, Box, GainBound, Interval
 from beamchain.robust.multipliers import ComplexSystem, Multipliers
 from complex_systems import complex_system, gains_of, hermitian, value
 from robust_doors import (
@@ -34,6 +35,8 @@ PLANT = (
     RANDOM.normal(size=(4, 4)),
     0.1 * RANDOM.normal(size=(4, 4)),
 )
+# and an output that no loop measures
+PLANT = PLANT[0], PLANT[1], np.vstack([PLANT[2], np.ones(4)]), np.vstack([PLANT[3], np.zeros(4)])
 
 
 def law(delays):
@@ -50,13 +53,13 @@ def law(delays):
 
 def loops_of(delays, offset=0.0):
     return LoopsOfSamples(
-        PLANT, [0, 1], ["u", "v"], ["x", "y"], law(delays), ("v", "x"), offset=offset
+        PLANT, [0, 1], ["u", "v"], ["x", "y", "z"], law(delays), ("v", "x"), offset=offset
     )
 
 
 def nominal_loop(w, delays, offset=0.0):
     """N by its linear equations: y = P [w, u], u = d - K y, e = y_x."""
-    p = value(PLANT, w)
+    p = value(PLANT, w)[:4]
     k = [(0.1j * w + 0.2) / (1j * w + 2.0) * np.exp(-1j * w * delay) for delay in delays]
     k = np.diag(k)
     closed = np.linalg.inv(np.eye(2) + p[2:, 2:] @ k)  # y = closed (P_yw w + P_yu d)
@@ -78,18 +81,18 @@ def test_the_closed_loop_of_the_deltas(delays):
 @pytest.mark.parametrize("delays", [(0.0, 0.0), (0.0, 0.9), (0.8, 0.5)])
 def test_errors_of_dead_times_make_the_loop_over_an_interval_exact(delays):
     """exp(-s T) is the expansion about the middle plus error times eps, |eps| at most 1."""
-    low, high = 1.0, 3.5
+    low, high = 0.5, 4.9
     loop = local_loop(loops_of(delays, 0.25), low, high)
     late = [delay for delay in delays if delay]
     assert loop.errors.size == len(late)
     count = 2 + len(late)
     top, bottom = control.pade(1.0, 4)
-    for w in (1.0, 1.9, 3.5):
+    for w in (1.0, 1.9, 4.8):
         n = loop.system.at(np.array([w]))[0]
         eps = []
         for delay, error in zip(late, loop.errors, strict=True):
-            x = 1j * (w - 2.25) * delay
-            expansion = np.exp(-2.25j * delay) * np.polyval(top, x) / np.polyval(bottom, x)
+            x = 1j * (w - 2.7) * delay
+            expansion = np.exp(-2.7j * delay) * np.polyval(top, x) / np.polyval(bottom, x)
             eps.append((np.exp(-1j * w * delay) - expansion) / error)
         assert np.all(np.abs(eps) <= 1.0 + 1e-3)
         keep = [0, 1, count]
@@ -135,6 +138,7 @@ def test_boxes_and_intervals_are_halved():
     np.testing.assert_allclose(left, [[0.2, -0.3], [0.8, 0.2]])
     np.testing.assert_allclose(right, [[0.2, 0.1], [0.8, 0.2]])
     assert middle_of(2.0, 8.0) == pytest.approx(4.0)
+    assert middle_of(0.05, 0.8) == pytest.approx(0.2)
     assert middle_of(0.0, 8.0) == 4.0
     assert middle_of(3.0, np.inf) == 6.0
     assert is_narrow(Interval(2.0, 2.0 * 1.0009, ()))
@@ -278,8 +282,32 @@ def test_frequencies_at_which_samples_are_looked_at():
     np.testing.assert_allclose(
         found, np.union1d([0.2, 5.0], np.geomspace(0.05, 60.0, 600)), rtol=1e-12
     )
-    wide = looked_at(loops, np.array([0.01, 90.0]))
+    wide = looked_at(loops, np.array([0.01, 1.0, 90.0]))
     assert (wide[0], wide[-1]) == pytest.approx((0.01, 90.0))
+    assert np.sum(wide < 0.02) > 9
+    assert np.sum(wide > 80.0) > 5
+
+
+@pytest.mark.parametrize(("repetitions", "count"), [((1, 1), FIRST), ((MANY, 1), FEWER)])
+def test_the_first_intervals_are_even_between_the_ends_of_interest(repetitions, count):
+    """By logarithm, with one to either side; where samples reach the most goes first."""
+    made = bounder([0.5, 1.0, 3.0, 8.0], [1.0, 3.0, 1.0, 2.0], late=True, repetitions=repetitions)
+    made._start, made.programs, asked = perf_counter() - 9.0, 0, []
+
+    def interval(low, high, parts):
+        asked.append((low, high))
+        ((centre, half),) = parts
+        assert (centre.tolist(), half.tolist()) == ([0.0, 0.0], [1.0, 1.0])
+        return Interval(low, high, (box(low + 1.0),))
+
+    made._interval = interval
+    found = made.bound()
+    inner = 0.5 * 16.0 ** (np.arange(count - 1) / (count - 2.0))
+    assert found.edges == pytest.approx([0.0, *inner, np.inf])
+    assert found.gains == pytest.approx(1.0 + found.edges[:-1])
+    assert 0.7 < asked[0][0] < 2.0  # nearest to 1 rad/s
+    assert (found.late, set(found.boxes)) == (True, {1})
+    assert 9.0 <= found.seconds < 60.0
 
 
 def test_a_bound_in_words():

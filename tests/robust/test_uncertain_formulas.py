@@ -11,6 +11,7 @@ from beamchain.control.instability import sentences
 from beamchain.control.scheduled import ScheduledPlant, in_one_order, reduced_alike
 from beamchain.craft.modal_form import ModalForm
 from beamchain.engine.normal_modes import NormalModes
+from beamchain.robust.least_margins import ALL, LeastMargin, WorstMargins
 from beamchain.robust.lft import Lft
 from beamchain.robust.search import Peak, Resonances
 from beamchain.robust.uncertain_plant import UncertainPlant
@@ -46,6 +47,63 @@ def test_values_of_deltas_and_deltas_of_values():
     assert found == pytest.approx([-0.5, 0.0, 0.6])
     assert made._deltas([0.5, -0.2]).tolist() == [0.5, -0.2, 0.5]
     assert made._block_deltas({"b": 9.0, "c": -3.4}) == pytest.approx([-0.5, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("damped", "read", "said"),
+    [
+        (lambda a, b: 2.0 - 0.3 * a - 0.5 * b, lambda a, b: 4.0, ""),
+        (lambda a, b: 2.0 - 0.3 * a - 0.5 * b, lambda a, b: 4.0 + a, "'rate' depends on a "),
+        (lambda a, b: 2.0 - 0.3 * a - 0.5 * b, lambda a, b: 4.0 + b, "'rate' depends on b "),
+        (lambda a, b: 2.0 - 0.3 * a - 0.5 * b**2, lambda a, b: 4.0, "'angle' depends on b "),
+        (lambda a, b: 2.0 - 0.3 * a - 0.5 * b - a * b, lambda a, b: 4.0, "act together"),
+    ],
+)
+def test_a_sample_is_proved_against_the_model_with_its_values(damped, read, said):
+    """x' = u - k x, k = 2 - 0.3 a - 0.5 b by two channels; x and 4 x are seen."""
+    made = Lft.__new__(Lft)
+    made.quantities = tuple(SimpleNamespace(name=name) for name in "ab")
+    made.blocks, made._group, made._of = ("a", "b"), np.array([0, 1]), np.array([0, 1])
+    craft = SimpleNamespace(
+        modes=SimpleNamespace(frequency=np.array([1.0, 5.0])), signals=([], ["angle", "rate"])
+    )
+    made._source = SimpleNamespace(craft=craft)
+
+    def again(deltas):
+        a, b = deltas
+        system = (
+            np.array([[-damped(a, b)]]), np.ones((1, 1)), np.array([[1.0], [read(a, b)]]),
+            np.zeros((2, 1)),
+        )  # fmt: skip
+        return SimpleNamespace(linear=SimpleNamespace(first_order=lambda: system))
+
+    made._again = again
+    outputs = np.array([[0.3], [0.5], [1.0], [4.0]])
+    system = np.array([[-2.0]]), np.ones((1, 3)), outputs, np.zeros((4, 3))
+    if not said:
+        made._prove(system)
+        return
+    with pytest.raises(bc.InputError, match=said):
+        made._prove(system)
+
+
+def test_the_least_of_a_kind_is_over_inputs_one_at_a_time():
+    rows = [
+        LeastMargin(at, kind, "", 1.0, worst, 1.0, {}, None, {})
+        for at, kind, worst in (
+            ("u", "disk", 0.7), ("v", "disk", 0.6), ("u", "phase", 40.0), ("v", "phase", -30.0),
+            (ALL, "disk", 0.5),
+        )
+    ]  # fmt: skip
+    found = WorstMargins(tuple(rows), True, {})
+    assert found.least() is rows[1]
+    assert found.least("phase") is rows[3]
+    assert found.all_at_once is rows[4]
+    with pytest.raises(bc.InputError, match="'gain'.*phase"):
+        found.least("gain")
+    with pytest.raises(bc.InputError) as refused:
+        WorstMargins((rows[2], rows[4]), True, {}).least("gain")
+    assert "disk" not in str(refused.value)
 
 
 @pytest.mark.parametrize(

@@ -9,15 +9,20 @@ import pytest
 from matplotlib.figure import Figure
 
 import beamchain as bc
+from beamchain.robust.least_margins import Extremum
+from beamchain.robust.search import Peak
+from beamchain.robust.uncertain_plant import UncertainPlant
 from formulas import balanced_bounds, structured_bound
 from robust_doors import (
     LoopsOfSamples,
     SampleLoops,
+    ascent,
     drawn_figure,
     plot_steps,
     plot_worst,
     worst_figure,
     worst_sample,
+    worst_table,
 )
 
 MASS, SPRING, DAMPER = 2.0, 18.0, 0.5
@@ -86,6 +91,17 @@ def test_gain_of_a_sample_its_slopes_and_its_peak():
     assert found.omega == pytest.approx(fine[sizes.argmax()], abs=1e-2)
 
 
+def test_a_gain_without_resonance_is_largest_at_rest():
+    """1 / (s + 2) under a gain of 3: 1 / 5."""
+    plant = tuple(np.array([[value]]) for value in (-2.0, 1.0, 1.0, 0.0))
+    law = bc.spec.Controller(
+        loop=(bc.spec.Loop(input="u", output="y", numerator=[3.0], denominator=[1.0]),)
+    )
+    found = LoopsOfSamples(plant, [], ["u"], ["y"], law, ("u", "y")).peak(np.zeros(0))
+    assert found.gain == pytest.approx(0.2, rel=1e-5)
+    assert found.omega < 0.02
+
+
 def test_the_worst_sample_is_the_worst_of_a_grid():
     fine = np.linspace(0.1, 8.0, 4001)
     sides = np.linspace(-1.0, 1.0, 9)
@@ -146,6 +162,157 @@ def test_margins_of_a_sample_reach_as_far_as_the_sensitivity_does():
             assert slope[k] == pytest.approx(by_reach, rel=5e-3, abs=1e-4)
 
 
+# L = 1.02 / (s + 1 + 0.3 delta), which lags, and 1.02 (1 + 0.01 delta) s / (s + 1), which leads
+LAGS = np.array([[-1.0]]), np.array([[-1.0, 1.0]]), np.array([[0.3], [1.0]]), np.zeros((2, 2))
+LEADS = (
+    np.array([[-1.0]]), np.array([[0.0, 1.0]]), np.array([[-0.01], [-1.0]]),
+    np.array([[0.0, 0.01], [1.0, 1.0]]),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("plant", "cosine", "omega"),
+    [
+        (LAGS, lambda delta: (1.0 + 0.3 * delta) / 1.02, np.sqrt(1.02**2 - 1.0)),
+        (LEADS, lambda delta: 1.0 / (1.02 * (1.0 + 0.01 * delta)), 1.0 / np.sqrt(1.02**2 - 1.0)),
+    ],
+)
+def test_a_large_phase_margin_has_the_slope_of_a_small_reach(plant, cosine, omega):
+    """L is of size one at a small angle t, and E there j tan(t / 2) / 2, or minus that."""
+    law = bc.spec.Controller(
+        loop=(bc.spec.Loop(input="u", output="y", numerator=[1.02], denominator=[1.0]),)
+    )
+    made = SampleLoops(plant, [0], ["u"], ["y"], law)
+
+    def reach(delta):
+        return np.tan(np.arccos(cosine(delta)) / 2.0) / 2.0
+
+    at = made.figures.index(("u", "phase"))
+    assert reach(0.0) < 0.1
+    assert made.reach(np.zeros(1)).sizes[at] == pytest.approx(reach(0.0), rel=1e-3)
+    wanted = (np.log(reach(1e-6)) - np.log(reach(-1e-6))) / 2e-6
+    assert made.slope(at, np.zeros(1), omega) == pytest.approx([wanted], rel=1e-5)
+
+
+def test_of_unstable_samples_one_is_found():
+    """x' = 2 delta x + u under a gain of 1: it grows beyond delta = 1/2."""
+    plant = np.zeros((1, 1)), np.array([[1.0, 1.0]]), np.array([[2.0], [1.0]]), np.zeros((2, 2))
+    law = bc.spec.Controller(
+        loop=(bc.spec.Loop(input="u", output="y", numerator=[1.0], denominator=[1.0]),)
+    )
+    made = SampleLoops(plant, [0], ["u"], ["y"], law)
+    (found,) = made.search([np.zeros(1), np.array([0.4]), np.array([0.6])])
+    assert found[0] > 0.5
+    assert not made.margins(found).stable
+
+
+def test_a_search_ends_in_the_corner_to_which_small_slopes_point():
+    slope = np.array([-0.05, 0.05])
+    gain = SimpleNamespace(
+        peak=lambda deltas: Peak(float(np.exp(slope @ deltas)), 1.0), slope=lambda *_: slope
+    )
+    tried = ascent(gain, np.array([0.3, -0.2]))
+    assert tried[-1].deltas.tolist() == [-1.0, 1.0]
+    assert tried[-1].peak.gain == pytest.approx(np.exp(0.1))
+
+
+def test_what_drifts_is_held_by_no_loop():
+    """Two bodies at rates of their own, one of which a loop holds."""
+    plant = np.zeros((2, 2)), np.eye(2), np.eye(2), np.zeros((2, 2))
+    law = bc.spec.Controller(
+        loop=(bc.spec.Loop(input="u", output="x", numerator=[1.0], denominator=[1.0]),)
+    )
+    for ends, held in ((("u", "x"), True), (("v", "y"), False)):
+        given = plant, [], ["u", "v"], ["x", "y"], law, ends
+        if held:
+            assert LoopsOfSamples(*given, undamped=True).poles == pytest.approx([-1.0])
+        else:
+            with pytest.raises(bc.InputError, match="not stable"):
+                LoopsOfSamples(*given, undamped=True)
+
+
+def test_undamped_poles_are_allowed_where_that_is_said():
+    """9 + 7 = 4^2: a disk margin may be asked of it, a gain not."""
+    plant = (
+        np.array([[0.0, 1.0], [-9.0, 0.0]]), np.array([[0.0], [1.0]]), np.array([[1.0, 0.0]]),
+        np.zeros((1, 1)),
+    )  # fmt: skip
+    law = bc.spec.Controller(
+        loop=(bc.spec.Loop(input="u", output="y", numerator=[7.0], denominator=[1.0]),)
+    )
+    given = plant, [], ["u"], ["y"], law, ("u", "y")
+    assert np.abs(LoopsOfSamples(*given, undamped=True).poles) == pytest.approx([4.0, 4.0])
+    with pytest.raises(bc.InputError, match="not stable"):
+        LoopsOfSamples(*given)
+
+
+@pytest.mark.parametrize("bound", [True, False])
+def test_what_no_value_lets_a_disk_margin_fall_below_is_one_over_its_bound(monkeypatch, bound):
+    """Stated are the least of the margins at all values that were found: here 40 and -30 degrees,
+    which is less, and gains that may fall to 0.2 and 0.4, which is more."""
+
+    def margins(_, deltas):
+        nominal = not np.any(deltas)
+        loop = SimpleNamespace(
+            input="torque",
+            **{name: first if nominal else second for name, first, second in (
+                ("disk", 0.9, 0.7), ("disk_frequency", 3.0, 4.0), ("gain", 3.0, 3.5),
+                ("gain_frequency", 5.0, 6.0), ("lowest_gain", 0.2, 0.4),
+                ("lowest_gain_frequency", 1.0, 2.0), ("phase", 40.0, -30.0),
+                ("phase_frequency", 7.0, 8.0),
+            )},
+        )  # fmt: skip
+        at_once = Extremum(0.5, 9.0) if nominal else Extremum(0.6, 10.0)
+        return SimpleNamespace(stable=True, loops=[loop], all_at_once=at_once)
+
+    monkeypatch.setattr(SampleLoops, "margins", margins)
+    made = UncertainPlant.__new__(UncertainPlant)
+    made._system, made._group, made._of = SYSTEM, np.array([0, 1]), np.array([0, 1])
+    made.inputs, made.outputs = ["torque"], ["angle"]
+    made.quantities = tuple(
+        SimpleNamespace(name=name, nominal=nominal, reach=share * nominal, unit="", key=name)
+        for name, nominal, share in (("k", SPRING, SOFTER), ("d", DAMPER, WEAKER))
+    )
+    made.blocks = (made._block(0), made._block(1))
+    made.drawn_deltas = lambda *_: np.zeros((0, 2))
+    monkeypatch.setattr(SampleLoops, "search", lambda *_: [DELTAS])
+    made._bound = lambda found, _: (SimpleNamespace(gain=2.5), found.deltas, found.worst)
+    found = made.worst_margins(CONTROLLER, bound=bound)
+    assert [(row.nominal, row.worst, row.frequency) for row in found] == [
+        (0.9, 0.7, 4.0), (3.0, 3.0, 5.0), (0.2, 0.4, 2.0), (40.0, -30.0, 8.0), (0.5, 0.5, 9.0),
+    ]  # fmt: skip
+    assert [row.proved for row in found] == [0.4 if bound else None] + [None] * 4
+    assert found[0].values == pytest.approx(made.values(DELTAS))
+    assert found[1].values == pytest.approx({"k": SPRING, "d": DAMPER})
+
+
+def test_corners_to_which_slopes_point_are_the_worst_of_all_corners():
+    """Four bodies side by side on springs of their own, which are uncertain: of all corners, those
+    at which E reaches farthest, in size and along both axes, either way."""
+    squares, ratios = np.array([2.0, 9.0, 17.0, 30.0]), np.array([0.2, 0.3, 0.5, 0.9])
+    gains, ranges = np.array([1.0, 0.7, 0.9, 1.4]), np.array([0.3, 0.4, 0.3, 0.2])
+    a = np.zeros((8, 8))
+    a[:4, 4:], a[4:, :4], a[4:, 4:] = np.eye(4), -np.diag(squares), -np.diag(ratios)
+    b, c = np.zeros((8, 5)), np.zeros((5, 8))
+    b[4:, :4], b[4:, 4] = -np.eye(4), 1.0
+    c[:4, :4], c[4, :4] = np.diag(ranges * squares), gains
+    made = SampleLoops((a, b, c, np.zeros((5, 5))), [0, 1, 2, 3], ["torque"], ["angle"], CONTROLLER)
+    s = 1j * np.geomspace(0.1, 50.0, 1500)
+
+    def reached(deltas):
+        springs = (squares * (1.0 + ranges * deltas))[:, None]
+        plant = gains @ (1.0 / (s**2 + ratios[:, None] * s + springs))
+        e = 1.0 / (1.0 + law_at(s) * plant) - 0.5
+        return np.array([np.abs(e).max(), *((e * way).real.max() for way in (1, -1, 1j, -1j))])
+
+    every = np.max([reached(np.array(at)) for at in product((-1.0, 1.0), repeat=4)], axis=0)
+    corners = made._corners()
+    assert all(set(np.abs(deltas)) <= {0.0, 1.0} for deltas in corners)
+    found = np.max([reached(deltas) for deltas in corners], axis=0)
+    assert found[every > 0.5] == pytest.approx(every[every > 0.5], rel=1e-3)
+    assert np.sum(every > 0.5) >= 4
+
+
 @pytest.mark.parametrize("size", [1, 2, 3, 5])
 def test_bound_of_a_matrix_of_rank_one_is_the_sum_of_its_diagonal_s_sizes(size):
     """mu of u v^H is sum |u_i v_i|, and scaling reaches it."""
@@ -165,7 +332,7 @@ def test_bound_of_a_matrix_without_its_diagonal():
     assert balanced_bounds(np.array([m, 3.0 * m])) == pytest.approx([2.0, 6.0], rel=1e-3)
 
 
-# -- pictures --------------------------------------------------------------------------------------
+# -- tables and pictures ---------------------------------------------------------------------------
 def drawn(**more):
     omega = np.array([0.5, 2.0, 8.0])
     given = {
@@ -174,6 +341,26 @@ def drawn(**more):
         "drawn": np.array([3.0, np.inf, 1.0, 2.0]), "gain": 5.0,
     }  # fmt: skip
     return SimpleNamespace(**given | more)
+
+
+def test_worst_cases_are_told_by_their_poses_where_there_are_several():
+    """A bound stands before the unit, where there is one."""
+    one = drawn(stable=True, pose="rest")
+    bounded = drawn(stable=False, pose="folded", bound=SimpleNamespace(gain=7.0), drawn=())
+    columns = [(each.name, list(each.values)) for each in worst_table([one]).columns]
+    assert columns == [
+        ("disturbance → output", ["torque → angle"]),
+        ("worst sample, predicted", [5.0]),
+        ("worst sample, MuJoCo", [4.1]),
+        ("at", [2.0]),
+        ("worst of the draws", [np.inf]),
+        ("unit", ["rad per N m"]),
+    ]
+    columns = {each.name: list(each.values) for each in worst_table([one, bounded]).columns}
+    assert list(columns)[-2:] == ["no value exceeds", "unit"]
+    assert columns["no value exceeds"] == [np.inf, 7.0]
+    assert columns["disturbance → output"] == ["rest: torque → angle", "folded: torque → angle"]
+    assert columns["worst sample, predicted"] == [5.0, np.inf]
 
 
 def test_peak_gains_of_draws_rise_to_the_share_that_is_stable():

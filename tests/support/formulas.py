@@ -110,10 +110,14 @@ from beamchain.craft.coupled_modes import _spans as spans_of_motion
 from beamchain.craft.coupled_modes import coupled_modes, mode_words, slow_modes
 from beamchain.craft.cures import changes_of, more_modes
 from beamchain.craft.cures import models_at as models_at_setting
+from beamchain.craft.disturbances import _cure as cure_of_step
 from beamchain.craft.disturbances import disturbances
+from beamchain.craft.documents import Wish, layout_of
+from beamchain.craft.documents import assemble as assemble_document
 from beamchain.craft.embedded import Embedded
 from beamchain.craft.embedding import _load_warnings as warnings_of_loads
 from beamchain.craft.embedding import _owner as owner_of_place
+from beamchain.craft.embedding import marked_appendages
 from beamchain.craft.error import (
     Carried,
     CraftError,
@@ -131,10 +135,12 @@ from beamchain.craft.error import by_base as mounts_by_base
 from beamchain.craft.exchange import Exchange
 from beamchain.craft.fits import _far as far_mount
 from beamchain.craft.fits import _points_inward as points_inward
+from beamchain.craft.fits import fit_all
 from beamchain.craft.hanging_liquid import hanging_liquid, springs_at_stated
 from beamchain.craft.inspect import energy_words, inspect_model
+from beamchain.craft.linear_craft import _load as load_on_exact
 from beamchain.craft.linear_craft import _names as names_of_models
-from beamchain.craft.linear_craft import internal_stiffness, linear_craft
+from beamchain.craft.linear_craft import exact_craft, internal_stiffness, linear_craft
 from beamchain.craft.liquid import liquid_cautions, with_liquids_sprung
 from beamchain.craft.loads import Item as AppendageOnLoad
 from beamchain.craft.loads import Load as LoadOfPort
@@ -144,6 +150,7 @@ from beamchain.craft.loads import (
     carries_of,
     carrying_of,
     hanging_notes,
+    loads_of,
     split_port,
 )
 from beamchain.craft.loose_ports import loose_craft
@@ -152,12 +159,19 @@ from beamchain.craft.mode_names import cantilever_names, mode_names
 from beamchain.craft.model_fields import Maker as VariantMaker
 from beamchain.craft.model_fields import apply as apply_draw
 from beamchain.craft.moving_modes import moving_modes
+from beamchain.craft.plant_load import check_standing, liquid_prefixes
 from beamchain.craft.poses import Way, pose_label, poses_of
 from beamchain.craft.promise import _best as best_mode
+from beamchain.craft.promise import _grow as appendages_grown
+from beamchain.craft.promise import joint_request
 from beamchain.craft.proof import _bent_keyframes as bent_keyframes
+from beamchain.craft.proof import _check_ports as check_ports_of_file
+from beamchain.craft.proof import _elements as elements_of_file
+from beamchain.craft.proof import _with_poses_of as bare_at_poses_of
 from beamchain.craft.quantities import Quantity, draws, inertia_matrix, quantities
 from beamchain.craft.quantities import _check_inertia as check_inertia
 from beamchain.craft.recovered_body import Coordinates, imported_body, place_of, tip_displacement
+from beamchain.craft.recovered_body import _attachment_turn as attachment_turn
 from beamchain.craft.recovered_body import _participation as participation_of_tendon
 from beamchain.craft.recovery import History, Recovery, appendage_at
 from beamchain.craft.recovery import _acceleration as acceleration_of_sections
@@ -165,12 +179,13 @@ from beamchain.craft.recovery import _carried_load as carried_load
 from beamchain.craft.recovery import _felt as felt_by_modes
 from beamchain.craft.recovery import _left_out as load_of_modes_left_out
 from beamchain.craft.recovery import _of_beam as recovery_of_beam
+from beamchain.craft.recovery import _of_imported as recovery_of_imported
 from beamchain.craft.recovery import _on_ports as wrench_on_ports
 from beamchain.craft.recovery import _rigid_load as rigid_load
 from beamchain.craft.recovery import _root_factors as root_factors
 from beamchain.craft.recovery import _stations as stations_of
 from beamchain.craft.recovery import run_of as run_of_data
-from beamchain.craft.retiming import RetimedCraft
+from beamchain.craft.retiming import RetimedCraft, retime_craft
 from beamchain.craft.slews import SlewBody, SlewRow
 from beamchain.craft.slews import _apart as apart
 from beamchain.craft.slews import _drift as drift_of_momentum
@@ -185,8 +200,9 @@ from beamchain.craft.slews import _Trial as Trial
 from beamchain.craft.slews import _turns as turns_of_hinge
 from beamchain.craft.slews import _warnings as slew_warnings
 from beamchain.craft.slews import _wished as wished_hinges
+from beamchain.craft.slews import slews as slews_of_file
 from beamchain.craft.step_slopes import step_slopes
-from beamchain.craft.timing import is_worth_timing, response_change
+from beamchain.craft.timing import decide_timing, is_worth_timing, response_change
 from beamchain.craft.timing import step_error as error_of_step
 from beamchain.craft.under_load import LoadedTree
 from beamchain.engine.allocation import Allocated, allocated
@@ -610,6 +626,7 @@ __all__ = [
     "VariantMaker",
     "Wanted",
     "Way",
+    "Wish",
     "Wishes",
     "acceleration_of_sections",
     "acting",
@@ -622,18 +639,22 @@ __all__ = [
     "appendage_at",
     "appendage_poles",
     "appendages_alone",
+    "appendages_grown",
     "apply_draw",
     "are_of_unit_mass",
     "armatures_of",
     "assemble",
+    "assemble_document",
     "assemble_lowest",
     "assembled_chain",
     "assembly_at_rest",
     "assigned_poles",
     "assumed_hub",
+    "attachment_turn",
     "balanced_bounds",
     "ballast_for",
     "band_grid",
+    "bare_at_poses_of",
     "base",
     "base_place",
     "bent_keyframes",
@@ -660,7 +681,9 @@ __all__ = [
     "check_freedoms",
     "check_inertia",
     "check_outwards",
+    "check_ports_of_file",
     "check_pushes",
+    "check_standing",
     "check_steps",
     "check_workers",
     "choose",
@@ -689,10 +712,12 @@ __all__ = [
     "crossings_of_size_one",
     "culprit",
     "cure_of",
+    "cure_of_step",
     "damped_by",
     "damped_modes",
     "damping_of_file",
     "data_of_tables",
+    "decide_timing",
     "default_hub",
     "default_length",
     "departs",
@@ -711,12 +736,14 @@ __all__ = [
     "driven",
     "drives_of_craft",
     "edges_of_pieces",
+    "elements_of_file",
     "elements_of_step",
     "energy_words",
     "equal_parts",
     "error_of_step",
     "even_cut",
     "exact_appendage",
+    "exact_craft",
     "exact_response",
     "extra_damping",
     "far_mount",
@@ -727,6 +754,7 @@ __all__ = [
     "find_cure",
     "first_moment",
     "first_of_ports",
+    "fit_all",
     "fit_warnings",
     "flat_points",
     "follow_modes",
@@ -778,6 +806,7 @@ __all__ = [
     "joined",
     "joined_neighbours",
     "joint_damping",
+    "joint_request",
     "judged_part",
     "key_number",
     "lacking_damping",
@@ -788,6 +817,7 @@ __all__ = [
     "largest_inner",
     "largest_norm_ratio",
     "last_kept",
+    "layout_of",
     "least_share",
     "leaves_at",
     "legendre_series",
@@ -799,11 +829,14 @@ __all__ = [
     "linear_at",
     "linear_craft",
     "liquid_cautions",
+    "liquid_prefixes",
     "load_at",
     "load_of_modes_left_out",
+    "load_on_exact",
     "loaded_linear",
     "loading_at",
     "loadings_of",
+    "loads_of",
     "long_delays",
     "long_enough",
     "loop_by_state",
@@ -815,6 +848,7 @@ __all__ = [
     "margin_figures",
     "margin_sentence",
     "margins_of_all",
+    "marked_appendages",
     "mass_beside_axis",
     "mass_line_of_pieces",
     "mass_of_alone",
@@ -918,6 +952,7 @@ __all__ = [
     "realise_controller",
     "realise_fraction",
     "recovery_of_beam",
+    "recovery_of_imported",
     "reduced_to_kept",
     "refined_bounds",
     "relative_error",
@@ -927,6 +962,7 @@ __all__ = [
     "response_of_loop",
     "rest_point",
     "retime_by",
+    "retime_craft",
     "retimed_file",
     "rigid_body",
     "rigid_hubs",
@@ -975,6 +1011,7 @@ __all__ = [
     "simulate_slew",
     "skin_vertices",
     "slew_warnings",
+    "slews_of_file",
     "slopes",
     "slosh_case",
     "slow_modes",
