@@ -47,7 +47,16 @@ def of_steel(**values):
     bc.Segment(**{"length": 1.0, "section": bc.Round(diameter=0.1), "material": STEEL} | values)
 
 
+def with_port(x):
+    return bc.Spec(segment=(BAY,), port=(bc.spec.Port(name="end", x=x),))
+
+
 PYTHON = {
+    "a port beyond the tip": (lambda: with_port(5.00001), ("port.end.x = 5.00001 m lies beyond",)),
+    "a cut at the tip": (
+        lambda: bc.Spec(segment=(BAY,), fit=bc.spec.FitOptions(cuts=(5.0,))),
+        ("fit.cuts[0] = 5.0 m lies beyond",),
+    ),
     "modes a word": (lambda: bc.fit(ROD, modes="two"), ('modes={"xy": 2',)),
     "damping a word": (lambda: bc.fit(ROD, damping="low"), ("ratio = 'low'", "not a number")),
     "root a word": (lambda: bc.fit(ROD, root="hub"), ("Root(target=",)),

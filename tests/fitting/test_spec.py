@@ -116,3 +116,9 @@ def needed(struct):
 def test_help_lists_the_fields_with_their_units():
     assert "length: length along x [m]." in (bc.Segment.__doc__ or "")
     assert "mass: mass [kg]." in (bc.Hub.__doc__ or "")
+
+
+def test_a_port_may_stand_at_the_tip():
+    bay = bc.Segment(length=2.0, section=bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=1.0))
+    spec = bc.Spec(segment=(bay, bay), port=(bc.spec.Port(name="end", x=4.0),))
+    assert spec.port[0].x == 4.0

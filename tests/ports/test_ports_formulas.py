@@ -256,6 +256,9 @@ def test_norms_that_cannot_be_the_largest_are_left_out():
     assert norm_ratios(matrices, np.ones(3)).tolist() == [3.0, 1.8, 1.0]
     matrices[1] = np.diag([1.7, 0.0, 0.0])
     assert norm_ratios(matrices, np.ones(3)).tolist() == [3.0, 0.0, 1.0]
+    # what they are divided by counts
+    both = np.array([np.diag([3.0, 3.0, 3.0]), np.diag([1.0, 0.0, 0.0])]) + 0j
+    assert norm_ratios(both, np.array([4.0, 1.0])).tolist() == [0.75, 1.0]
 
 
 def test_an_error_is_over_the_larger_of_the_exact_and_of_the_rigid_response():

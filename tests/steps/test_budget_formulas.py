@@ -59,6 +59,16 @@ def test_a_budget_of_two_oscillators():
             budget(rests)
 
 
+def test_euler_takes_a_joint_s_damper_at_the_start_of_the_step_where_that_is_switched_off():
+    """h^2 w^2 + 2 h c = 4 at z = -1, of 5 rad/s with c = d / I = 2 1/s."""
+    model = two()
+    model.dof_damping[1] = 8.0
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
+    longest = (np.sqrt(4.0 + 4.0 * 25.0) - 2.0) / 25.0
+    assert budget(model).largest_step["Euler"] == pytest.approx(longest, rel=1e-6)
+    assert budget(model).largest_step["implicit"] > 0.4
+
+
 def test_the_matrices_behind_a_budget():
     found = linear_model(two())
     np.testing.assert_allclose(np.diag(found.stiffness), [9.0, 25.0], rtol=1e-6)

@@ -121,6 +121,10 @@ def test_sections_where_two_segments_meet_are_those_of_the_outer():
     assert found.second_moment_z[:2] == pytest.approx(about_z, rel=ROUNDED)
     assert found.second_moment_z[2] == pytest.approx(0.02 * 0.04**3 / 12.0, rel=ROUNDED)
     assert found.second_moment_y[2] == pytest.approx(0.04 * 0.02**3 / 12.0, rel=ROUNDED)
+    # a taper counts from where its own segment begins
+    turned = Beam(segments=[beam.segments[1], beam.segments[0]])
+    (area,) = sections_at(turned, np.array([2.0])).area
+    assert area == pytest.approx(np.pi / 4.0 * (0.08**2 - 0.06**2), rel=ROUNDED)
 
 
 @pytest.mark.parametrize("is_round", [True, False])
