@@ -1,8 +1,8 @@
 # make demo        fit the example boom, and film a satellite whose arrays bend, into build/demo
-# make test        lint, types and the quick tests (under four minutes on 2 cores)
-# make quick       those of them that take a twentieth of a second or less, in one process: about a minute
+# make test        lint, types and the quick tests (two to three minutes on 2 cores)
+# make quick       those of them that take a twentieth of a second or less, in one process: about 40 seconds
 # make mutants     200 changes of formulas, drawn by SEED (or several), and which of them the quick tests of the same folder notice
-# make test-full   wheel in an empty environment, notebooks, the long tests (half an hour to fifty minutes)
+# make test-full   wheel in an empty environment, notebooks, the long tests (under half an hour)
 # make hosts       the exported file in other simulators, each in an environment of its own; HOSTS="mjx warp newton" for more
 # make bench       print the timings that README and CHANGELOG quote
 # make bench-peers  the README's study beside Exudyn and Basilisk, an arm of two links beside Exudyn, a cantilever beside MuJoCo's own means, in an environment of its own under build/peers
