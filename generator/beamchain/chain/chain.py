@@ -266,23 +266,26 @@ class Chain:
             )
         tip = offset_matrix(np.array([self.length, 0.0, 0.0]))
         motions = np.column_stack([tip @ self.freedom_motion(f) for f in freedoms])
+        return self._seen(freedoms, motion, motion.T @ motions, damped=damped)
+
+    def _seen(
+        self, freedoms: Sequence[Freedom], motion: Array, points: Array, *, damped: bool = False
+    ) -> PortModel:
+        """The port model over some freedoms; `points` `(p, f)`: what is read as its tip."""
         rigid, elastic = self.rows(freedoms)
         rows = Rows(
             rigid @ motion,
             elastic,
             springs=self.spring_rows(freedoms),
             damping=self.damping(freedoms) if damped else None,
-            points=motion.T @ motions,
+            points=points,
         )
         return PortModel.from_rows(rows)
 
     def shapes(self, port: str) -> Array:
         """`(n, h)` hinge angles of a port in its mass-normalised modes."""
         freedoms = self.freedoms([port])
-        rigid, elastic = self.rows(freedoms)
-        angles = np.eye(len(freedoms))
-        rows = Rows(rigid @ PORT_MOTION[port], elastic, self.spring_rows(freedoms), points=angles)
-        shapes = PortModel.from_rows(rows).tip
+        shapes = self._seen(freedoms, PORT_MOTION[port], np.eye(len(freedoms))).tip
         assert shapes is not None
         return shapes
 

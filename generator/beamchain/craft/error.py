@@ -42,7 +42,6 @@ from beamchain.fitting.needs import AXES
 from beamchain.ports.compare import (
     DEFAULT_RATIO,
     LEAST_RATIO,
-    Curve,
     Response,
     compared_ratios,
     crests,
@@ -539,19 +538,15 @@ class Pose:
 
     def _error(self, response: Response, peaks: Array, tolerance: float | None = None) -> float:
         """In-band error of any `response` that has these `peaks`."""
+        known, omega, exact = self.known
+        more = peak_clusters(unresolved_peaks(peaks, known), self.band)
         of_exact = self.exact if tolerance is None else self._of_nearly_exact
 
         def curve(at: Array) -> Array:
             return relative_error(response(at), of_exact(at), self.frozen)
 
-        return maximum_of(curve, *self._on_grid(response, peaks, curve), tolerance)
-
-    def _on_grid(self, response: Response, peaks: Array, curve: Curve) -> tuple[Array, Array]:
-        """Frequencies that resolve the peaks of the exact craft and these, and the error there."""
-        known, omega, exact = self.known
-        more = peak_clusters(unresolved_peaks(peaks, known), self.band)
         values = np.concatenate([norm_ratios(response(omega) - exact, self._size), curve(more)])
-        return np.concatenate([omega, more]), values
+        return maximum_of(curve, np.concatenate([omega, more]), values, tolerance)
 
     def tops(self, models: Sequence[PortModel]) -> tuple[Array, NDArray[np.complex128]]:
         """Where the error with `models` is highest `(k,)` [rad/s], and the exact response there."""

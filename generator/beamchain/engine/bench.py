@@ -223,12 +223,12 @@ def _block_model(
         ) from None
     keep = [i for i, motion in enumerate(dofs.motions) if motion in live]
     groups = near_groups(direct.frequencies, TOGETHER)
-    if groups:
-        turn = _in_planes(direct.participation, direct.rigid_mass, dofs.motions, groups)
-        damping = turn @ direct.damping @ turn.T
-        direct = direct.replaced(participation=turn @ direct.participation, damping=damping)
-    ratios = np.where(np.abs(direct.ratios) < NO_RATIO, 0.0, direct.ratios)
-    direct = direct.replaced(damping=ratios)
+    turn = _in_planes(direct.participation, direct.rigid_mass, dofs.motions, groups)
+    ratios = np.diag(turn @ direct.damping @ turn.T)
+    direct = direct.replaced(
+        participation=turn @ direct.participation,
+        damping=np.where(np.abs(ratios) < NO_RATIO, 0.0, ratios),
+    )
     if len(keep) < len(dofs.motions):
         direct = direct.in_motions(np.eye(len(dofs.motions))[:, keep])
     try:

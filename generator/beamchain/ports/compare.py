@@ -36,7 +36,6 @@ ZOOMS = 2  # rounds in which a crest is followed, each on points six times as cl
 SAFETY = 1.01  # times the stated error must be within the tolerance
 
 Response = Callable[[Array], NDArray[np.complex128]]
-Curve = Callable[[Array], Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -440,7 +439,9 @@ def relative_error(
     return spectral_norms(responses - exact) / np.maximum(spectral_norms(exact), frozen)
 
 
-def maximum_of(curve: Curve, omega: Array, values: Array, tolerance: float | None = None) -> float:
+def maximum_of(
+    curve: Callable[[Array], Array], omega: Array, values: Array, tolerance: float | None = None
+) -> float:
     """Maximum of a curve whose `values` at `omega` `(k,)` are known:
     its highest crests are followed between the points.
 

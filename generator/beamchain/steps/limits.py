@@ -246,8 +246,7 @@ def normalise(model: PortModel) -> tuple[Array, Array]:
     values, vectors = np.linalg.eigh((compliance + compliance.T) / 2.0)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     spring = model.frequencies[:, None] ** 2
-    damper = (2.0 * model.damping * model.frequencies)[:, None]
-    return root.T @ (spring * root), root.T @ (damper * root)
+    return root.T @ (spring * root), root.T @ model.damping_matrix @ root
 
 
 @dataclass(frozen=True)
