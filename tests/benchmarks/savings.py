@@ -21,12 +21,12 @@ import mujoco
 import beamchain as bc
 from beamchain.chain.chain import Chain, Hinge
 from beamchain.chain.rivals import equal_links
-from beamchain.fitting.choose import everything, whole_beam
+from beamchain.fitting.body import body_of
 from beamchain.fitting.document import appendage_tree
 from beamchain.fitting.hub import default_hub
-from beamchain.fitting.needs import AXES, FAR, Promise, with_polar_inertia
+from beamchain.fitting.needs import FAR
+from beamchain.fitting.select import everything
 from beamchain.mjcf import write
-from beamchain.ports.compare import with_damping
 from beamchain.ports.compose import model_in_space
 
 EXAMPLES = Path(bc.__file__).parent / "examples"
@@ -112,23 +112,15 @@ def rival(spec: bc.Spec, ports: list[str]) -> tuple[int, float]:
     assert spec.root.hub is not None
     tolerance = spec.scene.tolerance
     band = spec.scene.bandwidth
-    whole = {
-        port: spec.with_ratios(port, model) for port, model in whole_beam(spec, spec.beam).items()
-    }
-    far = FAR * band
-    exact = model_in_space(
-        {port: with_damping(model).condensed(far) for port, model in whole.items()},
-        with_polar_inertia(spec.beam.rigid_mass()),
-    )
-    wanted = sorted({AXES[axis] for axis in spec.scene.axes})
-    promise = Promise(exact, spec.root.hub.mass_matrix(), wanted, band)
+    promise = body_of(spec).promise
+    assert promise is not None
     known: dict[int, float] = {}
 
     def error(count: int) -> float:
         if count not in known:
             chain = classical(spec, ports, count)
             models = {p: spec.with_ratios(p, chain.port(p)).condensed(FAR * band) for p in ports}
-            known[count] = promise.error(model_in_space(models, exact.rigid_mass))
+            known[count] = promise.error(model_in_space(models, promise.exact.rigid_mass))
         return known[count]
 
     high = 2

@@ -22,6 +22,7 @@ from formulas import (
     cure_of_step,
     decide_timing,
     disturbances,
+    embedded_headline,
     hanging_notes,
     is_worth_timing,
     joint_request,
@@ -499,12 +500,12 @@ def test_of_two_poses_the_worse_is_named():
     promise = CraftError(0.03, 0.8, {"folded": 0.01, "unfolded": 0.03}, (5,), "bus", {})
     made = SimpleNamespace(
         promise=promise, tolerance=None, appendages=[SimpleNamespace(rigid=False)], loaded=False,
-        by_step=False, ruined=False, _growth_words="",
+        by_step=False, ruined=False,
     )  # fmt: skip
-    assert "unfolded" in Embedded.headline.fget(made)
+    assert "unfolded" in embedded_headline(made)
     made.promise = replace(promise, poses={"folded": 0.03, "unfolded": 0.01})
-    assert "unfolded" not in Embedded.headline.fget(made)
-    assert "folded" in Embedded.headline.fget(made)
+    assert "unfolded" not in embedded_headline(made)
+    assert "folded" in embedded_headline(made)
 
 
 def test_positions_and_rates_of_the_craft_among_those_with_appendages(monkeypatch):

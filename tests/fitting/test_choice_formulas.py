@@ -224,7 +224,18 @@ def test_1_01_times_the_error_keeps_the_tolerance():
 def test_ports_that_need_more_together_take_the_best_mode_first():
     """(1, 2) -> (1, 3), which is better than (2, 2) -> (2, 3); none of it can go again."""
     errors = {**ALONE, (1, 2): 1.5, (2, 2): 1.2, (1, 3): 1.1, (2, 3): 0.95, (1, 4): 1.05}
-    assert modes(found(errors)) == (2, 3)
+    choice = found(errors)
+    assert modes(choice) == (2, 3)
+    # which was enough for each port alone, not what it got
+    assert choice.reasoning[2:4] == (
+        "xy alone, the others whole: 9.00e-01 with 1 modes",
+        "xz alone, the others whole: 9.00e-01 with 2 modes",
+    )
+    assert [line.split()[0] for line in found(errors, fixed={"xy": 1}).reasoning[2:]] == [
+        "xz",
+        "torsion",
+        "axial",
+    ]
     # and stop where no mode lowers the error
     for third in (1.5, 1.55):
         errors = {**ALONE, (1, 2): 1.5, (1, 3): third, (1, 4): 0.5, (3, 3): 0.5}

@@ -13,13 +13,14 @@ from scipy.optimize import brentq
 import beamchain as bc
 from beamchain import PortModel
 from beamchain.caution import Caution
-from beamchain.fitting.choose import everything
 from beamchain.fitting.fit import _with_integrator as with_integrator
+from beamchain.fitting.select import everything
 from beamchain.fitting.spec import schema
 from beamchain.fitting.spec_text import spec_toml
 from beamchain.structure.section import SOFT
 from formulas import (
     Promise,
+    body_of,
     cure_of,
     departs,
     doubtful,
@@ -32,7 +33,6 @@ from formulas import (
     safe_step,
     step_warnings,
     weights_of_modes,
-    whole_beam,
 )
 
 
@@ -348,7 +348,7 @@ def boom(xz=1200.0, **more):
 def test_a_beam_has_all_modes_up_to_25_bands():
     w = cantilever(28, 400.0, 1.7, 3.0)
     spec = boom(xz=1e9, scene=bc.Scene(bandwidth=1.03 * w[-1] / 25.0))
-    found = whole_beam(spec, spec.beam)
+    found = body_of(spec).ports
     assert list(found) == ["xy", "xz"]
     assert found["xy"].frequencies[:28] == pytest.approx(w, rel=1e-9)
 

@@ -13,17 +13,21 @@ from beamchain import PortModel
 from beamchain.errors import RealisationError
 from beamchain.structure.readers.imported import Imported
 from formulas import (
-    ImportedCase,
+    body_of,
     check_body,
+    compared_in_space,
     damping_of_file,
+    damps_modes,
     exact_appendage,
+    fillers_above,
     first_of_ports,
-    imported_case,
     line_with_room,
+    modes_left_out,
     same_planes,
+    select,
     spread_mass,
-    takes_a_tendon_per_mode,
     visible_modes,
+    where_springs_stand,
 )
 
 MASS, LENGTH = 8.0, 5.0
@@ -44,15 +48,12 @@ def data(**more):
 
 
 def case(of=None, numbers=(1, 2), target="clamped", hub=None, scene=None, **more):
-    of = data() if of is None else of
-    spec = bc.Spec(
-        name="file",
-        imported=Imported(file="f.op2"),
-        root=bc.spec.Root(hub=hub),
-        scene=scene,
-        **more,
-    )
-    return ImportedCase(spec, of, of.selected(numbers), numbers, target)
+    """A file's modes, and those of them that are kept for a target."""
+    imported = Imported(file="f.op2", modes=numbers)
+    root = bc.spec.Root(hub=hub)
+    spec = bc.Spec(name="file", imported=imported, root=root, scene=scene, **more)
+    body = body_of(spec, data() if of is None else of)
+    return body, replace(select(body), target=target)
 
 
 HUB = bc.Hub(mass=30.0, inertia=(20.0, 25.0, 28.0), offset=(0.4, 0.2, -0.3))
@@ -67,25 +68,19 @@ def on_hub(hub, rows, w):
 
 def test_fillers_stand_above_the_band_and_the_last_kept_mode_on_the_hub():
     band = bc.Scene(bandwidth=2.5)
-    assert case().fillers_above == 0.0
-    assert case(scene=band).fillers_above == 2.5
+    assert fillers_above(*case()) == 0.0
+    assert fillers_above(*case(scene=band)) == 2.5
     last = on_hub(HUB.mass_matrix(), ROWS[:2], W[:2])[-1]
-    assert case(hub=HUB, scene=band).fillers_above == pytest.approx(last, rel=1e-9)
+    assert fillers_above(*case(hub=HUB, scene=band)) == pytest.approx(last, rel=1e-9)
     free = on_hub(np.zeros((6, 6)), ROWS[:2], W[:2])[-1]
     assert free > 1.1 * last
-    assert case(target="free").fillers_above == pytest.approx(free, rel=1e-9)
-    assert case(target="free", hub=HUB).fillers_above == pytest.approx(free, rel=1e-9)
-    assert case(hub=HUB, scene=bc.Scene(bandwidth=50.0)).fillers_above == 50.0
-
-
-def test_the_band_is_the_scene_s_or_ends_at_the_last_mode():
-    model = data().space()
-    assert case().band(model) == 11.0
-    assert case(scene=bc.Scene(bandwidth=0.7)).band(model) == 0.7
+    assert fillers_above(*case(target="free")) == pytest.approx(free, rel=1e-9)
+    assert fillers_above(*case(target="free", hub=HUB)) == pytest.approx(free, rel=1e-9)
+    assert fillers_above(*case(hub=HUB, scene=bc.Scene(bandwidth=50.0))) == 50.0
 
 
 def test_modes_that_are_not_kept_as_they_move_some_ports():
-    left = case(numbers=(1, 4)).left_out(("xz", "xy"))
+    left = modes_left_out(*case(numbers=(1, 4)), ("xz", "xy"))
     assert left.frequencies == pytest.approx([3.0, 7.0])
     assert left.rows == pytest.approx(np.array([[1.9, 6.4, 0, 0], [0, 0, 1.1, 0.9]]))
     assert left.ports == ("xz", "xy")
@@ -111,18 +106,20 @@ def test_the_first_modes_of_each_port():
 def test_a_case_is_damped_and_keeps_what_is_stated():
     imported = Imported(file="f.op2", modes=(4, 1))
     spec = bc.Spec(name="f", imported=imported, damping=bc.Damping(ratio=0.03))
-    made = imported_case(spec, data())
-    assert made.numbers == (1, 4)
-    assert made.data.damping == pytest.approx([0.03] * 4)
-    assert made.selected.frequencies == pytest.approx([2.0, 11.0])
-    assert made.promise is None
+    body = body_of(spec, data())
+    kept = select(body)
+    assert kept.numbers == (1, 4)
+    assert kept.counts == {"xy": 1, "torsion": 1}
+    assert body.data.damping == pytest.approx([0.03] * 4)
+    assert kept.data.frequencies == pytest.approx([2.0, 11.0])
+    assert body.promise is None
     spec = bc.Spec(name="f", imported=Imported(file="f.op2"), modes=bc.Modes(xy=1, torsion=1))
-    assert imported_case(spec, data()).numbers == (1, 4)
+    assert select(body_of(spec, data())).numbers == (1, 4)
     spec = bc.Spec(name="f", imported=Imported(file="f.op2"))
-    assert imported_case(spec, data()).numbers == (1, 2, 3, 4)
+    assert select(body_of(spec, data())).numbers == (1, 2, 3, 4)
     spec = bc.Spec(name="f", imported=imported, modes=bc.Modes(xy=1))
     with pytest.raises(bc.InputError, match="both given"):
-        imported_case(spec, data())
+        select(body_of(spec, data()))
 
 
 def test_the_promise_of_a_file_without_polar_inertia():
@@ -135,7 +132,7 @@ def test_the_promise_of_a_file_without_polar_inertia():
     scene = bc.Scene(bandwidth=0.4, axes=("z", "ty", "x"))
     imported = Imported(file="f.op2", modes=(1, 2))
     spec = bc.Spec(name="f", imported=imported, scene=scene, root=bc.spec.Root(hub=HUB))
-    promise = imported_case(spec, data(rigid_mass=rigid, participation=rows)).promise
+    promise = body_of(spec, data(rigid_mass=rigid, participation=rows)).promise
     live = [0, 1, 2, 4, 5]
     assert promise.wanted == [1, 4]
     assert promise.bandwidth == 0.4
@@ -148,10 +145,10 @@ def test_the_promise_of_a_file_without_polar_inertia():
 # -- compared in space -----------------------------------------------------------------------------
 @pytest.mark.parametrize("target", ["clamped", "free", "hub"])
 def test_a_case_is_compared_with_the_modes_of_its_target(target):
-    made = case(numbers=(1, 2, 3), target=target, hub=HUB)
+    body, kept = case(numbers=(1, 2, 3), target=target, hub=HUB)
     full = data().space().replaced(damping=np.full(4, 0.01))
     measured = SimpleNamespace(motion=data().selected((1, 2, 3)).space(), damped_motion=full)
-    found = made.compared(measured)
+    found = compared_in_space(body, kept, measured)
     wanted = W[:3]
     if target != "clamped":
         hub = HUB.mass_matrix() if target == "hub" else np.zeros((6, 6))
@@ -170,9 +167,10 @@ def test_the_error_of_a_case_is_that_of_damped_modes_on_its_hub():
     rows = np.array([[1.8, 0.0, 0.0, 0.0, 0.0, 0.0]])
     of = data(frequencies=W[:1], participation=rows, damping=np.array([0.02]))
     hub = bc.Hub(mass=30.0, inertia=(20.0, 25.0, 28.0), offset=(0.4, 0.0, 0.0))
-    made = case(of, numbers=(1,), hub=hub, scene=bc.Scene(bandwidth=3.0))
+    body, kept = case(of, numbers=(1,), hub=hub, scene=bc.Scene(bandwidth=3.0))
     stiffer = of.space().replaced(frequencies=W[:1] * 1.05)
-    found = made.compared(SimpleNamespace(motion=stiffer, damped_motion=stiffer))
+    measured = SimpleNamespace(motion=stiffer, damped_motion=stiffer)
+    found = compared_in_space(body, kept, measured)
     s = 1j * np.linspace(1e-3, 3.0, 20_001)
 
     def accelerance(w):
@@ -302,30 +300,44 @@ def test_planes_with_unequal_numbers_of_modes_stay():
 
 
 @pytest.mark.parametrize(
-    ("damping", "springs", "step", "integrator", "sensors", "each"),
+    ("form", "springs", "step", "integrator", "sensed", "stand", "damped"),
     [
-        (None, "auto", 0.0, "Euler", False, True),  # the file's own ratios
-        ("modal", "auto", 0.0, "Euler", False, True),
-        ("joint", "auto", 0.0, "Euler", False, False),
-        ("joint", "auto", 0.01, "implicitfast", False, True),
-        ("joint", "modes", 0.01, "implicitfast", False, True),
-        ("joint", "hinges", 0.01, "implicitfast", False, False),
-        ("joint", "auto", 0.0, "Euler", True, True),
+        (None, "auto", None, "Euler", False, "auto", True),  # the file's own ratios
+        ("modal", "auto", None, "Euler", False, "auto", True),
+        ("hinge", "auto", None, "Euler", False, "auto", False),
+        ("hinge", "auto", 0.01, "implicitfast", False, "modes", False),
+        ("hinge", "modes", 0.01, "implicitfast", False, "modes", False),
+        ("hinge", "hinges", 0.01, "implicitfast", False, "hinges", False),
+        ("hinge", "auto", None, "Euler", True, "modes", False),
+        ("hinge", "auto", 0.01, "RK4", False, "auto", False),
+        ("hinge", "auto", 1.0, "RK4", False, "modes", False),  # too fast for it
     ],
 )
 def test_a_mode_takes_a_tendon_to_be_damped_timed_or_sensed(
-    damping, springs, step, integrator, sensors, each
+    form, springs, step, integrator, sensed, stand, damped
 ):
-    spec = SimpleNamespace(
-        exact_step=step,
-        integrator=integrator,
-        fit=SimpleNamespace(springs=springs),
-        damping=damping and SimpleNamespace(form=damping),
-        sensors=SimpleNamespace(modes=sensors),
+    spec = bc.Spec(
+        name="file",
+        imported=Imported(file="f.op2"),
+        damping=form and bc.Damping(ratio=0.01, form=form),
+        fit=bc.spec.FitOptions(springs=springs),
+        sensors=bc.spec.Sensors(modes=sensed),
+        scene=step and bc.Scene(timestep=step, integrator=integrator),
     )
-    assert takes_a_tendon_per_mode(spec, data(damping=np.full(4, 0.01))) is each
-    if not step and not sensors:
-        assert not takes_a_tendon_per_mode(spec, data())
+    body = body_of(spec, data(damping=np.full(4, 0.01)))
+    assert where_springs_stand(body, select(body)) == stand
+    assert damps_modes(body, select(body)) is damped
+    bare = body_of(spec.replace(damping=bc.Damping(ratio=0.0)), data())
+    assert not damps_modes(bare, select(bare))
+
+
+def test_hinge_dampers_are_there_once_where_a_step_takes_tendons():
+    damping = bc.Damping(ratio=0.01, form="hinge")
+    scene = bc.Scene(timestep=0.01, integrator="implicitfast")
+    made = bc.fit(data().selected((1, 3)), damping=damping, scene=scene)
+    assert [row.damping_ratio for row in made.modes] == pytest.approx([0.01, 0.01], rel=1e-9)
+    assert made.tendon_sprung
+    assert not made.tendon_damped
 
 
 def test_the_exact_appendage_of_imported_modes_has_six_motions():

@@ -1,4 +1,4 @@
-"""Tests an internal, `fitting.choose.everything`, too.
+"""Tests an internal, `fitting.select.everything`, too.
 
 What a scene does not need: the promise holds in every random scene, and the choice is tight.
 
@@ -34,7 +34,7 @@ from beamchain import (
     fit,
     read_spec,
 )
-from beamchain.fitting.choose import everything
+from beamchain.fitting.select import everything
 from beamchain.spec import Root
 from random_appendages import random_appendage
 from solver import body_mass

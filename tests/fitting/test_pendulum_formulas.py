@@ -7,7 +7,17 @@ import pytest
 from scipy.special import jnp_zeros
 
 import beamchain as bc
-from formulas import Slosh, SloshCase, heavy, limp_model, pendulum_chain, slosh_case, weightless
+from formulas import (
+    Slosh,
+    body_of,
+    cautions_of_fit,
+    chain_of,
+    heavy,
+    limp_model,
+    pendulum_chain,
+    select,
+    weightless,
+)
 
 R, H, DENSITY, RATIO, ACCELERATION = 0.7, 1.1, 900.0, 0.03, 2.5
 XI = jnp_zeros(1, 12)
@@ -119,22 +129,21 @@ HUB = bc.Hub(mass=700.0, inertia=(90.0, 80.0, 70.0), offset=(0.2, 0.3, -0.4))
 
 
 def case(scene=None, hub=HUB, **more):
-    return slosh_case(
-        bc.Spec(name="tank", slosh=liquid(**more), scene=scene, root=bc.spec.Root(hub=hub))
-    )
+    """A liquid and its modes that become pendulums."""
+    root = bc.spec.Root(hub=hub)
+    body = body_of(bc.Spec(name="tank", slosh=liquid(**more), scene=scene, root=root))
+    return body, select(body)
 
 
 def test_a_case_keeps_the_first_modes_of_both_planes():
-    made = case(modes=3)
-    assert isinstance(made, SloshCase)
-    assert made.numbers == (1, 2, 3, 4, 5, 6)
-    assert made.promise is None
-    assert made.chosen() is made
-    assert made.fallback() is None
-    assert made.selected.frequencies == pytest.approx(np.repeat(SPEED[:3], 2))
-    built, line = made.build()
+    body, kept = case(modes=3)
+    assert kept.numbers == (1, 2, 3, 4, 5, 6)
+    assert kept.counts == {"xy": 3, "xz": 3}
+    assert body.promise is None
+    assert kept.data.frequencies == pytest.approx(np.repeat(SPEED[:3], 2))
+    built, line = chain_of(body, kept)
     assert built.status.message == "3 pendulums and a fixed mass, 6 modes kept."
-    assert case(modes=1).build()[0].status.message.startswith("1 pendulum and")
+    assert chain_of(*case(modes=1))[0].status.message.startswith("1 pendulum and")
     assert line.length == H
     for port in ("xy", "xz"):
         model = built.targets[port]
@@ -145,7 +154,7 @@ def test_a_case_keeps_the_first_modes_of_both_planes():
 
 def test_the_promise_of_a_case_is_about_what_the_liquid_moves():
     """No inertia about the axis: rotations y and z are its fourth and fifth motion."""
-    promise = case(bc.Scene(bandwidth=3.0, axes=("x", "tz", "y"))).promise
+    promise = case(bc.Scene(bandwidth=3.0, axes=("x", "tz", "y")))[0].promise
     assert promise.wanted == [2, 3]
     assert promise.bandwidth == 3.0
     live = [0, 1, 2, 4, 5]
@@ -154,15 +163,18 @@ def test_the_promise_of_a_case_is_about_what_the_liquid_moves():
     kept = promise.exact.frequencies
     inside = np.repeat(SPEED, 2)[np.repeat(SPEED, 2) < 75.0]
     assert kept[: inside.size] == pytest.approx(inside, rel=1e-9)
-    bare = case(bc.Scene(bandwidth=3.0), hub=None).promise
+    bare = case(bc.Scene(bandwidth=3.0), hub=None)[0].promise
     assert len(bare.hubs) == 3
 
 
 def test_a_tank_without_thrust_is_told_and_a_liquid_too_heavy_for_its_hub():
-    nothing = SimpleNamespace()
-    told = [one.code for one in case().cautions(nothing, nothing, nothing, nothing)]
+    def codes(made):
+        nothing = SimpleNamespace()
+        return [one.code for one in cautions_of_fit(*made, nothing, nothing, nothing)]
+
+    told = codes(case())
     assert told == ["slosh-weightless"]
     light = bc.Hub(mass=MASS / 101.0, inertia=(9.0, 8.0, 7.0))
-    told = [one.code for one in case(hub=light).cautions(nothing, nothing, nothing, nothing)]
+    told = codes(case(hub=light))
     assert told == ["slosh-weightless", "heavy-liquid"]
     assert str(weightless("here")).startswith("here: without thrust")

@@ -9,7 +9,7 @@ import pytest
 import beamchain as bc
 import beamchain.fitting.result as result_module
 from beamchain import PortModel
-from formulas import InSpace
+from formulas import InSpace, tip_sentence
 
 LIMITS = SimpleNamespace(largest_step={})
 
@@ -117,17 +117,17 @@ def test_the_tip_is_told_beyond_a_hundredth(second, told):
     fit = made(chain=SimpleNamespace(port=tips.get, tendons=(), mass=8.0))
     assert fit.tip_error["xy"] == pytest.approx([0.005, second / -2.0 - 1.0])
     assert fit.tip_error["xz"] == pytest.approx([0.005])
-    assert (fit.tip_told is None) == (told is None)
+    assert (tip_sentence(fit) is None) == (told is None)
     if told:
-        assert told in fit.tip_told
-        assert fit.headline.endswith(fit.tip_told)
+        assert told in tip_sentence(fit)
+        assert fit.headline.endswith(tip_sentence(fit))
 
 
 def test_static_shapes_behind_the_modes_are_not_told():
     errors = {**made().readback_error, "xy": comparison([[0, 0]], [0.1], [0.2], 1e-3)}
     tips = {"xy": plane([2.0, 5.0], [0, 0], [1.005, -9.0]), "xz": plane([3.0], [0], [4.02])}
     fit = made(readback_error=errors, chain=SimpleNamespace(port=tips.get, tendons=(), mass=8.0))
-    assert fit.tip_told is None
+    assert tip_sentence(fit) is None
 
 
 @pytest.mark.parametrize(

@@ -294,8 +294,9 @@ from beamchain.engine.slew import _on_hub as drive_on_hub
 from beamchain.engine.slew import _run as run_of_push
 from beamchain.engine.slew import _without_actuators as without_actuators
 from beamchain.engine.slew import simulate as simulate_slew
-from beamchain.fitting.choose import _modes_below as half_waves
-from beamchain.fitting.choose import whole_beam
+from beamchain.fitting.body import _modes_below as half_waves
+from beamchain.fitting.body import _ratios as damping_of_file
+from beamchain.fitting.body import body_of
 from beamchain.fitting.cure import _one_mode_more as one_mode_more
 from beamchain.fitting.cure import cure_of
 from beamchain.fitting.document import safe_step
@@ -304,24 +305,22 @@ from beamchain.fitting.exact import exact_appendage, reduced_to_kept
 from beamchain.fitting.fewest import fewest
 from beamchain.fitting.fewest import weights as weights_of_modes
 from beamchain.fitting.hub import assumed_hub, default_hub, port_hub_mass
-from beamchain.fitting.imported import ImportedCase, imported_case, same_planes
-from beamchain.fitting.imported import _check_body as check_body
-from beamchain.fitting.imported import _departs as departs
-from beamchain.fitting.imported import _first as first_of_ports
-from beamchain.fitting.imported import _per_mode as takes_a_tendon_per_mode
-from beamchain.fitting.imported import _ratios as damping_of_file
-from beamchain.fitting.imported import _roomy as line_with_room
-from beamchain.fitting.imported import _visible_modes as visible_modes
 from beamchain.fitting.needs import Candidates, Promise, choose, with_polar_inertia
+from beamchain.fitting.proof import _cautions as cautions_of_fit
+from beamchain.fitting.proof import _in_space as compared_in_space
+from beamchain.fitting.realise import _band as fillers_above
+from beamchain.fitting.realise import _check_body as check_body
+from beamchain.fitting.realise import _damps_modes as damps_modes
+from beamchain.fitting.realise import _departs as departs
+from beamchain.fitting.realise import _left_out as modes_left_out
+from beamchain.fitting.realise import _roomy as line_with_room
+from beamchain.fitting.realise import _springs as where_springs_stand
+from beamchain.fitting.realise import _visible_modes as visible_modes
+from beamchain.fitting.realise import chain_of, same_planes
 from beamchain.fitting.result import InSpace
-from beamchain.fitting.slosh import (
-    SloshCase,
-    heavy,
-    limp_model,
-    pendulum_chain,
-    slosh_case,
-    weightless,
-)
+from beamchain.fitting.select import Kept, select
+from beamchain.fitting.select import _first as first_of_ports
+from beamchain.fitting.slosh import heavy, limp_model, pendulum_chain, weightless
 from beamchain.fitting.uncertain import score
 from beamchain.fitting.warnings import (
     doubtful,
@@ -352,6 +351,7 @@ from beamchain.ports.compare import (
 from beamchain.ports.compose import joined
 from beamchain.ports.model import Shapes
 from beamchain.ports.motions import body_mass_matrix, first_moment
+from beamchain.report.headlines import embedded_headline, tip_sentence
 from beamchain.report.outlines import Drawn
 from beamchain.report.replay import _steepest as steepest
 from beamchain.steps.culprit import culprit, inertia_words, stable_step
@@ -398,6 +398,7 @@ from beamchain.steps.retime import _is_unit as are_of_unit_mass
 from beamchain.steps.retime import retime_by, write_values
 from beamchain.steps.retime_file import retimed_file
 from beamchain.steps.sampled import (
+    Exact,
     SampledError,
     exact_response,
     judged_part,
@@ -543,16 +544,17 @@ __all__ = [
     "Effort",
     "Eigenvalues",
     "Embedded",
+    "Exact",
     "Exchange",
     "GainOfModes",
     "Held",
     "Hinge",
     "History",
-    "ImportedCase",
     "InSpace",
     "Input",
     "Inputs",
     "Inside",
+    "Kept",
     "LargeMotion",
     "LinearModel",
     "Link",
@@ -610,7 +612,6 @@ __all__ = [
     "SlewBody",
     "SlewRow",
     "Slosh",
-    "SloshCase",
     "Spring",
     "StartOfPoles",
     "StatesOfRun",
@@ -665,6 +666,7 @@ __all__ = [
     "body_departure",
     "body_in_port",
     "body_mass_matrix",
+    "body_of",
     "build_exact",
     "candidate",
     "cantilever_names",
@@ -673,6 +675,8 @@ __all__ = [
     "carriers",
     "carries_of",
     "carrying_of",
+    "cautions_of_fit",
+    "chain_of",
     "change_of_frequencies",
     "change_of_lowest",
     "changes_of",
@@ -694,6 +698,7 @@ __all__ = [
     "clusters",
     "column_range",
     "compare_with_print",
+    "compared_in_space",
     "compared_ratios",
     "composite",
     "condensed_mass",
@@ -716,6 +721,7 @@ __all__ = [
     "damped_by",
     "damped_modes",
     "damping_of_file",
+    "damps_modes",
     "data_of_tables",
     "decide_timing",
     "default_hub",
@@ -738,6 +744,7 @@ __all__ = [
     "edges_of_pieces",
     "elements_of_file",
     "elements_of_step",
+    "embedded_headline",
     "energy_words",
     "equal_parts",
     "error_of_step",
@@ -750,6 +757,7 @@ __all__ = [
     "felt_by_modes",
     "fewest",
     "fewest_hinges",
+    "fillers_above",
     "fillers_of",
     "find_cure",
     "first_moment",
@@ -786,7 +794,6 @@ __all__ = [
     "holders_of_shape",
     "implicit_stiffness",
     "imported_body",
-    "imported_case",
     "imported_warnings",
     "impulse",
     "impulse_of_halves",
@@ -866,6 +873,7 @@ __all__ = [
     "models_at_setting",
     "modes_at_pose",
     "modes_finely_divided",
+    "modes_left_out",
     "modes_of_tendons",
     "modes_to_give",
     "momentum_beyond",
@@ -996,6 +1004,7 @@ __all__ = [
     "seconds_of",
     "sections_at",
     "seen",
+    "select",
     "sensor_axes",
     "servos_that_chatter",
     "settle_links",
@@ -1013,7 +1022,6 @@ __all__ = [
     "slew_warnings",
     "slews_of_file",
     "slopes",
-    "slosh_case",
     "slow_modes",
     "small_inverse",
     "small_turn",
@@ -1049,11 +1057,11 @@ __all__ = [
     "stop_ahead",
     "structured_bound",
     "sums_behind",
-    "takes_a_tendon_per_mode",
     "taper_cuts",
     "time_error",
     "time_modes",
     "tip_displacement",
+    "tip_sentence",
     "torque_of_actuator",
     "torques_of_allocation",
     "tree_form",
@@ -1080,7 +1088,7 @@ __all__ = [
     "way_from_open",
     "weightless",
     "weights_of_modes",
-    "whole_beam",
+    "where_springs_stand",
     "wished_hinges",
     "with_damping",
     "with_held_input",

@@ -241,6 +241,7 @@ def _record(result: "Embedded", key: str | None, at_key: "Sequence[Mode]") -> di
 
 def _show(result: "Embedded") -> None:
     """What the terminal shows before the names of the files."""
+    from beamchain.report.headlines import modes_sentence
     from beamchain.report.tables.embed import (
         appendage_sentences,
         appendage_table,
@@ -265,7 +266,7 @@ def _show(result: "Embedded") -> None:
         out.print(line)
     if result.loaded or (result.by_step and len(result.promise.poses) > 1):
         print_table(pose_table(result))
-    out.print(result.modes_told)
+    out.print(modes_sentence(result))
     for item in result.appendages:
         scene = item.fit.spec.scene
         promise = item.fit.promise

@@ -49,7 +49,7 @@ def fit(
         read = read_spec(spec)
         check_free(output / "fit.json", force=force)
         if full:
-            from beamchain.fitting.choose import everything
+            from beamchain.fitting.select import everything
 
             read = everything(read)
         say("fitting the chain and reading it back from MuJoCo")

@@ -8,10 +8,9 @@ import msgspec
 
 from beamchain.craft.appendage import Appendage, carried
 from beamchain.errors import InputError
-from beamchain.fitting.choose import further_columns
+from beamchain.fitting.body import Body
 from beamchain.fitting.exact import exact_appendage, kept_counts
 from beamchain.fitting.fewest import weights
-from beamchain.fitting.hub import port_hub_mass
 from beamchain.fitting.options import Modes
 from beamchain.fitting.spec import Spec
 from beamchain.ports.compare import with_damping
@@ -117,16 +116,9 @@ class PerPort:
             full = self._whole(port, count)
             if full is None or count > full.modes:
                 continue
-            if columns := further_columns(self.a.spec):
-                m = full.motions
-                model = full.attached(count, [m * c + i for c in columns for i in range(m)])
-            else:
-                hub = port_hub_mass(self.a.hub.mass_matrix(), port)
-                model = full.for_target(self.a.fit.kept_for, count, hub)
-            if self.a.fit.space is None:
-                model = self.a.spec.with_ratios(port, model)
-            else:
-                model = model.replaced(damping=full.damping[:count])
+            root = msgspec.structs.replace(self.a.spec.root, hub=self.a.hub)
+            body = Body(msgspec.structs.replace(self.a.spec, root=root), {port: full})
+            model = body.reduced(self.a.fit.kept_for, port, count)
             counts = {**self.counts, port: count}
             changed = {**self.changed, port: model}
             out[port] = replace(self, counts=counts, changed=changed, last=port)
@@ -157,9 +149,10 @@ class PerPort:
         if port in fit.full:
             return fit.full[port]
         try:
-            return self.a.spec.beam.port(port, 2 * count + 4, list(self.a.spec.further.values()))
+            model = self.a.spec.beam.port(port, 2 * count + 4, list(self.a.spec.further.values()))
         except InputError:
             return None
+        return self.a.spec.with_ratios(port, model)
 
     @cached_property
     def _exact(self) -> Mapping[str, PortModel]:

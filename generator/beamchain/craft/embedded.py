@@ -1,6 +1,6 @@
 """A spacecraft with its appendages: the result of `embed`, and its error."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from pathlib import Path
@@ -43,13 +43,12 @@ from beamchain.engine.operating_point import (
 )
 from beamchain.errors import BeamchainError, InputError
 from beamchain.files import check_name, write_files
-from beamchain.fitting.needs import AXES
 from beamchain.mjcf.craft import Craft
-from beamchain.ports.compare import keeps_tolerance, tolerance_statement
+from beamchain.ports.compare import keeps_tolerance
 from beamchain.ports.motions import Array, first_moment
 from beamchain.steps.cures import RUINED, UNCURED, Cure, Names, Setting, find_cure
 from beamchain.steps.retime import without_timing
-from beamchain.steps.sampled import SampledError, judged_part, off_by, represents
+from beamchain.steps.sampled import SampledError, represents
 from beamchain.steps.step_map import TimeError, at_step_of, motion_at, shifted_peak
 from beamchain.structure.recovery_rows import RecoveryRows
 
@@ -64,6 +63,8 @@ IN_FILE = Names(
     'write timestep="{}" in the <option> of the spacecraft',
     "leave out --no-retime (retime=False)",
 )
+# cached figures of the motion, whatever is told beside it
+OF_MOTION = ("_exact_poses", "sampled_poses")
 CENTRED = 1e-12  # of the largest coordinate of a mass centre: rounding
 
 
@@ -199,10 +200,11 @@ class Embedded:
         Where appendages carry bodies, their timing is chosen for some poses: then between the
         poses as well.
         """
-        return self._sampled(self.model, timed=any(a.timed is not None for a in self.appendages))
+        timed = any(a.timed is not None for a in self.appendages)
+        return self.sampled_with(self.model, timed=timed)
 
-    def _sampled(self, model: "mujoco.MjModel", *, timed: bool) -> dict[str, SampledError]:
-        """The same of the model at any step."""
+    def sampled_with(self, model: "mujoco.MjModel", *, timed: bool) -> dict[str, SampledError]:
+        """The same of the model at any step, or with timing."""
         errors = craft_sampled_error(self.craft, model, self._exact_poses)
         if timed and any(a.loads for a in self.appendages):
             between = partial(poses_between, share=BETWEEN)
@@ -317,10 +319,10 @@ class Embedded:
         if self.tolerance is None:
             return None
         whole = not self.by_step or represents(float(self.model.opt.timestep), self.band)
-        return whole and keeps_tolerance(self._decisive, self.tolerance)
+        return whole and keeps_tolerance(self.decisive, self.tolerance)
 
     @property
-    def _decisive(self) -> float:
+    def decisive(self) -> float:
         """The error that a tolerance is held against."""
         if not self.by_step:
             return self.craft_error
@@ -386,9 +388,9 @@ class Embedded:
         plain, timed = models_at(
             setting, self.untimed, self.appendages, self._compiled, joints=self.joints
         )
-        error = max(found.error for found in self._sampled(plain, timed=False).values())
+        error = max(found.error for found in self.sampled_with(plain, timed=False).values())
         if timed is not None:
-            with_it = max(found.error for found in self._sampled(timed, timed=True).values())
+            with_it = max(found.error for found in self.sampled_with(timed, timed=True).values())
             if setting.timing or is_worth_timing(error, with_it, self.tolerance):
                 error = with_it
         return max(error, self.craft_error) if self.loaded else error
@@ -422,77 +424,7 @@ class Embedded:
     @property
     def headline(self) -> str:
         """The craft's error in a sentence, and the resonance that makes it, if the step does."""
-        found = self.promise
-        tolerance = self.tolerance
-        names = [name for name, i in AXES.items() if i in found.motions]
-        pushed = "" if len(names) == len(AXES) else f" under {_pushes(names)}"
-        twin = "rigid twin: " if self.appendages[0].rigid else ""
-        said = (
-            f"{twin}motion of {found.body} ({', '.join(names)}{pushed}) up to {found.band:.4g} "
-            f"rad/s, all appendages together: off by at most {found.error:.2e}"
-        )
-        if len(found.poses) > 1:
-            said += (
-                f" (worst of {len(found.poses)} poses: "
-                f"{max(found.poses, key=lambda k: found.poses[k])})"
-            )
-        if self.loaded:
-            said += f" {self._load_words}"
-        part = ""
-        if self.by_step:
-            option = self.model.opt
-            step = f"{NUMBERS[int(option.integrator)]} at {float(option.timestep):g} s"
-            moved = off_by(self.sampled_error)
-            said += f" in continuous time, and {moved} when stepped by {step}"
-            sampled = self.sampled_poses
-            if len(sampled) > 1:
-                said += f" (worst: {max(sampled, key=lambda k: sampled[k].error)})"
-            said += " without the load" if self.loaded else ""
-            part = judged_part(float(option.timestep), found.band)
-        said += part
-        if tolerance is None:
-            above = f", above {RUINED:g}" if self.ruined else ""
-            return f"{said}{above}; no tolerance was requested.{self._growth_words}"
-        if part or self.promise.growth:
-            said += f"; the tolerance {tolerance:g} is not met. {self.blamed}"
-        else:
-            said += f", {tolerance_statement(self._decisive, tolerance)}. {self.blamed}"
-        return said.rstrip() + self._growth_words
-
-    @property
-    def _growth_words(self) -> str:
-        """Where a load lets the spacecraft grow, in sentences; empty where it does not."""
-        out = ""
-        for name, rates in self.promise.growth.items():
-            exact, file = (
-                f"grows by a factor of e in {1.0 / rate:.3g} s" if rate else "does not grow"
-                for rate in rates
-            )
-            cure = (
-                "it needs more stiffness, or less load"
-                if rates[0]
-                else "chains of four to six modes in a plane buckle most nearly as their beams do; "
-                "if they grow as well, take less load"
-            )
-            load = " and ".join(self.loads[name])
-            out += (
-                f" Unstable at {name}, {load}: the exact spacecraft {exact}, the file {file}; "
-                f"{cure}."
-            )
-        return out
-
-    @property
-    def modes_told(self) -> str:
-        """How far the kept modes are off, and unless the tolerance is met how many are left out."""
-        told = [self.assembly.worst_told, "" if self.met else self.assembly.left_out_told]
-        return "; ".join(filter(None, told))
-
-    @property
-    def _load_words(self) -> str:
-        """What acts at the worst pose, or that nothing does."""
-        worst = max(self.promise.poses, key=lambda name: self.promise.poses[name])
-        words = [pose.loading.words for pose in self._exact_poses[worst] if pose.loading]
-        return " and ".join(dict.fromkeys(words)) or f"at {worst}, where no load acts"
+        return report.embedded_headline(self)
 
     @property
     def loads(self) -> dict[str, list[str]]:
@@ -672,11 +604,3 @@ class Embedded:
                 "or proves a file, which is there already."
             )
         return assemble(self.document, self.appendages, folder, self._layout)
-
-
-def _pushes(names: Sequence[str]) -> str:
-    """What pushes in the motions of these names, in words."""
-    along = ", ".join(name[1:] for name in names if len(name) > 1)
-    about = ", ".join(name for name in names if len(name) == 1)
-    words = (f"a force along {along}" if along else "", f"a torque about {about}" if about else "")
-    return " and ".join(filter(None, words))

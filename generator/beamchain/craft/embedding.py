@@ -37,7 +37,7 @@ from beamchain.craft.documents import (
     read_bare,
     with_probes,
 )
-from beamchain.craft.embedded import Embedded
+from beamchain.craft.embedded import OF_MOTION, Embedded
 from beamchain.craft.error import Carried, counterpart, loadings_of
 from beamchain.craft.fits import Fits, fit_all
 from beamchain.craft.liquid import liquid_cautions
@@ -70,7 +70,7 @@ from beamchain.engine.operating_point import poses
 from beamchain.errors import EngineError, InputError
 from beamchain.files import noted_inputs
 from beamchain.fitting.fit import as_spec
-from beamchain.fitting.result import Fit
+from beamchain.fitting.result import Fit, with_known
 from beamchain.fitting.spec import Spec
 from beamchain.mjcf import compatibility, insert, write
 from beamchain.mjcf.craft import Craft
@@ -164,8 +164,9 @@ def embed(
             retime_joints=retime_joints,
             loaded=loaded,
         )
-    result = replace(
+    result = with_known(
         result,
+        () if loaded else OF_MOTION,
         source=source,
         inputs=tuple(inputs),
         loaded=loaded,
@@ -186,7 +187,8 @@ def with_loads_told(result: Embedded) -> Embedded:
     said = result.warnings
     if loadings is not None and all(loading.free is None for loading in loadings.values()):
         said = [w for w in said if not (isinstance(w, Caution) and w.code == "gravity")]
-    return replace(result, warnings=(*said, *_load_warnings(result, items, loadings)))
+    told = (*said, *_load_warnings(result, items, loadings))
+    return with_known(result, OF_MOTION, warnings=told)
 
 
 def _load_warnings(
@@ -466,24 +468,23 @@ def _embed_in_document(
     check_names(craft, appendages)
     compatibility.check_compiler(original.parts(), *lightest(appendages))
     layout = layout_of(original, appendages, craft)
-    appendages, model, said = _time_and_check(
+    made = _time_and_check(
         craft,
         appendages,
-        lambda made: compile_document(original, made, layout),
+        lambda those: compile_document(original, those, layout),
         True if joints else retime,
         compatibility.default_attributes(original.parts()),
         joints=joints,
     )
     if joints:  # a joint that the file does not hold by name is refused before anything is written
-        assemble(original, appendages, None, layout)
-    return Embedded(
-        appendages,
-        craft,
-        model,
-        (*warnings, *said),
-        original,
-        steps,
-        layout,
+        assemble(original, made.appendages, None, layout)
+    return with_known(
+        made,
+        OF_MOTION,
+        warnings=(*warnings, *made.warnings),
+        document=original,
+        steps=steps,
+        _layout=layout,
     )
 
 
@@ -534,12 +535,13 @@ def _embed_in_spec(
             place.attach(mujoco.MjSpec.from_string(text), frame=frame, prefix=a.prefix)
         return place
 
-    appendages, _, said = _time_and_check(
-        craft, appendages, lambda made: attached(spec.copy(), made).compile(), retime
+    made = _time_and_check(
+        craft, appendages, lambda those: attached(spec.copy(), those).compile(), retime
     )
-    attached(spec, appendages)  # the user's spec is touched only after a copy has proved itself
-    made = spec.copy().compile()
-    return Embedded(appendages, craft, made, (*warnings, *said), steps=steps)
+    # the user's spec is touched only after a copy has proved itself
+    attached(spec, made.appendages)
+    told = (*warnings, *made.warnings)
+    return replace(made, model=spec.copy().compile(), warnings=told, steps=steps)
 
 
 # -- both ------------------------------------------------------------------------------------------
@@ -551,17 +553,17 @@ def _time_and_check(
     found: Mapping[str, Mapping[str, int]] | None = None,
     *,
     joints: bool = False,
-) -> "tuple[tuple[Appendage, ...], mujoco.MjModel, list[str]]":
-    """The appendages exact in time where that is worth it, the model with them, and warnings.
+) -> Embedded:
+    """The spacecraft with its appendages, exact in time where that is worth it.
 
     `build` compiles the spacecraft with appendages; `found`: defaults of its document that
     would change them; `joints`: time the spacecraft's own joints too.
     """
     model = build(appendages)
+    result = Embedded(appendages, craft, model, ())
     if any(a.rigid for a in appendages):
-        return appendages, model, []
+        return result
     decision = decide_timing(model, appendages, retime)
-    final = model
     warnings = list(decision.warnings)
     if decision.needed:
         on_tendons = tuple(replace(a, fit=fit_on_tendons(a.fit)) for a in appendages)
@@ -570,20 +572,21 @@ def _time_and_check(
         band = joint_request([a.spec for a in appendages]).band
         timed, slowed = with_timing(plain, band, joints=joints)
         made = tuple(replace(a, timed=timed) for a in on_tendons)
-        before, after = (
-            Embedded(those, craft, one, ()) for those, one in ((appendages, model), (made, timed))
-        )
-        if retime or is_worth_timing(before.sampled_error, after.sampled_error, before.tolerance):
-            appendages, model, final = made, plain, timed
-            with_error = craft_time_error(final, model, appendages, band)
+        sampled = result.sampled_with(timed, timed=True)
+        error = max(found.error for found in sampled.values())
+        if retime or is_worth_timing(result.sampled_error, error, result.tolerance):
+            appendages, model = made, plain
+            result = with_known(result, OF_MOTION, appendages=made, model=timed)
+            vars(result)["sampled_poses"] = sampled
+            with_error = craft_time_error(timed, model, appendages, band)
             without_error = craft_time_error(model, model, appendages, band)
-            warnings += time_notes(final, model, decision.reason, with_error, without_error)
+            warnings += time_notes(timed, model, decision.reason, with_error, without_error)
             warnings += slowed
     check_craft_unchanged(craft, model, appendages)
     check_appendages_unchanged(model, appendages, found or {})
-    warnings += motion_warnings(model, appendages, final)
+    warnings += motion_warnings(model, appendages, result.model)
     warnings += driven_too_far(model, appendages) + attitude_warnings(model, appendages)
-    return appendages, final, warnings
+    return with_known(result, OF_MOTION, warnings=tuple(warnings))
 
 
 def _owner(spec: "mujoco.MjSpec", kind: str, name: str) -> Any:

@@ -57,6 +57,7 @@ from beamchain.ports.compare import (
 )
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array, system_matrix
+from beamchain.steps.sampled import Exact
 
 RANK = 1e-9  # relative singular value below which a motion of the base is held
 TOPS = 8  # frequencies at which a mode has to lower the error, to be worth a trial
@@ -332,6 +333,14 @@ class Pose:
         """The craft, or another linear model of it, with these appendages and what their ports
         carry; their modes for coordinates."""
         return (craft or self.craft).with_appendages(models, self.jacobians, self.carrying)
+
+    @cached_property
+    def at_samples(self) -> Exact:
+        """The craft with every mode of its appendages, to be held against steps."""
+        stated = self.with_appendages([item.whole for item in self.carried], self.bare)
+        compared = self.with_appendages(self.whole)
+        each = (craft.picked(self.motions, self.motions) for craft in (stated, compared))
+        return Exact(*each, self.band)
 
     def _damped(self, models: Sequence[PortModel]) -> list[PortModel]:
         """Appendages with the damping at which they are compared."""

@@ -22,7 +22,7 @@ from beamchain.engine.linear import Carrying
 from beamchain.engine.mount import Mount
 from beamchain.engine.operating_point import base_body
 from beamchain.errors import InputError
-from beamchain.fitting.choose import further_columns
+from beamchain.fitting.body import further_columns
 from beamchain.fitting.spec import Spec
 from beamchain.mjcf.craft import Craft
 from beamchain.mjcf.place import Target

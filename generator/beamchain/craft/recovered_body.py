@@ -19,7 +19,7 @@ from beamchain.craft.loads import split_port
 from beamchain.engine.library import mujoco
 from beamchain.engine.root_motion import Root
 from beamchain.errors import InputError
-from beamchain.fitting.choose import further_columns
+from beamchain.fitting.body import further_columns
 from beamchain.fitting.exact import SHAPED, kept_counts, reduced_to_kept
 from beamchain.fitting.hub import port_hub_mass
 from beamchain.fitting.result import InSpace

@@ -6,21 +6,11 @@ from collections.abc import Mapping, Sequence
 from beamchain.craft.error import Pose, counterpart
 from beamchain.craft.liquid import with_liquids_sprung
 from beamchain.engine.library import mujoco
-from beamchain.engine.linear import Linear
 from beamchain.engine.mount import motion
 from beamchain.engine.operating_point import Positions, poses, quiet_copy, rest_point
 from beamchain.ports.motions import Array
 from beamchain.steps.sampled import SampledError, sampled_error
 from beamchain.steps.step_map import motion_at
-
-
-def exact_response_models(pose: Pose) -> tuple[Linear, Linear]:
-    """The spacecraft at a pose with every mode of its appendages: with the damping that is stated,
-    and with that at which errors are compared."""
-    stated = pose.with_appendages([item.whole for item in pose.carried], pose.bare)
-    compared = pose.with_appendages(pose.whole)
-    motions = pose.motions
-    return stated.picked(motions, motions), compared.picked(motions, motions)
 
 
 def craft_sampled_error(
@@ -54,10 +44,9 @@ def pose_sampled_error(
     data = rest_point(model, qpos).data()
     rows = motion(model, data, body, data.xpos[body], data.xmat[body].reshape(3, 3))
     return sampled_error(
-        *exact_response_models(pose),
+        pose.at_samples,
         motion_at(model, qpos),
         rows[list(pose.motions)],
         scale=pose.scale,
         frozen=pose.frozen,
-        band=pose.band,
     )

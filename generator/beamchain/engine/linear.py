@@ -361,8 +361,8 @@ class Linear:
             activations=self.activations._replace(force=motion.T @ self.activations.force),
         )
 
-    def condensed(self, above: float) -> "Linear":
-        """The same in fewer coordinates: its rigid motions, its normal modes up to a frequency, and
+    def shapes_up_to(self, above: float) -> Array:
+        """`(nv, n)` fewer coordinates: its rigid motions, its normal modes up to a frequency, and
         the static shapes, under its inputs and of what its outputs see, of all modes beyond.
 
         The modes are those of the whole, so that none in question moves. The static response to the
@@ -383,10 +383,7 @@ class Linear:
         attachment, strength, _ = np.linalg.svd(responses, full_matrices=False)
         static = beyond @ attachment[:, strength > DEPENDENT]
         motion = np.hstack([modes.rigid, modes.shapes[:, low], static])
-        if motion.shape[1] >= self.mass.shape[0]:
-            return self
-        names = (Signal(f"shape {k + 1}", "") for k in range(motion.shape[1]))
-        return self.in_coordinates(motion, tuple(names))
+        return motion if motion.shape[1] < self.mass.shape[0] else np.eye(self.mass.shape[0])
 
     def with_appendages(
         self,

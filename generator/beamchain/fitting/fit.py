@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import msgspec
+from msgspec import structs
 
 from beamchain.caution import Caution
 from beamchain.chain.build import Built
@@ -14,15 +14,15 @@ from beamchain.engine.bench import measure, root_body
 from beamchain.engine.hanging import sprung_by_acceleration
 from beamchain.engine.library import one_thread
 from beamchain.errors import EngineError, InputError, RealisationError
-from beamchain.fitting.beam_case import beam_case, on_modes
+from beamchain.fitting.body import Body, body_of
 from beamchain.fitting.cure import cure_of
 from beamchain.fitting.document import appendage_tree
 from beamchain.fitting.hub import Hub
-from beamchain.fitting.imported import imported_case
 from beamchain.fitting.options import Damping, FitOptions, Modes, Root, Scene, Target
-from beamchain.fitting.proof import Case, assess_fit
-from beamchain.fitting.result import Fit
-from beamchain.fitting.slosh import slosh_case
+from beamchain.fitting.proof import assess_fit
+from beamchain.fitting.realise import chain_of
+from beamchain.fitting.result import Fit, with_known
+from beamchain.fitting.select import Kept, select
 from beamchain.fitting.spec import Spec, read_spec
 from beamchain.fitting.uncertain import uncertain_from
 from beamchain.fitting.warnings import doubtful
@@ -118,9 +118,7 @@ def decide(made: Fit, data: ModalData | None = None) -> Fit:
     elif cure is not None:
         cautions = (*cautions, Caution("hinge-damping", cure.words))
     status = replace(made.status, ok=made.status.ok and not missed, message=text)
-    decided = replace(made, status=status, cautions=cautions, cure=cure)
-    vars(decided).update({name: vars(made)[name] for name in READ_BACK if name in vars(made)})
-    return decided
+    return with_known(made, READ_BACK, status=status, cautions=cautions, cure=cure)
 
 
 def _at_its_step(made: Fit) -> str:
@@ -138,69 +136,66 @@ def _at_its_step(made: Fit) -> str:
     return f"{said} {made.blamed}".rstrip()
 
 
+@one_thread()
 def fit_spec(spec: Spec, data: ModalData | None = None) -> Fit:
     """What `fit` does with a whole specification; `data`: its imported modes,
     else read from its file."""
     imported = spec.imported
-    with one_thread():
-        if spec.slosh is not None:
-            return _fit(_with_integrator(spec, spec.slosh.rigid_mass()))
-        if imported is None:
-            return _fit(_with_integrator(on_modes(spec), spec.beam.rigid_mass()))
-        data = imported.read() if data is None else data
-        if spec.uncertain is None and data.uncertain:
-            uncertain = uncertain_from(data.uncertain, data.source)
-            spec = msgspec.structs.replace(spec, uncertain=uncertain)
-        if imported.recovery is not None:
-            read_recovery(imported.recovery).check_columns(data.in_file.shape[1])
-        try:
-            return _fit(_with_integrator(on_modes(spec), data.rigid_mass), data)
-        except EngineError as error:
-            units = imported.units
-            cure = "Check imported.units (length = {:g}, mass = {:g}).".format(*units.si)
-            raise EngineError(str(error).replace(UNITS, cure)) from None
+    if imported is None:
+        return _fit(spec)
+    data = imported.read() if data is None else data
+    if spec.uncertain is None and data.uncertain:
+        uncertain = uncertain_from(data.uncertain, data.source)
+        spec = structs.replace(spec, uncertain=uncertain)
+    if imported.recovery is not None:
+        read_recovery(imported.recovery).check_columns(data.in_file.shape[1])
+    try:
+        return _fit(spec, data)
+    except EngineError as error:
+        units = imported.units
+        cure = "Check imported.units (length = {:g}, mass = {:g}).".format(*units.si)
+        raise EngineError(str(error).replace(UNITS, cure)) from None
 
 
 def _fit(spec: Spec, data: ModalData | None = None) -> Fit:
-    """The fit of a beam, or of imported modes: chosen, realised, written, measured, compared."""
+    """An appendage chosen, realised, written, read back through MuJoCo, and compared."""
     clock = [time.perf_counter()]
-    case: Case
-    if spec.slosh is not None:
-        case = slosh_case(spec)
-    else:
-        case = beam_case(spec) if data is None else imported_case(spec, data)
+    body = body_of(spec, data)
+    body = replace(body, spec=_with_integrator(spec, body.rigid_mass))
+    kept = select(body)
     clock.append(time.perf_counter())
-    case, built, line = _realise(case)
+    kept, built, line = _realise(body, kept)
     chain, note = raise_polar_inertia(built.chain, LEAST_INERTIA)
     built = replace(built, chain=chain)
     clock.append(time.perf_counter())
-    tree = appendage_tree(spec, chain)
+    tree = appendage_tree(body.spec, chain)
     if chain.hung:
         tree = sprung_by_acceleration(tree, chain.acceleration)
     clock.append(time.perf_counter())
     measured = measure(
         tree,
-        case.blocks,
-        timestep=(spec.scene or Scene()).step,
-        integrator=spec.integrator,
+        kept.blocks,
+        timestep=(body.spec.scene or Scene()).step,
+        integrator=body.spec.integrator,
         ballast=root_body(chain),
-        live=case.live,
+        live=body.live,
     )
-    fitted = assess_fit(case, built, measured, clock, line)
+    fitted = assess_fit(body, kept, built, line, measured, clock)
     if not note:
         return fitted
     return replace(fitted, cautions=(*fitted.cautions, Caution("raised-inertia", note)))
 
 
-def _realise(case: Case) -> tuple[Case, Built, MassLine]:
-    """The chain of a case, or of its fallback where it has none."""
+def _realise(body: Body, kept: Kept) -> tuple[Kept, Built, MassLine]:
+    """The chain of the kept modes; of clamped ones where those that the scene chose have none."""
     try:
-        return case, *case.build()
+        return kept, *chain_of(body, kept)
     except RealisationError as error:
-        other = case.fallback()
-        if other is not None:
-            return other, *other.build()
-        questions = " ".join(doubtful(case.spec.segment))
+        auto = body.spec.root.target in (None, "auto")
+        if auto and kept.target != "clamped":
+            kept = select(body, "clamped")
+            return kept, *chain_of(body, kept)
+        questions = " ".join(doubtful(body.spec.segment))
         if not questions:
             raise
         raise RealisationError(f"{questions} As it is: {error}") from None
@@ -227,7 +222,7 @@ def _with_integrator(spec: Spec, rigid: Array) -> Spec:
         central_inertia(spec.root.hub.mass_matrix() + rigid), scene.rates, scene.step
     )
     chosen = "Euler" if error <= scene.tolerance else "RK4"
-    return msgspec.structs.replace(spec, scene=msgspec.structs.replace(scene, integrator=chosen))
+    return structs.replace(spec, scene=structs.replace(scene, integrator=chosen))
 
 
 def as_spec(appendage: Beam | Spec | ModalData | str | Path) -> Spec:

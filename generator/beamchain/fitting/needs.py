@@ -282,7 +282,7 @@ class _Search:
     def choice(self) -> Choice:
         """The numbers of modes, with an empty ledger."""
         enough = {port: self._enough_alone(port) for port in self.most}
-        alone = {port: self._searched(enough, self.others(port)) for port in enough}
+        alone = {port: self._searched(enough, self.others(port)) for port in self.free}
         counts = self._enough_together(enough)
         counts = self._no_more_than_needed(counts)
         counts = self._no_better_neighbour(counts)
@@ -296,8 +296,8 @@ class _Search:
             left_out=(),
             cannot=tuple(_cannot(self.candidates, counts, self.whole_band)),
             reasoning=tuple(
-                f"{port} alone, the others whole: {alone[port]:.2e} with {counts[port]} modes"
-                for port in counts
+                f"{port} alone, the others whole: {error:.2e} with {enough[port]} modes"
+                for port, error in alone.items()
             ),
         )
 

@@ -2,22 +2,31 @@
 whatever it started from."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import Protocol, Self
 
 import numpy as np
 
-from beamchain.chain.build import Built
+from beamchain.chain.build import Built, Status
 from beamchain.chain.chain import Chain
 from beamchain.engine.bench import Measured
-from beamchain.fitting.choose import ledger, verdict
+from beamchain.fitting.body import Body
 from beamchain.fitting.hub import default_hub, port_hub_mass
-from beamchain.fitting.needs import Choice, Promise
+from beamchain.fitting.needs import Choice, LeftOut
 from beamchain.fitting.options import Scene
+from beamchain.fitting.realise import carrier, why
 from beamchain.fitting.result import Fit, InSpace
+from beamchain.fitting.select import Kept
+from beamchain.fitting.slosh import heavy, weightless
 from beamchain.fitting.spec import Spec
-from beamchain.ports.compare import Comparison, compare, in_band_error
+from beamchain.fitting.warnings import doubtful, fit_warnings, imported_warnings
+from beamchain.ports.compare import (
+    Comparison,
+    compare,
+    in_band_error,
+    keeps_tolerance,
+    tolerance_statement,
+)
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array
 from beamchain.steps.limits import StepLimits, coupled_limits
@@ -25,78 +34,6 @@ from beamchain.structure.mass_line import MassLine
 
 EMPTY = 1e-5  # residual mass at the root below which the free appendage has no fastest mode
 SAME_MASS = 1e-9  # relative, beyond which the chain's rigid mass is said to differ
-
-
-class Case(Protocol):
-    """What a fit starts from: an appendage with every mode, and those that its chain shall keep.
-
-    A beam (`fitting.beam_case`) or imported modes (`fitting.imported`).
-    """
-
-    @property
-    def spec(self) -> Spec:
-        """The specification."""
-        ...
-
-    @property
-    def target(self) -> str:
-        """The root's boundary condition whose modes are kept: "clamped", "free" or "hub"."""
-        ...
-
-    @property
-    def choice(self) -> Choice | None:
-        """How the scene decided; None where the modes are stated."""
-        ...
-
-    @property
-    def promise(self) -> Promise | None:
-        """The in-band error on the hub, where the scene states a bandwidth."""
-        ...
-
-    @property
-    def kept(self) -> Mapping[str, int]:
-        """Number of modes per port whose target holds more than those."""
-        ...
-
-    @property
-    def live(self) -> tuple[int, ...]:
-        """Motions in which the appendage has inertia (0 to 5)."""
-        ...
-
-    @property
-    def blocks(self) -> tuple[tuple[str, ...], ...]:
-        """Ports that the bench frees; those that modes or mass couple stand together."""
-        ...
-
-    def build(self) -> tuple[Built, MassLine]:
-        """The chain, and how its mass lies along x."""
-        ...
-
-    def fallback(self) -> Self | None:
-        """The case that is tried where this one has no chain."""
-        ...
-
-    def full(self, ports: Mapping[str, PortModel]) -> dict[str, PortModel]:
-        """Per port all modes that are known."""
-        ...
-
-    def truth(self, port: str) -> PortModel:
-        """The same of one port, damped as asked for."""
-        ...
-
-    def compared(self, measured: Measured) -> InSpace | None:
-        """The comparison in all motions at once, where modes may couple ports."""
-        ...
-
-    def cautions(
-        self,
-        measured: Measured,
-        targets: Mapping[str, PortModel],
-        chain: Chain,
-        limits: StepLimits,
-    ) -> tuple[str, ...]:
-        """What to know before the file is used."""
-        ...
 
 
 def step_limits(chain: Chain, motion: PortModel, hub: Array | None) -> StepLimits:
@@ -109,22 +46,17 @@ def step_limits(chain: Chain, motion: PortModel, hub: Array | None) -> StepLimit
 
 
 def assess_fit(
-    case: Case,
-    built: Built,
-    measured: Measured,
-    clock: list[float],
-    line: MassLine,
+    body: Body, kept: Kept, built: Built, line: MassLine, measured: Measured, clock: list[float]
 ) -> Fit:
     """The fit of a chain that was measured: errors per port, verdict, and what was left out.
 
-    `clock`: times at which modelling, realising, writing and verifying began [s]; `line`: how the
-    chain's mass lies along x.
+    `line`: how the chain's mass lies along x; `clock`: times at which modelling, realising, writing
+    and verifying began [s].
     """
-    spec = case.spec
-    hub = None if spec.root.hub is None else spec.root.hub.mass_matrix()
+    spec, hub = body.spec, body.hub
     status = built.status
-    space = case.compared(measured)
-    if space is not None and case.target == "clamped":  # another target has modes of its own
+    space = None if body.data is None else _in_space(body, kept, measured)
+    if space is not None and kept.target == "clamped":  # another target has modes of its own
         status = status.adding(f"Kept: {space.kept_words}.")
     if space is not None and space.error.mass_error > SAME_MASS:
         status = status.adding(
@@ -132,43 +64,90 @@ def assess_fit(
             f"{space.error.mass_error:.1e}."
         )
     motion = measured.motion
-    carrier = hub
+    loaded = hub
     if hub is None and not line.exact and _is_empty(motion):
         # alone such an appendage has a root without mass, whose fastest mode lies at infinity
-        carrier = default_hub(line).mass_matrix()
+        loaded = default_hub(line).mass_matrix()
         status = status.adding(
             "Step limits: on ten times its mass, as its root has none of its own."
         )
-    live = np.ix_(case.live, case.live)
-    limits = step_limits(built.chain, motion, None if carrier is None else carrier[live])
-    bandwidth, error = _port_errors(case, built, measured, hub)
-    promise = None
-    if case.promise is not None:
-        promise = case.promise.error(measured.damped_motion)
+    live = np.ix_(body.live, body.live)
+    limits = step_limits(built.chain, motion, None if loaded is None else loaded[live])
+    bandwidth, error = _port_errors(body, kept, built, measured)
+    promise = None if body.promise is None else body.promise.error(measured.damped_motion)
     clock.append(time.perf_counter())
     return Fit(
         spec=spec,
         chain=built.chain,
-        full=case.full(built.targets),
+        full=dict(body.ports)
+        if body.data is None
+        else {port: body.view(port) for port in built.targets},
         target=built.targets,
         achieved={port: measured.ports[port] for port in built.targets},
         readback_error=error,
         measured=measured,
         limits=limits,
-        status=verdict(spec, status, promise),
+        status=_verdict(spec, status, promise),
         seconds=dict(
             zip(("model", "realise", "write", "verify"), np.diff(clock).tolist(), strict=True)
         ),
         bandwidth=bandwidth,
-        kept_for=case.target,
-        choice=case.choice,
+        kept_for=kept.target,
+        choice=kept.choice,
         promise=promise,
         cut=built.cut,
-        left_out=ledger(spec, case.choice, bool(built.chain.tendons)),
-        cautions=case.cautions(measured, built.targets, built.chain, limits),
+        left_out=_omissions(spec, kept.choice, bool(built.chain.tendons)),
+        cautions=tuple(_cautions(body, kept, built, measured, limits)),
         line=line,
         space=space,
     )
+
+
+def _in_space(body: Body, kept: Kept, measured: Measured) -> InSpace:
+    """The comparison in all motions at once, where modes may couple ports."""
+    assert body.data is not None
+    assert kept.data is not None
+    live = np.ix_(body.live, body.live)
+    full = body.data.space()
+    target = kept.data.space()
+    if kept.target != "clamped" and target.modes:
+        target = full.reduced(target.modes, carrier(body, kept)[live])
+    scene = body.spec.scene or Scene()
+    in_band = in_band_error(
+        measured.damped_motion,
+        full,
+        None if body.hub is None else body.hub[live],
+        scene.bandwidth or float(target.frequencies[-1]),
+        undamped=body.spec.undamped_ratio,
+    )
+    return InSpace(
+        data=body.data,
+        why=why(kept),
+        full=full,
+        target=target,
+        achieved=measured.motion,
+        error=replace(compare(measured.motion, target), accelerance_in_band=in_band),
+        live=body.live,
+        numbers=kept.numbers,
+    )
+
+
+def _cautions(
+    body: Body, kept: Kept, built: Built, measured: Measured, limits: StepLimits
+) -> Iterator[str]:
+    """What to know before the file is used."""
+    spec = body.spec
+    if spec.slosh is not None:
+        yield weightless("nothing but the keyframe `burn` of scene.xml accelerates the tank")
+        yield from heavy(spec.slosh, None if spec.root.hub is None else spec.root.hub.mass)
+    elif body.data is None:
+        achieved = {port: measured.ports[port] for port in built.targets}
+        yield from fit_warnings(spec, measured, achieved, built.chain, limits)
+        yield from doubtful(spec.segment, spec.damping, built.targets)
+    else:
+        units = None if spec.imported is None else spec.imported.units
+        yield from doubtful((), spec.damping)
+        yield from imported_warnings(body.data, kept.numbers, spec.damping, units, spec.scene)
 
 
 def _is_empty(motion: PortModel) -> bool:
@@ -179,20 +158,62 @@ def _is_empty(motion: PortModel) -> bool:
 
 
 def _port_errors(
-    case: Case, built: Built, measured: Measured, hub: Array | None
+    body: Body, kept: Kept, built: Built, measured: Measured
 ) -> tuple[dict[str, float], dict[str, Comparison]]:
     """Per port the band [rad/s], and the comparison of what was read back with its target;
-    in band with the whole appendage on `hub` `(6, 6)`."""
-    scene = case.spec.scene or Scene()
+    in band with the whole appendage on the hub."""
+    spec = body.spec
     bandwidth: dict[str, float] = {}
     error: dict[str, Comparison] = {}
     for port, target in built.targets.items():
-        modes = min(case.kept.get(port, target.modes), target.modes)
-        bandwidth[port] = scene.bandwidth or float(target.frequencies[modes - 1])
-        carrier = None if hub is None else port_hub_mass(hub, port)
-        undamped = case.spec.undamped_ratio
-        made = measured.damped_port(port)
-        in_band = in_band_error(made, case.truth(port), carrier, bandwidth[port], undamped=undamped)
+        # static shapes of loads on further points stand behind the modes
+        modes = min(kept.counts[port], target.modes) if spec.further else target.modes
+        bandwidth[port] = (spec.scene or Scene()).bandwidth or float(target.frequencies[modes - 1])
+        hub = None if body.hub is None else port_hub_mass(body.hub, port)
+        in_band = in_band_error(
+            measured.damped_port(port),
+            body.view(port),
+            hub,
+            bandwidth[port],
+            undamped=spec.undamped_ratio,
+        )
         plain = compare(measured.ports[port], target.truncated(modes))
         error[port] = replace(plain, accelerance_in_band=in_band)
     return bandwidth, error
+
+
+def _verdict(spec: Spec, status: Status, promise: float | None) -> Status:
+    """The build's status, and whether the scene's promise holds as measured."""
+    if promise is None or spec.scene is None:
+        return status
+    tolerance = spec.scene.tolerance
+    bandwidth = spec.scene.bandwidth
+    said = f"in-band error of the hub up to {bandwidth:g} rad/s: {promise:.2e}"
+    if keeps_tolerance(promise, tolerance):
+        ok = status.ok or spec.chooses  # the promise is what a scene asks for, however it is kept
+        return replace(
+            status,
+            ok=ok,
+            message=f"{status.message} {said}, {tolerance_statement(promise, tolerance)}.",
+        )
+    said += f", {tolerance_statement(promise, tolerance)}: the best model is written."
+    return replace(status, ok=False, message=f"{status.message} {said}")
+
+
+def _omissions(spec: Spec, choice: Choice | None, tendons: bool) -> tuple[LeftOut, ...]:
+    """What was left out: modes, then elements of the file."""
+    scene = spec.scene
+    if choice is None or scene is None:
+        return ()
+    why = "no damping is wanted" if spec.damping is None else 'damping.form = "hinge"'
+    rest = (
+        (scene.visuals, "geoms", "scene.visuals = false"),
+        (
+            scene.contacts,
+            "contacts",
+            "scene.contacts = false: geoms are massless and touch nothing",
+        ),
+        (scene.tip, "tip site", "scene.tip = false"),
+        (tendons, "modal tendons", f"the springs stand on the hinges, {why}"),
+    )
+    return *choice.left_out, *(LeftOut(what, said, 0.0) for there, what, said in rest if not there)

@@ -1,9 +1,10 @@
 """The result of a fit: the chain, its verification through MuJoCo, and its files."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 from lxml import etree
@@ -43,7 +44,7 @@ from beamchain.steps.limits import StepChoice, StepLimits, choose_step, coupled_
 from beamchain.steps.modal import modal_tendons, timing_marks
 from beamchain.steps.poles import PoleRow, pole_rows
 from beamchain.steps.retime import time_sentence
-from beamchain.steps.sampled import SampledError, represents, sampled_error
+from beamchain.steps.sampled import Exact, SampledError, represents, sampled_error
 from beamchain.steps.step_map import (
     WRONG,
     TimeError,
@@ -60,7 +61,15 @@ from beamchain.structure.modal_data import ModalData
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-TIP_TOLD = 0.01  # error of the tip's motion that is told beside the model's
+Result = TypeVar("Result", bound=Any)
+
+
+def with_known(result: Result, names: Sequence[str], **changes: Any) -> Result:
+    """A copy of a result with other fields, which change none of the figures of these `names`:
+    those that were worked out stay."""
+    made = replace(result, **changes)
+    vars(made).update({name: vars(result)[name] for name in names if name in vars(result)})
+    return made
 
 
 class ModeRow(NamedTuple):
@@ -326,37 +335,7 @@ class Fit:
     @property
     def headline(self) -> str:
         """The model's error in a sentence, and the tip's if that is above 1 %."""
-        port = self.worst_port
-        error = self.in_band_error
-        if error is None:
-            return "rigid: no in-band error is known without scene.bandwidth"
-        if port is None or self.promise is not None:
-            band = self.spec.scene.bandwidth if self.spec.scene else None
-            said = f"in-band error {error:.2e}" + (
-                "" if band is None else f" up to {band:.4g} rad/s"
-            )
-            said += ", rigid" if port is None else ", in the motions the scene asks for"
-        else:
-            said = f"in-band error {error:.2e} up to {self.bandwidth[port]:.4g} rad/s ({port}"
-            ports = len(self.readback_error)
-            said += f", worst of {ports} ports)" if ports > 1 else ")"
-        return said if self.tip_told is None else f"{said}; {self.tip_told}"
-
-    @property
-    def tip_told(self) -> str | None:
-        """The tip's error and the remedy, if it is above 1 %."""
-        off = {
-            (p, k + 1): float(e)
-            for p, errors in self.tip_error.items()
-            for k, e in enumerate(errors[: len(self.readback_error[p].matches)])
-        }
-        worst = max(off, key=lambda k: abs(off[k]), default=None)
-        if worst is None or abs(off[worst]) <= TIP_TOLD:
-            return None
-        return (
-            f"tip motion off by {off[worst]:+.1%} in mode {worst[1]} of {worst[0]}: where the tip "
-            "matters keep more modes, or give it a [[port]]"
-        )
+        return report.fit_headline(self)
 
     @property
     def tip_error(self) -> dict[str, Array]:
@@ -419,8 +398,8 @@ class Fit:
         """The document without timing; text, since a `Fit` has to be pickled."""
         tree = appendage_tree(self.spec, self.chain, self.look.skins)
         tips = tree.xpath(f"//site[@name='{self.spec.name}_tip']")
-        if tips and self.tip_told is not None:
-            tips[0].addprevious(etree.Comment(f" {self.tip_told} "))
+        if tips and (tip := report.tip_sentence(self)) is not None:
+            tips[0].addprevious(etree.Comment(f" {tip} "))
         return etree.tostring(tree)
 
     @cached_property
@@ -483,13 +462,11 @@ class Fit:
         root = int(model.body(f"{self.spec.name}_link1").id)
         rows = motion(model, data, root, data.xpos[root], data.xmat[root].reshape(3, 3))[keep]
         return sampled_error(
-            exact,
-            compared,
+            Exact(exact, compared, band),
             motion_at(model),
             rows,
             scale=np.outer(s, s),
             frozen=float(np.linalg.norm(rigid, 2)),
-            band=band,
         )
 
     @property

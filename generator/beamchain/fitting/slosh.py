@@ -1,22 +1,11 @@
-"""What a fit of a tank's liquid starts from: its lateral modes at the stated acceleration, and the
-pendulums that have them."""
-
-from dataclasses import dataclass
+"""The pendulums that have the lateral modes of a tank's liquid."""
 
 import numpy as np
 
 from beamchain.caution import Caution
-from beamchain.chain.build import Built, Status
 from beamchain.chain.chain import Chain, Hinge, Link
-from beamchain.engine.bench import Measured
-from beamchain.fitting.imported import ImportedCase
-from beamchain.fitting.needs import AXES, FAR, Promise
-from beamchain.fitting.spec import Spec
-from beamchain.ports.compare import with_damping
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array
-from beamchain.steps.limits import StepLimits
-from beamchain.structure.mass_line import MassLine
 from beamchain.structure.slosh import Slosh
 
 BALL = 1e-3  # of a pendulum's length: by as much its mass centre is nearer to the pivot
@@ -26,51 +15,6 @@ LEAST = 2e-15  # kg m^2, above MuJoCo's mjMINVAL
 HEAVIEST = 1e7  # kg: more is in no tank
 MANY = 100.0  # times the mass of the spacecraft that carries it
 PLANES = ("xy", "xz")
-
-
-@dataclass(frozen=True, eq=False)
-class SloshCase(ImportedCase):
-    """The lateral modes of a liquid for imported ones, of which the first of each plane are kept,
-    and pendulums for a chain."""
-
-    @property
-    def liquid(self) -> Slosh:
-        """What the specification says of it."""
-        assert self.spec.slosh is not None
-        return self.spec.slosh
-
-    def chosen(self, target: object = None) -> "SloshCase":
-        """The same: the first modes are always kept."""
-        del target
-        return self
-
-    def fallback(self) -> None:
-        """There is none."""
-
-    def build(self) -> tuple[Built, MassLine]:
-        """Pendulums that swing in both planes, and the fixed mass."""
-        targets = {port: self.selected.port(port, own=True) for port in PLANES}
-        number = self.liquid.kept
-        status = Status(
-            True,
-            f"{number} pendulum{'s' if number > 1 else ''} and a fixed mass, "
-            f"{self.selected.modes} modes kept.",
-        )
-        return Built(pendulum_chain(self.liquid), targets, status), self.liquid.line()
-
-    def cautions(
-        self,
-        measured: Measured,
-        targets: object,
-        chain: Chain,
-        limits: StepLimits,
-    ) -> tuple[str, ...]:
-        """Where nothing accelerates the tank its pendulums stay where they are; and a liquid as
-        heavy as no tank holds."""
-        del measured, targets, chain, limits
-        hub = self.spec.root.hub
-        where = "nothing but the keyframe `burn` of scene.xml accelerates the tank"
-        return (weightless(where), *heavy(self.liquid, None if hub is None else hub.mass))
 
 
 def heavy(liquid: Slosh, base: float | None) -> list[str]:
@@ -98,27 +42,6 @@ def weightless(where: str) -> Caution:
         "stiffness and drift, and what a liquid does then, by surface tension, is not in the "
         "model; simulate and linearise it under a thrust or gravity.",
     )
-
-
-def slosh_case(spec: Spec) -> SloshCase:
-    """The case of a specification with [slosh]."""
-    assert spec.slosh is not None
-    data = spec.slosh.data()
-    numbers = tuple(range(1, 2 * spec.slosh.kept + 1))
-    scene = spec.scene
-    promise = None
-    if scene is not None and scene.bandwidth is not None:
-        live = data.live
-        hub = None if spec.root.hub is None else spec.root.hub.mass_matrix()[np.ix_(live, live)]
-        motions = {AXES[axis] for axis in scene.axes}
-        promise = Promise(
-            with_damping(data.space(), spec.undamped_ratio).condensed(FAR * scene.bandwidth),
-            hub,
-            wanted=[i for i, motion in enumerate(live) if motion in motions],
-            bandwidth=scene.bandwidth,
-            undamped=spec.undamped_ratio,
-        )
-    return SloshCase(spec, data, data.selected(numbers), numbers, promise=promise)
 
 
 def pendulum_chain(liquid: Slosh) -> Chain:

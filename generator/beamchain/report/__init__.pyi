@@ -5,6 +5,10 @@ from .formats import digits as digits
 from .formats import number as number
 from .formats import relative as relative
 from .formats import whole as whole
+from .headlines import embedded_headline as embedded_headline
+from .headlines import fit_headline as fit_headline
+from .headlines import modes_sentence as modes_sentence
+from .headlines import tip_sentence as tip_sentence
 from .margin_plots import nichols_figure as nichols_figure
 from .margin_plots import open_loop_figure as open_loop_figure
 from .page import Verdict as Verdict

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import schur
 
-from beamchain.engine.linear import Linear
+from beamchain.engine.linear import Linear, Signal
 from beamchain.ports.compare import grid_of, relative_error
 from beamchain.ports.motions import Array
 from beamchain.steps.integrators import Complex
@@ -106,6 +106,35 @@ def exact_response(exact: Linear, timestep: float, lacking: Array | None = None)
     return Response(at, poles, peaks, lost)
 
 
+class Exact:
+    """An exact motion up to a band [rad/s], to be held against several steps.
+
+    Args:
+        stated: pushed and looked at in the motions that count, with every mode.
+        compared: the same with the damping at which errors are compared.
+        band: modes of the whole that are far beyond act by their static shapes only.
+    """
+
+    def __init__(self, stated: Linear, compared: Linear, band: float) -> None:
+        self.band: float = band
+        # gathered as a whole, not appendage by appendage: what a heavy body on a port moves on is
+        # the flexibility of modes that are far beyond the band while the body is not there
+        shapes = stated.shapes_up_to(FAR * band)
+        names = tuple(Signal(f"shape {k + 1}", "") for k in range(shapes.shape[1]))
+        self._near: Linear = stated.in_coordinates(shapes, names)
+        self._lacking: Array = shapes.T @ (compared.damping - stated.damping) @ shapes
+        self._last: tuple[float, Response] | None = None
+
+    def __getstate__(self) -> dict[str, object]:  # a response is a function, which does not travel
+        return vars(self) | {"_last": None}
+
+    def at_step(self, timestep: float) -> Response:
+        """The response at a step [s]; that of the last one is known."""
+        if self._last is None or self._last[0] != timestep:
+            self._last = timestep, exact_response(self._near, timestep, self._lacking)
+        return self._last[1]
+
+
 @lru_cache(maxsize=2)  # one craft is looked at with many steps, and they do not change its motion
 def _eigenvectors(matrix: bytes) -> tuple[Complex, Complex, Complex]:
     """Eigenvalues, right and left eigenvectors of a square matrix."""
@@ -192,21 +221,18 @@ def off_by(error: float) -> str:
 
 
 def sampled_error(
-    exact: Linear,
-    compared: Linear,
+    exact: Exact,
     motion: Motion,
     rows: Array,
     *,
     scale: Array,
     frozen: float,
-    band: float,
 ) -> SampledError:
-    """The in-band error of a file at its own step, up to `band` [rad/s] and below 2.6 rad per step.
+    """The in-band error of a file at its own step, up to the band of `exact` and below 2.6 rad per
+    step.
 
     Infinite where the step is unstable.
 
-    `exact`: pushed and looked at in the motions that count, every mode of its appendages in it, and
-    `compared` the same with the damping at which errors are compared;
     `scale` `(m, m)`, `frozen`: what makes the accelerance dimensionless, and the norm of the
     rigid one, as in the error in continuous time. Both responses are taken at
     `z = exp((j + d) w h)`, with d the damping ratio that the exact pole nearest to w lacks of that
@@ -215,13 +241,9 @@ def sampled_error(
     if motion.growth > 1.0 + GROWN:  # what grows has no response
         return SampledError(float("inf"), 0.0)
     h = motion.timestep
-    # gathered as a whole, not appendage by appendage: what a heavy body on a port moves on is the
-    # flexibility of modes that are far beyond the band while the body is not there
-    near = exact.condensed(FAR * band)
-    lacking = compared.condensed(FAR * band).damping - near.damping
-    truth = exact_response(near, h, lacking)
+    truth = exact.at_step(h)
     ours = step_response(motion, rows)
-    top = min(band, FASTEST / h)
+    top = min(exact.band, FASTEST / h)
     seen = truth.peaks * float(np.max(scale)) > SEEN * frozen
     turns = np.round(truth.poles[seen].imag * h / (2.0 * np.pi))
     # where the samples show a mode that is faster than they are

@@ -20,9 +20,10 @@ from beamchain.engine.jobs import Progress, check_workers, run_jobs
 from beamchain.engine.library import one_thread
 from beamchain.errors import InputError
 from beamchain.files import to_json, write_files
-from beamchain.fitting.choose import make_plan, whole_beam
+from beamchain.fitting.body import body_of
 from beamchain.fitting.hub import default_hub
 from beamchain.fitting.options import FitOptions, Modes, Root, Scene
+from beamchain.fitting.select import select
 from beamchain.fitting.spec import Spec, read_spec, spec_from_dict
 from beamchain.fitting.spec_text import spec_toml
 from beamchain.steps.driven import driven, limit_sentences
@@ -311,9 +312,7 @@ def make_task(text: str) -> Task:
     spec = spec_from_dict(tomllib.loads(text))
     beam = spec.beam
     hub = spec.root.hub or default_hub(spec.beam.line)
-    kept = spec.kept
-    if spec.chooses:
-        kept = make_plan(spec, whole_beam(spec, beam), beam.rigid_mass(), hub.mass_matrix()).kept
+    kept = dict(select(body_of(spec.replace(hub=hub))).counts) if spec.chooses else spec.kept
     if not kept:
         raise InputError(
             f"the scene needs no mode of {spec.name!r}: a rigid body keeps its promise, and there "

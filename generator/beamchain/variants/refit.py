@@ -15,12 +15,13 @@ from beamchain.engine.forces import wraps
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
 from beamchain.errors import RealisationError
-from beamchain.fitting.beam_case import damp_chain
-from beamchain.fitting.choose import make_plan, whole_beam
+from beamchain.fitting.body import body_of
 from beamchain.fitting.exact import kept_counts
 from beamchain.fitting.fit import LEAST_INERTIA
 from beamchain.fitting.options import Modes
+from beamchain.fitting.realise import chain_of
 from beamchain.fitting.result import Fit
+from beamchain.fitting.select import select
 from beamchain.fitting.varied import structural_draw, structural_quantities, vary_spec
 from beamchain.mjcf import write
 from beamchain.ports.motions import Array
@@ -114,10 +115,8 @@ class Refit:
 
     def _fit(self, seed: int, index: int) -> tuple[Fit, dict[str, Array]]:
         spec = vary_spec(self.fit.spec, seed, index, self.owner)
-        beam = spec.beam
-        hub = None if spec.root.hub is None else spec.root.hub.mass_matrix()
-        plan = make_plan(spec, whole_beam(spec, beam), beam.rigid_mass(), hub)
-        built = damp_chain(spec, plan, beam, self.fit.cut)
+        body = body_of(spec)
+        built, _ = chain_of(body, select(body), self.fit.cut)
         for port, target in built.targets.items():
             if target.modes < self.fit.target[port].modes:
                 raise RealisationError(f"fewer modes in {port}: {built.status.message}")

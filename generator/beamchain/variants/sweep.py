@@ -23,7 +23,6 @@ from beamchain.engine.library import mujoco, one_thread
 from beamchain.engine.linearise import compile_model
 from beamchain.errors import InputError
 from beamchain.files import noted_inputs, to_json, write_files
-from beamchain.fitting.beam_case import on_modes
 from beamchain.fitting.fit import as_spec, fit
 from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec, read_spec
@@ -339,7 +338,7 @@ def _name(source: Spec | Embedded | str | Path, nominal: Nominal) -> str:
 def _nominal_fit(source: Spec | str | Path, given: UncertainCraft) -> Fit:
     """The nominal fit of one appendage."""
     spec = source if isinstance(source, Spec) else read_spec(str(source))
-    nominal = fit(on_modes(spec, wanted=bool(given.appendage)))
+    nominal = fit(_on_modes(spec) if given.appendage else spec)
     if nominal.spec.uncertain is None and given == UncertainCraft():
         raise InputError(
             "the spec has no [uncertain]; add one with for example stiffness = { relative = 0.05 }."
@@ -365,12 +364,20 @@ def _nominal_craft(
         return source
     if mounts is None:
         return read_craft(source)
-    modes = bool(given.appendage)
-    appendages = {
-        place: what if isinstance(what, ModalData) else on_modes(as_spec(what), wanted=modes)
-        for place, what in mounts.items()
-    }
+    appendages = mounts
+    if given.appendage:
+        appendages = {
+            place: what if isinstance(what, ModalData) else _on_modes(as_spec(what))
+            for place, what in mounts.items()
+        }
     return embed(source, appendages, prefixes=prefixes, retime=retime)
+
+
+def _on_modes(spec: Spec) -> Spec:
+    """The specification with a tendon per mode, unless it says where springs stand."""
+    if spec.fit.springs != "auto":
+        return spec
+    return structs.replace(spec, fit=structs.replace(spec.fit, springs="modes"))
 
 
 def _text(source: Nominal, folder: Path | None) -> str:

@@ -15,6 +15,7 @@ from beamchain.report.curves import (
     rival_model,
 )
 from beamchain.report.formats import number, percent, short, vector
+from beamchain.report.headlines import tip_sentence
 from beamchain.report.page import Verdict, page_text
 from beamchain.report.replay import scene_replays
 from beamchain.report.shapes import all_shapes
@@ -144,7 +145,7 @@ def _verdict(fit: "Fit", rivals: RivalErrors) -> Verdict:
     missed = scene is not None and not keeps_tolerance(error, scene.tolerance)
     if scene is not None and missed:
         text += f", more than the tolerance of {percent(scene.tolerance)} less its margin of 1 %"
-    if (tip := fit.tip_told) is not None:
+    if (tip := tip_sentence(fit)) is not None:
         text += f"; {tip}"
     text += (
         f". Read back through MuJoCo the kept frequencies are within {percent(frequency)} of "

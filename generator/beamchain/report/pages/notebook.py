@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from beamchain.report.formats import number, relative, step_text, typeset
+from beamchain.report.headlines import modes_sentence
 from beamchain.report.table import Table
 from beamchain.report.tables.embed import coupled_table
 from beamchain.report.tables.fit import every_mode, mode_table
@@ -61,7 +62,7 @@ def embedded_text(embedded: "Embedded") -> str:
 def embedded_html(embedded: "Embedded") -> str:
     """Where the appendages are, the coupled modes, the warnings."""
     places = [f"{a.spec.name} at {a.at} ({a.fit.kept_for} target)" for a in embedded.appendages]
-    notes = [embedded.headline, embedded.modes_told]
+    notes = [embedded.headline, modes_sentence(embedded)]
     notes += [f"note: {text}" for text in embedded.warnings]
     return table_html(coupled_table(embedded.assembly), notes, title=", ".join(places))
 
