@@ -37,6 +37,25 @@ def test_a_dumbbell_on_a_massless_rod_has_its_spring_at_the_hinge(reach):
     assert nodes.stiffness == pytest.approx([spring], rel=ROUNDED)
 
 
+@pytest.mark.parametrize("part", [-1.1, -0.9, 0.9, 1.1])
+def test_a_hinge_within_a_billionth_of_the_mass_centre_s_distance_stands_at_the_root(part):
+    m1, m2, length, spring = 700.0, 300.0, 30.0, 11.0
+    reach = part * 1e-9 * m2 * length / (m1 + m2)
+    end = reach + length
+    rigid = np.array([[m1 + m2, m1 * reach + m2 * end], [0.0, m1 * reach**2 + m2 * end**2]])
+    rigid[1, 0] = rigid[0, 1]
+    target = PortModel(
+        rigid, np.array([np.sqrt(spring / m2) / length]), np.sqrt(m2) * np.array([[1.0, end]])
+    )
+    if part < -1.0:
+        with pytest.raises(bc.BeamchainError, match="before the root"):
+            realise(target)
+        return
+    nodes = realise(target)
+    assert nodes.lengths[0] == (pytest.approx(reach, rel=1e-5) if part > 1.0 else 0.0)
+    assert nodes.lengths[1] == pytest.approx(length, rel=1e-9)
+
+
 def test_bodies_are_the_pieces_between_the_hinges():
     # 0.04 kg/m on 2 m with a hinge at 0.5 m: rods of 0.02 and 0.06 kg
     thin = Equivalent(bending_stiffness_xy=1.0, linear_mass=0.04)
@@ -158,6 +177,12 @@ def test_polar_inertia_beyond_what_a_link_can_carry_goes_to_the_others():
     assert share(links, [3.0, 4.0], [[0, 1], [2]], real) == pytest.approx([1.0, 2.0, 4.0])
     with pytest.raises(bc.BeamchainError):
         share(links, [5.1], [[2]], real)
+    # what their shape asks for at least, to a billionth
+    flat = [link(0, 0.0, 1.0, 1.5), link(1, 0.0, 2.0, 4.0)]
+    found = share(flat, [2.5 * (1.0 - 0.9e-9)], [[0, 1]], np.ones(2))
+    assert found == pytest.approx([0.5, 2.0], rel=1e-8)
+    with pytest.raises(bc.BeamchainError):
+        share(flat, [2.5 * (1.0 - 1.1e-9)], [[0, 1]], np.ones(2))
     # one that has none gets a thousandth of a thousandth of what is across
     assert share(links, [0.0], [[0, 1, 2]], real) == pytest.approx([9e-6, 9e-6, 2.5e-6])
 

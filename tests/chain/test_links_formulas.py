@@ -332,6 +332,28 @@ def test_imported_mass_may_differ_between_the_planes_by_what_is_printed(part, ta
     assert [one.inertia for one in chain.links] == [pytest.approx((0.01, 0.25, 0.25))] * 2
 
 
+@pytest.mark.parametrize("part", [0.9, 1.1])
+def test_a_link_of_the_recursion_is_no_point(part):
+    """1e-13 of the second moment about the root, which is far from 1, at the tip's link."""
+    reach, end = 36.0, 60.0
+    section = Equivalent(bending_stiffness_xy=1.0, linear_mass=0.9)
+    line = Beam(segments=(Segment(length=end, section=section),)).line
+    tip = part * 1e-13 * 0.6 * reach**2 / (end - reach) ** 2
+    places = ((0.7, 0.0), (0.6, reach), (tip, end))
+    along = [np.array([1.0, x]) for _, x in places]
+    rigid = sum(m * np.outer(a, a) for (m, _), a in zip(places, along, strict=True))
+    target = PortModel(rigid, np.array([3.0]), np.sqrt(tip) * along[2][None, :])
+
+    def built():
+        return build_exact(line, {"xy": 1}, lambda *_: target, Wishes(springs="hinges"))
+
+    if part < 1.0:
+        with pytest.raises(RealisationError, match="would be a point"):
+            built()
+    else:
+        assert len(built().chain.links) == 2
+
+
 def test_an_appendage_without_modes_is_one_body():
     line = line_of(MASSES, PLACES, 4.0)
     built = build_exact(line, {}, lambda port, count: pytest.fail(f"{port}, {count}"))

@@ -170,6 +170,17 @@ def test_poles_are_continued_by_distance_and_direction(angle, order):
     assert continued_poles(poles, np.eye(2) + 0j, new, directions).tolist() == order
 
 
+@pytest.mark.parametrize(("angle", "order"), [(47.74, [0, 1]), (47.78, [1, 0])])
+def test_the_distance_of_a_slow_pole_counts_beside_a_thousandth_of_the_largest(angle, order):
+    """1 and 3 become 0 and 5 beside 1000: 1/2 + 2/7 straight and 4/9 + 3/4 crossed, so that the
+    directions decide where sin - cos = (4/9 + 3/4 - 1/2 - 2/7) / 6, at 47.76 degrees."""
+    turn = np.radians(angle)
+    directions = np.eye(3) + 0j
+    directions[:2, :2] = [[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]
+    poles, new = np.array([1.0, 3.0, 1000.0]) + 0j, np.array([0.0, 5.0, 1000.0]) + 0j
+    assert continued_poles(poles, np.eye(3) + 0j, new, directions).tolist() == [*order, 2]
+
+
 def test_poles_that_are_one_share_a_plane():
     """By any directions in it: the third is told by its own."""
     turned = np.linalg.qr(RANDOM.normal(size=(2, 2)))[0]
@@ -262,6 +273,48 @@ def test_a_pole_that_comes_back_from_infinity():
     found, there = crossing(closed, poles, growth)
     assert found == pytest.approx(0.5, abs=1e-9)
     assert np.isinf(there)
+
+
+def test_a_pole_that_sank_just_below_the_axis_grows_from_there():
+    """Real, at (g - 0.1) (g - 0.4) (g - 0.7): it grows, sinks and grows again."""
+
+    def closed(gain):
+        return np.array([[(gain - 0.1) * (gain - 0.4) * (gain - 0.7)]])
+
+    def told(values):
+        # -0.008, at a gain of 0.5, is a twentieth of the rounding left of the axis
+        return np.interp(np.real(values), [-0.028, -0.008, 0.0, 0.1], [-3.0, -1.05, -1.0, 2.0])
+
+    poles = [poles_at(closed, gain)[0] for gain in (0.0, 0.2, 0.5, 0.95)]
+    found, there = crossing(closed, poles, told)
+    assert found == pytest.approx(0.7, abs=1e-9)
+    assert there == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(("size", "gain"), [(0.9, 0.0), (1.1, 0.3)])
+def test_a_pole_that_begins_within_rounding_of_the_axis_does_not_cross_it(size, gain):
+    """-0.3 + g, which is one rounding left of the axis at rest, or a little more."""
+
+    def closed(gain):
+        return np.array([[gain - 0.3]])
+
+    poles = [poles_at(closed, gain)[0] for gain in (0.0, 0.2, 0.5)]
+    found, there = crossing(closed, poles, lambda v: np.real(v) * size / 0.3 - 1.0)
+    assert found == pytest.approx(gain, abs=1e-9)
+    assert there == pytest.approx(gain - 0.3, abs=1e-9)
+
+
+@pytest.mark.parametrize(("before", "after"), [(1.0, 1e12), (1e12, 1.0), (1.0, 1.0)])
+def test_a_pole_is_endless_beside_the_largest_of_either_side(before, after):
+    """1 / (1/3 - g) goes to infinity and back; as its interval is halved it reaches 1e15."""
+
+    def closed(gain):
+        return np.diag([1.0 / (gain - 1.0 / 3.0), -before if gain < 0.4 else -after])
+
+    poles = [poles_at(closed, gain)[0] for gain in (0.0, 0.1, 0.3, 0.5)]
+    found, there = crossing(closed, poles, growth)
+    assert found == pytest.approx(1.0 / 3.0, abs=1e-9)
+    assert np.isinf(there) == (before == after)
 
 
 # -- whose they are --------------------------------------------------------------------------------
@@ -373,6 +426,13 @@ def test_a_pole_that_comes_back_from_infinity_crosses_there():
     assert found.pole == pytest.approx(1.0)
     assert found.gain == pytest.approx(0.5, abs=1e-6)
     assert found.crossing == np.inf
+
+
+def test_an_integrator_alone_grows_at_any_gain():
+    """g / 2, and nothing at all at rest."""
+    plant = tuple(np.full((1, 1), value) for value in (0.0, 1.0, 1.0, 0.0))
+    (found,) = instabilities(loop_of_one(plant, constant([-0.5])))
+    assert (found.pole, found.gain, found.alone) == (0.5, 0.0, {"u": 0.0})
 
 
 @pytest.mark.parametrize(
