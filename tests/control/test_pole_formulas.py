@@ -121,6 +121,22 @@ def test_a_pole_moves_by_small_steps_and_not_past_a_doubt():
     assert pole_moved(lambda g: crossed[int(g)], pole, 1.0).value == 2.0
 
 
+@pytest.mark.parametrize(("more", "taken"), [(2.9, True), (3.5, False)])
+def test_a_step_at_whose_ends_a_pole_moves_at_other_rates_is_none(more, taken):
+    """0.1 sqrt(1 + g) moves by 0.05 g at first and 0.05 g / sqrt(1 + g) at last, which differ by
+    half of the first from g = 3 on, where their mean misses it by less than a tenth."""
+
+    def closed(gain):
+        return 0.1 * np.array([[0.0, 1.0], [1.0 + gain, 0.0]])
+
+    (pole,) = (one for one in poles_at(closed, 0.0) if one.value.real > 0.0)
+    found = pole_moved(closed, pole, more)
+    if taken:
+        assert found.value == pytest.approx(0.1 * np.sqrt(1.0 + more))
+    else:
+        assert found is None
+
+
 @pytest.mark.parametrize(("first", "last"), [(1.0, 0.0), (0.0, 1.0), (0.4, 0.9)])
 def test_a_path_holds_poles_of_the_matrix_without_a_jump(first, last):
     every = [np.linalg.eigvals(between(g)) for g in np.linspace(first, last or 2.0**-20, 300)]
@@ -229,6 +245,13 @@ def test_poles_that_pass_each_other_keep_their_directions():
         direction = np.eye(3)[k] + 0j
         pole = Pole(1.0, complex(same[0][k]), direction, direction)
         assert number_of_pole(same, pole) == k
+
+
+@pytest.mark.parametrize(("apart", "number"), [(0.9e-6, 1), (1.1e-6, 0), (1e-4, 0)])
+def test_slow_poles_are_one_within_a_millionth_of_their_size(apart, number):
+    found = np.array([1e-3, 1e-3 * (1.0 + apart), 5.0]) + 0j, np.eye(3) + 0j
+    direction = np.eye(3)[1] + 0j
+    assert number_of_pole(found, Pole(1.0, 1e-3 + 0j, direction, direction)) == number
 
 
 # -- where a pole crosses --------------------------------------------------------------------------
@@ -495,6 +518,33 @@ def test_poles_that_lie_together_are_those_of_the_loops_that_have_them_alone(sec
         assert found == [None, None]
 
 
+@pytest.mark.parametrize(
+    ("off", "told"), [(0.9e-3, True), (1.1e-3, False), (0.19, False), (0.21, None)]
+)
+def test_a_pole_is_of_the_loop_that_has_it_alone_within_a_fifth_of_its_growth(off, told):
+    """And the others do nothing to it within a thousandth."""
+    modes = [(30.0, 0.05, [1.0, 0.0], [1.0, 0.0]), (30.3, 0.05, [0.0, 1.0], [0.0, 1.0])]
+    closed = modal_loop(modes, [-3.4, -3.37])
+    growth_of = np.array([3.4 - 3.0, 3.37 - 3.03]) / 2.0
+    poles = growth_of + 1j * np.sqrt(np.array([30.0, 30.3]) ** 2 - growth_of**2)
+    found = owners_of_poles(closed, poles + 1j * off * growth_of, start_of_poles(closed))
+    if told is None:
+        assert found == [None, None]
+    else:
+        assert [(one.input, one.is_same) for one in found] == [("u", told), ("v", told)]
+
+
+def test_what_grows_without_any_loop_is_of_none():
+    """At 30 rad/s by itself, beside 30.3 rad/s that the loop makes grow."""
+    modes = [(30.0, -0.005, [0.0], [0.0]), (30.3, 0.05, [1.0], [1.0])]
+    closed = modal_loop(modes, [-4.0])
+    growth_of = np.array([0.15, (4.0 - 3.03) / 2.0])
+    poles = growth_of + 1j * np.sqrt(np.array([30.0, 30.3]) ** 2 - growth_of**2)
+    first, second = owners_of_poles(closed, poles, start_of_poles(closed))
+    assert first is None
+    assert (second.input, second.is_same) == ("u", True)
+
+
 def test_a_loop_is_opened_wholly_to_see_whether_its_pole_ends():
     """A tenth of either would still outdo a damping of 0.06."""
     modes = [(30.0, 0.001, [1.0, 0.0], [1.0, 0.0]), (30.3, 0.001, [0.0, 1.0], [0.0, 1.0])]
@@ -587,9 +637,9 @@ def test_of_a_double_pole_each_stays_its_own():
     """Both have one direction."""
     origin = start_of_poles(modal_loop([(3.0, 0.05, [1.0], [1.0])], [1.0])).origins[0]
     start = StartOfPoles(np.zeros(2) + 0j, np.array([[1.0, 1.0], [0.0, 0.0]]) + 0j, [origin] * 2)
-    leaving = np.array([1.0, 0.0]) + 0j
-    for number in (0, 1):
-        assert own_direction(start, number, Pole(1e-6, 0j, leaving, leaving)) == number
+    for leaving in (np.array([1.0, 0.0]) + 0j, np.array([0.6, 0.8]) + 0j):
+        for number in (0, 1):
+            assert own_direction(start, number, Pole(1e-6, 0j, leaving, leaving)) == number
 
 
 # -- words -----------------------------------------------------------------------------------------
