@@ -246,6 +246,11 @@ def test_motions_that_the_root_does_not_feel_beside_modes():
         # and none for more along any of them
         more = found * 1.001
         assert np.linalg.eigvalsh(u @ u.T + more @ more.T)[-1] > 1.0
+    # that which may be longest comes first: beside the modes one may be whole
+    for k in (1, 3):
+        longest = np.sum(unfelt_motions(u, seen, unseen, k) ** 2, axis=0)
+        assert longest[0] == pytest.approx(1.0)
+        assert np.all(np.diff(longest) <= 1e-12)
     # modes of full length leave no room in their own directions
     full = np.column_stack([unseen[:, 0], unseen[:, 1]])
     assert unfelt_motions(full, seen, unseen, 4).shape == (6, 2)
@@ -308,6 +313,18 @@ def test_motion_of_a_point_per_hinge_before_it():
         np.array([[1.0, 0.0], [1.0, 0.0]])
     )
     assert port_rows(CHAIN, (), motion, 2.0).shape == (2, 0)
+
+
+def test_motion_of_a_point_in_all_directions():
+    """0.7 m beyond the second hinge, 1.7 m beyond the first; a rotation about -y moves to z."""
+    hinges = (Hinge(1.0, {"xy": 1.0, "torsion": 2.0}), Hinge(2.0, {"xz": 1.0}))
+    found = port_rows(
+        Chain(LINKS, hinges, 3.0), ((0, "xy"), (0, "torsion"), (1, "xz")), np.eye(6), 2.7
+    )
+    bent, twisted, lifted = found.T
+    assert bent == pytest.approx([0.0, 1.7, 0.0, 0.0, 0.0, 1.0])
+    assert twisted == pytest.approx([0.0, 0.0, 0.0, 1.0, 0.0, 0.0])
+    assert lifted == pytest.approx([0.0, 0.0, 0.7, 0.0, -1.0, 0.0])
 
 
 def test_springs_as_modes_are_the_same_springs():
