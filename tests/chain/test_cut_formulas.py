@@ -96,7 +96,7 @@ def least_of(rows, kinematics, inertia, m=2):
     return eigh(reached - rows.T @ rows, block_diag(*blocks), eigvals_only=True)[0]
 
 
-@pytest.mark.parametrize("ports", [("xy",), ("xz",), ("xz", "torsion")])
+@pytest.mark.parametrize("ports", [("xy",), ("xz",), ("xz", "torsion"), ("xy", "torsion")])
 @pytest.mark.parametrize("further", [(), (1.0,), (1.0, 1.5)])
 def test_margin_of_a_uniform_rod_s_cut(ports, further):
     x = np.array([0.2, 0.6, 1.2, 1.4, 1.6])

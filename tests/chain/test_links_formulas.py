@@ -157,6 +157,7 @@ def test_polar_inertia_of_pieces():
         ([2.0], [], [0.5, 0.5, 0.5, 0.5]),
         ([3.0, 7.0], [0], [3.0, 7.0 / 3.0, 7.0 / 3.0, 7.0 / 3.0]),
         ([0.0, 0.0, 0.0], [0, 1], [3e-6] * 4),  # none: a trace
+        ([0.0, 0.0, 0.0, 0.0], [0, 1, 2], [3e-6] * 4),
     ],
 )
 def test_the_hinges_that_twist_are_those_nearest_to_where_the_groups_end(inertias, turning, polars):

@@ -140,6 +140,14 @@ def test_modes_that_take_all_that_is_let_go_need_no_armature():
                 modal_matrix(kinematics, inertia, group(part * rows), (20.0, 30.0))
 
 
+def test_a_motion_that_no_hinge_makes_takes_no_part():
+    kinematics, inertia, rows = limp(2)
+    more, none = np.vstack([kinematics, np.zeros(5)]), np.zeros((2, 1))
+    shapes, armature, _ = modal_matrix(more, inertia, group(np.hstack([rows, none])), (20.0, 30.0))
+    assert more @ shapes[:, :2] == pytest.approx(np.hstack([rows, none]).T, abs=1e-9)
+    assert shapes.T @ (inertia + armature) @ shapes == pytest.approx(np.eye(5), abs=1e-9)
+
+
 @pytest.mark.parametrize("size", [1, 3])
 @pytest.mark.parametrize("seed", range(4))
 def test_no_turn_is_nearer_to_the_real_modes(seed, size):
