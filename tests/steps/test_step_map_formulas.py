@@ -191,6 +191,8 @@ def test_the_last_kept_mode_has_most_of_its_energy_in_kept_springs():
     assert last_kept(plain, motion_at(plain)) == pytest.approx(8.0)
     assert last_kept(plain, motion_at(plain), {0, 2}) == pytest.approx(5.0)
     assert last_kept(plain, motion_at(plain), {1}) == 0.0
+    soft = slides((2.0, 0.08, 0.0), (2.0, 0.0, 0.0))
+    assert last_kept(soft, motion_at(soft)) == pytest.approx(0.2)
 
 
 @pytest.mark.parametrize(("share", "name"), [(0.55, "b"), (0.45, "")])
