@@ -4,9 +4,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.linalg import eigh
 
 import beamchain as bc
 from beamchain import Beam, Equivalent, PortModel, Segment
+from beamchain.chain.recursion import realise_scalar
 from beamchain.chain.seed import SeedRow
 from formulas import (
     Chain,
@@ -35,6 +37,52 @@ def test_a_dumbbell_on_a_massless_rod_has_its_spring_at_the_hinge(reach):
     assert nodes.masses == pytest.approx([0.0, m1, m2], rel=ROUNDED)
     assert nodes.lengths == pytest.approx([reach, length], rel=ROUNDED)
     assert nodes.stiffness == pytest.approx([spring], rel=ROUNDED)
+
+
+@pytest.mark.parametrize("root", [0.0, 0.7])
+def test_discs_on_springs_are_recovered_with_and_without_one_at_the_root(root):
+    """J_0 - k_1 - J_1 - k_2 - J_2 - k_3 - J_3, in angles beyond the root's."""
+    inertias, springs = np.array([2.0, 0.5, 1.1]), np.array([30.0, 50.0, 8.0])
+    steps = np.eye(3) - np.eye(3, k=-1)
+    squares, shapes = eigh(steps.T @ np.diag(springs) @ steps, np.diag(inertias))
+    rigid = np.array([[root + inertias.sum()]])
+    found = realise_scalar(PortModel(rigid, np.sqrt(squares), (shapes.T @ inertias)[:, None]))
+    assert found[0] == pytest.approx([root, *inertias], rel=1e-9)
+    assert found[1] == pytest.approx(springs, rel=1e-9)
+
+
+@pytest.mark.parametrize("part", [0.95, 1.05])
+def test_a_chain_a_million_times_as_long_as_its_mass_centre_is_far_is_none(part):
+    """m_1 at the root and m_2 at the tip, l (m_1 + m_2) / m_2 from it."""
+    m2, length = 3.0 / part, 40.0
+    m1 = 3e6 - m2
+    moment = np.sqrt(m2) * np.array([[1.0, length]])
+    rigid = np.array([[m1 + m2, m2 * length], [m2 * length, m2 * length**2]])
+    target = PortModel(rigid, np.array([0.8]), moment)
+    if part < 1.0:
+        assert realise(target).lengths == pytest.approx([0.0, length], rel=1e-6)
+    else:
+        with pytest.raises(bc.BeamchainError, match="far beyond the appendage"):
+            realise(target)
+
+
+@pytest.mark.parametrize("part", [-1.1, -0.9, 0.9, 1.1])
+def test_a_hinge_within_a_billionth_of_the_mass_centre_s_distance_stands_at_the_root(part):
+    m1, m2, length, spring = 700.0, 300.0, 30.0, 11.0
+    reach = part * 1e-9 * m2 * length / (m1 + m2)
+    end = reach + length
+    rigid = np.array([[m1 + m2, m1 * reach + m2 * end], [0.0, m1 * reach**2 + m2 * end**2]])
+    rigid[1, 0] = rigid[0, 1]
+    target = PortModel(
+        rigid, np.array([np.sqrt(spring / m2) / length]), np.sqrt(m2) * np.array([[1.0, end]])
+    )
+    if part < -1.0:
+        with pytest.raises(bc.BeamchainError, match="before the root"):
+            realise(target)
+        return
+    nodes = realise(target)
+    assert nodes.lengths[0] == (pytest.approx(reach, rel=1e-5) if part > 1.0 else 0.0)
+    assert nodes.lengths[1] == pytest.approx(length, rel=1e-9)
 
 
 def test_bodies_are_the_pieces_between_the_hinges():
@@ -158,6 +206,12 @@ def test_polar_inertia_beyond_what_a_link_can_carry_goes_to_the_others():
     assert share(links, [3.0, 4.0], [[0, 1], [2]], real) == pytest.approx([1.0, 2.0, 4.0])
     with pytest.raises(bc.BeamchainError):
         share(links, [5.1], [[2]], real)
+    # what their shape asks for at least, to a billionth
+    flat = [link(0, 0.0, 1.0, 1.5), link(1, 0.0, 2.0, 4.0)]
+    found = share(flat, [2.5 * (1.0 - 0.9e-9)], [[0, 1]], np.ones(2))
+    assert found == pytest.approx([0.5, 2.0], rel=1e-8)
+    with pytest.raises(bc.BeamchainError):
+        share(flat, [2.5 * (1.0 - 1.1e-9)], [[0, 1]], np.ones(2))
     # one that has none gets a thousandth of a thousandth of what is across
     assert share(links, [0.0], [[0, 1, 2]], real) == pytest.approx([9e-6, 9e-6, 2.5e-6])
 

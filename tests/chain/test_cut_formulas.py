@@ -7,6 +7,7 @@ import pytest
 from scipy.linalg import block_diag, eigh
 
 from beamchain import Beam, Equivalent, Segment
+from beamchain.errors import RealisationError
 from formulas import (
     Effort,
     Margins,
@@ -95,7 +96,7 @@ def least_of(rows, kinematics, inertia, m=2):
     return eigh(reached - rows.T @ rows, block_diag(*blocks), eigvals_only=True)[0]
 
 
-@pytest.mark.parametrize("ports", [("xy",), ("xz",), ("xz", "torsion")])
+@pytest.mark.parametrize("ports", [("xy",), ("xz",), ("xz", "torsion"), ("xy", "torsion")])
 @pytest.mark.parametrize("further", [(), (1.0,), (1.0, 1.5)])
 def test_margin_of_a_uniform_rod_s_cut(ports, further):
     x = np.array([0.2, 0.6, 1.2, 1.4, 1.6])
@@ -361,3 +362,34 @@ def test_hinges_are_added_where_there_are_too_few_for_any_margin(monkeypatch):
     share = eigh(reached - np.diag([0.01, 0.0]), blocks, eigvals_only=True)[0]
     assert found.margin == pytest.approx(share, rel=1e-4)
     assert found.margin >= ENOUGH
+
+
+@pytest.mark.parametrize(
+    ("most", "searches"), [(0, [1]), (1, [1, 2, 3, 4]), (3, [1, 2, 3, 4, 5, 6])]
+)
+def test_hinges_are_added_for_the_modes_and_for_every_line(most, searches, monkeypatch):
+    """Three hinges are needed and two stand at lines."""
+    free = list[int]()
+
+    def best(search, fixed, count):
+        assert fixed.tolist() == [0.4, 1.3]
+        assert [wanted.counts["xy"] for wanted in search.wanted] == [2 + count]
+        free.append(count)
+        return fixed, -np.inf
+
+    monkeypatch.setattr("beamchain.chain.cut._best", best)
+    group = ModeGroup(("xy",), np.ones(1), np.array([[0.1, 0.2]]), np.zeros(1))
+    with pytest.raises(RealisationError, match=f"hinges tried: {len(searches) - 1}"):
+        choose_cut(LINE.line, [Wanted(group, {"xy": 3}, {})], (1.3, 0.4, 0.4), (), most)
+    assert free == searches
+
+
+def test_where_modes_take_all_mass_of_the_root_its_share_is_of_almost_nothing():
+    """A twist whose modes take all of `J L`, of which 1e-11 counts as left: a hinge at x lets go of
+    `J (L - x)`."""
+    rows = np.array([[np.sqrt(POLAR * LENGTH)]])
+    group = ModeGroup(("torsion",), np.ones(1), rows, np.zeros(1))
+    search = Margins(LINE.line, (Wanted(group, {"torsion": 1}, {}),), ())
+    for part in (0.0, 0.4, 2.5):
+        margin = search.assigned(np.array([part * 1e-11 * LENGTH]))[0]
+        assert margin == pytest.approx(1.0 - part, abs=1e-3)

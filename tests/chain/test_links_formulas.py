@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from beamchain import Beam, Equivalent, PortModel, Segment
-from beamchain.errors import RealisationError
+from beamchain.chain.build import cut_chain
+from beamchain.errors import InputError, RealisationError
 from formulas import (
     Chain,
     Hinge,
@@ -28,6 +29,7 @@ from formulas import (
     rigid_link,
     settle_links,
     shared_nodes,
+    spread_mass,
     with_real_polar,
     without_rounding,
 )
@@ -155,6 +157,7 @@ def test_polar_inertia_of_pieces():
         ([2.0], [], [0.5, 0.5, 0.5, 0.5]),
         ([3.0, 7.0], [0], [3.0, 7.0 / 3.0, 7.0 / 3.0, 7.0 / 3.0]),
         ([0.0, 0.0, 0.0], [0, 1], [3e-6] * 4),  # none: a trace
+        ([0.0, 0.0, 0.0, 0.0], [0, 1, 2], [3e-6] * 4),
     ],
 )
 def test_the_hinges_that_twist_are_those_nearest_to_where_the_groups_end(inertias, turning, polars):
@@ -330,6 +333,57 @@ def test_imported_mass_may_differ_between_the_planes_by_what_is_printed(part, ta
     # two rods, each of two masses of half a kilogram
     assert [(one.mass, one.com) for one in chain.links] == [(1.0, 0.5), (1.0, 1.5)]
     assert [one.inertia for one in chain.links] == [pytest.approx((0.01, 0.25, 0.25))] * 2
+
+
+@pytest.mark.parametrize("part", [0.9, 1.1])
+def test_a_link_of_the_recursion_is_no_point(part):
+    """1e-13 of the second moment about the root, which is far from 1, at the tip's link."""
+    reach, end = 36.0, 60.0
+    section = Equivalent(bending_stiffness_xy=1.0, linear_mass=0.9)
+    line = Beam(segments=(Segment(length=end, section=section),)).line
+    tip = part * 1e-13 * 0.6 * reach**2 / (end - reach) ** 2
+    places = ((0.7, 0.0), (0.6, reach), (tip, end))
+    along = [np.array([1.0, x]) for _, x in places]
+    rigid = sum(m * np.outer(a, a) for (m, _), a in zip(places, along, strict=True))
+    target = PortModel(rigid, np.array([3.0]), np.sqrt(tip) * along[2][None, :])
+
+    def built():
+        return build_exact(line, {"xy": 1}, lambda *_: target, Wishes(springs="hinges"))
+
+    if part < 1.0:
+        with pytest.raises(RealisationError, match="would be a point"):
+            built()
+    else:
+        assert len(built().chain.links) == 2
+
+
+@pytest.mark.parametrize("taken", [0, 1, 2, 4])
+def test_what_is_too_wide_for_thin_links_gets_bodies_of_its_rigid_mass(taken, monkeypatch):
+    """Mass that grows with a power of x: each is tried where the one before fails."""
+    section = Equivalent(bending_stiffness_xy=1.0, linear_mass=0.5, polar_inertia=0.3)
+    line = Beam(segments=(Segment(length=2.0, section=section),)).line
+    tried = list[int]()
+
+    def spread(rigid, length, *, power):
+        tried.append(power)
+        if power != taken:
+            raise InputError("no")
+        return spread_mass(rigid, length, power)
+
+    def settle(mass, links, cuts):
+        if mass is line:
+            raise RealisationError("too wide")
+        return settle_links(mass, links, cuts)
+
+    monkeypatch.setattr("beamchain.chain.build.spread_mass", spread)
+    monkeypatch.setattr("beamchain.chain.build.settle_links", settle)
+    rows = np.array([[0.3, 0.4]])
+    chain, how, cut = cut_chain(line, [modes(rows)], [1.1])
+    assert tried == [power for power in (0, 1, 2, 4) if power <= taken]
+    assert chain.rigid_mass() == pytest.approx(line.rigid_mass(), abs=1e-9)
+    assert 1.1 in cut.x.tolist()
+    assert "too wide" in how
+    assert chain.port("xy").participation[0] == pytest.approx(rows[0], rel=1e-6)
 
 
 def test_an_appendage_without_modes_is_one_body():

@@ -59,3 +59,14 @@ def test_the_exact_chain_has_the_beams_gains_and_zeros(record):
     )
     for name in ("omega1", "omega2", *PRINTED):
         assert exact[name] == pytest.approx(beam[f"beam.{name}"], rel=1e-7)
+    # first and second moments about the root are those of a rod
+    inner, first, second = 0.0, 0.0, 0.0
+    for i in (1, 2, 3):
+        length, mass, com, inertia = (
+            exact[f"link{i}.{what}"] for what in ("length", "mass", "com", "inertia")
+        )
+        first += mass * (inner + com)
+        second += mass * (inner + com) ** 2 + inertia
+        inner += length
+    assert first == pytest.approx(beam["beam.mass"] * 15.0 / 2.0, rel=SAME)
+    assert second == pytest.approx(beam["beam.mass"] * 15.0**2 / 3.0, rel=SAME)

@@ -140,6 +140,14 @@ def test_modes_that_take_all_that_is_let_go_need_no_armature():
                 modal_matrix(kinematics, inertia, group(part * rows), (20.0, 30.0))
 
 
+def test_a_motion_that_no_hinge_makes_takes_no_part():
+    kinematics, inertia, rows = limp(2)
+    more, none = np.vstack([kinematics, np.zeros(5)]), np.zeros((2, 1))
+    shapes, armature, _ = modal_matrix(more, inertia, group(np.hstack([rows, none])), (20.0, 30.0))
+    assert more @ shapes[:, :2] == pytest.approx(np.hstack([rows, none]).T, abs=1e-9)
+    assert shapes.T @ (inertia + armature) @ shapes == pytest.approx(np.eye(5), abs=1e-9)
+
+
 @pytest.mark.parametrize("size", [1, 3])
 @pytest.mark.parametrize("seed", range(4))
 def test_no_turn_is_nearer_to_the_real_modes(seed, size):
@@ -246,6 +254,11 @@ def test_motions_that_the_root_does_not_feel_beside_modes():
         # and none for more along any of them
         more = found * 1.001
         assert np.linalg.eigvalsh(u @ u.T + more @ more.T)[-1] > 1.0
+    # that which may be longest comes first: beside the modes one may be whole
+    for k in (1, 3):
+        longest = np.sum(unfelt_motions(u, seen, unseen, k) ** 2, axis=0)
+        assert longest[0] == pytest.approx(1.0)
+        assert np.all(np.diff(longest) <= 1e-12)
     # modes of full length leave no room in their own directions
     full = np.column_stack([unseen[:, 0], unseen[:, 1]])
     assert unfelt_motions(full, seen, unseen, 4).shape == (6, 2)
@@ -308,6 +321,18 @@ def test_motion_of_a_point_per_hinge_before_it():
         np.array([[1.0, 0.0], [1.0, 0.0]])
     )
     assert port_rows(CHAIN, (), motion, 2.0).shape == (2, 0)
+
+
+def test_motion_of_a_point_in_all_directions():
+    """0.7 m beyond the second hinge, 1.7 m beyond the first; a rotation about -y moves to z."""
+    hinges = (Hinge(1.0, {"xy": 1.0, "torsion": 2.0}), Hinge(2.0, {"xz": 1.0}))
+    found = port_rows(
+        Chain(LINKS, hinges, 3.0), ((0, "xy"), (0, "torsion"), (1, "xz")), np.eye(6), 2.7
+    )
+    bent, twisted, lifted = found.T
+    assert bent == pytest.approx([0.0, 1.7, 0.0, 0.0, 0.0, 1.0])
+    assert twisted == pytest.approx([0.0, 0.0, 0.0, 1.0, 0.0, 0.0])
+    assert lifted == pytest.approx([0.0, 0.0, 0.7, 0.0, -1.0, 0.0])
 
 
 def test_springs_as_modes_are_the_same_springs():

@@ -236,6 +236,19 @@ def test_an_undamped_mode_counts_by_what_a_small_loop_does_to_it(delay, count):
     assert unstable_count(closed) == count
 
 
+@pytest.mark.parametrize(("delay", "count"), [(0.3, 0), (2.0, 2)])
+def test_a_mode_that_grows_slowly_counts_as_one_of_the_open_loop(delay, count):
+    """0.1 exp(-s T) s / (s^2 - 0.02 s + 1) moves the pole 0.01 + j by -0.05 exp(-j T)."""
+    plant = (
+        np.array([[0.0, 1.0], [-1.0, 0.02]]), np.array([[0.0], [1.0]]), np.array([[0.0, 1.0]]),
+        np.zeros((1, 1)),
+    )  # fmt: skip
+    law = (np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.full((1, 1), 0.1))
+    closed = closed_loop(plant, law, delay)
+    closed.__dict__["omega"] = np.geomspace(1e-2, 50.0, 100)
+    assert unstable_count(closed) == count
+
+
 @pytest.mark.parametrize(("power", "radius"), [(3, 2.0), (3, 0.5), (-2, 2.0)])
 def test_the_turn_of_a_function_counts_what_is_inside(power, radius):
     around = radius * np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 5))

@@ -176,6 +176,27 @@ def test_samples_that_change_their_sign_from_a_whole_late_sample_on(w, ratio, pu
     assert found == pytest.approx(wanted, rel=1e-6)
 
 
+@pytest.mark.parametrize(("w", "count"), [(7.0, 24 + 13), (3.0, 24 + 5), (9.0, 40)])
+def test_dead_times_are_looked_at_two_dozen_to_a_turn_of_the_fastest_mode(w, count, monkeypatch):
+    """And as many again, 40 at most; 24 times 3.5 rad are 13.4 turns."""
+    monkeypatch.setattr("beamchain.control.delay_margin.MOST", 40)
+    asked = list[np.ndarray]()
+
+    def driven(held, i, times):
+        asked.append(times)
+        return states_driven_for(held, i, times)
+
+    monkeypatch.setattr("beamchain.control.delay_margin._driven", driven)
+    a, b = np.array([[0.0, 1.0], [-(w**2), 0.0]]), np.array([[0.0], [1.0]])
+    c = np.array([[0.0, 0.1]])
+    law = (*(part[:, :1] for part in STATIC[:2]), np.zeros((1, 0)), 0.1 * np.ones((1, 1)))
+    whole = expm(np.block([[a, b], [np.zeros((1, 3))]]) * STEP)
+    closed = closed_loop((whole[:2, :2], whole[:2, 2:], c, np.zeros((1, 1))), law, step=STEP)
+    closed.__dict__["omega"] = np.array([0.5, 3.0])
+    sampled_delay_margin(closed, (a, b, c, np.zeros((1, 1))), 0)
+    np.testing.assert_allclose(asked[0], np.linspace(0.0, STEP, count + 1))
+
+
 def test_a_mode_that_turns_several_times_in_a_sample():
     """At 41 rad/s, 3.3 turns in each: the eigenvalues of its samples leave the unit circle."""
     w, ratio, gain = 41.0, 0.004, 6.0

@@ -121,6 +121,22 @@ def test_a_pole_moves_by_small_steps_and_not_past_a_doubt():
     assert pole_moved(lambda g: crossed[int(g)], pole, 1.0).value == 2.0
 
 
+@pytest.mark.parametrize(("more", "taken"), [(2.9, True), (3.5, False)])
+def test_a_step_at_whose_ends_a_pole_moves_at_other_rates_is_none(more, taken):
+    """0.1 sqrt(1 + g) moves by 0.05 g at first and 0.05 g / sqrt(1 + g) at last, which differ by
+    half of the first from g = 3 on, where their mean misses it by less than a tenth."""
+
+    def closed(gain):
+        return 0.1 * np.array([[0.0, 1.0], [1.0 + gain, 0.0]])
+
+    (pole,) = (one for one in poles_at(closed, 0.0) if one.value.real > 0.0)
+    found = pole_moved(closed, pole, more)
+    if taken:
+        assert found.value == pytest.approx(0.1 * np.sqrt(1.0 + more))
+    else:
+        assert found is None
+
+
 @pytest.mark.parametrize(("first", "last"), [(1.0, 0.0), (0.0, 1.0), (0.4, 0.9)])
 def test_a_path_holds_poles_of_the_matrix_without_a_jump(first, last):
     every = [np.linalg.eigvals(between(g)) for g in np.linspace(first, last or 2.0**-20, 300)]
@@ -168,6 +184,17 @@ def test_poles_are_continued_by_distance_and_direction(angle, order):
     directions = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]) + 0j
     poles, new = np.array([10.0, 12.0]) + 0j, np.array([10.0, 11.0]) + 0j
     assert continued_poles(poles, np.eye(2) + 0j, new, directions).tolist() == order
+
+
+@pytest.mark.parametrize(("angle", "order"), [(47.74, [0, 1]), (47.78, [1, 0])])
+def test_the_distance_of_a_slow_pole_counts_beside_a_thousandth_of_the_largest(angle, order):
+    """1 and 3 become 0 and 5 beside 1000: 1/2 + 2/7 straight and 4/9 + 3/4 crossed, so that the
+    directions decide where sin - cos = (4/9 + 3/4 - 1/2 - 2/7) / 6, at 47.76 degrees."""
+    turn = np.radians(angle)
+    directions = np.eye(3) + 0j
+    directions[:2, :2] = [[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]
+    poles, new = np.array([1.0, 3.0, 1000.0]) + 0j, np.array([0.0, 5.0, 1000.0]) + 0j
+    assert continued_poles(poles, np.eye(3) + 0j, new, directions).tolist() == [*order, 2]
 
 
 def test_poles_that_are_one_share_a_plane():
@@ -220,6 +247,13 @@ def test_poles_that_pass_each_other_keep_their_directions():
         assert number_of_pole(same, pole) == k
 
 
+@pytest.mark.parametrize(("apart", "number"), [(0.9e-6, 1), (1.1e-6, 0), (1e-4, 0)])
+def test_slow_poles_are_one_within_a_millionth_of_their_size(apart, number):
+    found = np.array([1e-3, 1e-3 * (1.0 + apart), 5.0]) + 0j, np.eye(3) + 0j
+    direction = np.eye(3)[1] + 0j
+    assert number_of_pole(found, Pole(1.0, 1e-3 + 0j, direction, direction)) == number
+
+
 # -- where a pole crosses --------------------------------------------------------------------------
 @pytest.mark.parametrize(
     ("middle", "gain", "at"),
@@ -262,6 +296,48 @@ def test_a_pole_that_comes_back_from_infinity():
     found, there = crossing(closed, poles, growth)
     assert found == pytest.approx(0.5, abs=1e-9)
     assert np.isinf(there)
+
+
+def test_a_pole_that_sank_just_below_the_axis_grows_from_there():
+    """Real, at (g - 0.1) (g - 0.4) (g - 0.7): it grows, sinks and grows again."""
+
+    def closed(gain):
+        return np.array([[(gain - 0.1) * (gain - 0.4) * (gain - 0.7)]])
+
+    def told(values):
+        # -0.008, at a gain of 0.5, is a twentieth of the rounding left of the axis
+        return np.interp(np.real(values), [-0.028, -0.008, 0.0, 0.1], [-3.0, -1.05, -1.0, 2.0])
+
+    poles = [poles_at(closed, gain)[0] for gain in (0.0, 0.2, 0.5, 0.95)]
+    found, there = crossing(closed, poles, told)
+    assert found == pytest.approx(0.7, abs=1e-9)
+    assert there == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(("size", "gain"), [(0.9, 0.0), (1.1, 0.3)])
+def test_a_pole_that_begins_within_rounding_of_the_axis_does_not_cross_it(size, gain):
+    """-0.3 + g, which is one rounding left of the axis at rest, or a little more."""
+
+    def closed(gain):
+        return np.array([[gain - 0.3]])
+
+    poles = [poles_at(closed, gain)[0] for gain in (0.0, 0.2, 0.5)]
+    found, there = crossing(closed, poles, lambda v: np.real(v) * size / 0.3 - 1.0)
+    assert found == pytest.approx(gain, abs=1e-9)
+    assert there == pytest.approx(gain - 0.3, abs=1e-9)
+
+
+@pytest.mark.parametrize(("before", "after"), [(1.0, 1e12), (1e12, 1.0), (1.0, 1.0)])
+def test_a_pole_is_endless_beside_the_largest_of_either_side(before, after):
+    """1 / (1/3 - g) goes to infinity and back; as its interval is halved it reaches 1e15."""
+
+    def closed(gain):
+        return np.diag([1.0 / (gain - 1.0 / 3.0), -before if gain < 0.4 else -after])
+
+    poles = [poles_at(closed, gain)[0] for gain in (0.0, 0.1, 0.3, 0.5)]
+    found, there = crossing(closed, poles, growth)
+    assert found == pytest.approx(1.0 / 3.0, abs=1e-9)
+    assert np.isinf(there) == (before == after)
 
 
 # -- whose they are --------------------------------------------------------------------------------
@@ -375,6 +451,13 @@ def test_a_pole_that_comes_back_from_infinity_crosses_there():
     assert found.crossing == np.inf
 
 
+def test_an_integrator_alone_grows_at_any_gain():
+    """g / 2, and nothing at all at rest."""
+    plant = tuple(np.full((1, 1), value) for value in (0.0, 1.0, 1.0, 0.0))
+    (found,) = instabilities(loop_of_one(plant, constant([-0.5])))
+    assert (found.pole, found.gain, found.alone) == (0.5, 0.0, {"u": 0.0})
+
+
 @pytest.mark.parametrize(
     ("slow", "fast", "origin", "kind"),
     [
@@ -433,6 +516,33 @@ def test_poles_that_lie_together_are_those_of_the_loops_that_have_them_alone(sec
         ]
     else:
         assert found == [None, None]
+
+
+@pytest.mark.parametrize(
+    ("off", "told"), [(0.9e-3, True), (1.1e-3, False), (0.19, False), (0.21, None)]
+)
+def test_a_pole_is_of_the_loop_that_has_it_alone_within_a_fifth_of_its_growth(off, told):
+    """And the others do nothing to it within a thousandth."""
+    modes = [(30.0, 0.05, [1.0, 0.0], [1.0, 0.0]), (30.3, 0.05, [0.0, 1.0], [0.0, 1.0])]
+    closed = modal_loop(modes, [-3.4, -3.37])
+    growth_of = np.array([3.4 - 3.0, 3.37 - 3.03]) / 2.0
+    poles = growth_of + 1j * np.sqrt(np.array([30.0, 30.3]) ** 2 - growth_of**2)
+    found = owners_of_poles(closed, poles + 1j * off * growth_of, start_of_poles(closed))
+    if told is None:
+        assert found == [None, None]
+    else:
+        assert [(one.input, one.is_same) for one in found] == [("u", told), ("v", told)]
+
+
+def test_what_grows_without_any_loop_is_of_none():
+    """At 30 rad/s by itself, beside 30.3 rad/s that the loop makes grow."""
+    modes = [(30.0, -0.005, [0.0], [0.0]), (30.3, 0.05, [1.0], [1.0])]
+    closed = modal_loop(modes, [-4.0])
+    growth_of = np.array([0.15, (4.0 - 3.03) / 2.0])
+    poles = growth_of + 1j * np.sqrt(np.array([30.0, 30.3]) ** 2 - growth_of**2)
+    first, second = owners_of_poles(closed, poles, start_of_poles(closed))
+    assert first is None
+    assert (second.input, second.is_same) == ("u", True)
 
 
 def test_a_loop_is_opened_wholly_to_see_whether_its_pole_ends():
@@ -527,9 +637,9 @@ def test_of_a_double_pole_each_stays_its_own():
     """Both have one direction."""
     origin = start_of_poles(modal_loop([(3.0, 0.05, [1.0], [1.0])], [1.0])).origins[0]
     start = StartOfPoles(np.zeros(2) + 0j, np.array([[1.0, 1.0], [0.0, 0.0]]) + 0j, [origin] * 2)
-    leaving = np.array([1.0, 0.0]) + 0j
-    for number in (0, 1):
-        assert own_direction(start, number, Pole(1e-6, 0j, leaving, leaving)) == number
+    for leaving in (np.array([1.0, 0.0]) + 0j, np.array([0.6, 0.8]) + 0j):
+        for number in (0, 1):
+            assert own_direction(start, number, Pole(1e-6, 0j, leaving, leaving)) == number
 
 
 # -- words -----------------------------------------------------------------------------------------

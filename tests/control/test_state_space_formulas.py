@@ -1,9 +1,11 @@
 """Closed forms beside state spaces: feedback, states that take no part, samples, forms of
 controllers, modal gains."""
 
+import math
 from types import SimpleNamespace
 
 import control
+import mujoco
 import numpy as np
 import pytest
 from scipy.linalg import block_diag, expm
@@ -239,6 +241,25 @@ def test_a_step_fed_with_the_mean_of_this_and_the_last_input():
         assert held[2] @ state + held[3] @ [u] == pytest.approx(c @ x + d[0] * mean, rel=1e-12)
         state = held[0] @ state + held[1] @ [u]
         x, before = a @ x + b[:, 0] * mean, u
+
+
+def test_a_step_of_rk4_takes_its_input_at_once():
+    """2 x'' + 0.6 x' + 18 x = 5 u by the series of the exponential to the fourth order."""
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><option gravity="0 0 0" integrator="RK4"/><worldbody><body name="bus">
+        <joint name="j" type="slide" stiffness="18" damping="0.6"/>
+        <inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/></body></worldbody>
+        <actuator><motor name="push" joint="j" gear="5"/></actuator>
+        <sensor><jointpos name="place" joint="j"/></sensor></mujoco>"""
+    )
+    h = 0.2
+    found = bc.plant(model, inputs=["push"], outputs=["place"], discrete=h)
+    flow = np.array([[0.0, 1.0, 0.0], [-9.0, -0.3, 2.5], [0.0, 0.0, 0.0]])
+    whole = sum(np.linalg.matrix_power(h * flow, k) / math.factorial(k) for k in range(5))
+    a, b = whole[:2, :2], whole[:2, 2:]
+    for z in np.exp(h * np.array([0.4j, 2.8j, 9.0j])):
+        wanted = (np.linalg.solve(z * np.eye(2) - a, b))[0, 0]
+        assert found(z) == pytest.approx(wanted, rel=1e-5)
 
 
 @pytest.mark.parametrize(("low", "high"), [(0.5, 4.0), (0.5, 2.0), (2.0, 4.0)])

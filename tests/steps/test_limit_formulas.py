@@ -33,6 +33,19 @@ def series(x):
     return 1.0 + x + x**2 / 2.0 + x**3 / 6.0 + x**4 / 24.0
 
 
+def test_rates_that_an_overdamped_mode_shows():
+    """s^2 + 5 s + 4: implicit damping d of h = 0.1 is v' = (v - h k x) / (1 + h d)."""
+    stiffness, damping = np.array([[4.0]]), np.array([[5.0]])
+    made = LinearModel(stiffness, damping, damping, stiffness)
+    drag = 1.0 + 0.1 * 5.0
+    rate = np.array([-0.1 * 4.0 / drag, 1.0 / drag])
+    z = np.linalg.eigvals([[1.0 + 0.1 * rate[0], 0.1 * rate[1]], rate])
+    shown = np.sort(np.log(z.real) / 0.1)
+    for wanted, order in (([-4.0, -1.0], [0, 1]), ([-1.0, -4.0], [1, 0])):
+        found = made.shown("Euler", 0.1, np.array(wanted) + 0j)
+        assert found == pytest.approx(shown[order], rel=1e-9)
+
+
 def test_limits_of_a_rigid_motion_and_two_modes():
     found = step_limits(model())
     assert found.omega_max == pytest.approx(24.0)

@@ -97,6 +97,15 @@ def test_what_a_step_makes_of_the_response_at_a_resonance(ratio, undamped):
     assert shifted_peak(of_poles(stepped=[0.5]), of_poles([-0.7]), 2.9, undamped) is None
 
 
+def test_a_slow_mode_rings_too():
+    """Of 0.05 rad/s, shown 3 % slower."""
+    wanted = 0.05 * (1j * np.sqrt(1.0 - 0.02**2) - 0.02)
+    both = of_poles(stepped=np.exp(0.97 * H * np.array([wanted, np.conj(wanted)])))
+    found = shifted_peak(both, of_poles(H * np.array([wanted, np.conj(wanted)])), 0.04, 0.005)
+    assert found.frequency == pytest.approx(0.05)
+    assert found.shift == pytest.approx(-0.03)
+
+
 def test_the_mode_that_the_step_shows_nearest_to_a_frequency():
     # 3 rad/s is shown at 3.9, which is nearer to 3.95 than 4.5 and what is shown of it, 4.6
     wanted, shown = np.array([3.0, 4.5]) * (1j - 0.01), np.array([3.9, 4.6]) * (1j - 0.01)
@@ -182,6 +191,8 @@ def test_the_last_kept_mode_has_most_of_its_energy_in_kept_springs():
     assert last_kept(plain, motion_at(plain)) == pytest.approx(8.0)
     assert last_kept(plain, motion_at(plain), {0, 2}) == pytest.approx(5.0)
     assert last_kept(plain, motion_at(plain), {1}) == 0.0
+    soft = slides((2.0, 0.08, 0.0), (2.0, 0.0, 0.0))
+    assert last_kept(soft, motion_at(soft)) == pytest.approx(0.2)
 
 
 @pytest.mark.parametrize(("share", "name"), [(0.55, "b"), (0.45, "")])

@@ -134,3 +134,18 @@ def test_steps_and_latches_that_cannot_be_are_refused(case):
 @pytest.mark.slow
 def test_joints_that_cannot_be_timed_are_refused(case):
     check_refused(UNTIMED[case][0], bc.InputError, UNTIMED[case][1])
+
+
+def test_a_tree_on_a_base_that_is_fixed_in_the_world_has_nothing_to_be_judged_by():
+    """0.25 kg m^2 over 0.5^2 of the tendon is a mass of 1, and more with what the link carries."""
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><option gravity="0 0 0"/><worldbody><body>
+        <inertial pos="0 0 0" mass="3" diaginertia="1 1 1"/><body><joint name="h" axis="0 0 1"/>
+        <inertial pos="0 0 0" mass="2" diaginertia="0.3 0.3 0.25"/><body pos="0.4 0 0">
+        <inertial pos="0 0 0" mass="0.5" diaginertia="0.02 0.02 0.03"/></body></body></body>
+        </worldbody><tendon><fixed name="arm_mode1_xy" stiffness="9" damping="0.1">
+        <joint joint="h" coef="0.5"/></fixed></tendon></mujoco>"""
+    )
+    with pytest.raises(bc.InputError, match="fixed in the world"):
+        bc.retime(model, 0.05)
+    assert model.tendon_armature[0] == 0.0

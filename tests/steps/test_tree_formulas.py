@@ -233,7 +233,9 @@ def test_a_slow_craft_is_compared_at_its_slow_mode():
     assert 2e-3 < pole < 9e-3
     qpos, joints = np.array(model.qpos0), np.zeros(7)
     found = SeenAtPose.of(model, modal_tendons(model), qpos, motion_at(model), 0.01, joints)
-    assert np.min(np.abs(found.omega / pole - 1.0)) < 1e-6
+    # and from a fiftieth of the band on
+    wanted = np.sort([*np.geomspace(0.0002, 0.01, 40), pole])
+    assert found.omega == pytest.approx(wanted, rel=1e-6)
     # motions of the base, of which each moves one unit of mass while the hinge is locked
     free = np.zeros((7, 7))
     mujoco.mj_solveM(model, data, free, np.eye(7))
@@ -310,6 +312,30 @@ def test_the_search_comes_nearer_to_the_circle_while_responses_are_alike(apart, 
     found = nearest_response(nothing, [SimpleNamespace(compared=compared)])
     assert sorted(asked, reverse=True) == asked
     assert found == pytest.approx(np.linalg.solve(a, (1.0 + asked[last]) * b), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("band", "kept", "top"),
+    [(None, 3.0, 3.0), (None, 9.0, 4.0), (7.0, 3.0, 7.0), (12.0, 3.0, 10.0)],
+)
+def test_up_to_where_a_tree_s_response_is_kept(band, kept, top, monkeypatch):
+    """To the band, of half a radian per step at most, else to the last kept mode, of a fifth."""
+
+    def made(alone, modal, integrator, step, highest):
+        assert (alone, modal, integrator, step) == (["alone"], MODAL, "Euler", STEP)
+        raise ArithmeticError(highest)
+
+    for name, told in (
+        ("tuned_poses", lambda *_: [None]),
+        ("motion_for", lambda *_: "motion"),
+        ("last_kept", lambda *_: kept),
+        ("appendages_alone", lambda *_: ["alone"]),
+        ("_Room.of", made),
+    ):
+        monkeypatch.setattr(f"beamchain.steps.tree_time.{name}", told)
+    with pytest.raises(ArithmeticError) as found:
+        tree_form(None, MODAL, "Euler", STEP, joints=np.zeros(2), band=band)
+    assert found.value.args[0] == pytest.approx(top)
 
 
 def test_the_timing_of_a_tree_gives_its_step_the_pole_of_exact_motion():

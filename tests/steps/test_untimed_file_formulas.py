@@ -3,8 +3,10 @@
 import mujoco
 import numpy as np
 import pytest
+from lxml import etree
 
 from beamchain import InputError
+from beamchain.steps.retime_file import put_hinge_armature
 from formulas import retimed_file
 
 FILE = """<mujoco><option gravity="0 0 0" timestep="0.02" integrator="implicitfast"/><worldbody>
@@ -48,3 +50,20 @@ def test_a_step_at_which_a_spring_of_the_craft_would_grow_is_refused(tmp_path):
     path.write_text(FILE.replace("</worldbody>", more))
     with pytest.raises(InputError, match=r"vibrate at 40\.12 rad"):
         retimed_file(path, 0.05, "Euler", tmp_path)
+
+
+def test_hinges_with_springs_of_their_own_get_armature_where_tendons_are_exact():
+    """k h^2 / 12, however soft."""
+    for integrator, exact in (("Euler", True), ("RK4", False)):
+        root = etree.fromstring(
+            """<mujoco><joint name="soft" stiffness="0.06"/><joint name="hard" stiffness="30"/>
+            <joint name="loose" stiffness="0"/><joint name="free"/></mujoco>"""
+        )
+        put_hinge_armature(root, 0.2, integrator)
+        found = {one.get("name"): one.get("armature") for one in root.iter("joint")}
+        assert (found["loose"], found["free"]) == (None, None)
+        if exact:
+            armature = [float(found[name]) for name in ("soft", "hard")]
+            assert armature == pytest.approx([0.06 * 0.04 / 12.0, 30.0 * 0.04 / 12.0])
+        else:
+            assert (found["soft"], found["hard"]) == (None, None)

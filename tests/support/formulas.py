@@ -507,6 +507,8 @@ from beamchain.structure.section import soft_modulus
 from beamchain.structure.sections_at import Sections, sections_at
 from beamchain.structure.slosh import Slosh
 from beamchain.variants.fields import Modes as DrawnModes
+from beamchain.variants.fields import _tree_fields as fields_of_tree
+from beamchain.variants.refit import Refit
 from beamchain.variants.samples import Gain as GainOfModes
 from beamchain.variants.samples import _scale_participation as scaled_participation
 from beamchain.variants.samples import gain as gain_of_pair
@@ -593,6 +595,7 @@ __all__ = [
     "Quantity",
     "Recovery",
     "Reference",
+    "Refit",
     "RetimedCraft",
     "Room",
     "Root",
@@ -757,6 +760,7 @@ __all__ = [
     "felt_by_modes",
     "fewest",
     "fewest_hinges",
+    "fields_of_tree",
     "fillers_above",
     "fillers_of",
     "find_cure",

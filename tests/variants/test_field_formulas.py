@@ -1,12 +1,15 @@
 """Closed forms beside fields of worlds (internals of `variants.fields`): two masses on springs that
 Euler steps, of which each world's poles are known."""
 
+from types import SimpleNamespace
+
 import mujoco
 import numpy as np
 import pytest
 
 import beamchain as bc
 from beamchain.variants.fields import Modes, Table, runs_exact, source_of, with_fields
+from formulas import fields_of_tree
 
 STEP = 0.05
 CRAFT = """<mujoco><option gravity="0 0 0"/><worldbody>
@@ -92,6 +95,99 @@ def test_variants_of_tendons_are_exact_in_time(model):
     assert runs_exact(with_fields(model, {name: values[0] for name, values in worlds.items()}))
 
 
+def test_variants_that_are_exact_already_are_taken_as_they_are(model):
+    rows = {"tendon_stiffness": np.array([[9.0, 0.0, 400.0], [12.0, 0.0, 300.0]])}
+    both = np.array([[0], [1]])
+    timed = Table(model, rows, STEP, None, {}).fields(both)
+    own = timed | {"tendon_armature": timed["tendon_armature"] + 0.01}
+    found = Table(model, own, STEP, None, {}).fields(both)
+    np.testing.assert_array_equal(found["tendon_armature"], own["tendon_armature"])
+    # marked in the model alone
+    marked = with_fields(model, {name: values[0] for name, values in timed.items()})
+    given = {"tendon_armature": own["tendon_armature"]}
+    found = Table(marked, given, STEP, None, {}).fields(both)
+    np.testing.assert_array_equal(found["tendon_armature"], own["tendon_armature"])
+    # for another step they are made anew
+    again = Table(model, timed, 0.02, None, {}).fields(both)
+    check_exact(again, rows["tendon_stiffness"][:, MODES], np.array([DAMPING] * 2), 0.02)
+
+
+def test_a_table_of_one_variant(model):
+    made = source_of(model, {"body_mass": np.array([[0.0, 3.0, 4.0]])}, None)
+    found = made.fields(made.keys(2, np.random.default_rng(0)))
+    np.testing.assert_allclose(found["dof_M0"], [[3.0, 4.0]] * 2)
+    fields = ("body_mass", "body_subtreemass", "body_invweight0", "dof_invweight0", "dof_M0")
+    sizes = {name: found[name][0].nbytes for name in found}
+    assert set(fields) <= set(sizes)
+    assert made.nbytes == sum(sizes.values())
+
+
+def test_tendons_of_a_tree_s_draws_are_marked_with_how_much_stiffer_they_are():
+    """Of three, the last and the first are modes."""
+    plain = {
+        "tendon_stiffness": np.array([[80.0, 7.0, 50.0], [90.0, 7.0, 40.0]]),
+        "tendon_damping": np.array([[0.3, 0.7, 0.5], [0.2, 0.7, 0.4]]),
+        "tendon_armature": np.array([[0.1, 0.2, 0.3]] * 2),
+        "tendon_solimp_lim": np.full((2, 3, mujoco.mjNIMP), 0.9),
+    }
+    before = {name: values.copy() for name, values in plain.items()}
+    modes = [2, 0]
+    wanted = SimpleNamespace(
+        armature=np.array([[0.01, 0.02], [0.03, 0.04]]),
+        stiffness=np.array([[51.0, 78.0], [39.0, 94.0]]),
+        damping=np.array([[0.6, 0.31], [0.41, 0.19]]),
+    )
+
+    def drawn(stiffness, damping):
+        assert stiffness.tolist() == [[50.0, 80.0], [40.0, 90.0]]
+        assert damping.tolist() == [[0.5, 0.3], [0.4, 0.2]]
+        return wanted
+
+    timing = SimpleNamespace(timestep=STEP, drawn=drawn)
+    modal = SimpleNamespace(index=np.array(modes))
+    found = fields_of_tree(plain, modal, timing, "implicitfast")
+    assert all(np.array_equal(plain[name], before[name]) for name in plain)
+    np.testing.assert_allclose(found["tendon_armature"], [[0.12, 0.2, 0.31], [0.14, 0.2, 0.33]])
+    np.testing.assert_allclose(found["tendon_stiffness"], [[78.0, 7.0, 51.0], [94.0, 7.0, 39.0]])
+    np.testing.assert_allclose(found["tendon_damping"], [[0.31, 0.7, 0.6], [0.19, 0.7, 0.41]])
+    marks = found["tendon_solimp_lim"]
+    assert marks[:, 1].tolist() == [[0.9] * mujoco.mjNIMP] * 2
+    number = float(mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
+    for world, k in np.ndindex(2, 2):
+        at = world, modes[k]
+        stiffer = 5.0 + wanted.stiffness[world, k] / plain["tendon_stiffness"][at] - 1.0
+        old = plain["tendon_damping"][at], plain["tendon_stiffness"][at]
+        np.testing.assert_allclose(marks[at], [STEP, number, stiffer, *old], rtol=1e-12)
+
+
+TREE = """<mujoco><option gravity="0 0 0"/><worldbody>
+<body name="bus"><freejoint/><inertial pos="0 0 0" mass="1e8" diaginertia="1e8 1e8 1e8"/>
+<body name="arm_link2"><joint name="h" axis="0 0 1"/>
+<inertial pos="0 0 0" mass="2" diaginertia="0.3 0.3 0.25"/>
+<body name="load" pos="0.4 0 0"><inertial pos="0 0 0" mass="0.5" diaginertia="0.02 0.02 0.03"/>
+</body></body></body></worldbody>
+<tendon><fixed name="arm_mode1_xy" stiffness="9" damping="0.1"><joint joint="h" coef="0.5"/></fixed>
+</tendon></mujoco>"""
+
+
+def test_variants_that_carry_bodies_are_timed_one_by_one_as_a_tree(monkeypatch):
+    """0.25 of the arm over 0.5^2 of a tendon is a mass of 1, and with its load of more."""
+    asked = []
+
+    def retime_by(form, model, *given, **named):
+        asked.append((form, given, named, float(np.ravel(model.tendon_stiffness.T)[0])))
+        model.tendon_armature[0] = 0.1 * len(asked)
+
+    monkeypatch.setattr("beamchain.variants.fields.retime_by", retime_by)
+    model = mujoco.MjModel.from_xml_string(TREE)
+    stiffness = np.array([[9.0], [12.0]])
+    found = Table(model, {"tendon_stiffness": stiffness}, STEP, 7.0, {})
+    assert asked == [(5, (STEP,), {"band": 7.0}, value) for value in (9.0, 12.0)]
+    np.testing.assert_allclose(
+        found.fields(np.array([[1], [0]]))["tendon_armature"], [[0.2], [0.1]]
+    )
+
+
 def test_what_follows_from_the_masses_of_variants(model):
     """An acceleration per force is one over a mass, of a motor too."""
     masses = np.array([[0.0, 1.0, 2.0], [0.0, 3.0, 4.0]])
@@ -125,3 +221,7 @@ def test_what_variants_mean(model):
         source_of(model, {"frequency": 0.0}, None).drawn(KEYS)["frequency"].tolist()
         == [[1.0, 1.0]] * 2
     )
+    # what no range is given of stays
+    drawn = source_of(model, {"damping": 0.4}, None).drawn(KEYS)
+    assert drawn["frequency"].tolist() == [[1.0, 1.0]] * 2
+    np.testing.assert_allclose(drawn["damping"], 1.0 + 0.4 * KEYS[:, 1])

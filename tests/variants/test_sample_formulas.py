@@ -2,6 +2,7 @@
 participation, and jobs."""
 
 import copy
+import dataclasses
 import json
 from types import SimpleNamespace
 
@@ -81,6 +82,19 @@ def test_a_craft_of_which_nothing_is_sprung_has_no_coupled_modes():
     assert normal_shapes(model, mass_matrix(0.0))[0].size == 0
     model.tendon_stiffness[2] = 5.0  # a filler alone
     assert normal_shapes(model, mass_matrix(0.0))[0].size == 0
+
+
+@pytest.mark.parametrize(("part", "count"), [(0.9, 1), (1.1, 2)])
+def test_springs_that_others_make_superfluous_are_no_modes(part, count):
+    """1e-12 of the largest squared frequency, 0.004 1.5^2 / 3, of 5 kg on the drive."""
+    model = mujoco.MjModel.from_xml_string(CHAIN.format(filler=1.0))
+    model.tendon_stiffness[:] = 0.0
+    model.tendon_stiffness[3] = 0.004
+    model.jnt_stiffness[0] = part * 1e-12 * 0.003 * 5.0
+    w, shapes = normal_shapes(model, np.diag([5.0, 4.0, 2.0, 1.0, 3.0]))
+    squares = [part * 1e-12 * 0.003, 0.003][-count:]
+    assert w == pytest.approx(np.sqrt(squares), rel=1e-3)
+    assert np.abs(shapes[4, -1]) == pytest.approx(1.0 / np.sqrt(3.0))
 
 
 def test_the_gain_of_a_mode_is_its_largest_singular_value():
@@ -299,6 +313,56 @@ def test_the_record_of_a_sweep_counts_its_samples():
     assert [one["mean"] for one in found["coupled_frequencies"]] == [1.5, 4.0]
     (gain,) = found["gains"]
     assert [one["mean"] for one in gain["modes"]] == pytest.approx([0.2, 0.3])
+
+
+def test_the_record_spreads_participation_mode_by_mode():
+    rows = np.array([[[1.0, 2.0], [3.0, 5.0], [7.0, 4.0]], [[3.0, 6.0], [4.0, 5.5], [9.0, 8.0]]])
+    record = dataclasses.replace(swept(), participation={"xy": rows}).as_dict()["participation"]
+    found = [[one["mean"] for one in mode] for mode in record["xy"]]
+    assert found == [[2.0, 4.0], [3.5, 5.25], [8.0, 6.0]]
+
+
+ARM = """<mujoco><option gravity="0 0 0"/><worldbody><body name="bus"><freejoint/>
+<inertial pos="0 0 0" mass="1e8" diaginertia="1e8 1e8 1e8"/>
+<body name="arm_link1"><joint name="h1" axis="0 1 0"/>
+<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body>
+<body name="arm_link2"><joint name="h2" axis="1 0 0"/>
+<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body>
+<body name="drum"><joint name="drive" axis="0 0 1" stiffness="90"/>
+<inertial pos="0 0 0" mass="2" diaginertia="3 3 3"/></body></body></worldbody><tendon>
+<fixed name="arm_mode1_xy" stiffness="30" damping="0.1"><joint joint="h1" coef="1"/></fixed>
+<fixed name="arm_mode2_xy" stiffness="200" damping="0.2"><joint joint="h2" coef="1"/></fixed>
+</tendon></mujoco>"""
+
+
+def test_one_sample_of_a_craft_s_text_has_the_numbers_that_were_drawn():
+    """Modes of mass 1, and a drum of 3 kg m^2 on its drive, beside a heavy bus."""
+    tenth = bc.spec.Uncertainty(relative=0.1)
+    given = bc.spec.UncertainCraft(
+        appendage={"arm_": bc.spec.UncertainModes(frequency=tenth, participation=tenth)},
+        joint={"drive": bc.spec.UncertainJoint(stiffness=tenth)},
+    )
+    found = bc.sweep(ARM, 1, uncertain=given, seed=3)
+    names = [quantity.name for quantity in found.quantities]
+    drawn = dict(zip(names, found.values[0], strict=True))
+    first, second = (drawn[f"arm_mode{k}_xy.frequency"] for k in (1, 2))
+    nominal = {name: q.nominal for name, q in zip(names, found.quantities, strict=True)}
+    assert nominal["arm_mode1_xy.frequency"] == pytest.approx(np.sqrt(30.0))
+    assert nominal["drive.stiffness"] == 90.0
+    wanted = np.sort([first, second, np.sqrt(drawn["drive.stiffness"] / 3.0)])
+    assert found.coupled[0] == pytest.approx(wanted, rel=1e-6)
+    assert found.name == "craft"
+    assert 0.0 < found.seconds < 60.0
+    # of a port whose modes these are
+    rows = np.array([[1.0, 2.0], [3.0, 5.0]])
+    case = dataclasses.replace(found.case, participation={"xy": rows})
+    factors = [drawn[f"arm_mode{k}_xy.participation"] for k in (1, 2)]
+    assert min(np.abs(np.array(factors) - 1.0)) > 1e-3
+    sample = case.sample(3, 0)
+    assert sample["port xy"] == pytest.approx(rows * np.array(factors)[:, None])
+    assert sample["values"] == pytest.approx(found.values[0])
+    with pytest.raises(bc.InputError, match="nothing is uncertain"):
+        bc.sweep(ARM, 1)
 
 
 def test_a_sweep_is_written_beside_its_model(tmp_path, monkeypatch):

@@ -190,7 +190,7 @@ def _left(matrix: Array, value: complex, right: Complex) -> Complex:
 
 def _factors(matrix: Array, value: complex) -> tuple[Complex, NDArray[np.int32]]:
     """Of a matrix less a pole, which is kept just beside it."""
-    noise = ROUNDED * max(float(np.linalg.norm(matrix)), 1e-300)
+    noise = ROUNDED * max(float(np.linalg.norm(matrix)), 1e-100)
     lu, pivots, _ = zgetrf(matrix - (value + noise) * np.eye(matrix.shape[0]))
     # beside a pole that is off by as much the matrix is singular: its pivot is rounding, not zero
     diagonal = np.einsum("ii->i", lu)

@@ -23,6 +23,7 @@ from beamchain.engine.library import hangs_on, mujoco
 from beamchain.engine.linear import linear_at
 from beamchain.engine.mount import motion
 from beamchain.engine.operating_point import base_body, quiet_copy, rest_point
+from beamchain.errors import InputError
 from beamchain.ports.motions import Array
 from beamchain.steps.integrators import SCHEMES, Complex
 from beamchain.steps.modal import HINGE_OR_SLIDE, Modal
@@ -87,6 +88,13 @@ class Seen:
         # tendons locked: what is left of the unit mass in motions that do not stretch them
         held = np.linalg.lstsq(tendons, tendons, rcond=None)[0]
         rigid = np.sum((rows - rows @ held) * rows, axis=1)
+        if not np.max(rigid, initial=0.0) > HELD * np.max(np.sum(rows**2, axis=1), initial=0.0):
+            raise InputError(
+                "the appendages that carry bodies hang on a base that is fixed in the world, and "
+                "no joint of the craft stands between them, so that nothing else moves by which "
+                "their step could be judged; give the base a free joint, or leave them without "
+                "timing."
+            )
         moves = rigid > HELD * np.max(rigid, initial=1e-300)
         scale = 1.0 / np.sqrt(rigid[moves])
         rows = rows[moves] * scale[:, None]

@@ -13,7 +13,7 @@ import numpy as np
 from msgspec import structs
 
 from beamchain import report
-from beamchain.checks import list_of_names, whole_number
+from beamchain.checks import is_mjcf_text, list_of_names, whole_number
 from beamchain.craft.embedded import Embedded
 from beamchain.craft.embedding import check_places, embed
 from beamchain.craft.model_fields import FIELDS
@@ -27,7 +27,7 @@ from beamchain.fitting.fit import as_spec, fit
 from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec, read_spec
 from beamchain.fitting.uncertain import Correlation, Uncertain, UncertainCraft, read_uncertain
-from beamchain.mjcf.craft import Craft, read_craft
+from beamchain.mjcf.craft import Craft, craft_from_text, read_craft
 from beamchain.mjcf.relocate import relocate
 from beamchain.ports.motions import Array
 from beamchain.structure.beam import Beam
@@ -363,7 +363,7 @@ def _nominal_craft(
             )
         return source
     if mounts is None:
-        return read_craft(source)
+        return craft_from_text(str(source)) if is_mjcf_text(source) else read_craft(source)
     appendages = mounts
     if given.appendage:
         appendages = {
