@@ -3,6 +3,8 @@
 Closed forms beside the bench: what bodies weigh about a point, how far two readings are apart,
 what stands behind a port."""
 
+from copy import copy
+
 import mujoco
 import numpy as np
 import pytest
@@ -86,6 +88,9 @@ def test_bodies_springs_and_dampers_are_read_one_by_one():
     assert found.springs.T @ found.springs == pytest.approx(stiffness, rel=1e-12, abs=1e-15)
     assert found.damping == pytest.approx(damping, rel=1e-12, abs=1e-15)
     assert forces.sprung(model) == [2, 3]
+    by_tendon = copy(model)
+    by_tendon.jnt_stiffness[:] = 0.0
+    assert forces.sprung(by_tendon) == [2, 3]
     squares, shapes = eigh(stiffness[2:, 2:], mass[2:, 2:])
     w = np.sqrt(squares)
     rows = shapes.T @ mass[2:, :2]

@@ -353,6 +353,31 @@ def test_a_beam_has_all_modes_up_to_25_bands():
     assert found["xy"].frequencies[:28] == pytest.approx(w, rel=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("more", "asked"),
+    [
+        ({"modes": bc.Modes(xy=3, xz=5)}, [("xy", 10), ("xz", 14)]),
+        ({"scene": bc.Scene(bandwidth=2.0)}, [("xy", 16), ("xz", 16)]),
+        ({"scene": bc.Scene(bandwidth=3.1)}, [("xy", 16), ("xy", 19), ("xz", 16), ("xz", 19)]),
+        ({"scene": bc.Scene(bandwidth=1e3)}, [("xy", 16), ("xy", 40), ("xz", 16), ("xz", 40)]),
+    ],
+)
+def test_as_many_modes_of_the_whole_beam_are_asked_for_as_others_are_held_against(more, asked):
+    """Twice those that are stated and four; of a scene 16, or up to 40 where 25 bands have more:
+    the frequency of mode k is k squared."""
+    spec = boom(xz=400.0, **more)
+    found = []
+
+    def port(name, count, stations):
+        if name not in ("xy", "xz"):
+            raise bc.InputError("rigid.")
+        found.append((name, count))
+        return SimpleNamespace(frequencies=np.arange(1.0, 50.0) ** 2 / 5.0)
+
+    whole_beam(spec, SimpleNamespace(segments=spec.beam.segments, port=port))
+    assert found == asked
+
+
 @pytest.mark.parametrize(("inside", "counts"), [(0, (1, 1)), (3, (3, 1)), (7, (5, 1))])
 def test_of_everything_modes_up_to_three_bands_are_kept_one_to_five(inside, counts):
     w = cantilever(8, 400.0, 1.7, 3.0)

@@ -375,6 +375,30 @@ def test_one_turn_of_slopes_goes_to_the_corner_that_reaches_farther(monkeypatch)
     assert len(wanted) > 1
 
 
+def test_corners_of_every_direction_are_those_of_its_slopes(monkeypatch):
+    """E = e + 0.3 s1 d1 + s2 d2 of three frequencies, the middle one the top; the corner of a
+    direction has the signs of the slopes along it."""
+    middles = np.array([0.5, 2.0 - 3.0j, 0.4])
+    slopes_there = np.array([0.3 + 0.1j, 0.05 - 0.4j])
+    made = SampleLoops.__new__(SampleLoops)
+    made._count, made._of, made.names = 2, np.array([0, 1, 1]), ("u",)
+    still = SimpleNamespace(frequencies=lambda *_: np.array([1.0, 2.0, 3.0]))
+    monkeypatch.setattr(made, "closed", lambda deltas: still, raising=False)
+    monkeypatch.setattr(made, "_responses", lambda omega: (None, None), raising=False)
+
+    def affine(m, law, deltas):
+        e = middles + deltas @ slopes_there
+        left = np.array([[0.2 + 0.5j, 1.3 - 0.2j, 0.4 + 0.1j]])
+        of_channels = np.array([slopes_there[0], 0.4 * slopes_there[1], 0.6 * slopes_there[1]])
+        right = (of_channels / left[0])[:, None]
+        whole = np.ones((3, 1, 1))
+        return e[:, None, None], whole * left, whole * right
+
+    monkeypatch.setattr(made, "_middles", affine, raising=False)
+    # the size, and the real axis: towards 2 - 3j, then 1; -1j; -1 and 1j lead away from 1/2
+    assert {tuple(corner) for corner in made._corners()} == {(1.0, 1.0), (-1.0, 1.0)}
+
+
 def margin(at, kind, worst):
     return LeastMargin(at, kind, "", 1.0, worst, 2.0, {}, None, {})
 
