@@ -294,8 +294,13 @@ from beamchain.engine.slew import _on_hub as drive_on_hub
 from beamchain.engine.slew import _run as run_of_push
 from beamchain.engine.slew import _without_actuators as without_actuators
 from beamchain.engine.slew import simulate as simulate_slew
+from beamchain.fitting.beam_case import _band as band_of_plan
+from beamchain.fitting.beam_case import _check_free as check_free_modes
+from beamchain.fitting.beam_case import build as build_plan
+from beamchain.fitting.beam_case import needs_time
+from beamchain.fitting.choose import Plan as PlanOfModes
 from beamchain.fitting.choose import _modes_below as half_waves
-from beamchain.fitting.choose import whole_beam
+from beamchain.fitting.choose import make_plan, whole_beam
 from beamchain.fitting.cure import _one_mode_more as one_mode_more
 from beamchain.fitting.cure import cure_of
 from beamchain.fitting.document import safe_step
@@ -306,6 +311,7 @@ from beamchain.fitting.fewest import weights as weights_of_modes
 from beamchain.fitting.hub import assumed_hub, default_hub, port_hub_mass
 from beamchain.fitting.imported import ImportedCase, imported_case, same_planes
 from beamchain.fitting.imported import _check_body as check_body
+from beamchain.fitting.imported import _couple_ports as couple_ports
 from beamchain.fitting.imported import _departs as departs
 from beamchain.fitting.imported import _first as first_of_ports
 from beamchain.fitting.imported import _per_mode as takes_a_tendon_per_mode
@@ -313,6 +319,7 @@ from beamchain.fitting.imported import _ratios as damping_of_file
 from beamchain.fitting.imported import _roomy as line_with_room
 from beamchain.fitting.imported import _visible_modes as visible_modes
 from beamchain.fitting.needs import Candidates, Promise, choose, with_polar_inertia
+from beamchain.fitting.proof import _is_empty as leaves_no_mass
 from beamchain.fitting.result import InSpace
 from beamchain.fitting.slosh import (
     SloshCase,
@@ -583,6 +590,7 @@ __all__ = [
     "Parts",
     "Piece",
     "PlaceOfHinge",
+    "PlanOfModes",
     "PlanarChain",
     "PoleRow",
     "Pose",
@@ -654,6 +662,7 @@ __all__ = [
     "balanced_bounds",
     "ballast_for",
     "band_grid",
+    "band_of_plan",
     "bare_at_poses_of",
     "base",
     "base_place",
@@ -666,6 +675,7 @@ __all__ = [
     "body_in_port",
     "body_mass_matrix",
     "build_exact",
+    "build_plan",
     "candidate",
     "cantilever_names",
     "carried_by_craft",
@@ -678,6 +688,7 @@ __all__ = [
     "changes_of",
     "check_algebraic_loop",
     "check_body",
+    "check_free_modes",
     "check_freedoms",
     "check_inertia",
     "check_outwards",
@@ -703,6 +714,7 @@ __all__ = [
     "coordinate_names",
     "correlations_of_craft",
     "counterpart",
+    "couple_ports",
     "coupled_limits",
     "coupled_modes",
     "craft_error",
@@ -820,6 +832,7 @@ __all__ = [
     "layout_of",
     "least_share",
     "leaves_at",
+    "leaves_no_mass",
     "legendre_series",
     "lightest_of_bodies",
     "limited_by_modes_above",
@@ -844,6 +857,7 @@ __all__ = [
     "lowest_modes",
     "lowest_wrong",
     "made_for",
+    "make_plan",
     "map_by_differences",
     "margin_figures",
     "margin_sentence",
@@ -886,6 +900,7 @@ __all__ = [
     "nearest_flexibility",
     "nearest_response",
     "nearest_turn",
+    "needs_time",
     "new_directions",
     "newton_step",
     "noise_of_freedoms",
