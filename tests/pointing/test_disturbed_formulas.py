@@ -19,6 +19,7 @@ from beamchain.pointing.pointing import Pointing
 from beamchain.pointing.wheel_run import Acting, WheelRun
 from pointing_doors import (
     amplitudes_in_record,
+    appendages_of_craft,
     beyond_modes_kept,
     check_linear_in_speed,
     check_stable_craft,
@@ -28,6 +29,7 @@ from pointing_doors import (
     nutation_of_craft,
     place_of_output,
     plot_pointing,
+    pointing_mode_table,
     pointing_table,
     run_wheel,
     settling_of_modes,
@@ -387,6 +389,35 @@ def test_errors_of_all_sources_and_the_mode_that_each_comes_from():
     assert modes == ["one", "", "", "three", "", ""]
 
 
+def test_up_to_five_modes_of_a_hundredth_and_more_are_listed():
+    """Of what is more than rounding."""
+    shares = {"one": 0.6, "two": -0.2, "three": 0.3, "four": 0.011, "five": 0.0099, "six": 0.02}
+    one = error_of("drive", [3.0, 1e-9], [0.0, 0.0], (shares, {"seven": 1.0}))
+    two = error_of("wheel", [1.0, 5.0], [0.0, 0.0], ({}, {"eight": 0.7}))
+    found = pointing_mode_table(
+        SimpleNamespace(sources=(one, two), outputs=("a", "b"), units=("rad", "rad"))
+    )
+    columns = [list(column.values) for column in found.columns]
+    assert [column.key for column in found.columns] == ["source", "output", "mode", "share"]
+    assert columns == [
+        ["drive"] * 4 + ["wheel"],
+        ["a"] * 4 + ["b"],
+        ["one", "two", "three", "four", "eight"],
+        [0.6, -0.2, 0.3, 0.011, 0.7],
+    ]
+
+
+def test_appendages_are_read_where_the_displacement_of_a_tip_asks_for_them(monkeypatch):
+    marked = {"marked": ("craft", ("arm",)), "plain": None}
+    monkeypatch.setattr("beamchain.pointing.pointing.marked_appendages", marked.get)
+    moved = SimpleNamespace(snap=(SimpleNamespace(displacement=0.1),))
+    assert appendages_of_craft("marked", moved) == ("arm",)
+    assert appendages_of_craft("plain", moved) == ()
+    assert appendages_of_craft(compiled(), moved) == ()
+    heated = SimpleNamespace(snap=(SimpleNamespace(displacement=None),))
+    assert appendages_of_craft("marked", heated) == ()
+
+
 @pytest.mark.parametrize(
     ("source", "output", "chosen"),
     [
@@ -462,6 +493,8 @@ def test_a_run_waits_for_the_mode_that_has_the_largest_share():
     assert settling_of_modes(craft, {"one": 0.7, "two": 0.3}) == pytest.approx(1.0 / 0.2)
     assert settling_of_modes(craft, {"three": 0.7, "two": 0.3}) == pytest.approx(1.0 / 0.09)
     assert settling_of_modes(craft, {"rigid motion": 1.0}) == pytest.approx(1.0 / 0.09)
+    hardly = craft_of([("one", 4.0, 0.05), ("two", 9.0, 0.9e-6)])
+    assert settling_of_modes(hardly, {"rigid motion": 1.0}) == pytest.approx(1.0 / 0.2)
     assert settling_of_modes(craft_of([("three", 3.0, 0.0)]), {"three": 1.0}) == 0.0
 
 
@@ -501,7 +534,7 @@ def test_a_run_of_two_orders_measures_their_amplitudes():
 
     craft = craft_of([("a", 1.0, 0.1)])
     craft.point, craft.linear, force = point, Linear.of(model), SimpleNamespace(apply=push)
-    craft.outputs = [SimpleNamespace(labels=("x",), read=lambda data: data.qpos.copy())]
+    craft.outputs = [SimpleNamespace(labels=("x",), read=lambda data: data.qpos + 0.7)]
     acting = [Acting(3.0, np.array([0.4 - 0.3j]), 0.0), Acting(9.0, np.array([2.0j]), 0.0)]
     times, values, found, step = run_wheel(craft, [force], acting, 0, 5.0)
     assert step == pytest.approx(2.0 * np.pi / 360.0)
