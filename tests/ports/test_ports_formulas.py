@@ -42,6 +42,23 @@ def test_modes_are_matched_by_direction_where_frequencies_are_near():
         assert compare(a, b).matches.tolist() == matches
 
 
+def test_a_mode_that_moves_slightly_alike_is_matched_before_one_that_does_not():
+    a = two_modes([1.0], [[1.0, 0.0]])
+    b = two_modes([1.0, 1.0], [[0.0, 1.0], [0.05, 1.0]])
+    assert compare(a, b).matches.tolist() == [[0, 1]]
+
+
+@pytest.mark.parametrize(
+    ("frequencies", "words"),
+    [([], "rigid"), ([2.0], "1 modes: 2 rad/s"), ([1.0, 2.0, 3.0, 4.0], "4 modes: 1, 2, 3, ...")],
+)
+@pytest.mark.parametrize(("motions", "plural"), [(1, "1 motion,"), (3, "3 motions,")])
+def test_a_model_shows_its_first_three_modes(frequencies, words, motions, plural):
+    rows = np.zeros((len(frequencies), motions))
+    model = PortModel(np.eye(motions), np.array(frequencies), rows)
+    assert repr(model).startswith(f"<PortModel, {plural} {words}")
+
+
 def test_in_band_error_of_a_rigid_model_is_worst_on_the_light_hub():
     # below the resonance D > m, so that the error is |D - m| / |m_hub + D| at the band's end,
     # with the 0.5 % that modes without damping get; hubs have 0.1, 1 and 10 times the mass
@@ -503,3 +520,12 @@ def test_attachments_that_normal_modes_carry_are_none():
             tip=np.array([[1.0], [part]]),
         )
         assert model.attached(1, [0]).modes == count
+
+
+def test_a_point_that_does_not_move_has_no_attachment():
+    """Its column of the tip is zero, and no static shape is added for it."""
+    still = PortModel(np.eye(1), np.array([1.0, 2.0, 3.0]), np.zeros((3, 1)), tip=np.eye(3)[:, [2]])
+    tip = np.column_stack([still.tip, np.zeros(3)])
+    both = PortModel(np.eye(1), np.array([1.0, 2.0, 3.0]), np.zeros((3, 1)), tip=tip)
+    assert both.attached(1, [0, 1]).frequencies.tolist() == pytest.approx([1.0, 3.0])
+    assert both.attached(1, [1]).frequencies.tolist() == [1.0]
