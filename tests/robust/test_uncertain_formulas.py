@@ -1,6 +1,7 @@
 """Closed forms beside uncertain plants and poses: deltas and values, frequencies of curves, modes
 that are followed, scaled bounds, words on what grows."""
 
+import json
 from types import SimpleNamespace
 
 import numpy as np
@@ -47,6 +48,31 @@ def test_values_of_deltas_and_deltas_of_values():
     assert found == pytest.approx([-0.5, 0.0, 0.6])
     assert made._deltas([0.5, -0.2]).tolist() == [0.5, -0.2, 0.5]
     assert made._block_deltas({"b": 9.0, "c": -3.4}) == pytest.approx([-0.5, 0.0])
+
+
+def test_a_file_holds_the_plant_with_its_blocks(tmp_path):
+    made = uncertain(Lft)
+    system = np.diag([-1.0, -2.0]), np.ones((2, 5)), 2.0 * np.ones((6, 2)), np.zeros((6, 5))
+    made._system, made._states = system, ["mode", "mode_rate"]
+    made._names = (["w1", "w2", "w3", "w4", "push"], ["z1", "z2", "z3", "z4", "turn", "rate"])
+    made.units = (["N m"], ["rad", "rad/s"])
+    found = json.loads(made.write(tmp_path / "plant.json").read_text())
+    assert [np.array(found[name]).tolist() for name in "ABCD"] == [part.tolist() for part in system]
+    assert {name: found[name] for name in found if name not in "ABCD"} == {
+        "Ts": 0.0,
+        "InputName": made._names[0],
+        "OutputName": made._names[1],
+        "StateName": ["mode", "mode_rate"],
+        "InputUnit": ["N m"],
+        "OutputUnit": ["rad", "rad/s"],
+        "BlockName": ["pair", "a"],
+        "BlockRepetitions": [3, 1],
+        "QuantityName": ["b", "a", "c"],
+        "QuantityUnit": ["kg"] * 3,
+        "QuantityBlock": [1, 2, 1],
+        "Nominal": [10.0, 5.0, -4.0],
+        "Reach": [2.0, 0.5, 1.0],
+    }
 
 
 @pytest.mark.parametrize(
