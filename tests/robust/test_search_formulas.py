@@ -193,6 +193,29 @@ def test_a_search_climbs_to_a_top_inside_and_to_a_corner():
     assert [one.gain for one in peaks] == pytest.approx(wanted)
 
 
+@pytest.mark.parametrize(("count", "corners"), [(2, 4), (9, 32)])
+def test_a_search_tries_samples_corners_and_the_nominal_values(count, corners, monkeypatch):
+    """All corners of few ranges, 32 of many, ends at 1 and -1; nothing is worse than unstable."""
+    tried = []
+
+    def peak(deltas):
+        tried.append(deltas)
+        return Peak(np.inf, 1.0) if len(tried) == 1 else Peak(1.0, 1.0)
+
+    loops = SimpleNamespace(peak=peak)
+    samples = np.linspace(0.1, 0.8, 2 * count).reshape(2, count)
+    limit = Peak(5.0, 2.0)
+    monkeypatch.setattr("beamchain.robust.search._stability_limit", lambda *_: limit)
+    deltas, found, peaks = worst_sample(loops, samples, 3)
+    assert found is limit
+    assert np.array_equal(deltas, samples[0])
+    assert [one.gain for one in peaks] == [np.inf, 1.0]
+    assert np.array_equal(tried[:2], samples)
+    assert len(tried) == 2 + corners + 1
+    assert set(np.ravel(tried[2:-1])) == {-1.0, 1.0}
+    assert not tried[-1].any()
+
+
 def test_an_unstable_sample_ends_a_search_where_stability_does():
     loops = hill((0.9, 0.9), end=0.7)
     assert not ascent(loops, np.zeros(2))[-1].peak.stable
