@@ -19,9 +19,12 @@ LAMP = "<light pos='0 0 9'/>"
 @pytest.mark.parametrize("sides", [(1.0,), (1.0, -1.0)], ids=["one side", "both sides"])
 @pytest.mark.parametrize("lean", [(0.01, 0.0, 0.0), (0.0, -0.01, 0.0)])
 def test_arrays_are_seen_from_the_side_on_one_side_and_on_both(degrees, sides, lean):
-    """What stands on both sides has its mean near the body, in any direction from it."""
+    """What stands on both sides has its mean near the body, in any direction from it; how tall it
+    is makes no difference."""
     way = np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees)), 0.0])
     points = np.array([side * x * way for side in sides for x in np.linspace(0.5, 6.0, 20)]) + lean
+    up = np.array([0.0, 0.0, 9.0])
+    points = np.vstack([points - up, points + up])
     model = mujoco.MjModel.from_xml_string(PLAIN.format(""))
     place = np.array([30.0, -40.0, 5.0])
     camera, _ = draw._camera(model, points + place, place, 1.6)
