@@ -281,5 +281,7 @@ def test_numbers_that_changed_are_said_and_shorter_user_data_end_in_zeros():
     assert [(one.element, one.wanted, one.found) for one in masses] == [("bus", 2.0, 2.02)]
     assert differences(first, model(2.02, "1 2"), pairs, tolerance=0.0101) == []
     assert differences(first, model(2.02, "1 2"), pairs, tolerance=0.0099)
+    light = differences(model(0.02, "1 2"), model(0.0202, "1 2"), pairs, tolerance=0.0099)
+    assert "body_mass" in [one.field for one in light]
     counts = differences(first, first, {"body": ([1], [1, 2])})
     assert [(one.element, one.wanted, one.found) for one in counts] == [("body", 1, 2)]
