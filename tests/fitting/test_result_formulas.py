@@ -9,6 +9,8 @@ import pytest
 import beamchain as bc
 import beamchain.fitting.result as result_module
 from beamchain import PortModel
+from beamchain.chain.build import Status
+from beamchain.fitting.fit import decide
 from formulas import InSpace
 
 LIMITS = SimpleNamespace(largest_step={})
@@ -280,3 +282,47 @@ def test_modes_are_numbered_as_in_the_file():
 )
 def test_kept_modes_in_words(numbers, words):
     assert in_space(numbers).kept_words == words
+
+
+SUCCESS = Status(ok=True, message="made.")
+
+
+@dataclasses.dataclass(frozen=True)
+class Made:
+    """A fit in band by some error, whose damping has some form."""
+
+    spec: SimpleNamespace
+    met: bool | None
+    in_band_error: float | None
+    ruined: bool = False
+    status: Status = SUCCESS
+    cautions: tuple = ()
+    cure: object = None
+    sampled_error: None = None
+
+
+@pytest.mark.parametrize(
+    ("form", "met", "error", "ruined", "missed", "cured"),
+    [
+        ("hinge", None, 0.11, False, False, True),
+        ("hinge", None, 0.09, False, False, False),
+        ("hinge", None, None, False, False, False),
+        ("hinge", True, 0.5, False, False, False),
+        ("modal", None, 0.5, False, False, False),
+        ("modal", False, 0.01, False, True, True),
+        ("modal", None, None, True, True, True),
+        (None, None, 0.5, False, False, False),
+    ],
+)
+def test_what_was_asked_for_and_missed_is_cured(
+    form, met, error, ruined, missed, cured, monkeypatch
+):
+    """And dampers in hinges that are off by a tenth, where no tolerance is stated."""
+    cure = SimpleNamespace(words="Do this.")
+    monkeypatch.setattr("beamchain.fitting.fit.cure_of", lambda *_: cure)
+    spec = SimpleNamespace(damping=form and SimpleNamespace(form=form), scene=None, exact_step=0.0)
+    found = decide(Made(spec, met, error, ruined))
+    assert found.status.ok is not missed
+    assert found.cure is (cure if cured else None)
+    assert found.status.message == ("Do this. made." if missed else "made.")
+    assert len(found.cautions) == (cured and not missed)

@@ -128,6 +128,26 @@ def test_modes_gathered_keep_their_static_flexibility():
     assert THREE.condensed(2.0) is THREE  # two modes for two motions
 
 
+def test_modes_gathered_keep_the_flexibility_of_two_motions_and_of_the_tip_between_them():
+    random = np.random.default_rng(7)
+    w = np.array([1.0, 3.0, 5.0, 6.0, 8.0, 9.0])
+    rows, tip = 0.2 * random.normal(size=(6, 2)), random.normal(size=(6, 1))
+    full = PortModel(np.diag([4.0, 9.0]), w, rows, damping=np.arange(1.0, 7.0) / 1e3, tip=tip)
+    got = full.condensed(4.0)
+    assert got.frequencies == pytest.approx([1.0, 3.0, 4.0, 4.0, 4.0])
+    both, gathered = (
+        np.hstack([full.participation, full.tip]),
+        np.hstack([got.participation, got.tip]),
+    )
+    assert gathered[:2] == pytest.approx(both[:2])
+    wanted = (both[2:].T / w[2:] ** 2) @ both[2:]
+    assert gathered[2:].T @ gathered[2:] / 16.0 == pytest.approx(wanted, rel=1e-9)
+    assert got.damping == pytest.approx([1e-3, 2e-3, 4.5e-3, 4.5e-3, 4.5e-3])
+    # five motions and points, for four modes above: nothing is gathered
+    more = full.replaced(tip=random.normal(size=(6, 3)))
+    assert more.condensed(4.0) is more
+
+
 def test_an_attachment_mode_is_the_static_shape_of_the_modes_left_out():
     got = THREE.attached(1, [0])
     q = np.array([-1.0 / 25.0, 0.7 / 64.0])  # tip load over W^2
