@@ -1,6 +1,7 @@
 """What a fit says of itself, of models whose errors are known."""
 
 import dataclasses
+import json
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,6 +11,7 @@ import beamchain as bc
 import beamchain.fitting.result as result_module
 from beamchain import PortModel
 from beamchain.chain.build import Status
+from beamchain.errors import OutputError
 from beamchain.fitting.fit import decide
 from formulas import InSpace
 
@@ -282,6 +284,25 @@ def test_modes_are_numbered_as_in_the_file():
 )
 def test_kept_modes_in_words(numbers, words):
     assert in_space(numbers).kept_words == words
+
+
+def test_the_files_of_a_fit(tmp_path, monkeypatch):
+    page = "page", {"modes.svg": "<svg/>", "modes.png": b"png"}
+    monkeypatch.setattr("beamchain.fitting.result.report.fit_report", lambda _: page)
+    fit = SimpleNamespace(
+        to_mjcf=lambda: "<appendage/>", scene_mjcf=lambda: "<scene/>", as_dict=lambda: {"ok": True}
+    )
+    names = [path.name for path in bc.Fit.write(fit, tmp_path / "out")]
+    assert sorted(names[:-1]) == [
+        "appendage.xml", "modes.png", "modes.svg", "report.html", "scene.xml",
+    ]  # fmt: skip
+    assert names[-1] == "fit.json"
+    found = {name: (tmp_path / "out" / name).read_text() for name in names}
+    assert (found["appendage.xml"], found["scene.xml"]) == ("<appendage/>", "<scene/>")
+    assert (found["report.html"], found["modes.png"]) == ("page", "png")
+    assert json.loads(found["fit.json"]) == {"ok": True}
+    with pytest.raises(OutputError):
+        bc.Fit.write(fit, tmp_path / "out")
 
 
 SUCCESS = Status(ok=True, message="made.")

@@ -80,6 +80,8 @@ def test_gain_of_a_sample_of_deltas_that_repeat():
 
     omega = np.array([0.3, 2.2, 5.0])
     assert loops.gain(DELTAS, omega) == pytest.approx([gain(DELTAS, w) for w in omega])
+    by_poles = loops._resonances(DELTAS)
+    assert by_poles.size(omega) == pytest.approx([gain(DELTAS, w) for w in omega])
     for w in omega:
         wanted = slopes(lambda at, w=w: np.log(gain(at, w)), DELTAS)
         assert loops.slope(DELTAS, w) == pytest.approx(wanted, rel=1e-5, abs=1e-9)
