@@ -39,6 +39,15 @@ def test_what_faces_the_camera_is_lit_whatever_lights_the_file_has(lamp):
     assert min(*model.vis.headlight.ambient, *model.vis.headlight.diffuse) >= 0.3
 
 
+def test_a_file_gets_a_sky_and_a_light_and_a_compiled_one_stays(tmp_path):
+    (tmp_path / "a.xml").write_text(PLAIN.format(""))
+    made = draw.stage(tmp_path / "a.xml")
+    assert (made.nlight, made.ntex) == (1, 1)
+    assert made.tex_type.tolist() == [int(mujoco.mjtTexture.mjTEXTURE_SKYBOX)]
+    mujoco.mj_saveModel(mujoco.MjModel.from_xml_string(PLAIN.format("")), str(tmp_path / "a.mjb"))
+    assert draw.stage(tmp_path / "a.mjb").ntex == 0
+
+
 @pytest.mark.parametrize("aspect", [0.4, 1.0, 2.5])
 @pytest.mark.parametrize("fovy", [30.0, 70.0])
 def test_what_is_drawn_just_fits_between_the_sides_of_the_frame(aspect, fovy):

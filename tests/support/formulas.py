@@ -251,6 +251,7 @@ from beamchain.engine.linearise import (
     runge_kutta_change,
 )
 from beamchain.engine.linearise import _motor_freedoms as motor_freedoms
+from beamchain.engine.linearise import _rounding as rounding_of_differences
 from beamchain.engine.loaded import (
     Loading,
     check_pushes,
@@ -993,6 +994,7 @@ __all__ = [
     "rotation_vectors",
     "round_down",
     "rounded_up",
+    "rounding_of_differences",
     "rounding_of_residual",
     "run_of_data",
     "run_of_drive",
