@@ -10,6 +10,7 @@ import pytest
 from beamchain.engine import draw
 from beamchain.engine.drawn import drawn_points
 from beamchain.engine.library import rest
+from beamchain.errors import EngineError
 
 PLAIN = "<mujoco><worldbody>{}<geom size='1'/></worldbody></mujoco>"
 LAMP = "<light pos='0 0 9'/>"
@@ -44,8 +45,14 @@ def test_a_file_gets_a_sky_and_a_light_and_a_compiled_one_stays(tmp_path):
     made = draw.stage(tmp_path / "a.xml")
     assert (made.nlight, made.ntex) == (1, 1)
     assert made.tex_type.tolist() == [int(mujoco.mjtTexture.mjTEXTURE_SKYBOX)]
-    mujoco.mj_saveModel(mujoco.MjModel.from_xml_string(PLAIN.format("")), str(tmp_path / "a.mjb"))
-    assert draw.stage(tmp_path / "a.mjb").ntex == 0
+    for name in ("a.mjb", "a.MJB"):
+        plain = mujoco.MjModel.from_xml_string(PLAIN.format(""))
+        mujoco.mj_saveModel(plain, str(tmp_path / name))
+        kept = draw.stage(tmp_path / name)
+        assert (kept.ngeom, kept.ntex) == (1, 0)
+    (tmp_path / "spoilt.mjb").write_bytes(b"spoilt")
+    with pytest.raises(EngineError):
+        draw.stage(tmp_path / "spoilt.mjb")
 
 
 @pytest.mark.parametrize("aspect", [0.4, 1.0, 2.5])
