@@ -560,6 +560,18 @@ def test_a_mode_points_along_the_part_that_carries_most_of_its_energy():
     assert found.shapes == pytest.approx(shapes * [1.0, -1.0])
 
 
+def test_a_soft_spring_beside_a_stiff_one_is_no_rigid_motion():
+    """Two bodies on a spring between them drift; a third hangs on a spring of 1e-10 of it."""
+    stiffness = np.zeros((3, 3))
+    stiffness[:2, :2] = 4e5 * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    stiffness[2, 2] = 4e-5
+    found = normal_modes(np.diag([2.0, 3.0, 5.0]), stiffness)
+    between = 4e5 * (1.0 / 2.0 + 1.0 / 3.0)
+    assert found.frequency == pytest.approx(np.sqrt([4e-5 / 5.0, between]), rel=1e-9)
+    assert np.abs(found.rigid[:, 0]) == pytest.approx([1.0, 1.0, 0.0])
+    assert found.rigid.shape == (3, 1)
+
+
 def test_coordinates_of_modes_are_rigid_motions_and_flexible_ones_times_their_frequency():
     """(r, w eta, r', eta', a) of q = R r + S eta, and back."""
     random = np.random.default_rng(6)
