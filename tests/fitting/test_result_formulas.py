@@ -286,6 +286,20 @@ def test_kept_modes_in_words(numbers, words):
     assert in_space(numbers).kept_words == words
 
 
+@pytest.mark.parametrize("sprung", [True, False])
+def test_an_appendage_is_timed_for_any_hub_unless_it_shall_not_be(sprung, monkeypatch):
+    asked = []
+    monkeypatch.setattr(
+        "beamchain.fitting.result.put_timing",
+        lambda tree, spec, **how: asked.append((tree.tag, spec, how)),
+    )
+    fit = SimpleNamespace(_untimed=b"<mujoco/>", spec="spec", tendon_sprung=sprung)
+    assert bc.Fit.appendage(fit, timed=False).tag == "mujoco"
+    assert asked == []
+    bc.Fit.appendage(fit)
+    assert asked == [("mujoco", "spec", {"sprung": sprung, "form": 2})]
+
+
 def test_the_files_of_a_fit(tmp_path, monkeypatch):
     page = "page", {"modes.svg": "<svg/>", "modes.png": b"png"}
     monkeypatch.setattr("beamchain.fitting.result.report.fit_report", lambda _: page)
