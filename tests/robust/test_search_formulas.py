@@ -218,6 +218,23 @@ def test_a_search_tries_samples_corners_and_the_nominal_values(count, corners, m
     assert not tried[-1].any()
 
 
+def test_a_search_climbs_from_the_four_worst_of_what_it_tried(monkeypatch):
+    started = []
+
+    def ascent_from(loops, start):
+        started.append(start.tolist())
+        return []
+
+    monkeypatch.setattr("beamchain.robust.search.ascent", ascent_from)
+    loops = SimpleNamespace(peak=lambda deltas: Peak(float(3.0 + deltas[0]), 1.0))
+    samples = np.array([[0.2], [0.9], [-0.5], [0.4], [0.7]])
+    worst_sample(loops, samples)
+    assert len(started) == 4
+    drawn = [row for row in started if abs(row[0]) < 1.0]  # the two corners may be any
+    assert drawn == [[0.9], [0.7], [0.4], [0.2]][: len(drawn)]
+    assert len(drawn) >= 2
+
+
 def test_an_unstable_sample_ends_a_search_where_stability_does():
     loops = hill((0.9, 0.9), end=0.7)
     assert not ascent(loops, np.zeros(2))[-1].peak.stable
