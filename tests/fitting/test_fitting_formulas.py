@@ -14,6 +14,7 @@ import beamchain as bc
 from beamchain import PortModel
 from beamchain.caution import Caution
 from beamchain.fitting.choose import everything
+from beamchain.fitting.cure import with_modal_damping
 from beamchain.fitting.fit import _with_integrator as with_integrator
 from beamchain.fitting.spec import schema
 from beamchain.fitting.spec_text import spec_toml
@@ -468,6 +469,16 @@ class Stepped:
     @property
     def decisive(self):
         return 100.0 * self.spec.scene.timestep
+
+
+@pytest.mark.parametrize(("form", "cured"), [("hinge", True), ("modal", False), (None, False)])
+def test_dampers_in_hinges_are_cured_by_those_on_modes(form, cured):
+    spec = boom(damping=form and bc.Damping(ratio=0.03, form=form))
+    found = with_modal_damping(spec)
+    if cured:
+        assert found == boom(damping=bc.Damping(ratio=0.03, form="modal"))
+    else:
+        assert found is None
 
 
 def test_without_a_band_a_shorter_step_is_the_cure_of_a_step():

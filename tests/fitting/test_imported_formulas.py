@@ -22,6 +22,7 @@ from formulas import (
     imported_case,
     line_with_room,
     same_planes,
+    separate_ports,
     spread_mass,
     takes_a_tendon_per_mode,
     visible_modes,
@@ -347,6 +348,31 @@ def test_the_exact_appendage_of_imported_modes_has_six_motions():
     assert found.model.damping.tolist() == [0.01, 0.02]
     assert found.kept.tolist() == [False, True]
     assert found.band == {"space": 7.0}
+
+
+@pytest.mark.parametrize("target", ["clamped", "free"])
+def test_what_separate_ports_ask_of_their_chain(target, monkeypatch):
+    """Per port its own modes, clamped or on its hub, here on none."""
+    monkeypatch.setattr("beamchain.fitting.imported.build_exact", lambda *asked: asked)
+    of = data(damping=np.array([0.01, 0.02, 0.03, 0.04]))
+    fit = bc.spec.FitOptions(springs="modes", cuts=(0.7,))
+    given = case(of, (1, 2, 4), target, scene=bc.Scene(bandwidth=50.0), fit=fit)
+    line, counts, target_of, wishes = separate_ports(given, "line")
+    assert (line, counts) == ("line", {"xy": 1, "xz": 1, "torsion": 1})
+    assert (wishes.springs, wishes.per_mode, wishes.lines) == ("modes", True, (0.7,))
+    assert (wishes.band, wishes.neutral) == (50.0, target == "free")
+    rest = {port: group.frequencies.tolist() for port, group in wishes.left_out.items()}
+    assert rest["xy"] == [7.0]
+    assert wishes.left_out["xy"].rows == pytest.approx(np.array([[1.1, 0.9]]))
+    found = target_of("xy", 1)
+    assert found.damping.tolist() == [0.01]
+    if target == "clamped":
+        assert found.frequencies.tolist() == [2.0]
+    else:  # the lower free mode of both in the plane
+        rows, own = ROWS[np.ix_([0, 2], [1, 5])], RIGID[np.ix_([1, 5], [1, 5])]
+        free = np.eye(2) - rows @ np.linalg.solve(own, rows.T)
+        lowest = np.sqrt(eigh(np.diag([4.0, 49.0]), free, eigvals_only=True)[0])
+        assert found.free_frequencies == pytest.approx([lowest], rel=1e-9)
 
 
 @pytest.mark.parametrize("target", ["clamped", "free"])

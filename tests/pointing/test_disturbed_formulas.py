@@ -381,6 +381,7 @@ def test_errors_of_all_sources_and_the_mode_that_each_comes_from():
         )
     )  # fmt: skip
     columns = {column.key: list(column.values) for column in found.columns}
+    assert columns["source"] == ["slow", "slow", "wheel", "wheel", "all", "all"]
     assert columns["output"] == ["a", "b"] * 3
     assert columns["ape_peak"] == [3.0, 1e-9, 1.0, 5.0, 4.0, 5.0]
     assert columns["rpe_peak"] == [0.0, 9.0, 4.0, 6.0, 4.0, 6.0]

@@ -35,8 +35,8 @@ def two_modes(frequencies, rows):
 
 
 def test_modes_are_matched_by_direction_where_frequencies_are_near():
-    # as they stand: 0.05 twice; crossed: ln 1.02 twice, which is less; ln 1.06 twice is more
-    for apart, matches in ((1.02, [[0, 1], [1, 0]]), (1.06, [[0, 0], [1, 1]])):
+    # as they stand: 0.05 twice; crossed: ln 1.05 twice, which is less; ln 1.052 twice is more
+    for apart, matches in ((1.05, [[0, 1], [1, 0]]), (1.052, [[0, 0], [1, 1]])):
         a = two_modes([1.0, apart], [[1.0, 0.0], [0.0, 1.0]])
         b = two_modes([1.0, apart], [[0.0, 1.0], [1.0, 0.0]])
         assert compare(a, b).matches.tolist() == matches
@@ -446,6 +446,8 @@ def made(**more):
         ({"frequencies": [1e-9, 2.0]}, None),
         ({"damping": [-0.9e-6, 0.1]}, None),
         ({"damping": [-1.1e-6, 0.1]}, "negative ratio"),
+        ({"damping": [[0.1, -0.05], [-0.05, 0.1]]}, None),
+        ({"damping": [[0.1, 0.2], [0.2, 0.1]]}, "negative ratio"),
         # asymmetry up to 1e-6 of the roots of both masses, 6
         ({"rigid_mass": [[4.0, 1.0], [1.0 + 5.9e-6, 9.0]]}, None),
         ({"rigid_mass": [[4.0, 1.0], [1.0 - 6.1e-6, 9.0]]}, "not symmetric"),

@@ -318,6 +318,7 @@ from beamchain.fitting.imported import _first as first_of_ports
 from beamchain.fitting.imported import _per_mode as takes_a_tendon_per_mode
 from beamchain.fitting.imported import _ratios as damping_of_file
 from beamchain.fitting.imported import _roomy as line_with_room
+from beamchain.fitting.imported import _separate as separate_ports
 from beamchain.fitting.imported import _visible_modes as visible_modes
 from beamchain.fitting.needs import Candidates, Promise, choose, with_polar_inertia
 from beamchain.fitting.proof import _is_empty as leaves_no_mass
@@ -1014,6 +1015,7 @@ __all__ = [
     "sections_at",
     "seen",
     "sensor_axes",
+    "separate_ports",
     "servos_that_chatter",
     "settle_links",
     "settle_rigid_mass",
