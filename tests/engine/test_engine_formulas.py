@@ -435,11 +435,11 @@ def test_a_model_that_its_step_tears_apart_steps_badly(stiffness, well):
 
 
 def test_ports_of_one_appendage_have_each_six_columns_of_its_tip():
-    tip = np.arange(24.0).reshape(2, 12)
+    tip = np.arange(36.0).reshape(2, 18)
     model = PortModel(np.eye(6), np.array([1.0, 2.0]), np.zeros((2, 6)), tip=tip)
     rigid = PortModel(np.eye(6), np.zeros(0), np.zeros((0, 6)))
     ports = SimpleNamespace(ports=((1, 1), (1, 0), (0, 0)))
-    assert np.array_equal(Carrying.tip(ports, [rigid, model], 0), tip[:, 6:])
+    assert np.array_equal(Carrying.tip(ports, [rigid, model], 0), tip[:, 6:12])
     assert np.array_equal(Carrying.tip(ports, [rigid, model], 1), tip[:, :6])
     assert Carrying.tip(ports, [rigid, model], 2).shape == (0, 6)
 
