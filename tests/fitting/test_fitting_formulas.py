@@ -309,15 +309,17 @@ def test_beyond_six_modes_left_out_the_lightest_are_told_together():
 
 # -- one mode more ---------------------------------------------------------------------------------
 def test_one_mode_more_port_by_port():
-    """Of two in xy, all of one in torsion, and none in xz."""
+    """Of two in xy, all of one in torsion, and none in xz and along x, where there is one."""
     section = bc.Equivalent(bending_stiffness_xy=2.0, linear_mass=1.0)
     spec = bc.Spec(segment=(bc.Segment(length=2.0, section=section),), modes=bc.Modes(xy=2))
-    full = {port: SimpleNamespace(modes=n) for port, n in (("xy", 5), ("torsion", 1), ("xz", 3))}
+    known = ("xy", 5), ("torsion", 1), ("xz", 3), ("axial", 1)
+    full = {port: SimpleNamespace(modes=n) for port, n in known}
     target = {port: SimpleNamespace(modes=n) for port, n in (("xy", 2), ("torsion", 1))}
     made = SimpleNamespace(spec=spec, space=None, full=full, target=target)
     found = [one.modes.given() for one in one_mode_more(made)]
     kept = [{port: count for port, count in one.items() if count} for one in found]
-    assert kept == [{"xy": 3, "torsion": 1}, {"xy": 2, "torsion": 1, "xz": 1}]
+    two = {"xy": 2, "torsion": 1}
+    assert kept == [{"xy": 3, "torsion": 1}, {**two, "xz": 1}, {**two, "axial": 1}]
 
 
 def test_a_description_is_the_first_paragraph():
