@@ -3,6 +3,8 @@
 Closed forms beside the bench: what bodies weigh about a point, how far two readings are apart,
 what stands behind a port."""
 
+from copy import copy
+
 import mujoco
 import numpy as np
 import pytest
@@ -86,6 +88,9 @@ def test_bodies_springs_and_dampers_are_read_one_by_one():
     assert found.springs.T @ found.springs == pytest.approx(stiffness, rel=1e-12, abs=1e-15)
     assert found.damping == pytest.approx(damping, rel=1e-12, abs=1e-15)
     assert forces.sprung(model) == [2, 3]
+    by_tendon = copy(model)
+    by_tendon.jnt_stiffness[:] = 0.0
+    assert forces.sprung(by_tendon) == [2, 3]
     squares, shapes = eigh(stiffness[2:, 2:], mass[2:, 2:])
     w = np.sqrt(squares)
     rows = shapes.T @ mass[2:, :2]
@@ -378,7 +383,7 @@ def test_a_motion_that_is_held_is_a_billion_times_as_heavy():
     model = mujoco.MjModel.from_xml_string(
         """<mujoco><worldbody><body name="bus"><joint type="slide" axis="1 0 0"/><joint
         type="slide" axis="0 1 0" stiffness="0"/><joint axis="0 0 1"/><inertial pos="0 0 0"
-        mass="20" diaginertia="4 5 6"/><site name="port"/></body>
+        mass="20" diaginertia="4 5 6"/><site name="port"/><site name="other"/></body>
         <body><joint/><geom size=".1"/></body>
         </worldbody></mujoco>"""
     )
@@ -386,6 +391,11 @@ def test_a_motion_that_is_held_is_a_billion_times_as_heavy():
     found = apparent_hubs(model, [here], {"port": np.zeros((6, 6))})["port"]
     # in units of the hub's own 20 kg and 4, 5, 6 kg m^2 each loose motion has a mass of 1
     assert np.diag(found) == pytest.approx([20.0, 20.0, 20e9, 4e9, 5e9, 6.0], rel=1e-9)
+    # what another port carries is felt too, and what is held is as much heavier
+    beside = mount(model, "other", "site", "other")
+    carried = {"port": np.zeros((6, 6)), "other": np.diag([60.0, 60.0, 60.0, 8.0, 10.0, 18.0])}
+    both = apparent_hubs(model, [here, beside], carried)["port"]
+    assert np.diag(both) == pytest.approx([80.0, 80.0, 80e9, 16e9, 20e9, 24.0], rel=1e-9)
     # where springs hold all that moves the port, they give way
     model.jnt_stiffness[:3] = 3.0
     same = apparent_hubs(model, [here], {"port": np.zeros((6, 6))})["port"]

@@ -10,6 +10,7 @@ import pytest
 from beamchain.engine import draw
 from beamchain.engine.drawn import drawn_points
 from beamchain.engine.library import rest
+from beamchain.errors import EngineError
 
 PLAIN = "<mujoco><worldbody>{}<geom size='1'/></worldbody></mujoco>"
 LAMP = "<light pos='0 0 9'/>"
@@ -19,9 +20,12 @@ LAMP = "<light pos='0 0 9'/>"
 @pytest.mark.parametrize("sides", [(1.0,), (1.0, -1.0)], ids=["one side", "both sides"])
 @pytest.mark.parametrize("lean", [(0.01, 0.0, 0.0), (0.0, -0.01, 0.0)])
 def test_arrays_are_seen_from_the_side_on_one_side_and_on_both(degrees, sides, lean):
-    """What stands on both sides has its mean near the body, in any direction from it."""
+    """What stands on both sides has its mean near the body, in any direction from it; how tall it
+    is makes no difference."""
     way = np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees)), 0.0])
     points = np.array([side * x * way for side in sides for x in np.linspace(0.5, 6.0, 20)]) + lean
+    up = np.array([0.0, 0.0, 9.0])
+    points = np.vstack([points - up, points + up])
     model = mujoco.MjModel.from_xml_string(PLAIN.format(""))
     place = np.array([30.0, -40.0, 5.0])
     camera, _ = draw._camera(model, points + place, place, 1.6)
@@ -34,6 +38,21 @@ def test_arrays_are_seen_from_the_side_on_one_side_and_on_both(degrees, sides, l
 def test_what_faces_the_camera_is_lit_whatever_lights_the_file_has(lamp):
     model = draw.stage(PLAIN.format(lamp))
     assert min(*model.vis.headlight.ambient, *model.vis.headlight.diffuse) >= 0.3
+
+
+def test_a_file_gets_a_sky_and_a_light_and_a_compiled_one_stays(tmp_path):
+    (tmp_path / "a.xml").write_text(PLAIN.format(""))
+    made = draw.stage(tmp_path / "a.xml")
+    assert (made.nlight, made.ntex) == (1, 1)
+    assert made.tex_type.tolist() == [int(mujoco.mjtTexture.mjTEXTURE_SKYBOX)]
+    for name in ("a.mjb", "a.MJB"):
+        plain = mujoco.MjModel.from_xml_string(PLAIN.format(""))
+        mujoco.mj_saveModel(plain, str(tmp_path / name))
+        kept = draw.stage(tmp_path / name)
+        assert (kept.ngeom, kept.ntex) == (1, 0)
+    (tmp_path / "spoilt.mjb").write_bytes(b"spoilt")
+    with pytest.raises(EngineError):
+        draw.stage(tmp_path / "spoilt.mjb")
 
 
 @pytest.mark.parametrize("aspect", [0.4, 1.0, 2.5])

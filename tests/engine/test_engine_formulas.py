@@ -401,20 +401,22 @@ def test_the_accelerance_as_a_sum_of_poles_of_a_damped_oscillator(stiffness, dra
 
 
 # -- small ones ------------------------------------------------------------------------------------
+@pytest.mark.parametrize("own", [0.0, 1.3])
 @pytest.mark.parametrize("quat", ["1 0 0 0", ".8 0 .36 .48"])
-def test_a_pendulum_is_sprung_by_its_weight_against_the_axis_of_its_root(quat):
-    """m a l, 2 kg half a metre down, however the root is turned; what has no spring gets none."""
+def test_a_pendulum_is_sprung_by_its_weight_against_the_axis_of_its_root(quat, own):
+    """m a l, 2 kg half a metre down, however the root is turned, on top of the spring that it has;
+    what has none gets none."""
     element = etree.fromstring(
         f"""<mujoco><worldbody><body name="root" quat="{quat}"><inertial pos="0 0 0" mass="1"
         diaginertia="1 1 1"/><body name="free"><joint name="free" axis="1 0 0"/><inertial
         pos="0 0 0" mass="1" diaginertia="1 1 1"/><body name="ball" pos=".2 0 0"><joint name="swing"
-        axis="0 1 0" stiffness="0"/><inertial pos="-.5 0 0" mass="2" diaginertia="1 1 1"/></body>
-        </body></body></worldbody></mujoco>"""
+        axis="0 1 0" stiffness="{own:g}"/><inertial pos="-.5 0 0" mass="2" diaginertia="1 1 1"/>
+        </body></body></body></worldbody></mujoco>"""
     )
     free, swing = sprung_by_acceleration(element, 3.0).iter("joint")
-    assert float(swing.get("stiffness")) == pytest.approx(2.0 * 3.0 * 0.5, rel=1e-6)
+    assert float(swing.get("stiffness")) == pytest.approx(own + 2.0 * 3.0 * 0.5, rel=1e-6)
     assert free.get("stiffness") is None
-    assert [joint.get("stiffness") for joint in element.iter("joint")] == [None, "0"]
+    assert [joint.get("stiffness") for joint in element.iter("joint")] == [None, f"{own:g}"]
 
 
 def test_jobs_in_this_process_come_back_in_their_order():
@@ -433,11 +435,11 @@ def test_a_model_that_its_step_tears_apart_steps_badly(stiffness, well):
 
 
 def test_ports_of_one_appendage_have_each_six_columns_of_its_tip():
-    tip = np.arange(24.0).reshape(2, 12)
+    tip = np.arange(36.0).reshape(2, 18)
     model = PortModel(np.eye(6), np.array([1.0, 2.0]), np.zeros((2, 6)), tip=tip)
     rigid = PortModel(np.eye(6), np.zeros(0), np.zeros((0, 6)))
     ports = SimpleNamespace(ports=((1, 1), (1, 0), (0, 0)))
-    assert np.array_equal(Carrying.tip(ports, [rigid, model], 0), tip[:, 6:])
+    assert np.array_equal(Carrying.tip(ports, [rigid, model], 0), tip[:, 6:12])
     assert np.array_equal(Carrying.tip(ports, [rigid, model], 1), tip[:, :6])
     assert Carrying.tip(ports, [rigid, model], 2).shape == (0, 6)
 
@@ -546,6 +548,44 @@ def test_one_number_that_is_not_finite_is_named(field):
     getattr(model, field)[-1] = np.nan
     with pytest.raises(InputError, match="a.xml: .* is nan"):
         door.check_model(model, "a.xml")
+
+
+def test_a_mode_points_along_the_part_that_carries_most_of_its_energy():
+    """(20, 1) and (5, -1) of 1 and 100 kg: the second part has four fifths of the second mode."""
+    mass = np.diag([1.0, 100.0])
+    shapes = np.array([[20.0, 1.0], [5.0, -1.0]]).T / np.sqrt([500.0, 125.0])
+    stiffness = mass @ shapes @ np.diag([4.0, 9.0]) @ shapes.T @ mass
+    found = normal_modes(mass, stiffness)
+    assert found.frequency == pytest.approx([2.0, 3.0])
+    assert found.shapes == pytest.approx(shapes * [1.0, -1.0])
+
+
+def test_a_soft_spring_beside_a_stiff_one_is_no_rigid_motion():
+    """Two bodies on a spring between them drift; a third hangs on a spring of 1e-10 of it."""
+    stiffness = np.zeros((3, 3))
+    stiffness[:2, :2] = 4e5 * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    stiffness[2, 2] = 4e-5
+    found = normal_modes(np.diag([2.0, 3.0, 5.0]), stiffness)
+    between = 4e5 * (1.0 / 2.0 + 1.0 / 3.0)
+    assert found.frequency == pytest.approx(np.sqrt([4e-5 / 5.0, between]), rel=1e-9)
+    assert np.abs(found.rigid[:, 0]) == pytest.approx([1.0, 1.0, 0.0])
+    assert found.rigid.shape == (3, 1)
+
+
+def test_coordinates_of_modes_are_rigid_motions_and_flexible_ones_times_their_frequency():
+    """(r, w eta, r', eta', a) of q = R r + S eta, and back."""
+    random = np.random.default_rng(6)
+    root = random.normal(size=(3, 3))
+    mass = root @ root.T + np.eye(3)
+    turn = np.linalg.cholesky(np.linalg.inv(mass))  # of unit mass
+    modes = NormalModes(3.0 * turn[:, :1], (0,), turn[:, 1:], np.array([0.4, 7.0]), mass)
+    there, back = modes.transformation(2)
+    r, eta, r_rate, eta_rate, a = 0.3, [1.5, -0.8], -0.6, [0.9, 2.1], [4.0, 5.0]
+    q = modes.rigid @ [r] + modes.shapes @ eta
+    q_rate = modes.rigid @ [r_rate] + modes.shapes @ eta_rate
+    state, modal = [*q, *q_rate, *a], [r, 0.4 * 1.5, 7.0 * -0.8, r_rate, *eta_rate, *a]
+    assert there @ modal == pytest.approx(np.array(state))
+    assert back @ state == pytest.approx(np.array(modal))
 
 
 def test_heavy_modes_are_of_unit_mass_and_point_along_their_largest_part():

@@ -14,6 +14,7 @@ from formulas import (
     implicit_stiffness,
     mass_of_alone,
     motor_freedoms,
+    rounding_of_differences,
     runge_kutta_change,
 )
 
@@ -124,6 +125,26 @@ def test_modes_of_equal_frequency_are_rows_of_their_common_sum():
     assert np.linalg.norm(found[0]) > np.linalg.norm(found[1])
 
 
+def test_what_rounding_leaves_of_differences():
+    """Of all forces over the masses, at most, and of each velocity over the step."""
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><option timestep=".02" gravity="0 0 -3"/><worldbody><body><joint name="a"
+        type="slide" axis="0 0 1" damping=".3" stiffness="7"/><inertial pos="0 0 0" mass="2"
+        diaginertia="1 1 1"/></body><body><joint name="b" type="slide" axis="0 0 1"/>
+        <inertial pos="0 0 0" mass="5" diaginertia="1 1 1"/></body></worldbody>
+        <actuator><motor joint="a" gear="4"/></actuator></mujoco>"""
+    )
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:] = [0.1, 0.2], [0.5, -0.6]
+    data.ctrl[:], data.qfrc_applied[:] = -0.25, [0.7, -0.9]
+    # weight, spring and damper, motor, what is applied
+    forces = [2.0 * 3.0 + (7.0 * 0.1 + 0.3 * 0.5) + 4.0 * 0.25 + 0.7, 5.0 * 3.0 + 0.9]
+    most = max(forces[0] / 2.0, forces[1] / 5.0)
+    wanted = 4.0 * 2.0**-52 * (most + np.array([0.5, 0.6]) / 0.02) / 1e-6
+    assert rounding_of_differences(model, data, 1e-6) == pytest.approx(wanted, rel=1e-12)
+    assert data.qacc.tolist() == [0.0, 0.0]  # nothing has moved
+
+
 def test_frequencies_above_zero():
     mass = RANDOM.normal(size=(4, 4))
     mass = mass @ mass.T + 3.0 * np.eye(4)
@@ -131,9 +152,9 @@ def test_frequencies_above_zero():
     found = linearisation(np.linalg.solve(mass, sprung), 0.0 * mass, mass[:, :0], ()).frequencies()
     wanted = np.linalg.eigvals(np.linalg.solve(mass, sprung)).real
     assert found == pytest.approx(np.sqrt(np.sort(wanted)[1:]), rel=1e-10)
-    soft = np.diag([0.0, 0.0009, 0.04])
+    soft = np.diag([0.0, 1e-6, 0.04])
     found = linearisation(soft, 0.0 * soft, soft[:, :0], ()).frequencies()
-    assert found == pytest.approx([0.03, 0.2])
+    assert found == pytest.approx([1e-3, 0.2])
     # two joints with one spring between them move together without it
     between = 7.0 * np.array([[1.0, -1.0], [-1.0, 1.0]])
     pair = np.linalg.solve(np.diag([2.0, 3.0]), between)

@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 from lxml import etree
 
+from beamchain import PortModel
+from beamchain.errors import EngineError
 from formulas import measure
 
 ROOT, ROOT_AT, ROOT_OWN = 2.0, 0.5, np.array([0.1, 0.2, 0.3])
@@ -72,6 +74,28 @@ def test_ports_of_an_appendage_on_the_bench(blocks):
     assert found.coupling < 1e-6
 
 
+def test_where_a_and_b_have_lost_digits_bodies_are_read_one_by_one(monkeypatch):
+    """Where they say nothing, or a frequency that is off by a thousandth."""
+
+    def nothing(*_):
+        raise EngineError("no modes.")
+
+    def off(*_):
+        w, row, ratio = mode("xy")
+        plane = rigid()[np.ix_([1, 5], [1, 5])]
+        return PortModel(plane, np.array([1.001 * w]), row[None], np.array([ratio]))
+
+    for found_by, port, lost in ((nothing, "xy", 1.0), (nothing, "xz", 1.0), (off, "xy", 1e-3)):
+        monkeypatch.setattr("beamchain.engine.bench._from_linearisation", found_by)
+        found = measure(appendage(dampers=("xy",)), [[port]], timestep=0.01)
+        w, row, ratio = mode(port)
+        assert found.lost[port] == pytest.approx(lost, rel=1e-2)
+        assert found.ports[port].frequencies == pytest.approx([w], rel=CLOSE)
+        assert np.abs(found.ports[port].participation) == pytest.approx(np.abs(row[None]), rel=1e-8)
+        wanted = [ratio] if port == "xy" else [0.0]
+        assert found.ports[port].damping == pytest.approx(wanted, rel=1e-7, abs=0.0)
+
+
 def test_the_plane_xz_turns_about_minus_y():
     found = measure(appendage(), [["xy", "xz"]], timestep=0.01)
     ((model, motions),) = found.blocks
@@ -111,6 +135,7 @@ def test_a_massless_root_is_carried_by_ballast_that_is_taken_off():
         appendage(root=False), [["xy"], ["xz"], ["torsion"]], timestep=0.01, ballast=ballast
     )
     assert found.rigid_mass == pytest.approx(rigid(root=False), abs=1e-8)
+    assert max(found.lost.values()) < 1e-6
     for port, (displacement, rotation) in {"xy": (1, 5), "xz": (2, 4)}.items():
         model = found.ports[port]
         own = rigid(root=False)[np.ix_([displacement, rotation], [displacement, rotation])]

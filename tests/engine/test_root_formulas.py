@@ -141,6 +141,10 @@ def test_poses_by_name_and_number():
     assert operating_point(model, "first", {"wheel": 0.0}).qvel[6] == 0.0
     # what stands still may be any joint, but one of the craft
     assert operating_point(model, "first", {"free": 0.0}).qvel.tolist() == [0.0] * 6 + [5.0, 0.0]
+    # but not one that turns
+    turning = CRAFT.replace('qvel="1 2 3 0', 'qvel="1 2 3 .4')
+    with pytest.raises(bc.InputError, match="'free' moves"):
+        operating_point(mujoco.MjModel.from_xml_string(turning), "first")
     for name, rate in (("free", 1.0), ("none", 0.0)):
         with pytest.raises(bc.InputError, match=name):
             operating_point(model, "first", {name: rate})
@@ -220,6 +224,17 @@ def test_signals_of_one_name_are_told_apart_by_their_places():
         inputs_of(point, {"push": "force:bus", "push_x": "one"})
 
 
+def test_two_numbers_of_a_sensor_are_told_apart():
+    eye = '<camera name="eye" pos="0 0 9" resolution="64 48"/>'
+    dot = '<sensor><camprojection name="dot" site="dot" camera="eye"/></sensor>'
+    bus = '<freejoint/><geom size=".1"/><site name="dot"/>'
+    model = mujoco.MjModel.from_xml_string(
+        f"<mujoco><worldbody>{eye}<body>{bus}</body></worldbody>{dot}</mujoco>"
+    )
+    (seen,) = outputs_of(operating_point(model), ["dot"])
+    assert seen.labels == ("dot_0", "dot_1")
+
+
 def test_weighted_sums_of_inputs_and_outputs():
     point = operating_point(mujoco.MjModel.from_xml_string(CRAFT))
     (both,) = inputs_of(point, {"both": {"one": 2.0, "two": -0.5}})
@@ -266,5 +281,7 @@ def test_numbers_that_changed_are_said_and_shorter_user_data_end_in_zeros():
     assert [(one.element, one.wanted, one.found) for one in masses] == [("bus", 2.0, 2.02)]
     assert differences(first, model(2.02, "1 2"), pairs, tolerance=0.0101) == []
     assert differences(first, model(2.02, "1 2"), pairs, tolerance=0.0099)
+    light = differences(model(0.02, "1 2"), model(0.0202, "1 2"), pairs, tolerance=0.0099)
+    assert "body_mass" in [one.field for one in light]
     counts = differences(first, first, {"body": ([1], [1, 2])})
     assert [(one.element, one.wanted, one.found) for one in counts] == [("body", 1, 2)]

@@ -13,6 +13,7 @@ from scipy.optimize import brentq
 import beamchain as bc
 from beamchain import PortModel
 from beamchain.caution import Caution
+from beamchain.fitting.cure import with_modal_damping
 from beamchain.fitting.fit import _with_integrator as with_integrator
 from beamchain.fitting.select import everything
 from beamchain.fitting.spec import schema
@@ -29,6 +30,7 @@ from formulas import (
     imported_warnings,
     normal_modes_of,
     one_mode_more,
+    ports_of_beam,
     reduced_to_kept,
     safe_step,
     step_warnings,
@@ -308,15 +310,17 @@ def test_beyond_six_modes_left_out_the_lightest_are_told_together():
 
 # -- one mode more ---------------------------------------------------------------------------------
 def test_one_mode_more_port_by_port():
-    """Of two in xy, all of one in torsion, and none in xz."""
+    """Of two in xy, all of one in torsion, and none in xz and along x, where there is one."""
     section = bc.Equivalent(bending_stiffness_xy=2.0, linear_mass=1.0)
     spec = bc.Spec(segment=(bc.Segment(length=2.0, section=section),), modes=bc.Modes(xy=2))
-    full = {port: SimpleNamespace(modes=n) for port, n in (("xy", 5), ("torsion", 1), ("xz", 3))}
+    known = ("xy", 5), ("torsion", 1), ("xz", 3), ("axial", 1)
+    full = {port: SimpleNamespace(modes=n) for port, n in known}
     target = {port: SimpleNamespace(modes=n) for port, n in (("xy", 2), ("torsion", 1))}
     made = SimpleNamespace(spec=spec, space=None, full=full, target=target)
     found = [one.modes.given() for one in one_mode_more(made)]
     kept = [{port: count for port, count in one.items() if count} for one in found]
-    assert kept == [{"xy": 3, "torsion": 1}, {"xy": 2, "torsion": 1, "xz": 1}]
+    two = {"xy": 2, "torsion": 1}
+    assert kept == [{"xy": 3, "torsion": 1}, {**two, "xz": 1}, {**two, "axial": 1}]
 
 
 def test_a_description_is_the_first_paragraph():
@@ -353,10 +357,40 @@ def test_a_beam_has_all_modes_up_to_25_bands():
     assert found["xy"].frequencies[:28] == pytest.approx(w, rel=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("more", "asked"),
+    [
+        ({"modes": bc.Modes(xy=3, xz=5)}, [("xy", 10), ("xz", 14)]),
+        ({"scene": bc.Scene(bandwidth=2.0)}, [("xy", 16), ("xz", 16)]),
+        ({"scene": bc.Scene(bandwidth=3.1)}, [("xy", 16), ("xy", 19), ("xz", 16), ("xz", 19)]),
+        ({"scene": bc.Scene(bandwidth=1e3)}, [("xy", 16), ("xy", 40), ("xz", 16), ("xz", 40)]),
+    ],
+)
+def test_as_many_modes_of_the_whole_beam_are_asked_for_as_others_are_held_against(more, asked):
+    """Twice those that are stated and four; of a scene 16, or up to 40 where 25 bands have more:
+    the frequency of mode k is k squared."""
+    spec = boom(xz=400.0, **more)
+    found = []
+
+    def port(name, count, stations):
+        if name not in ("xy", "xz"):
+            raise bc.InputError("rigid.")
+        found.append((name, count))
+        return SimpleNamespace(frequencies=np.arange(1.0, 50.0) ** 2 / 5.0)
+
+    read = SimpleNamespace(
+        beam=SimpleNamespace(segments=spec.beam.segments, port=port),
+        with_ratios=lambda _, model: model,
+        **{name: getattr(spec, name) for name in ("chooses", "further", "kept", "scene")},
+    )
+    ports_of_beam(read)
+    assert found == asked
+
+
 @pytest.mark.parametrize(("inside", "counts"), [(0, (1, 1)), (3, (3, 1)), (7, (5, 1))])
 def test_of_everything_modes_up_to_three_bands_are_kept_one_to_five(inside, counts):
     w = cantilever(8, 400.0, 1.7, 3.0)
-    band = (w[0] / 2.0 if inside == 0 else (w[inside - 1] + w[inside]) / 2.0) / 3.0
+    band = 0.98 * w[inside] / 3.0
     scene = bc.Scene(bandwidth=band, tolerance=0.5, axes=("z",))
     hub = bc.Hub(mass=1e6, inertia=(1e6, 1e6, 1e6))
     spec = boom(xz=1e9, scene=scene, root=bc.spec.Root(hub=hub))
@@ -443,6 +477,16 @@ class Stepped:
     @property
     def decisive(self):
         return 100.0 * self.spec.scene.timestep
+
+
+@pytest.mark.parametrize(("form", "cured"), [("hinge", True), ("modal", False), (None, False)])
+def test_dampers_in_hinges_are_cured_by_those_on_modes(form, cured):
+    spec = boom(damping=form and bc.Damping(ratio=0.03, form=form))
+    found = with_modal_damping(spec)
+    if cured:
+        assert found == boom(damping=bc.Damping(ratio=0.03, form="modal"))
+    else:
+        assert found is None
 
 
 def test_without_a_band_a_shorter_step_is_the_cure_of_a_step():

@@ -14,8 +14,10 @@ from beamchain.errors import RealisationError
 from beamchain.structure.readers.imported import Imported
 from formulas import (
     body_of,
+    chain_of_ports,
     check_body,
     compared_in_space,
+    couple_ports,
     damping_of_file,
     damps_modes,
     exact_appendage,
@@ -342,8 +344,9 @@ def test_hinge_dampers_are_there_once_where_a_step_takes_tendons():
 
 def test_the_exact_appendage_of_imported_modes_has_six_motions():
     live = (1, 5)
+    light, rows = 0.01 * RIGID, 0.1 * ROWS
     full = PortModel(
-        RIGID[np.ix_(live, live)], W[[0, 2]], ROWS[np.ix_([0, 2], live)], np.array([0.01, 0.02])
+        light[np.ix_(live, live)], W[[0, 2]], rows[np.ix_([0, 2], live)], np.array([0.01, 0.02])
     )
     space = SimpleNamespace(
         live=live, full=full, target=full.picked([1]), numbers=(2,), couples=True
@@ -351,9 +354,75 @@ def test_the_exact_appendage_of_imported_modes_has_six_motions():
     fit = SimpleNamespace(space=space, measured=SimpleNamespace(rigid_mass=3.0 * np.eye(6)))
     found = exact_appendage(fit)
     rigid = 3.0 * np.eye(6)  # what the file has not
-    rigid[np.ix_(live, live)] = RIGID[np.ix_(live, live)]
+    rigid[np.ix_(live, live)] = light[np.ix_(live, live)]
     assert np.array_equal(found.model.rigid_mass, rigid)
-    assert np.array_equal(found.model.participation, ROWS[[0, 2]])
+    assert np.array_equal(found.model.participation, rows[[0, 2]])
     assert found.model.damping.tolist() == [0.01, 0.02]
     assert found.kept.tolist() == [False, True]
     assert found.band == {"space": 7.0}
+
+
+@pytest.mark.parametrize("target", ["clamped", "free"])
+def test_what_separate_ports_ask_of_their_chain(target, monkeypatch):
+    """Per port its own modes, clamped or on its hub, here on none."""
+    monkeypatch.setattr("beamchain.fitting.realise.build_exact", lambda *asked: asked)
+    of = data(damping=np.array([0.01, 0.02, 0.03, 0.04]))
+    fit = bc.spec.FitOptions(springs="modes", cuts=(0.7,))
+    given = case(of, (1, 2, 4), target, scene=bc.Scene(bandwidth=50.0), fit=fit)
+    line, counts, target_of, wishes = chain_of_ports(*given, "line")
+    assert (line, counts) == ("line", {"xy": 1, "xz": 1, "torsion": 1})
+    assert (wishes.springs, wishes.per_mode, wishes.lines) == ("modes", True, (0.7,))
+    assert (wishes.band, wishes.neutral) == (50.0, target == "free")
+    rest = {port: group.frequencies.tolist() for port, group in wishes.left_out.items()}
+    assert rest["xy"] == [7.0]
+    assert wishes.left_out["xy"].rows == pytest.approx(np.array([[1.1, 0.9]]))
+    found = target_of("xy", 1)
+    assert found.damping.tolist() == [0.01]
+    if target == "clamped":
+        assert found.frequencies.tolist() == [2.0]
+    else:  # the lower free mode of both in the plane
+        rows, own = ROWS[np.ix_([0, 2], [1, 5])], RIGID[np.ix_([1, 5], [1, 5])]
+        free = np.eye(2) - rows @ np.linalg.solve(own, rows.T)
+        lowest = np.sqrt(eigh(np.diag([4.0, 49.0]), free, eigvals_only=True)[0])
+        assert found.free_frequencies == pytest.approx([lowest], rel=1e-9)
+
+
+@pytest.mark.parametrize("target", ["clamped", "free"])
+def test_what_coupled_ports_ask_of_their_chain(target, monkeypatch):
+    """Of two groups: the modes of each by number, damping, weight and rigid mass, and the modes
+    that are left out."""
+    coupled = np.array(ROWS)
+    coupled[1, 3] = 0.2
+    of = data(participation=coupled, damping=np.array([0.01, 0.02, 0.03, 0.04]))
+    asked = []
+
+    def cut_chain(line, groups, lines, most_added):
+        asked.extend([line, groups, lines, most_added])
+        return "chain", "so", "cut"
+
+    monkeypatch.setattr("beamchain.fitting.realise.cut_chain", cut_chain)
+    kept = case(of, (1, 2, 4), target, scene=bc.Scene(bandwidth=50.0))
+    built = couple_ports(*kept, "line", 3)
+    line, groups, lines, most_added = asked
+    assert (line, lines, most_added) == ("line", (), 3)
+    assert (built.chain, built.cut, list(built.targets)) == (
+        "chain", "cut", ["xy", "xz", "torsion"],
+    )  # fmt: skip
+    plane, both = sorted(groups, key=lambda group: len(group.ports))
+    assert (plane.ports, both.ports) == (("xy",), ("xz", "torsion"))
+    assert [(group.band, group.neutral) for group in groups] == [(50.0, target == "free")] * 2
+    # part of each port in the squares of participation, over the rigid mass
+    along = 1.9**2 / MASS + 6.4**2 / 70.0
+    twist = 0.2**2 / 0.5
+    if target == "clamped":
+        assert (plane.numbers, both.numbers) == ((1,), (2, 3))
+        assert (plane.damping.tolist(), both.damping.tolist()) == ([0.01], [0.02, 0.04])
+        share = along / (along + twist)
+        assert both.weights == pytest.approx({"xz": share, "torsion": 1.0 + 1.0 - share})
+        assert both.frequencies.tolist() == [3.0, 11.0]
+        assert both.rows == pytest.approx(np.array([[1.9, 6.4, 0.2], [0.0, 0.0, 0.4]]))
+    rigid = np.array([[MASS, MASS * 2.5, 0.0], [MASS * 2.5, 70.0, 0.0], [0.0, 0.0, 0.5]])
+    assert both.rigid == pytest.approx(rigid)
+    assert plane.left_out.frequencies.tolist() == [7.0]
+    assert plane.left_out.rows == pytest.approx(np.array([[1.1, 0.9]]))
+    assert both.left_out.rows == pytest.approx(np.zeros((1, 3)))

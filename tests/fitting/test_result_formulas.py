@@ -1,6 +1,7 @@
 """What a fit says of itself, of models whose errors are known."""
 
 import dataclasses
+import json
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,6 +10,9 @@ import pytest
 import beamchain as bc
 import beamchain.fitting.result as result_module
 from beamchain import PortModel
+from beamchain.chain.build import Status
+from beamchain.errors import OutputError
+from beamchain.fitting.fit import decide
 from formulas import InSpace, tip_sentence
 
 LIMITS = SimpleNamespace(largest_step={})
@@ -280,3 +284,80 @@ def test_modes_are_numbered_as_in_the_file():
 )
 def test_kept_modes_in_words(numbers, words):
     assert in_space(numbers).kept_words == words
+
+
+@pytest.mark.parametrize("sprung", [True, False])
+def test_an_appendage_is_timed_for_any_hub_unless_it_shall_not_be(sprung, monkeypatch):
+    asked = []
+    monkeypatch.setattr(
+        "beamchain.fitting.result.put_timing",
+        lambda tree, spec, **how: asked.append((tree.tag, spec, how)),
+    )
+    fit = SimpleNamespace(_untimed=b"<mujoco/>", spec="spec", tendon_sprung=sprung)
+    assert bc.Fit.appendage(fit, timed=False).tag == "mujoco"
+    assert asked == []
+    bc.Fit.appendage(fit)
+    assert asked == [("mujoco", "spec", {"sprung": sprung, "form": 2})]
+
+
+def test_the_files_of_a_fit(tmp_path, monkeypatch):
+    page = "page", {"modes.svg": "<svg/>", "modes.png": b"png"}
+    monkeypatch.setattr("beamchain.fitting.result.report.fit_report", lambda _: page)
+    fit = SimpleNamespace(
+        to_mjcf=lambda: "<appendage/>", scene_mjcf=lambda: "<scene/>", as_dict=lambda: {"ok": True}
+    )
+    names = [path.name for path in bc.Fit.write(fit, tmp_path / "out")]
+    assert sorted(names[:-1]) == [
+        "appendage.xml", "modes.png", "modes.svg", "report.html", "scene.xml",
+    ]  # fmt: skip
+    assert names[-1] == "fit.json"
+    found = {name: (tmp_path / "out" / name).read_text() for name in names}
+    assert (found["appendage.xml"], found["scene.xml"]) == ("<appendage/>", "<scene/>")
+    assert (found["report.html"], found["modes.png"]) == ("page", "png")
+    assert json.loads(found["fit.json"]) == {"ok": True}
+    with pytest.raises(OutputError):
+        bc.Fit.write(fit, tmp_path / "out")
+
+
+SUCCESS = Status(ok=True, message="made.")
+
+
+@dataclasses.dataclass(frozen=True)
+class Made:
+    """A fit in band by some error, whose damping has some form."""
+
+    spec: SimpleNamespace
+    met: bool | None
+    in_band_error: float | None
+    ruined: bool = False
+    status: Status = SUCCESS
+    cautions: tuple = ()
+    cure: object = None
+    sampled_error: None = None
+
+
+@pytest.mark.parametrize(
+    ("form", "met", "error", "ruined", "missed", "cured"),
+    [
+        ("hinge", None, 0.11, False, False, True),
+        ("hinge", None, 0.09, False, False, False),
+        ("hinge", None, None, False, False, False),
+        ("hinge", True, 0.5, False, False, False),
+        ("modal", None, 0.5, False, False, False),
+        ("modal", False, 0.01, False, True, True),
+        ("modal", None, None, True, True, True),
+        (None, None, 0.5, False, False, False),
+    ],
+)
+def test_what_was_asked_for_and_missed_is_cured(
+    form, met, error, ruined, missed, cured, monkeypatch
+):
+    """And dampers in hinges that are off by a tenth, where no tolerance is stated."""
+    cure = SimpleNamespace(words="Do this.")
+    monkeypatch.setattr("beamchain.fitting.fit.cure_of", lambda *_: cure)
+    spec = SimpleNamespace(damping=form and SimpleNamespace(form=form), scene=None, exact_step=0.0)
+    found = decide(Made(spec, met, error, ruined))
+    assert found.status.ok is not missed
+    assert found.cure is (cure if cured else None)
+    assert found.status.message == ("Do this. made." if missed else "made.")
+    assert len(found.cautions) == (cured and not missed)

@@ -2,10 +2,13 @@
 
 from beamchain.pointing.disturbed_craft import _check_linear as check_linear_in_speed
 from beamchain.pointing.disturbed_craft import _joint_force as torque_of_drive
+from beamchain.pointing.disturbed_craft import _thermal_force as load_of_snap
 from beamchain.pointing.disturbed_craft import disturbed_craft, wheel_inputs
 from beamchain.pointing.error_indices import deviation_share, largest_deviation, windowed_variance
 from beamchain.pointing.modal_response import ModalResponse
 from beamchain.pointing.modal_response import _exponential_states as states_of_a_rising_load
+from beamchain.pointing.plots import plot_pointing
+from beamchain.pointing.pointing import _appendages as appendages_of_craft
 from beamchain.pointing.pointing import _beyond as beyond_modes_kept
 from beamchain.pointing.pointing import _check_stable as check_stable_craft
 from beamchain.pointing.pointing import _imbalances as imbalances_of_wheels
@@ -28,7 +31,7 @@ from beamchain.pointing.source_errors import (
     wheel_error,
     wheel_orders,
 )
-from beamchain.pointing.tables import pointing_table
+from beamchain.pointing.tables import pointing_mode_table, pointing_table
 from beamchain.pointing.wheel_run import _amplitudes as amplitudes_in_record
 from beamchain.pointing.wheel_run import _nutation as nutation_of_craft
 from beamchain.pointing.wheel_run import _place as place_of_output
@@ -40,6 +43,7 @@ __all__ = [
     "ModalResponse",
     "WheelSweep",
     "amplitudes_in_record",
+    "appendages_of_craft",
     "beyond_modes_kept",
     "branches",
     "check_linear_in_speed",
@@ -51,6 +55,7 @@ __all__ = [
     "high_places",
     "imbalances_of_wheels",
     "largest_deviation",
+    "load_of_snap",
     "named_shares",
     "nodes_of_density",
     "noise_error",
@@ -58,6 +63,8 @@ __all__ = [
     "oscillator_nearest",
     "periodic_of_harmonics",
     "place_of_output",
+    "plot_pointing",
+    "pointing_mode_table",
     "pointing_table",
     "run_wheel",
     "running_mean",

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import mujoco
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from scipy.linalg import block_diag
 
 import beamchain as bc
@@ -18,13 +19,17 @@ from beamchain.pointing.pointing import Pointing
 from beamchain.pointing.wheel_run import Acting, WheelRun
 from pointing_doors import (
     amplitudes_in_record,
+    appendages_of_craft,
     beyond_modes_kept,
     check_linear_in_speed,
     check_stable_craft,
     disturbed_craft,
     imbalances_of_wheels,
+    load_of_snap,
     nutation_of_craft,
     place_of_output,
+    plot_pointing,
+    pointing_mode_table,
     pointing_table,
     run_wheel,
     settling_of_modes,
@@ -208,6 +213,72 @@ def test_pulses_push_a_joint_and_steps_its_spring():
         torque_of_drive(point, pointing.StepperDisturbance(joint="rw", rate=2.0, step=0.1))
 
 
+WARM = """<mujoco><option gravity="0 0 0"/><worldbody><body name="bus"><freejoint/>
+<inertial pos="0 0 0" mass="50" diaginertia="9 8 7"/>
+<body name="boom"><joint name="boom_hinge1_xy" axis="0 0 1"/>
+<inertial pos="0.5 0 0" mass="1" diaginertia="1 1 1"/></body>
+<body name="near" euler="10 0 20"><joint name="arm_hinge1_xz" axis="0 -1 0"/>
+<joint name="arm_hinge1_xy" axis="0 0 1"/><inertial pos="0.5 0 0" mass="1" diaginertia="1 1 1"/>
+<body name="far" pos="1.2 0 0"><joint name="arm_hinge2_xy" axis="0 0 1"/>
+<inertial pos="0.3 0 0" mass="1" diaginertia="1 1 1"/><site name="arm_tip" pos="0.7 0.1 0.2"/>
+</body></body></body></worldbody></mujoco>"""
+ROWS = np.array([[0.0] * 6 + [5.0, 0, 0, 0], [0.0] * 6 + [7.0, -2.0, 3.0, 0.4]])
+
+
+def craft_in_the_sun():
+    model = compiled(WARM)
+    random = np.random.default_rng(5).normal(size=(model.nv, model.nv))
+    return SimpleNamespace(
+        point=operating_point(model, None, None),
+        names=("boom_mode1_xy", "arm_mode2_xy"),
+        rows=ROWS,
+        linear=SimpleNamespace(stiffness=random @ random.T + 30.0 * np.eye(model.nv)),
+    )
+
+
+def test_a_thermal_moment_is_a_torque_on_every_hinge_of_its_plane():
+    snap = pointing.ThermalSnap(appendage="arm", port="xy", moment=0.3, time_constant=1.0)
+    signal, force = load_of_snap(craft_in_the_sun(), snap, ())
+    assert signal.name == "arm_thermal_xy"
+    assert force.tolist() == [0.0] * 8 + [0.3, 0.3]
+
+
+def test_a_snap_in_a_mode_holds_its_appendage_in_the_mode_s_load():
+    """K q = f with the root held; the site, and so all of the load, moves as far as is stated."""
+    craft = craft_in_the_sun()
+    snap = pointing.ThermalSnap(appendage="arm_", mode=2, displacement=0.02, time_constant=1.0)
+    _, force = load_of_snap(craft, snap, ())
+    bent = np.zeros(10)
+    bent[7:] = np.linalg.solve(craft.linear.stiffness[7:, 7:], ROWS[1, 7:])
+    at_site = np.zeros((3, 10))
+    model, data = craft.point.model, craft.point.data()
+    mujoco.mj_jacSite(model, data, at_site, None, model.site("arm_tip").id)
+    np.testing.assert_allclose(
+        force, ROWS[1] * 0.02 / np.linalg.norm(at_site @ bent), rtol=1e-12, atol=0.0
+    )
+
+
+def test_the_tip_of_a_known_beam_is_its_own(monkeypatch):
+    """Not that of another appendage, and not that of an imported one, which is a site."""
+    tip = np.array([0.0] * 7 + [0.3, -0.8, 1.1])
+    monkeypatch.setattr(
+        "beamchain.pointing.disturbed_craft.tip_displacement",
+        lambda _, appendage, port: tip if (appendage.own, port) == (True, "xy") else 9.0 * tip,
+    )
+    craft = craft_in_the_sun()
+    known = [
+        SimpleNamespace(prefix=prefix, own=own, fit=SimpleNamespace(space=space))
+        for prefix, own, space in (
+            ("boom_", False, None), ("arm_", False, "imported"), ("arm_", True, None),
+        )
+    ]  # fmt: skip
+    snap = pointing.ThermalSnap(appendage="arm_", mode=2, displacement=0.02, time_constant=1.0)
+    bent = np.zeros(10)
+    bent[7:] = np.linalg.solve(craft.linear.stiffness[7:, 7:], ROWS[1, 7:])
+    _, force = load_of_snap(craft, snap, known)
+    np.testing.assert_allclose(force, ROWS[1] * 0.02 / abs(tip @ bent), rtol=1e-12, atol=0.0)
+
+
 @pytest.mark.parametrize(("off", "refused"), [(0.9e-6, False), (1.1e-6, True)])
 def test_outputs_that_do_not_grow_with_a_wheel_s_speed_are_refused(off, refused):
     """By 1e-6 of the output's largest slope."""
@@ -275,12 +346,12 @@ def test_snaps_and_drives_alone_reach_no_modes_however_slow():
 
 @pytest.mark.parametrize(
     ("real", "size", "refused"),
-    [(1.1e-6, 1.0, True), (0.9e-6, 1.0, False), (0.5, 1.1e-6, True), (0.5, 0.85e-6, False)],
+    [(1.1e-6, 1.0, True), (0.9e-6, 1.0, False), (0.5, 4.4e-6, True), (0.5, 3.4e-6, False)],
 )
 def test_a_craft_whose_motion_grows_has_no_budget(real, size, refused):
     """By 1e-6 of its frequency, unless it is rigid: below 1e-6 of the fastest."""
     slow = size * np.array([[real, 1.0], [-1.0, real]])
-    a = block_diag(slow, [[-1.0]])
+    a = block_diag(slow, [[-4.0]])
     linear = SimpleNamespace(first_order=lambda: (a, None, None, None))
     whole = SimpleNamespace(craft=SimpleNamespace(linear=linear))
     if refused:
@@ -310,12 +381,42 @@ def test_errors_of_all_sources_and_the_mode_that_each_comes_from():
         )
     )  # fmt: skip
     columns = {column.key: list(column.values) for column in found.columns}
+    assert columns["source"] == ["slow", "slow", "wheel", "wheel", "all", "all"]
     assert columns["output"] == ["a", "b"] * 3
     assert columns["ape_peak"] == [3.0, 1e-9, 1.0, 5.0, 4.0, 5.0]
     assert columns["rpe_peak"] == [0.0, 9.0, 4.0, 6.0, 4.0, 6.0]
     assert columns["speed"] == [None, None, 7.0, 8.0, None, None]
     modes = [text.partition(" ")[0] for text in found.columns[-1].values]
     assert modes == ["one", "", "", "three", "", ""]
+
+
+def test_up_to_five_modes_of_a_hundredth_and_more_are_listed():
+    """Of what is more than rounding."""
+    shares = {"one": 0.6, "two": -0.2, "three": 0.3, "four": 0.011, "five": 0.0099, "six": 0.02}
+    one = error_of("drive", [3.0, 1e-9], [0.0, 0.0], (shares, {"seven": 1.0}))
+    two = error_of("wheel", [1.0, 5.0], [0.0, 0.0], ({}, {"eight": 0.7}))
+    found = pointing_mode_table(
+        SimpleNamespace(sources=(one, two), outputs=("a", "b"), units=("rad", "rad"))
+    )
+    columns = [list(column.values) for column in found.columns]
+    assert [column.key for column in found.columns] == ["source", "output", "mode", "share"]
+    assert columns == [
+        ["drive"] * 4 + ["wheel"],
+        ["a"] * 4 + ["b"],
+        ["one", "two", "three", "four", "eight"],
+        [0.6, -0.2, 0.3, 0.011, 0.7],
+    ]
+
+
+def test_appendages_are_read_where_the_displacement_of_a_tip_asks_for_them(monkeypatch):
+    marked = {"marked": ("craft", ("arm",)), "plain": None}
+    monkeypatch.setattr("beamchain.pointing.pointing.marked_appendages", marked.get)
+    moved = SimpleNamespace(snap=(SimpleNamespace(displacement=0.1),))
+    assert appendages_of_craft("marked", moved) == ("arm",)
+    assert appendages_of_craft("plain", moved) == ()
+    assert appendages_of_craft(compiled(), moved) == ()
+    heated = SimpleNamespace(snap=(SimpleNamespace(displacement=None),))
+    assert appendages_of_craft("marked", heated) == ()
 
 
 @pytest.mark.parametrize(
@@ -348,6 +449,36 @@ def test_a_run_is_of_the_largest_error_of_any_wheel(source, output, chosen, monk
     assert budget.simulate(source, output) == (*chosen, wheels[chosen[0]])
 
 
+def errors_over(speed, *peaks):
+    curve = SimpleNamespace(speed=np.array(speed), ape_peak=np.array(peaks).T)
+    return SimpleNamespace(name=f"wheel {speed[-1]:g}", curve=curve)
+
+
+def pictured(*sources):
+    ax = Figure().add_subplot()
+    budget = SimpleNamespace(sources=sources, outputs=("x", "y"), units=("rad", "rad"))
+    assert plot_pointing(budget, ax) is ax
+    return ax
+
+
+@pytest.mark.parametrize(("low", "scale"), [(0.9, "log"), (1.1, "linear"), (-3.0, "linear")])
+def test_a_picture_of_errors_has_a_curve_for_each_output_and_a_dot_at_its_top(low, scale):
+    """An output that nothing moves has none; a range of ten and more is logarithmic."""
+    one = errors_over([low, 5.0, 10.0], [3.0, 1.0, 2.0], [4.0, 7.0, 6.0])
+    other = errors_over([low, 4.0], [0.0, 0.0], [8.0, 9.0])
+    alone = pictured(one, SimpleNamespace(curve=None))
+    lines = [line.get_xydata().tolist() for line in alone.get_lines()]
+    first, second = [[low, 3.0], [5.0, 1.0], [10.0, 2.0]], [[low, 4.0], [5.0, 7.0], [10.0, 6.0]]
+    assert lines == [first, [[low, 3.0]], second, [[5.0, 7.0]]]
+    assert alone.get_legend_handles_labels()[1] == ["x", "y"]
+    assert alone.get_xscale() == scale
+    both = pictured(one, other)
+    assert both.get_legend_handles_labels()[1] == ["wheel 10, x", "wheel 10, y", "wheel 4, y"]
+    assert both.get_lines()[-1].get_xydata().tolist() == [[4.0, 9.0]]
+    styles = [line.get_linestyle() for line in both.get_lines()[::2]]
+    assert styles[0] == styles[1] != styles[2]
+
+
 def craft_of(modes):
     a = block_diag(*([[0.0, 1.0], [-(w**2), -2.0 * ratio * w]] for _, w, ratio in modes))
     names = tuple(word for name, *_ in modes for word in (name, f"{name}_rate"))
@@ -363,6 +494,8 @@ def test_a_run_waits_for_the_mode_that_has_the_largest_share():
     assert settling_of_modes(craft, {"one": 0.7, "two": 0.3}) == pytest.approx(1.0 / 0.2)
     assert settling_of_modes(craft, {"three": 0.7, "two": 0.3}) == pytest.approx(1.0 / 0.09)
     assert settling_of_modes(craft, {"rigid motion": 1.0}) == pytest.approx(1.0 / 0.09)
+    hardly = craft_of([("one", 4.0, 0.05), ("two", 9.0, 0.9e-6)])
+    assert settling_of_modes(hardly, {"rigid motion": 1.0}) == pytest.approx(1.0 / 0.2)
     assert settling_of_modes(craft_of([("three", 3.0, 0.0)]), {"three": 1.0}) == 0.0
 
 
@@ -402,7 +535,7 @@ def test_a_run_of_two_orders_measures_their_amplitudes():
 
     craft = craft_of([("a", 1.0, 0.1)])
     craft.point, craft.linear, force = point, Linear.of(model), SimpleNamespace(apply=push)
-    craft.outputs = [SimpleNamespace(labels=("x",), read=lambda data: data.qpos.copy())]
+    craft.outputs = [SimpleNamespace(labels=("x",), read=lambda data: data.qpos + 0.7)]
     acting = [Acting(3.0, np.array([0.4 - 0.3j]), 0.0), Acting(9.0, np.array([2.0j]), 0.0)]
     times, values, found, step = run_wheel(craft, [force], acting, 0, 5.0)
     assert step == pytest.approx(2.0 * np.pi / 360.0)
@@ -410,6 +543,12 @@ def test_a_run_of_two_orders_measures_their_amplitudes():
     assert times[0] == pytest.approx(step * (int(np.ceil(25.0 / step)) + 1))
     wanted = [size / abs(32.0 - 2.0 * w**2 + 0.8j * w) for size, w in ((0.5, 3.0), (2.0, 9.0))]
     assert found == pytest.approx(wanted, rel=5e-3)
+    settled = sum(
+        (size * np.exp(1j * w * times) / (32.0 - 2.0 * w**2 + 0.8j * w)).real
+        for size, w in ((0.4 - 0.3j, 3.0), (2.0j, 9.0))
+    )
+    late = times > 45.0  # what began with the run has decayed
+    np.testing.assert_allclose(values[late], settled[late], atol=0.01 * settled.max())
     slow = [Acting(1e-3, np.array([1.0]), 0.0)]
     count = int(np.ceil(5e7 / 0.5)) + int(np.ceil(40.0 * np.pi / 1e-3 / 0.5))
     with pytest.raises(bc.InputError, match=f"take {count} steps of 0.5 s"):

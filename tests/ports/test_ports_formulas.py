@@ -35,11 +35,28 @@ def two_modes(frequencies, rows):
 
 
 def test_modes_are_matched_by_direction_where_frequencies_are_near():
-    # as they stand: 0.05 twice; crossed: ln 1.02 twice, which is less; ln 1.06 twice is more
-    for apart, matches in ((1.02, [[0, 1], [1, 0]]), (1.06, [[0, 0], [1, 1]])):
+    # as they stand: 0.05 twice; crossed: ln 1.05 twice, which is less; ln 1.052 twice is more
+    for apart, matches in ((1.05, [[0, 1], [1, 0]]), (1.052, [[0, 0], [1, 1]])):
         a = two_modes([1.0, apart], [[1.0, 0.0], [0.0, 1.0]])
         b = two_modes([1.0, apart], [[0.0, 1.0], [1.0, 0.0]])
         assert compare(a, b).matches.tolist() == matches
+
+
+def test_a_mode_that_moves_slightly_alike_is_matched_before_one_that_does_not():
+    a = two_modes([1.0], [[1.0, 0.0]])
+    b = two_modes([1.0, 1.0], [[0.0, 1.0], [0.05, 1.0]])
+    assert compare(a, b).matches.tolist() == [[0, 1]]
+
+
+@pytest.mark.parametrize(
+    ("frequencies", "words"),
+    [([], "rigid"), ([2.0], "1 modes: 2 rad/s"), ([1.0, 2.0, 3.0, 4.0], "4 modes: 1, 2, 3, ...")],
+)
+@pytest.mark.parametrize(("motions", "plural"), [(1, "1 motion,"), (3, "3 motions,")])
+def test_a_model_shows_its_first_three_modes(frequencies, words, motions, plural):
+    rows = np.zeros((len(frequencies), motions))
+    model = PortModel(np.eye(motions), np.array(frequencies), rows)
+    assert repr(model).startswith(f"<PortModel, {plural} {words}")
 
 
 def test_in_band_error_of_a_rigid_model_is_worst_on_the_light_hub():
@@ -109,6 +126,26 @@ def test_modes_gathered_keep_their_static_flexibility():
     )
     assert got.damping == pytest.approx([0.01, 0.03], rel=ROUNDED)
     assert THREE.condensed(2.0) is THREE  # two modes for two motions
+
+
+def test_modes_gathered_keep_the_flexibility_of_two_motions_and_of_the_tip_between_them():
+    random = np.random.default_rng(7)
+    w = np.array([1.0, 3.0, 5.0, 6.0, 8.0, 9.0])
+    rows, tip = 0.2 * random.normal(size=(6, 2)), random.normal(size=(6, 1))
+    full = PortModel(np.diag([4.0, 9.0]), w, rows, damping=np.arange(1.0, 7.0) / 1e3, tip=tip)
+    got = full.condensed(4.0)
+    assert got.frequencies == pytest.approx([1.0, 3.0, 4.0, 4.0, 4.0])
+    both, gathered = (
+        np.hstack([full.participation, full.tip]),
+        np.hstack([got.participation, got.tip]),
+    )
+    assert gathered[:2] == pytest.approx(both[:2])
+    wanted = (both[2:].T / w[2:] ** 2) @ both[2:]
+    assert gathered[2:].T @ gathered[2:] / 16.0 == pytest.approx(wanted, rel=1e-9)
+    assert got.damping == pytest.approx([1e-3, 2e-3, 4.5e-3, 4.5e-3, 4.5e-3])
+    # five motions and points, for four modes above: nothing is gathered
+    more = full.replaced(tip=random.normal(size=(6, 3)))
+    assert more.condensed(4.0) is more
 
 
 def test_an_attachment_mode_is_the_static_shape_of_the_modes_left_out():
@@ -409,6 +446,8 @@ def made(**more):
         ({"frequencies": [1e-9, 2.0]}, None),
         ({"damping": [-0.9e-6, 0.1]}, None),
         ({"damping": [-1.1e-6, 0.1]}, "negative ratio"),
+        ({"damping": [[0.1, -0.05], [-0.05, 0.1]]}, None),
+        ({"damping": [[0.1, 0.2], [0.2, 0.1]]}, "negative ratio"),
         # asymmetry up to 1e-6 of the roots of both masses, 6
         ({"rigid_mass": [[4.0, 1.0], [1.0 + 5.9e-6, 9.0]]}, None),
         ({"rigid_mass": [[4.0, 1.0], [1.0 - 6.1e-6, 9.0]]}, "not symmetric"),
@@ -503,3 +542,12 @@ def test_attachments_that_normal_modes_carry_are_none():
             tip=np.array([[1.0], [part]]),
         )
         assert model.attached(1, [0]).modes == count
+
+
+def test_a_point_that_does_not_move_has_no_attachment():
+    """Its column of the tip is zero, and no static shape is added for it."""
+    still = PortModel(np.eye(1), np.array([1.0, 2.0, 3.0]), np.zeros((3, 1)), tip=np.eye(3)[:, [2]])
+    tip = np.column_stack([still.tip, np.zeros(3)])
+    both = PortModel(np.eye(1), np.array([1.0, 2.0, 3.0]), np.zeros((3, 1)), tip=tip)
+    assert both.attached(1, [0, 1]).frequencies.tolist() == pytest.approx([1.0, 3.0])
+    assert both.attached(1, [1]).frequencies.tolist() == [1.0]

@@ -310,6 +310,34 @@ def test_the_first_intervals_are_even_between_the_ends_of_interest(repetitions, 
     assert 9.0 <= found.seconds < 60.0
 
 
+def test_what_is_refined_stands_in_place_of_what_it_was(monkeypatch):
+    """Halved while there are fewer than the most intervals, here 25."""
+    monkeypatch.setattr("beamchain.robust.bounds.MOST", FEWER + 1)
+    made = bounder([0.5, 1.0, 8.0], [1.0, 3.0, 2.0], repetitions=(MANY, 1))
+    made._start, made.programs, halved = perf_counter(), 0, []
+    made._interval = lambda low, high, parts: Interval(low, high, (box(2.0),))
+    made._next = lambda intervals: 3 if len(halved) < 2 else None
+
+    def refined(interval, may_halve):
+        halved.append(may_halve)
+        middle = middle_of(interval.low, interval.high)
+        return [
+            Interval(interval.low, middle, (box(5.0),)),
+            Interval(middle, interval.high, (box(7.0), box(6.0))),
+        ]
+
+    made._refined = refined
+    found = made.bound()
+    assert halved == [True, False]
+    ends = 0.5 * 16.0 ** (np.arange(FEWER - 1) / (FEWER - 2.0))
+    quarter = ends[2] * (ends[3] / ends[2]) ** 0.25
+    half = ends[2] * (ends[3] / ends[2]) ** 0.5
+    wanted = [0.0, *ends[:3], quarter, half, *ends[3:], np.inf]
+    assert found.edges == pytest.approx(wanted)
+    assert found.gains.tolist() == [2.0] * 3 + [5.0, 7.0, 7.0] + [2.0] * (FEWER - 4)
+    assert found.boxes == (1,) * 4 + (2, 2) + (1,) * (FEWER - 4)
+
+
 def test_a_bound_in_words():
     edges, gains = np.array([0.0, 1.0, 2.0, 4.0]), np.array([2.0, np.inf, 3.0])
     made = GainBound(edges, gains, gains, (1, 3, 2), ("a", "b", "c", "d"), False, 7, 2.0)

@@ -93,11 +93,11 @@ def test_without_a_certificate_nothing_is_proved():
 
 
 def test_frequencies_are_looked_at_between_all_neighbours():
-    assert between_ends(np.array([1.0, 3.0, 4.0]), 1.0).tolist() == [1.0, 2.0, 3.0, 3.5, 4.0]
-    # ten times the last end, or the lower one
+    assert between_ends(np.array([1.0, 3.0, 4.0])).tolist() == [1.0, 2.0, 3.0, 3.5, 4.0]
+    # ten times the last end
     wanted = [2.0, 3.0, 4.0, 22.0, 40.0, np.inf]
-    assert between_ends(np.array([2.0, 4.0, np.inf]), 2.0).tolist() == wanted
-    assert between_ends(np.array([2.0, np.inf]), 2.0).tolist() == [2.0, 11.0, 20.0, np.inf]
+    assert between_ends(np.array([2.0, 4.0, np.inf])).tolist() == wanted
+    assert between_ends(np.array([2.0, np.inf])).tolist() == [2.0, 11.0, 20.0, np.inf]
 
 
 def test_channels_in_balance_are_driven_as_much_as_they_drive():

@@ -80,6 +80,8 @@ def test_gain_of_a_sample_of_deltas_that_repeat():
 
     omega = np.array([0.3, 2.2, 5.0])
     assert loops.gain(DELTAS, omega) == pytest.approx([gain(DELTAS, w) for w in omega])
+    by_poles = loops._resonances(DELTAS)
+    assert by_poles.size(omega) == pytest.approx([gain(DELTAS, w) for w in omega])
     for w in omega:
         wanted = slopes(lambda at, w=w: np.log(gain(at, w)), DELTAS)
         assert loops.slope(DELTAS, w) == pytest.approx(wanted, rel=1e-5, abs=1e-9)
@@ -191,6 +193,46 @@ def test_a_search_climbs_to_a_top_inside_and_to_a_corner():
     assert peak.gain == pytest.approx(1.0)
     wanted = [np.exp(-(0.36 + 3.0 * 1.69)), np.exp(-(1.69 + 3.0 * 0.36))]
     assert [one.gain for one in peaks] == pytest.approx(wanted)
+
+
+@pytest.mark.parametrize(("count", "corners"), [(2, 4), (9, 32)])
+def test_a_search_tries_samples_corners_and_the_nominal_values(count, corners, monkeypatch):
+    """All corners of few ranges, 32 of many, ends at 1 and -1; nothing is worse than unstable."""
+    tried = []
+
+    def peak(deltas):
+        tried.append(deltas)
+        return Peak(np.inf, 1.0) if len(tried) == 1 else Peak(1.0, 1.0)
+
+    loops = SimpleNamespace(peak=peak)
+    samples = np.linspace(0.1, 0.8, 2 * count).reshape(2, count)
+    limit = Peak(5.0, 2.0)
+    monkeypatch.setattr("beamchain.robust.search._stability_limit", lambda *_: limit)
+    deltas, found, peaks = worst_sample(loops, samples, 3)
+    assert found is limit
+    assert np.array_equal(deltas, samples[0])
+    assert [one.gain for one in peaks] == [np.inf, 1.0]
+    assert np.array_equal(tried[:2], samples)
+    assert len(tried) == 2 + corners + 1
+    assert set(np.ravel(tried[2:-1])) == {-1.0, 1.0}
+    assert not tried[-1].any()
+
+
+def test_a_search_climbs_from_the_four_worst_of_what_it_tried(monkeypatch):
+    started = []
+
+    def ascent_from(loops, start):
+        started.append(start.tolist())
+        return []
+
+    monkeypatch.setattr("beamchain.robust.search.ascent", ascent_from)
+    loops = SimpleNamespace(peak=lambda deltas: Peak(float(3.0 + deltas[0]), 1.0))
+    samples = np.array([[0.2], [0.9], [-0.5], [0.4], [0.7]])
+    worst_sample(loops, samples)
+    assert len(started) == 4
+    drawn = [row for row in started if abs(row[0]) < 1.0]  # the two corners may be any
+    assert drawn == [[0.9], [0.7], [0.4], [0.2]][: len(drawn)]
+    assert len(drawn) >= 2
 
 
 def test_an_unstable_sample_ends_a_search_where_stability_does():
@@ -373,6 +415,30 @@ def test_one_turn_of_slopes_goes_to_the_corner_that_reaches_farther(monkeypatch)
                 wanted.add(best[k])
     assert {tuple(corner) for corner in made._corners()} == wanted
     assert len(wanted) > 1
+
+
+def test_corners_of_every_direction_are_those_of_its_slopes(monkeypatch):
+    """E = e + 0.3 s1 d1 + s2 d2 of three frequencies, the middle one the top; the corner of a
+    direction has the signs of the slopes along it."""
+    middles = np.array([0.5, 2.0 - 3.0j, 0.4])
+    slopes_there = np.array([0.3 + 0.1j, 0.05 - 0.4j])
+    made = SampleLoops.__new__(SampleLoops)
+    made._count, made._of, made.names = 2, np.array([0, 1, 1]), ("u",)
+    still = SimpleNamespace(frequencies=lambda *_: np.array([1.0, 2.0, 3.0]))
+    monkeypatch.setattr(made, "closed", lambda deltas: still, raising=False)
+    monkeypatch.setattr(made, "_responses", lambda omega: (None, None), raising=False)
+
+    def affine(m, law, deltas):
+        e = middles + deltas @ slopes_there
+        left = np.array([[0.2 + 0.5j, 1.3 - 0.2j, 0.4 + 0.1j]])
+        of_channels = np.array([slopes_there[0], 0.4 * slopes_there[1], 0.6 * slopes_there[1]])
+        right = (of_channels / left[0])[:, None]
+        whole = np.ones((3, 1, 1))
+        return e[:, None, None], whole * left, whole * right
+
+    monkeypatch.setattr(made, "_middles", affine, raising=False)
+    # the size, and the real axis: towards 2 - 3j, then 1; -1j; -1 and 1j lead away from 1/2
+    assert {tuple(corner) for corner in made._corners()} == {(1.0, 1.0), (-1.0, 1.0)}
 
 
 def margin(at, kind, worst):

@@ -1,6 +1,7 @@
 """Closed forms beside uncertain plants and poses: deltas and values, frequencies of curves, modes
 that are followed, scaled bounds, words on what grows."""
 
+import json
 from types import SimpleNamespace
 
 import numpy as np
@@ -14,7 +15,7 @@ from beamchain.engine.normal_modes import NormalModes
 from beamchain.robust.least_margins import ALL, LeastMargin, WorstMargins
 from beamchain.robust.lft import Lft
 from beamchain.robust.search import Peak, Resonances
-from beamchain.robust.uncertain_plant import UncertainPlant
+from beamchain.robust.uncertain_plant import Search, UncertainPlant
 from formulas import follow_modes, power_sum, structured_bound
 from robust_doors import frequencies_of_curves, with_frequency_of_peak
 
@@ -47,6 +48,59 @@ def test_values_of_deltas_and_deltas_of_values():
     assert found == pytest.approx([-0.5, 0.0, 0.6])
     assert made._deltas([0.5, -0.2]).tolist() == [0.5, -0.2, 0.5]
     assert made._block_deltas({"b": 9.0, "c": -3.4}) == pytest.approx([-0.5, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("stable", "gain", "climbed"), [(True, 2.1, True), (True, 1.9, False), (False, 2.1, False)]
+)
+def test_a_bound_is_close_at_the_worst_sample_the_nominal_one_and_corners(
+    stable, gain, climbed, monkeypatch
+):
+    """Where its programs find a worse sample than the search, that is where to climb from."""
+    better = SimpleNamespace(deltas=np.array([0.7, 0.8]), peak=Peak(2.2, 3.0))
+    asked = []
+
+    def bounder(loops, blocks, samples, omega, seconds):
+        asked.append((loops, samples, omega, seconds))
+        return SimpleNamespace(bound=lambda: "bound", best=(np.array([0.5, 0.6]), gain))
+
+    monkeypatch.setattr("beamchain.robust.uncertain_plant.Bounder", bounder)
+    monkeypatch.setattr("beamchain.robust.uncertain_plant.climb", lambda _, start: better)
+    monkeypatch.setattr("beamchain.robust.uncertain_plant.frequencies", lambda _, grid: 2.0 * grid)
+    worst = Peak(2.0 if stable else np.inf, 4.0)
+    found = Search("loops", ("u", "y"), np.array([0.3, -0.4]), worst, [], np.array([1.0, 2.0]))
+    bound, deltas, peak = uncertain()._bound(found, 9.0)
+    ((loops, samples, omega, seconds),) = asked
+    assert (bound, loops, omega.tolist(), seconds) == ("bound", "loops", [2.0, 4.0], 9.0)
+    assert samples[:2].tolist() == [[0.3, -0.4], [0.0, 0.0]]
+    assert set(samples[2:].ravel()) == {-1.0, 1.0}
+    assert deltas is (better.deltas if climbed else found.deltas)
+    assert peak is (better.peak if climbed else worst)
+
+
+def test_a_file_holds_the_plant_with_its_blocks(tmp_path):
+    made = uncertain(Lft)
+    system = np.diag([-1.0, -2.0]), np.ones((2, 5)), 2.0 * np.ones((6, 2)), np.zeros((6, 5))
+    made._system, made._states = system, ["mode", "mode_rate"]
+    made._names = (["w1", "w2", "w3", "w4", "push"], ["z1", "z2", "z3", "z4", "turn", "rate"])
+    made.units = (["N m"], ["rad", "rad/s"])
+    found = json.loads(made.write(tmp_path / "plant.json").read_text())
+    assert [np.array(found[name]).tolist() for name in "ABCD"] == [part.tolist() for part in system]
+    assert {name: found[name] for name in found if name not in "ABCD"} == {
+        "Ts": 0.0,
+        "InputName": made._names[0],
+        "OutputName": made._names[1],
+        "StateName": ["mode", "mode_rate"],
+        "InputUnit": ["N m"],
+        "OutputUnit": ["rad", "rad/s"],
+        "BlockName": ["pair", "a"],
+        "BlockRepetitions": [3, 1],
+        "QuantityName": ["b", "a", "c"],
+        "QuantityUnit": ["kg"] * 3,
+        "QuantityBlock": [1, 2, 1],
+        "Nominal": [10.0, 5.0, -4.0],
+        "Reach": [2.0, 0.5, 1.0],
+    }
 
 
 @pytest.mark.parametrize(

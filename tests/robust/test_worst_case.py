@@ -179,6 +179,8 @@ def test_a_loop_that_drifts_away_does_not_ring(options):
     push = controller("z", (-18.0,), (1.0,))
     worst = uncertain.worst_case(push, samples=0, **options)  # corners alone
     assert not worst.stable
+    assert (worst.input, worst.output) == ("torque_z", "attitude_z")
+    assert worst.unit == "rad per N m"
     assert 14.0 <= worst.values["drive.stiffness"] < 18.0
     assert worst.frequency == 0.0
     assert worst.bound is None

@@ -5,9 +5,9 @@ import pytest
 from numpy.polynomial.legendre import leggauss
 
 from formulas import (
-    Body,
     MotionRows,
     Piece,
+    PointBody,
     Spring,
     assemble,
     assemble_lowest,
@@ -45,7 +45,7 @@ def line_of(functions=4, *, bending=True, sheared=True, rotary=True):
     return MotionRows(
         pieces,
         hinges=[Spring(*hinge) for hinge in HINGES],
-        bodies=[Body(*body) for body in BODIES],
+        bodies=[PointBody(*body) for body in BODIES],
         functions=functions,
         bending=bending,
         stations=STATIONS[1:],

@@ -251,6 +251,7 @@ from beamchain.engine.linearise import (
     runge_kutta_change,
 )
 from beamchain.engine.linearise import _motor_freedoms as motor_freedoms
+from beamchain.engine.linearise import _rounding as rounding_of_differences
 from beamchain.engine.loaded import (
     Loading,
     check_pushes,
@@ -294,9 +295,10 @@ from beamchain.engine.slew import _on_hub as drive_on_hub
 from beamchain.engine.slew import _run as run_of_push
 from beamchain.engine.slew import _without_actuators as without_actuators
 from beamchain.engine.slew import simulate as simulate_slew
+from beamchain.fitting.body import Body, body_of
 from beamchain.fitting.body import _modes_below as half_waves
+from beamchain.fitting.body import _ports_of_beam as ports_of_beam
 from beamchain.fitting.body import _ratios as damping_of_file
-from beamchain.fitting.body import body_of
 from beamchain.fitting.cure import _one_mode_more as one_mode_more
 from beamchain.fitting.cure import cure_of
 from beamchain.fitting.document import safe_step
@@ -308,11 +310,16 @@ from beamchain.fitting.hub import assumed_hub, default_hub, port_hub_mass
 from beamchain.fitting.needs import Candidates, Promise, choose, with_polar_inertia
 from beamchain.fitting.proof import _cautions as cautions_of_fit
 from beamchain.fitting.proof import _in_space as compared_in_space
+from beamchain.fitting.proof import _is_empty as leaves_no_mass
 from beamchain.fitting.realise import _band as fillers_above
 from beamchain.fitting.realise import _check_body as check_body
+from beamchain.fitting.realise import _check_free as check_free_modes
+from beamchain.fitting.realise import _couple_ports as couple_ports
 from beamchain.fitting.realise import _damps_modes as damps_modes
 from beamchain.fitting.realise import _departs as departs
 from beamchain.fitting.realise import _left_out as modes_left_out
+from beamchain.fitting.realise import _needs_time as needs_time
+from beamchain.fitting.realise import _of_ports as chain_of_ports
 from beamchain.fitting.realise import _roomy as line_with_room
 from beamchain.fitting.realise import _springs as where_springs_stand
 from beamchain.fitting.realise import _visible_modes as visible_modes
@@ -441,9 +448,9 @@ from beamchain.structure.discretise import _largest_change as change_of_lowest
 from beamchain.structure.discretise import _pieces as pieces_of_beam
 from beamchain.structure.discretise import _taper_cuts as taper_cuts
 from beamchain.structure.elements import (
-    Body,
     MotionRows,
     Piece,
+    PointBody,
     Spring,
     assemble,
     assemble_lowest,
@@ -588,6 +595,7 @@ __all__ = [
     "Piece",
     "PlaceOfHinge",
     "PlanarChain",
+    "PointBody",
     "PoleRow",
     "Pose",
     "Promise",
@@ -680,11 +688,13 @@ __all__ = [
     "carrying_of",
     "cautions_of_fit",
     "chain_of",
+    "chain_of_ports",
     "change_of_frequencies",
     "change_of_lowest",
     "changes_of",
     "check_algebraic_loop",
     "check_body",
+    "check_free_modes",
     "check_freedoms",
     "check_inertia",
     "check_outwards",
@@ -711,6 +721,7 @@ __all__ = [
     "coordinate_names",
     "correlations_of_craft",
     "counterpart",
+    "couple_ports",
     "coupled_limits",
     "coupled_modes",
     "craft_error",
@@ -831,6 +842,7 @@ __all__ = [
     "layout_of",
     "least_share",
     "leaves_at",
+    "leaves_no_mass",
     "legendre_series",
     "lightest_of_bodies",
     "limited_by_modes_above",
@@ -898,6 +910,7 @@ __all__ = [
     "nearest_flexibility",
     "nearest_response",
     "nearest_turn",
+    "needs_time",
     "new_directions",
     "newton_step",
     "noise_of_freedoms",
@@ -946,6 +959,7 @@ __all__ = [
     "port_hub_mass",
     "port_of_mode",
     "port_rows",
+    "ports_of_beam",
     "pose_label",
     "poses_of",
     "power_sum",
@@ -990,6 +1004,7 @@ __all__ = [
     "rotation_vectors",
     "round_down",
     "rounded_up",
+    "rounding_of_differences",
     "rounding_of_residual",
     "run_of_data",
     "run_of_drive",

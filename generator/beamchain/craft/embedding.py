@@ -577,7 +577,7 @@ def _time_and_check(
         if retime or is_worth_timing(result.sampled_error, error, result.tolerance):
             appendages, model = made, plain
             result = with_known(result, OF_MOTION, appendages=made, model=timed)
-            vars(result)["sampled_poses"] = sampled
+            object.__setattr__(result, "sampled_poses", sampled)
             with_error = craft_time_error(timed, model, appendages, band)
             without_error = craft_time_error(model, model, appendages, band)
             warnings += time_notes(timed, model, decision.reason, with_error, without_error)

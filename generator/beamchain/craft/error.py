@@ -339,8 +339,8 @@ class Pose:
         """The craft with every mode of its appendages, to be held against steps."""
         stated = self.with_appendages([item.whole for item in self.carried], self.bare)
         compared = self.with_appendages(self.whole)
-        each = (craft.picked(self.motions, self.motions) for craft in (stated, compared))
-        return Exact(*each, self.band)
+        motions = self.motions
+        return Exact(stated.picked(motions, motions), compared.picked(motions, motions), self.band)
 
     def _damped(self, models: Sequence[PortModel]) -> list[PortModel]:
         """Appendages with the damping at which they are compared."""

@@ -64,15 +64,12 @@ def compile_model(source: "mujoco.MjModel | str | Path") -> "mujoco.MjModel":
         if kind:
             raise InputError(f"model {str(path)!r} {kind}; give the path of an MJCF (.xml) file.")
     is_xml = text or path.suffix.lower() != ".mjb"
+    read = mujoco.MjModel.from_xml_path if is_xml else mujoco.MjModel.from_binary_path
     content = b""
     if is_xml:
         content = str(source).encode("utf-8") if text else path.read_bytes()
     try:
-        model = (
-            mujoco.MjModel.from_xml_string(str(source))
-            if text
-            else mujoco.MjModel.from_xml_path(str(path))
-        )
+        model = mujoco.MjModel.from_xml_string(str(source)) if text else read(str(path))
     except ValueError as error:
         check_utf8(content, what)  # a likelier reason
         raise EngineError(

@@ -20,7 +20,7 @@ def weights(full: PortModel, hub: Array, band: float) -> Array:
     `band` [rad/s], roughly."""
     scale = np.sqrt(np.diag(full.rigid_mass + hub))
     size = np.sum((full.participation / scale) ** 2, axis=1)
-    ratio = np.minimum(band / full.frequencies, 1.0)
+    ratio = band / full.frequencies
     peak = 1.0 / np.maximum(2.0 * full.damping, 1e-6)
     return size * np.minimum(ratio**2 / np.maximum(1.0 - ratio**2, 1e-12), peak)
 

@@ -68,7 +68,9 @@ def with_known(result: Result, names: Sequence[str], **changes: Any) -> Result:
     """A copy of a result with other fields, which change none of the figures of these `names`:
     those that were worked out stay."""
     made = replace(result, **changes)
-    vars(made).update({name: vars(result)[name] for name in names if name in vars(result)})
+    for name in names:
+        if name in vars(result):
+            object.__setattr__(made, name, vars(result)[name])
     return made
 
 

@@ -156,8 +156,7 @@ def _wheel_shares(
         omega = np.array([order.order * abs(speed)])
         patterns = order.patterns if speed > 0.0 else order.patterns.conj()
         for pattern in patterns.T:
-            parts = speed**2 * response.parts(omega, pattern)[:, 0, output]
-            shares += _along(parts)
+            shares += _along(response.parts(omega, pattern)[:, 0, output])
     return _named_shares(response, shares)
 
 
@@ -383,7 +382,7 @@ def snap_error(
     padded = np.pad(padded, ((0, 2 * reach + 1), (0, 0)), mode="edge")
     deviation = largest_deviation(padded, _running_mean(padded, reach), reach, "nearest")
     # a straight line in a window shorter than two samples
-    deviation = deviation * min(window / (2.0 * reach * spacing), 1.0)
+    deviation = deviation * window / (2.0 * reach * spacing)
     none = np.full(values.shape[1], np.nan)
     return SourceError(
         name,

@@ -653,8 +653,7 @@ class PortModel:
         assert self.tip is not None
         responses = self.tip[:, list(columns)] / self.frequencies[:, None]
         sizes = np.linalg.norm(responses, axis=0)
-        moves = sizes > 0.0
-        responses = np.where(moves, responses, 0.0) / np.where(moves, sizes, 1.0)
+        responses = responses / np.where(sizes > 0.0, sizes, 1.0)
         responses[:modes] = 0.0  # the normal modes carry this part already
         u, s, _ = np.linalg.svd(responses, full_matrices=False)
         normal = np.eye(self.modes)[:, :modes]

@@ -200,7 +200,7 @@ def prove(system: ComplexSystem, multipliers: Multipliers, low: float, high: flo
     neighbours among the frequencies where that may be, and g raised to what is needed there, until
     it is enough.
     """
-    look = _between(np.array([low, high]), low)
+    look = _between(np.array([low, high]))
     needed = multipliers.needed(system.at(look))
     g = float(needed.max())
     where = float(look[np.argmax(needed)])
@@ -211,7 +211,7 @@ def prove(system: ComplexSystem, multipliers: Multipliers, low: float, high: flo
         g *= 1.0 + RAISED
         zeros = zero_crossings(system, multipliers, g, centre)
         inside = np.sort(zeros[(zeros > low) & (zeros < high)])
-        look = _between(np.array([low, *inside, high]), low)
+        look = _between(np.array([low, *inside, high]))
         needed = multipliers.needed(system.at(look))
         if needed.max() <= g:
             return Proof(g, where)
@@ -220,9 +220,9 @@ def prove(system: ComplexSystem, multipliers: Multipliers, low: float, high: flo
     return Proof(float("inf"), where)
 
 
-def _between(ends: Array, low: float) -> Array:
+def _between(ends: Array) -> Array:
     """Ends, and frequencies between neighbours."""
-    last = ends[-1] if np.isfinite(ends[-1]) else max(BEYOND * ends[-2], BEYOND * low)
+    last = ends[-1] if np.isfinite(ends[-1]) else BEYOND * ends[-2]
     finite = np.append(ends[:-1], last)
     middles = (finite[1:] + finite[:-1]) / 2.0
     return np.unique(np.concatenate([ends, finite, middles]))

@@ -10,6 +10,7 @@ Theory: docs/theory.md, section 5; the definition of the error: docs/time.md.
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -125,7 +126,7 @@ class Exact:
         self._lacking: Array = shapes.T @ (compared.damping - stated.damping) @ shapes
         self._last: tuple[float, Response] | None = None
 
-    def __getstate__(self) -> dict[str, object]:  # a response is a function, which does not travel
+    def __getstate__(self) -> dict[str, Any]:  # a response is a function, which does not travel
         return vars(self) | {"_last": None}
 
     def at_step(self, timestep: float) -> Response:

@@ -183,14 +183,14 @@ def _springs(parts: Parts, port: str) -> list[elements.Spring]:
     return springs
 
 
-def _body(lump: Lump, port: str) -> elements.Body:
+def _body(lump: Lump, port: str) -> elements.PointBody:
     """A carried body as it acts in a port."""
     ix, iy, iz = lump.inertia
     if port == "torsion":
-        return elements.Body(lump.x, mass=ix)
+        return elements.PointBody(lump.x, mass=ix)
     if port == "axial":
-        return elements.Body(lump.x, mass=lump.mass)
-    return elements.Body(lump.x, mass=lump.mass, inertia=iz if port == "xy" else iy)
+        return elements.PointBody(lump.x, mass=lump.mass)
+    return elements.PointBody(lump.x, mass=lump.mass, inertia=iz if port == "xy" else iy)
 
 
 def _convergence_error(parts: Parts, port: str, wanted: int) -> InputError:

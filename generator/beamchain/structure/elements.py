@@ -50,7 +50,7 @@ class Spring(NamedTuple):
     stiffness: float
 
 
-class Body(NamedTuple):
+class PointBody(NamedTuple):
     """A body at `x` [m]: `mass` [kg] (torsion: polar), rotary `inertia` [kg m^2]."""
 
     x: float
@@ -97,7 +97,7 @@ class MotionRows:
         pieces: Sequence[Piece],
         *,
         hinges: Sequence[Spring],
-        bodies: Sequence[Body],
+        bodies: Sequence[PointBody],
         functions: int,
         bending: bool,
         stations: Sequence[float] = (),

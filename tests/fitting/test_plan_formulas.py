@@ -1,0 +1,191 @@
+"""Closed forms beside the plan of a beam's modes: which targets are tried, what is asked of the
+chain, the band of its fillers, the steps that take a tendon per mode."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+
+import beamchain as bc
+from beamchain import PortModel
+from beamchain.errors import RealisationError
+from formulas import (
+    Body,
+    Kept,
+    chain_of_ports,
+    check_free_modes,
+    fillers_above,
+    leaves_no_mass,
+    needs_time,
+    select,
+)
+
+RIGID = np.array([[8.0, 20.0], [20.0, 70.0]])
+W = {"xy": np.array([2.0, 5.0, 11.0]), "xz": np.array([3.0, 9.0])}
+ROWS = {
+    "xy": np.array([[2.0, 6.5], [1.1, 0.9], [0.5, 0.2]]),
+    "xz": np.array([[1.9, 6.0], [1.3, 1.1]]),
+}
+FULL = {port: PortModel(RIGID, W[port], ROWS[port]) for port in W}
+
+
+def boom(**more):
+    section = bc.Equivalent(bending_stiffness_xy=400.0, bending_stiffness_xz=300.0, linear_mass=1.6)
+    return bc.Spec(name="boom", segment=(bc.Segment(length=5.0, section=section),), **more)
+
+
+def body_of(spec):
+    return Body(spec, {port: spec.with_ratios(port, model) for port, model in FULL.items()})
+
+
+POINTS = (bc.spec.Port(name="b", x=2.0), bc.spec.Port(name="a", x=1.0))
+
+
+# -- which modes -----------------------------------------------------------------------------------
+HUB = bc.Hub(mass=30.0, inertia=(20.0, 25.0, 28.0))
+
+
+@pytest.mark.parametrize(
+    ("more", "tried"),
+    [
+        ({}, ["clamped", "free"]),
+        ({"root": bc.spec.Root(hub=HUB)}, ["clamped", "hub"]),
+        ({"root": bc.spec.Root(target="free")}, ["free"]),
+        ({"root": bc.spec.Root(target="auto")}, ["clamped", "free"]),
+        ({"root": bc.spec.Root(hub=HUB), "port": POINTS}, ["clamped"]),
+    ],
+)
+def test_targets_that_are_tried(more, tried, monkeypatch):
+    """Further points need clamped modes, those of a hub need the hub."""
+    asked = []
+
+    def choose(promise, candidates, *how):
+        asked.append((promise, candidates.frequencies, *how))
+        return SimpleNamespace(modes={"xy": 2, "xz": 0}, target="free")
+
+    monkeypatch.setattr("beamchain.fitting.select.choose", choose)
+    scene = bc.Scene(bandwidth=2.5, tolerance=0.02, axes=("z", "ty"))
+    kept = select(body_of(boom(scene=scene, **more)))
+    promise, frequencies, *how = asked[0]
+    assert {port: w.tolist() for port, w in frequencies.items()} == {
+        port: w.tolist() for port, w in W.items()
+    }
+    assert how == [tried, 0.02, {}, False]
+    assert (kept.counts, kept.target) == ({"xy": 2}, "free")
+    assert (promise.wanted, promise.bandwidth) == ([1, 5], 2.5)
+
+
+def test_further_points_are_attached_in_the_order_in_which_they_are_stated():
+    """Their motions stand in the port model by x, two each, the tip's first."""
+    model = SimpleNamespace(
+        motions=2, modes=9, frequencies=W["xy"], attached=lambda count, rows: (count, rows)
+    )
+    body = Body(boom(modes=bc.Modes(xy=3), port=POINTS), {"xy": model})
+    assert body.reduced("clamped", "xy", 3) == (3, [4, 5, 2, 3])
+    kept = select(body)
+    assert (kept.counts, kept.target, kept.choice) == ({"xy": 3}, "clamped", None)
+
+
+# -- what is asked of the chain --------------------------------------------------------------------
+@pytest.mark.parametrize("target", ["clamped", "free"])
+def test_what_a_plan_asks_of_its_chain(target, monkeypatch):
+    monkeypatch.setattr("beamchain.fitting.realise.build_exact", lambda *asked: asked)
+    spec = boom(
+        modes=bc.Modes(xy=2, xz=2),
+        damping=bc.Damping(ratio={"xy": (0.01, 0.03), "xz": (0.02,)}),
+        scene=bc.Scene(bandwidth=99.0),
+        fit=bc.spec.FitOptions(springs="modes", cuts=(0.4, 1.1)),
+    )
+    kept = Kept(target, {"xy": 2, "xz": 2})
+    line, counts, target_of, wishes = chain_of_ports(body_of(spec), kept, "line")
+    assert line == "line"
+    assert counts == {"xy": 2, "xz": 2}
+    if target == "clamped":
+        assert target_of("xy", 2).frequencies.tolist() == [2.0, 5.0]
+    assert target_of("xy", 2).damping.tolist() == [0.01, 0.03]
+    assert (wishes.springs, wishes.per_mode, wishes.lines) == ("modes", True, (0.4, 1.1))
+    assert (wishes.further, wishes.columns, wishes.cut) == ((), (), None)
+    assert (wishes.band, wishes.neutral) == (99.0, target == "free")
+    assert wishes.left_out["xz"].frequencies.size == 0  # all of these are kept
+    rest = wishes.left_out["xy"]
+    assert (rest.ports, rest.frequencies.tolist()) == (("xy",), [11.0])
+    assert rest.rows.tolist() == [[0.5, 0.2]]
+
+
+def test_of_a_chain_with_further_points_nothing_is_left_out(monkeypatch):
+    monkeypatch.setattr("beamchain.fitting.realise.build_exact", lambda *asked: asked[-1])
+    spec = boom(modes=bc.Modes(xy=2), port=POINTS, scene=bc.Scene(tip=True))
+    wishes = chain_of_ports(body_of(spec), Kept("clamped", {"xy": 2}), spec.beam.line)
+    assert (wishes.further, wishes.columns) == ((5.0, 2.0, 1.0), (0, 2, 1))
+    assert wishes.left_out == {}
+    assert not wishes.per_mode
+
+
+def last_on(hub, port, count):
+    """Highest frequency of `M q'' + K q = 0` of hub and modes."""
+    rows = ROWS[port][:count]
+    mass = np.block([[np.diag(hub) + RIGID, rows.T], [rows, np.eye(count)]])
+    stiffness = np.diag([0.0, 0.0, *W[port][:count] ** 2])
+    return np.sqrt(eigh(stiffness, mass, eigvals_only=True)[-1])
+
+
+@pytest.mark.parametrize(
+    ("target", "hub", "bandwidth", "wanted"),
+    [
+        ("clamped", None, None, 0.0),
+        ("clamped", None, 2.5, 2.5),
+        ("clamped", "hub", 2.5, max(last_on([9.0, 7.0], "xy", 2), last_on([9.0, 6.0], "xz", 1))),
+        ("hub", "hub", 90.0, 90.0),
+        ("free", "hub", None, max(last_on([0.0] * 2, "xy", 2), last_on([0.0] * 2, "xz", 1))),
+        ("free", None, 2.5, max(last_on([0.0] * 2, "xy", 2), last_on([0.0] * 2, "xz", 1))),
+    ],
+)
+def test_fillers_of_a_beam_stand_above_the_band_and_the_last_mode(target, hub, bandwidth, wanted):
+    stated = bc.Hub(mass=9.0, inertia=(5.0, 6.0, 7.0)) if hub else None
+    scene = None if bandwidth is None else bc.Scene(bandwidth=bandwidth)
+    spec = boom(modes=bc.Modes(xy=2, xz=1), root=bc.spec.Root(hub=stated), scene=scene)
+    found = fillers_above(body_of(spec), Kept(target, {"xy": 2, "xz": 1}))
+    assert found == pytest.approx(wanted, rel=1e-9)
+
+
+@pytest.mark.parametrize(("left", "refused"), [(0.9e-9, True), (1.1e-9, False)])
+def test_free_modes_leave_a_billionth_of_the_mass_at_the_root(left, refused):
+    """In the lightest of its directions."""
+    rows = np.array([[0.0, 3.0 * np.sqrt(1.0 - left)], [1.0, 0.0]])
+    target = PortModel(np.diag([4.0, 9.0]), np.array([1.0, 2.0]), rows)
+    if refused:
+        with pytest.raises(RealisationError, match="too light"):
+            check_free_modes(target)
+    else:
+        check_free_modes(target)
+
+
+@pytest.mark.parametrize(("left", "empty"), [(0.9e-5, True), (1.1e-5, False)])
+def test_modes_that_leave_no_mass_at_the_root(left, empty):
+    rows = np.array([[0.0, 3.0 * np.sqrt(1.0 - left)], [1.0, 0.0]])
+    assert leaves_no_mass(PortModel(np.diag([4.0, 9.0]), np.array([1.0, 2.0]), rows)) is empty
+
+
+@pytest.mark.parametrize(
+    ("integrator", "turn", "needed"),
+    [
+        ("Euler", 0.1, True),
+        ("implicitfast", 0.1, True),
+        ("discrete", 9.0, False),
+        ("RK4", 1.99, False),
+        ("RK4", 2.01, True),
+    ],
+)
+def test_a_step_takes_tendons_to_be_exact_or_to_slow_what_rk4_cannot_follow(
+    integrator, turn, needed
+):
+    """Two radians in a step at the fastest of the free modes, here 5 / sqrt(1 - 1/4)."""
+    models = {
+        "xy": PortModel(np.diag([4.0, 9.0]), np.array([5.0]), np.array([[1.0, 0.0]])),
+        "xz": PortModel(np.diag([4.0, 9.0]), np.array([5.1]), np.array([[0.1, 0.0]])),
+    }
+    step = turn / (5.0 / float(np.sqrt(0.75)))
+    spec = SimpleNamespace(exact_step=step, integrator=integrator)
+    body = SimpleNamespace(spec=spec, reduced=lambda _, port, __: models[port])
+    assert bool(needs_time(body, Kept("clamped", {"xy": 1, "xz": 1}))) is needed
