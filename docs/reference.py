@@ -108,7 +108,7 @@ PARTS = {
     ),
     "Identification": (
         "identification.result.IdentifiedMode",
-        "identification.start.Order",
+        "identification.initial_model.Order",
     ),
     "Linear": (
         "engine.linear.Signal",
@@ -147,7 +147,7 @@ PARTS = {
         "steps.budget.Budget",
         "steps.large_motion.LargeMotion",
     ),
-    "Study": ("studies.front.Reach", "studies.run_time.Point", "studies.field.Entry"),
+    "Study": ("studies.pareto.Reach", "studies.run_time.Point", "studies.field.Entry"),
     "Sweep": ("craft.quantities.Quantity",),
     "UncertainPlant": (
         "robust.lft.Block",

@@ -39,7 +39,7 @@ SENTENCE = (
 SIDE_BY_SIDE = ("control", "variants", "studies")
 #: modules that a product may import of the core, and of which it imports what they list
 DOORS = ("", "spec", "results", "toolkit", "commands", "report")
-BASE = ("caution", "checks", "errors", "files", "late")  # whatever stands in these
+BASE = ("checks", "errors", "files", "import_lock", "warning_codes")  # whatever stands in these
 HEAVY = ("mujoco", "lxml", "matplotlib", "control")
 
 

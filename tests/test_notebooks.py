@@ -88,7 +88,7 @@ def test_every_picture_has_a_text_for_those_who_do_not_see_it(path):
 RESEARCH = {
     f"beamchain.{name}"
     for name in (
-        "chain.rivals",
+        "chain.baselines",
         "chain.seed",
         "structure.exact",
         "steps.budget",

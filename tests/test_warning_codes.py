@@ -1,5 +1,5 @@
-"""Tests an internal as well, `caution`, where codes are made: every warning has a code that scripts
-can rely on, in every command's JSON and in docs/warnings.md."""
+"""Tests an internal as well, `warning_codes`, where codes are made: every warning has a code that
+scripts can rely on, in every command's JSON and in docs/warnings.md."""
 
 import json
 import pickle
@@ -10,7 +10,7 @@ import pytest
 
 import beamchain as bc
 import returned
-from beamchain.caution import CODES, Caution, at
+from beamchain.warning_codes import CODES, Caution, at
 from command import COMMANDS, call
 from products import is_gone
 from spacecraft import spec
@@ -85,7 +85,9 @@ def test_the_page_lists_every_error():
 def test_every_code_is_used():
     """No code stands for nothing, and none is misspelt where a warning is made."""
     source = "".join(
-        p.read_text() for p in Path(bc.__file__).parent.rglob("*.py") if p.name != "caution.py"
+        p.read_text()
+        for p in Path(bc.__file__).parent.rglob("*.py")
+        if p.name != "warning_codes.py"
     )
     gone = {"other"}
     if (ROOT / "docs").is_dir():

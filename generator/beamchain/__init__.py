@@ -33,7 +33,7 @@ The names are listed in `__init__.pyi`. Each is imported when it is first asked 
 
 from typing import Any
 
-from beamchain.late import attach
+from beamchain.import_lock import attach
 
 _find, __dir__, __all__ = attach(__name__, __file__)
 

@@ -4,6 +4,6 @@ and signals as the user types them, tables, warnings, `--json` and `--quiet`.
 A package adds its commands by the entry points `beamchain.commands`.
 """
 
-from beamchain.late import attach
+from beamchain.import_lock import attach
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -15,9 +15,9 @@ from .control.margins import AT_ZERO as AT_ZERO
 from .control.margins import REAL as REAL
 from .control.margins import Extremum as Extremum
 from .control.margins import margins_of as margins_of
+from .control.mu import balanced_bounds as balanced_bounds
 from .control.source import PlantSource as PlantSource
 from .control.state_space import StateSpace as StateSpace
-from .control.structured import balanced_bounds as balanced_bounds
 from .control.systems import GROWS as GROWS
 from .control.systems import UNSEEN as UNSEEN
 from .control.systems import Complex as Complex
@@ -50,9 +50,6 @@ from .engine.bench import frozen_mass as frozen_mass
 from .engine.combinations import OutputNames as OutputNames
 from .engine.combinations import inputs_of as inputs_of
 from .engine.combinations import outputs_of as outputs_of
-from .engine.forces import along as along
-from .engine.forces import gravity_of as gravity_of
-from .engine.forces import wraps as wraps
 from .engine.library import mujoco as mujoco
 from .engine.library import one_thread as one_thread
 from .engine.library import quiet as quiet
@@ -62,6 +59,9 @@ from .engine.linear import Signal as Signal
 from .engine.linearise import NUMBERS as NUMBERS
 from .engine.linearise import compile_model as compile_model
 from .engine.linearise import mass_matrix as mass_matrix
+from .engine.model_rows import along as along
+from .engine.model_rows import gravity_of as gravity_of
+from .engine.model_rows import wraps as wraps
 from .engine.mount import motion as motion
 from .engine.operating_point import OperatingPoint as OperatingPoint
 from .engine.operating_point import Pose as Pose
@@ -95,8 +95,8 @@ from .steps.modal import timing_marks as timing_marks
 from .steps.retime import carries_bodies as carries_bodies
 from .steps.retime import without_timing as without_timing
 from .steps.start import ctrl_bounds as ctrl_bounds
-from .structure.planes import MOTIONS as MOTIONS
-from .structure.readers.bounded import npz_arrays as npz_arrays
+from .structure.readers.safe_reading import npz_arrays as npz_arrays
+from .structure.settle_modes import MOTIONS as MOTIONS
 from .variants.fields import TENDONS as TENDONS
 from .variants.fields import Fields as Fields
 from .variants.fields import Source as Source

@@ -23,8 +23,8 @@ sys.path.insert(0, str(Path(__file__).parent.parent / "identification"))
 
 from beamchain.identification.channels import time_channels
 from beamchain.identification.hub import bare
+from beamchain.identification.initial_model import initial_model
 from beamchain.identification.logs import read_logs
-from beamchain.identification.start import initial_model
 from flight_log import Gyro, Hub, motion, record, steps_at, wings
 
 HUB = Hub()

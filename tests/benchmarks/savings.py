@@ -19,8 +19,8 @@ import msgspec
 import mujoco
 
 import beamchain as bc
+from beamchain.chain.baselines import equal_links
 from beamchain.chain.chain import Chain, Hinge
-from beamchain.chain.rivals import equal_links
 from beamchain.fitting.body import body_of
 from beamchain.fitting.document import appendage_tree
 from beamchain.fitting.hub import default_hub

@@ -29,7 +29,7 @@ from task import SCENARIO, TASK  # noqa: E402
 from beamchain.engine.rollout import seconds_of, simulate  # noqa: E402
 from beamchain.studies import field  # noqa: E402
 from beamchain.studies.field import TIMED, Entry  # noqa: E402
-from beamchain.studies.front import TARGETS, power  # noqa: E402
+from beamchain.studies.pareto import TARGETS, power  # noqa: E402
 from beamchain.studies.run_time import steps_below  # noqa: E402
 from mechanics import compiled as compile_model  # noqa: E402
 

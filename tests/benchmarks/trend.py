@@ -8,7 +8,7 @@ column. Run: python tests/benchmarks/trend.py
 import numpy as np
 
 import beamchain as bc
-from beamchain.chain import rivals
+from beamchain.chain import baselines
 from beamchain.chain.chain import Chain
 from beamchain.chain.recursion import planar_chain, realise
 from beamchain.structure.exact import UniformBeam
@@ -30,11 +30,11 @@ def error(chain: Chain, hub: np.ndarray, truth: float) -> float:
 def equal_links(beam: bc.Beam, count: int, recipe: str) -> Chain:
     """Equal links; "naive": EI N/L everywhere, a hinge at the inner end of every link."""
     if recipe != "naive":
-        return rivals.equal_links(beam, count, recipe)
+        return baselines.equal_links(beam, count, recipe)
     h = beam.length / count
     hinges = h * np.arange(count)
     stiffness = np.array([1.0 / beam.compliance(x, x + h, "xy") for x in hinges])
-    return rivals.freeze_between(beam, hinges, stiffness, "xy")
+    return baselines.freeze_between(beam, hinges, stiffness, "xy")
 
 
 def main() -> None:

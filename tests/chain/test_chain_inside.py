@@ -1,4 +1,4 @@
-"""Tests internals, `chain.recursion`, `chain.chain`, `chain.cut`, `chain.rivals`: what no
+"""Tests internals, `chain.recursion`, `chain.chain`, `chain.cut`, `chain.baselines`: what no
 specification is known to reach.
 
 Targets that a beam does not have, chains that are not asked for,
@@ -10,15 +10,15 @@ import pytest
 
 from appendages import close, seed_boom, unit_beam
 from arrays import tube
-from beamchain.chain.chain import Link
-from beamchain.chain.recursion import Nodes, planar_chain, realise, realise_scalar, split
-from beamchain.chain.rivals import (
+from beamchain.chain.baselines import (
     freeze_between,
     seed_chain,
     seed_frequency_factors,
     seed_parameters,
     seed_ratio,
 )
+from beamchain.chain.chain import Link
+from beamchain.chain.recursion import Nodes, planar_chain, realise, realise_scalar, split
 
 SUMS = 1e-12  # sums of masses and first moments
 CLOSED = 1e-10  # (17), (18) against singular values of a 6 x 2 matrix; c enters by its root

@@ -7,9 +7,9 @@ import pytest
 from appendages import unit_beam
 from beamchain import Equivalent, InputError, PortModel, Segment, Spec, fit
 from beamchain.chain import cut as cuts
+from beamchain.chain.baselines import seed_parameters
 from beamchain.chain.chain import Chain, Hinge, Link
 from beamchain.chain.recursion import realise
-from beamchain.chain.rivals import seed_parameters
 from beamchain.chain.tendons import ModeGroup
 from beamchain.errors import RealisationError
 from beamchain.spec import FitOptions
@@ -31,7 +31,7 @@ def massless_root():
 def next_to_nothing_at_the_root():
     heavy = np.linalg.cholesky(0.999 * unit_beam().port("xy", 2).rigid_mass).T
     modes = ModeGroup(("xy",), np.array([1.0, 2.0]), heavy, np.zeros(2))
-    cuts.choose_cut(unit_beam().line, [cuts.Wanted(modes, {"xy": 2}, {})], ())
+    cuts.choose_cut(unit_beam().line, [cuts.HingeDemand(modes, {"xy": 2}, {})], ())
 
 
 def springs_on_hinges(**options):

@@ -10,9 +10,9 @@ from beamchain import Beam, Equivalent, Segment
 from beamchain.errors import RealisationError
 from formulas import (
     Effort,
+    HingeDemand,
     Margins,
     ModeGroup,
-    Wanted,
     best_cut,
     choose_cut,
     climb,
@@ -104,7 +104,7 @@ def test_margin_of_a_uniform_rod_s_cut(ports, further):
     random = np.random.default_rng(1)
     rows = 0.1 * random.normal(size=(2, len(kinematics)))
     group = ModeGroup(ports, np.array([1.0, 2.0]), rows, np.zeros(2))
-    search = Margins(LINE.line, (Wanted(group, dict.fromkeys(ports, 5), {}),), further)
+    search = Margins(LINE.line, (HingeDemand(group, dict.fromkeys(ports, 5), {}),), further)
     margin, chosen, margins = search.assigned(x)
     assert margin == pytest.approx(
         least_of(rows, kinematics, inertia, 2 + ("torsion" in ports)), rel=1e-6
@@ -131,7 +131,7 @@ def test_the_first_choice_with_enough_or_the_best_is_taken(size, taken):
     x = np.array([0.1, 0.2, 0.4, 1.0, 1.2, 1.7])
     rows = size * np.array([[0.0, 1.0]])
     group = ModeGroup(("xy",), np.ones(1), rows, np.zeros(1))
-    search = Margins(LINE.line, (Wanted(group, {"xy": 2}, {}),), ())
+    search = Margins(LINE.line, (HingeDemand(group, {"xy": 2}, {}),), ())
     margin, (chosen,), _ = search.assigned(x)
     assert chosen == [(k, "xy") for k in taken]
     wanted = least_of(rows, *integrals(x[list(taken)]))
@@ -145,7 +145,7 @@ def test_the_least_margin_of_all_groups_and_no_more_of_them_than_are_asked_for()
         ModeGroup((port,), np.ones(1), np.array([[part, 0.0]]), np.zeros(1))
         for port, part in (("xy", 0.1), ("xz", 0.4))
     )
-    wanted = [Wanted(group, {group.ports[0]: 2}, {}) for group in (large, small)]
+    wanted = [HingeDemand(group, {group.ports[0]: 2}, {}) for group in (large, small)]
     both = [least_of(group.rows, *integrals(x)) for group in (large, small)]
     assert both[0] < ENOUGH < both[1]
     found = Margins(LINE.line, tuple(wanted), ()).assigned(x)
@@ -171,7 +171,7 @@ def test_a_group_takes_fixed_hinges_and_spreads_the_others():
         ((), 5, [0, 1, 2, 3, 4]),
         ((), 9, [0, 1, 2, 3, 4]),
     ):
-        wanted = Wanted(group, {"torsion": count}, {"torsion": fixed})
+        wanted = HingeDemand(group, {"torsion": count}, {"torsion": fixed})
         margin, ((*chosen,),), _ = Margins(line, (wanted,), ()).assigned(x)
         assert [i for i, _ in chosen] == hinges
         assert margin == -np.inf
@@ -179,7 +179,7 @@ def test_a_group_takes_fixed_hinges_and_spreads_the_others():
 
 def test_wanted_hinges_grow_in_all_ports_and_shrink_in_one():
     group = ModeGroup(("xy", "torsion"), np.ones(1), np.ones((1, 3)), np.zeros(1))
-    wanted = Wanted(group, {"xy": 3, "torsion": 1}, {})
+    wanted = HingeDemand(group, {"xy": 3, "torsion": 1}, {})
     assert wanted.more().counts == {"xy": 4, "torsion": 2}
     assert wanted.more().fewer("xy").counts == {"xy": 3, "torsion": 2}
 
@@ -342,7 +342,7 @@ def test_a_port_gives_up_the_hinges_that_another_needed():
         enough[bent, twisted] = bool(share >= ENOUGH)
     assert enough == {(2, 1): False, (2, 2): False, (3, 1): True, (3, 2): True}
     group = ModeGroup(("xy", "torsion"), np.ones(1), rows, np.zeros(1))
-    first = Wanted(group, {"xy": 2, "torsion": 1}, {})
+    first = HingeDemand(group, {"xy": 2, "torsion": 1}, {})
     search = Margins(LINE.line, (first.more(),), ())
     (found,) = fewest_hinges(search, x, [first], [first.more()])
     assert found.counts == {"xy": 3, "torsion": 1}
@@ -353,7 +353,7 @@ def test_hinges_are_added_where_there_are_too_few_for_any_margin(monkeypatch):
     for name, few in (("SWEEPS", 1), ("NEAR", (0.2,)), ("SPREADS", np.array([0.3]))):
         monkeypatch.setattr(f"beamchain.chain.cut.{name}", few)
     group = ModeGroup(("torsion",), np.ones(1), np.array([[0.1, 0.0]]), np.zeros(1))
-    found = choose_cut(LINE.line, [Wanted(group, {"torsion": 1}, {})], (), (1.0,))
+    found = choose_cut(LINE.line, [HingeDemand(group, {"torsion": 1}, {})], (), (1.0,))
     assert (found.added, found.ports) == (1, (("torsion",),) * 2)
     behind = POLAR * (LENGTH - found.x)
     moved = np.array([behind, found.x < 1.0])
@@ -380,7 +380,7 @@ def test_hinges_are_added_for_the_modes_and_for_every_line(most, searches, monke
     monkeypatch.setattr("beamchain.chain.cut._best", best)
     group = ModeGroup(("xy",), np.ones(1), np.array([[0.1, 0.2]]), np.zeros(1))
     with pytest.raises(RealisationError, match=f"hinges tried: {len(searches) - 1}"):
-        choose_cut(LINE.line, [Wanted(group, {"xy": 3}, {})], (1.3, 0.4, 0.4), (), most)
+        choose_cut(LINE.line, [HingeDemand(group, {"xy": 3}, {})], (1.3, 0.4, 0.4), (), most)
     assert free == searches
 
 
@@ -389,7 +389,7 @@ def test_where_modes_take_all_mass_of_the_root_its_share_is_of_almost_nothing():
     `J (L - x)`."""
     rows = np.array([[np.sqrt(POLAR * LENGTH)]])
     group = ModeGroup(("torsion",), np.ones(1), rows, np.zeros(1))
-    search = Margins(LINE.line, (Wanted(group, {"torsion": 1}, {}),), ())
+    search = Margins(LINE.line, (HingeDemand(group, {"torsion": 1}, {}),), ())
     for part in (0.0, 0.4, 2.5):
         margin = search.assigned(np.array([part * 1e-11 * LENGTH]))[0]
         assert margin == pytest.approx(1.0 - part, abs=1e-3)

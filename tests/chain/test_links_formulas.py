@@ -9,6 +9,7 @@ from beamchain import Beam, Equivalent, PortModel, Segment
 from beamchain.chain.build import cut_chain
 from beamchain.errors import InputError, RealisationError
 from formulas import (
+    BuildOptions,
     Chain,
     Hinge,
     Link,
@@ -16,7 +17,6 @@ from formulas import (
     MassPiece,
     ModeGroup,
     Nodes,
-    Wishes,
     assembled_chain,
     bodies,
     build_exact,
@@ -348,7 +348,7 @@ def test_a_link_of_the_recursion_is_no_point(part):
     target = PortModel(rigid, np.array([3.0]), np.sqrt(tip) * along[2][None, :])
 
     def built():
-        return build_exact(line, {"xy": 1}, lambda *_: target, Wishes(springs="hinges"))
+        return build_exact(line, {"xy": 1}, lambda *_: target, BuildOptions(springs="hinges"))
 
     if part < 1.0:
         with pytest.raises(RealisationError, match="would be a point"):
@@ -414,7 +414,7 @@ def test_modes_have_the_motion_of_their_further_ports(column):
         9.0 * np.eye(2), np.array([2.0, 5.0]), rows / 10.0, np.array([0.01, 0.02]), tip=tip
     )
     for per_mode in (True, False):
-        found = modes_to_give("xy", target, Wishes(columns=(column,), per_mode=per_mode), 1)
+        found = modes_to_give("xy", target, BuildOptions(columns=(column,), per_mode=per_mode), 1)
         wanted = np.hstack([rows / 10.0, tip[:, 2 * column : 2 * column + 2]])
         assert np.array_equal(found.rows, wanted)
         assert found.damping.tolist() == ([0.01, 0.02] if per_mode else [0.0, 0.0])

@@ -6,8 +6,8 @@ import pytest
 import readback as rb
 from appendages import close, seed_boom
 from beamchain import Beam, Material, Round, Segment
+from beamchain.chain.baselines import equal_links
 from beamchain.chain.build import with_real_polar
-from beamchain.chain.rivals import equal_links
 from beamchain.engine.bench import measure, root_body
 from beamchain.mjcf import write
 from rival_files import rival_file

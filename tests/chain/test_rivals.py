@@ -16,7 +16,7 @@ import readback as rb
 from appendages import close, seed_boom, stepped_boom, tapered_boom
 from arrays import space_beam
 from beamchain import Beam, InputError, Joint
-from beamchain.chain.rivals import equal_links, seed_chain
+from beamchain.chain.baselines import equal_links, seed_chain
 from rival_files import equal_file, paper_file
 from spec_tables import table_of
 from written_chain import read_chain

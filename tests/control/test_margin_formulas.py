@@ -226,7 +226,7 @@ def test_the_last_of_a_sampled_loop_is_real(step, value):
 @pytest.fixture
 def quickly(monkeypatch):
     monkeypatch.setattr("beamchain.control.margins.POLISHED", 1)
-    monkeypatch.setattr("beamchain.control.structured.SHARPER", (64.0, 4096.0))
+    monkeypatch.setattr("beamchain.control.mu.SHARPER", (64.0, 4096.0))
 
 
 @pytest.mark.usefixtures("quickly")

@@ -424,7 +424,7 @@ def test_no_factors_in_the_disk_destabilise():
 
 def test_the_bound_is_that_of_slycot():
     slycot = pytest.importorskip("slycot")
-    from beamchain.control.structured import bound
+    from beamchain.control.mu import bound
 
     rng = np.random.default_rng(4)
     for n in (2, 3, 5):

@@ -9,9 +9,9 @@ from scipy.linalg import eigh
 import beamchain as bc
 from formulas import (
     Assembly,
-    Carried,
     CraftError,
     ModeOfCraft,
+    PlacedBody,
     assembly_at_rest,
     modes_at_pose,
     mount,
@@ -52,7 +52,9 @@ def carried(craft, count=2, kept=(True, False)):
     rows = np.sqrt(SLIDING) * np.eye(6)[[1, 2]]
     model = bc.PortModel(rigid, FREQUENCY, rows, damping=RATIO)
     dofs = [6, 7][:count]
-    return [Carried(mount(craft, "root", "site", "root"), model, np.array(kept), dofs, {"xy": 2.4})]
+    return [
+        PlacedBody(mount(craft, "root", "site", "root"), model, np.array(kept), dofs, {"xy": 2.4})
+    ]
 
 
 def matrices(factor=(1.0, 1.0)):
@@ -155,7 +157,7 @@ def test_a_mode_is_kept_where_half_of_its_energy_is(share):
     rows = mixed @ (np.sqrt(SLIDING) * np.eye(6)[[1, 2]])
     whole = bc.PortModel(rigid, np.array([2.0, 2.0]), rows, damping=RATIO[[0, 0]])
     place = mount(craft, "root", "site", "root")
-    item = Carried(place, whole, np.array([True, False]), [6, 7], {"xy": 2.0})
+    item = PlacedBody(place, whole, np.array([True, False]), [6, 7], {"xy": 2.0})
     found = modes_at_pose(craft, model, [item], 9.0, "far")
     assert [mode.kept for mode in found] == (energy > 0.5).tolist()
 

@@ -9,8 +9,8 @@ import pytest
 
 import beamchain as bc
 from formulas import (
-    Carried,
     Loading,
+    PlacedBody,
     Pose,
     acting,
     bent_line,
@@ -44,7 +44,7 @@ def carried(place):
     whole = line(1.0).model
     kept = np.arange(whole.modes) == 0
     at = list(LENGTHS).index(place)
-    return Carried(
+    return PlacedBody(
         mount(MODEL, place, "site", place), whole, kept, [1 + at], {"xy": 2.0}, line=line
     )
 

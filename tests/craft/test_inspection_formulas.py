@@ -10,7 +10,7 @@ import pytest
 import beamchain as bc
 from beamchain.craft.source import linear_omissions
 from formulas import (
-    Wish,
+    AppendageRequest,
     energy_words,
     far_mount,
     fit_all,
@@ -200,7 +200,7 @@ def test_what_carries_an_appendage_has_mass_beside_what_that_carries(mass, refus
     section = {"shape": "equivalent", "bending_stiffness_xy": 900.0, "linear_mass": 1.0}
     boom = {"name": "boom", "segment": [{"length": 3.0, "section": section}]}
     spec = spec_of({**boom, "port": [{"name": "end", "x": 3.0}]})
-    wanted = {"m": Wish(spec, "b_", {"end": ("hand",)})}
+    wanted = {"m": AppendageRequest(spec, "b_", {"end": ("hand",)})}
 
     class Fits(SimpleNamespace):
         def __call__(self, *_):

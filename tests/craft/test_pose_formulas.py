@@ -11,8 +11,8 @@ from scipy.linalg import block_diag, eigh
 
 import beamchain as bc
 from formulas import (
-    Carried,
     LoadOfPort,
+    PlacedBody,
     Pose,
     counterpart,
     coupled_modes,
@@ -175,7 +175,7 @@ def carried(place, **more):
     at = PLACES.index(place)
     dofs = [NV + 2 * at, NV + 2 * at + 1]
     kept = np.array([True, place == "left"])
-    return Carried(mount(MODEL, place, "site", place), model, kept, dofs, {"xy": 2.0}, **more)
+    return PlacedBody(mount(MODEL, place, "site", place), model, kept, dofs, {"xy": 2.0}, **more)
 
 
 def pose(wanted=range(6), own=None):
@@ -299,7 +299,7 @@ def test_a_mode_left_out_of_a_boom_that_carries_a_hand_costs_its_curve():
     ):
         whole = bc.PortModel(BODY, FREQUENCY[place], ROWS[place], damping=RATIO[place], tip=tip)
         at = mount(model, place, "site", place)
-        items.append(Carried(at, whole, np.ones(2, bool), [], {"xy": 2.0}, loads))
+        items.append(PlacedBody(at, whole, np.ones(2, bool), [], {"xy": 2.0}, loads))
     made = Pose(model, QPOS, items, BAND, range(6))
     bus, roots, rigid, mass, damping, stiffness = truth(model)
     data = mujoco.MjData(model)
@@ -338,7 +338,7 @@ def test_a_drive_without_a_damper_has_half_a_percent_in_the_exact_craft():
 
 def test_axes_that_the_base_cannot_make_are_refused():
     held = mujoco.MjModel.from_xml_string(CRAFT.replace("<freejoint/>", '<joint axis="0 0 1"/>'))
-    item = Carried(
+    item = PlacedBody(
         mount(held, "left", "site", "left"),
         bc.PortModel(BODY, FREQUENCY["left"], ROWS["left"], damping=RATIO["left"]),
         np.array([True, True]),

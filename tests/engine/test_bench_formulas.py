@@ -1,4 +1,4 @@
-"""Tests an internal, `engine.forces`, too.
+"""Tests an internal, `engine.model_rows`, too.
 
 Closed forms beside the bench: what bodies weigh about a point, how far two readings are apart,
 what stands behind a port."""
@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 import beamchain as bc
 from beamchain import PortModel
-from beamchain.engine import forces
+from beamchain.engine import model_rows
 from beamchain.errors import EngineError
 from formulas import (
     Chain,
@@ -79,7 +79,7 @@ def test_bodies_springs_and_dampers_are_read_one_by_one():
         <fixed name="t" stiffness=".05" damping=".02" armature=".04">
         <joint joint="a" coef="2"/><joint joint="b" coef="-3"/></fixed></tendon></mujoco>"""
     )
-    found = forces.readings(model)
+    found = model_rows.readings(model)
     mass = mass_matrix(model)
     tendon = np.array([0.0, 0.0, 2.0, -3.0])
     stiffness = np.diag([0.0, 0.0, 0.03, 40.0]) + 0.05 * np.outer(tendon, tendon)
@@ -87,10 +87,10 @@ def test_bodies_springs_and_dampers_are_read_one_by_one():
     assert found.rows.T @ found.rows == pytest.approx(mass, rel=1e-12, abs=1e-12)
     assert found.springs.T @ found.springs == pytest.approx(stiffness, rel=1e-12, abs=1e-15)
     assert found.damping == pytest.approx(damping, rel=1e-12, abs=1e-15)
-    assert forces.sprung(model) == [2, 3]
+    assert model_rows.sprung(model) == [2, 3]
     by_tendon = copy(model)
     by_tendon.jnt_stiffness[:] = 0.0
-    assert forces.sprung(by_tendon) == [2, 3]
+    assert model_rows.sprung(by_tendon) == [2, 3]
     squares, shapes = eigh(stiffness[2:, 2:], mass[2:, 2:])
     w = np.sqrt(squares)
     rows = shapes.T @ mass[2:, :2]

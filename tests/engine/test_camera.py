@@ -1,5 +1,5 @@
-"""Tests internals, `engine.draw` and `engine.drawn`: where the camera stands, its light, and what
-lies on what in a frame."""
+"""Tests internals, `engine.draw` and `engine.geometry`: where the camera stands, its light, and
+what lies on what in a frame."""
 
 from types import SimpleNamespace
 
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from beamchain.engine import draw
-from beamchain.engine.drawn import drawn_points
+from beamchain.engine.geometry import drawn_points
 from beamchain.engine.library import rest
 from beamchain.errors import EngineError
 

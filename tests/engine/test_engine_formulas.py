@@ -11,15 +11,15 @@ from lxml import etree
 from scipy.spatial.transform import Rotation
 
 from beamchain import InputError, Linear, PortModel
-from beamchain.engine import constraints, door, jobs, library
-from beamchain.engine.hanging import sprung_by_acceleration
+from beamchain.engine import constraints, jobs, library, model_checks
+from beamchain.engine.gravity_stiffness import sprung_by_acceleration
 from formulas import (
     Activations,
-    Carrying,
     Inputs,
     NormalModes,
     Outputs,
     PartialFractions,
+    PortLoads,
     Signal,
     Turn,
     check_workers,
@@ -340,7 +340,7 @@ def test_response_of_a_body_with_appendages_that_carry_is_that_of_all_coordinate
         mass += coupled + coupled.T
     w = np.concatenate([model.frequencies for model in models])
     omega = np.array([0.7, 2.5])
-    carrying = Carrying(tuple(roots), carried, ports)
+    carrying = PortLoads(tuple(roots), carried, ports)
     assert carrying.by_modes(models) == pytest.approx(by_modes)
     got = rigid_body(bus).response(omega, models, carrying=carrying)
     for k, s in enumerate(1j * omega):
@@ -431,7 +431,7 @@ def test_jobs_in_this_process_come_back_in_their_order():
 def test_a_model_that_its_step_tears_apart_steps_badly(stiffness, well):
     spring = f'<joint name="j" type="slide" stiffness="{stiffness}"/>'
     link = f'<body>{spring}<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body>'
-    assert door.steps_well(craft(link)) is well
+    assert model_checks.steps_well(craft(link)) is well
 
 
 def test_ports_of_one_appendage_have_each_six_columns_of_its_tip():
@@ -439,9 +439,9 @@ def test_ports_of_one_appendage_have_each_six_columns_of_its_tip():
     model = PortModel(np.eye(6), np.array([1.0, 2.0]), np.zeros((2, 6)), tip=tip)
     rigid = PortModel(np.eye(6), np.zeros(0), np.zeros((0, 6)))
     ports = SimpleNamespace(ports=((1, 1), (1, 0), (0, 0)))
-    assert np.array_equal(Carrying.tip(ports, [rigid, model], 0), tip[:, 6:12])
-    assert np.array_equal(Carrying.tip(ports, [rigid, model], 1), tip[:, :6])
-    assert Carrying.tip(ports, [rigid, model], 2).shape == (0, 6)
+    assert np.array_equal(PortLoads.tip(ports, [rigid, model], 0), tip[:, 6:12])
+    assert np.array_equal(PortLoads.tip(ports, [rigid, model], 1), tip[:, :6])
+    assert PortLoads.tip(ports, [rigid, model], 2).shape == (0, 6)
 
 
 # -- threads ---------------------------------------------------------------------------------------
@@ -544,10 +544,10 @@ def test_modes_in_another_order_with_other_signs():
 @pytest.mark.parametrize("field", ["body_mass", "jnt_axis", "site_pos"])
 def test_one_number_that_is_not_finite_is_named(field):
     model = mujoco.MjModel.from_xml_string(FREE.format(inside=ARM, rest=""))
-    door.check_model(model, "a.xml")
+    model_checks.check_model(model, "a.xml")
     getattr(model, field)[-1] = np.nan
     with pytest.raises(InputError, match="a.xml: .* is nan"):
-        door.check_model(model, "a.xml")
+        model_checks.check_model(model, "a.xml")
 
 
 def test_a_mode_points_along_the_part_that_carries_most_of_its_energy():

@@ -6,6 +6,7 @@ import pytest
 
 import beamchain as bc
 from beamchain.engine.combinations import inputs_of, outputs_of
+from beamchain.engine.model_diff import differences, ids_of, others
 from beamchain.engine.operating_point import (
     check_pose,
     is_cyclic,
@@ -15,7 +16,6 @@ from beamchain.engine.operating_point import (
     value_text,
 )
 from beamchain.engine.root_motion import STATE, Root, Run, motion_of
-from beamchain.engine.unchanged import differences, ids_of, others
 
 # -- roots along a run -----------------------------------------------------------------------------
 LINK = """<mujoco><option gravity="0.3 -9.1 0.7"/><worldbody>

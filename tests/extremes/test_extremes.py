@@ -17,7 +17,7 @@ import pytest
 import beamchain as bc
 from appendages import TransferMatrix, close, roots_within
 from beamchain import BeamchainError, Hub
-from beamchain.chain.rivals import equal_links
+from beamchain.chain.baselines import equal_links
 from beamchain.errors import EngineError
 from beamchain.spec import Root
 from extremes.cases import RANGES, Case, cases

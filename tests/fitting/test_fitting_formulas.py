@@ -12,13 +12,13 @@ from scipy.optimize import brentq
 
 import beamchain as bc
 from beamchain import PortModel
-from beamchain.caution import Caution
 from beamchain.fitting.cure import with_modal_damping
 from beamchain.fitting.fit import _with_integrator as with_integrator
 from beamchain.fitting.select import everything
 from beamchain.fitting.spec import schema
 from beamchain.fitting.spec_text import spec_toml
 from beamchain.structure.section import SOFT
+from beamchain.warning_codes import Caution
 from formulas import (
     Promise,
     body_of,

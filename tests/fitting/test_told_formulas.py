@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import beamchain as bc
-from beamchain.caution import Caution
 from beamchain.structure.readers.imported import Units
+from beamchain.warning_codes import Caution
 from formulas import (
     doubtful,
     fit_warnings,

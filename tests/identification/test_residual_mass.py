@@ -64,7 +64,7 @@ def test_a_file_that_is_refused_is_said_to_be(tmp_path, monkeypatch):
     def by_diagonal(rigid: np.ndarray, power: float) -> np.ndarray:
         return np.diag(np.diag(rigid) ** power)
 
-    monkeypatch.setattr("beamchain.identification.describe._root", by_diagonal)
+    monkeypatch.setattr("beamchain.identification.diagnostics._root", by_diagonal)
     (tmp_path / "craft.xml").write_text(CRAFT, encoding="utf-8")
     known = prior()
     document = {

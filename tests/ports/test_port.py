@@ -11,7 +11,7 @@ import finite_elements as fe
 from appendages import REALISABLE, close, panels, seed_boom, unit_beam
 from arrays import space_beam
 from beamchain import PortModel
-from beamchain.chain.rivals import equal_links
+from beamchain.chain.baselines import equal_links
 from spec_tables import table_of
 
 ROUNDING = 1e-12  # one small eigenproblem or solve there and back

@@ -15,8 +15,8 @@ from test_report import DRAWN, EVERY, HUB, boom, fitted, reports
 
 import beamchain as bc
 from appendages import panels, tapered_boom
+from beamchain.chain.baselines import equal_links
 from beamchain.chain.build import Status
-from beamchain.chain.rivals import equal_links
 from beamchain.fitting.options import Payload
 from beamchain.fitting.spec import spec_from_dict
 from beamchain.fitting.spec_text import spec_toml

@@ -7,10 +7,10 @@ from beamchain.robust.bounds import _narrow as is_narrow
 from beamchain.robust.bounds import _without_unknown as unknown_behind
 from beamchain.robust.bounds import frequencies as looked_at
 from beamchain.robust.delta_channels import channels as channels_of_craft
+from beamchain.robust.interval_loop import LocalLoop, delay_near, in_box, local_loop
 from beamchain.robust.least_margins import SampleLoops, smallness
 from beamchain.robust.least_margins import _beside as samples_beside
 from beamchain.robust.least_margins import figure as figure_of_sample
-from beamchain.robust.local_loop import LocalLoop, delay_near, in_box, local_loop
 from beamchain.robust.multipliers import _between as between_ends
 from beamchain.robust.multipliers import _blocks as blocks_of_deltas
 from beamchain.robust.multipliers import _complex as from_real_symmetric

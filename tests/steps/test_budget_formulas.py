@@ -10,7 +10,7 @@ from beamchain.errors import EngineError
 from beamchain.steps.budget import budget, linear_model, preload
 from beamchain.steps.deployment import hinge_stages, simulate_run
 from beamchain.steps.joint_time import joint_armature, take_out_joints, timed_joints, write_joints
-from beamchain.steps.modal import MadeFor, modal_tendons
+from beamchain.steps.modal import TimingMark, modal_tendons
 from beamchain.steps.turn import central_inertia, turn_error
 
 # -- budgets ---------------------------------------------------------------------------------------
@@ -227,9 +227,9 @@ def test_timing_of_joints_is_written_and_taken_out_where_there_is_no_friction(si
     before = np.array(model.dof_solimp)
     if refused:
         with pytest.raises(bc.InputError, match="'hinge'"):
-            write_joints(model, np.array([0.0, 0.3]), MadeFor(0.05, "Euler", 5))
+            write_joints(model, np.array([0.0, 0.3]), TimingMark(0.05, "Euler", 5))
         return
-    write_joints(model, np.array([0.0, 0.3]), MadeFor(0.05, "Euler", 5))
+    write_joints(model, np.array([0.0, 0.3]), TimingMark(0.05, "Euler", 5))
     assert model.dof_armature.tolist() == [0.0, 0.8]
     assert timed_joints(model) == [1]
     assert model.dof_solimp[1].tolist() == [0.05, 0.0, 5.0, 0.5, 0.0]

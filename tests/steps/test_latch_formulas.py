@@ -9,7 +9,7 @@ import pytest
 import beamchain as bc
 from beamchain.errors import InputError
 from beamchain.steps.latch import _stable_armature
-from beamchain.steps.modal import MadeFor
+from beamchain.steps.modal import TimingMark
 from formulas import (
     PlaceOfHinge,
     appendages_alone,
@@ -176,7 +176,7 @@ def test_a_timed_tendon_remembers_its_form_and_what_it_was(form):
     )
     stiffness = np.array([38.5]) if form == 5 else None
     plan = SimpleNamespace(armature=np.array([0.03]), damping=np.array([0.7]), stiffness=stiffness)
-    write_values(model, modal_tendons(model), plan, MadeFor(0.05, "RK4", form))
+    write_values(model, modal_tendons(model), plan, TimingMark(0.05, "RK4", form))
     assert model.tendon_armature.tolist() == [0.0, 0.03]
     assert model.tendon_damping.tolist() == [0.0, 0.7]
     assert model.tendon_stiffness.tolist() == [0.0, 38.5 if form == 5 else 35.0]

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from beamchain.steps.culprit import culprit
+from beamchain.steps.dominant_element import culprit
 from beamchain.steps.step_map import grows
 from formulas import (
     ShiftedPeak,

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from formulas import (
-    Alone,
-    Compared,
+    FreeAppendage,
+    ResponseResidual,
     Room,
     SeenAtPose,
     Tendons,
@@ -28,8 +28,8 @@ PAIR, SINGLE = np.array([[0.9, 0.2], [0.2, 0.7]]), np.array([[0.8]])
 UNKNOWNS = np.array([0.5, 0.6, 0.4, 0.01, -0.012, 0.005, 0.1, -0.2, 0.05])  # c, s, e
 MODAL = SimpleNamespace(names=("a", "b", "c"), stiffness=STIFFNESS, damping=DAMPING)
 ALONE = (
-    Alone(np.array([0, 2]), PAIR, PAIR),
-    Alone(np.array([1]), SINGLE, SINGLE),
+    FreeAppendage(np.array([0, 2]), PAIR, PAIR),
+    FreeAppendage(np.array([1]), SINGLE, SINGLE),
 )
 INTEGRATORS = ("Euler", "implicitfast", "RK4")
 # armature over h d / 2: Euler damps tendons by the rate before the step, implicitfast by that after
@@ -88,7 +88,7 @@ def test_the_barrier_and_its_derivatives(integrator, limit):
         outside = UNKNOWNS.copy()
         outside[i] = beyond
         assert made.value(outside) == np.inf
-    heavy = Alone(np.array([1]), SINGLE, -5.0 * SINGLE)
+    heavy = FreeAppendage(np.array([1]), SINGLE, -5.0 * SINGLE)
     assert Room.of([heavy], MODAL, integrator, STEP, 4.0).value(UNKNOWNS) == np.inf
 
 
@@ -102,7 +102,7 @@ def test_slopes_by_the_unknowns_are_those_by_the_tendons_they_make(integrator):
 
 def test_largest_squared_phase_of_the_appendages_alone():
     # a pair without coupling, so that each tendon is by itself: h^2 k (1 + s) / (S + c h^2 k)
-    apart = (Alone(np.array([0, 1, 2]), np.eye(3), np.diag([0.9, 0.8, 0.7])),)
+    apart = (FreeAppendage(np.array([0, 1, 2]), np.eye(3), np.diag([0.9, 0.8, 0.7])),)
     made = Room.of(apart, MODAL, "Euler", STEP, 4.0)
     c, s, _ = UNKNOWNS.reshape(3, 3)
     squares = STEP**2 * STIFFNESS
@@ -134,7 +134,7 @@ def response(integrator):
     )
     z = np.exp(STEP * np.array([0.3 + 3.0j, 0.2 + 6.0j]))
     exact = random.normal(size=(2, 2, 2))
-    return Compared(seen, z - 1.0, exact + np.swapaxes(exact, 1, 2), np.array([1.0, 2.5]))
+    return ResponseResidual(seen, z - 1.0, exact + np.swapaxes(exact, 1, 2), np.array([1.0, 2.5]))
 
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
@@ -330,7 +330,7 @@ def test_up_to_where_a_tree_s_response_is_kept(band, kept, top, monkeypatch):
         ("motion_for", lambda *_: "motion"),
         ("last_kept", lambda *_: kept),
         ("appendages_alone", lambda *_: ["alone"]),
-        ("_Room.of", made),
+        ("_TendonBounds.of", made),
     ):
         monkeypatch.setattr(f"beamchain.steps.tree_time.{name}", told)
     with pytest.raises(ArithmeticError) as found:

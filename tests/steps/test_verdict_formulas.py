@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from formulas import (
-    Alone,
+    FreeAppendage,
     Names,
     Setting,
     Tendons,
@@ -331,8 +331,8 @@ def test_draws_of_a_tree_keep_their_factor_where_that_is_safe(late, limit):
     softer, more = np.array([0.98, 1.0, 1.02]), np.array([1.1, 0.9, 1.2])
     gap = (factor - limit) * H**2 * softer * nominal
     parts = (
-        Alone(np.array([0, 2]), FREE, FREE),
-        Alone(np.array([1]), FREE[:1, :1], FREE[:1, :1]),
+        FreeAppendage(np.array([0, 2]), FREE, FREE),
+        FreeAppendage(np.array([1]), FREE[:1, :1], FREE[:1, :1]),
     )
     made = TreeDraws(H, late, limit, factor, gap, softer, more, parts)
     stiffness = np.array([nominal, 0.8 * nominal, 60.0 * nominal])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import beamchain as bc
-from beamchain.structure.inside import inside_beam, snapped
+from beamchain.structure.section_loads import inside_beam, snapped
 
 EXACT = 1e-12
 STRAIN = 1e-3

@@ -9,11 +9,11 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import beamchain as bc
-from beamchain.chain.build import Wishes, build_exact
+from beamchain.chain.build import BuildOptions, build_exact
 from beamchain.chain.tendons import springs_as_modes
 from beamchain.engine.rollout import seconds_of, simulate
 from beamchain.fitting.spec_text import spec_toml
-from beamchain.studies import field, front
+from beamchain.studies import field, pareto
 from beamchain.studies import study as studies
 from beamchain.studies.field import Entry
 from beamchain.studies.run_time import (
@@ -292,7 +292,7 @@ def test_a_tendon_per_mode_moves_the_hub_as_springs_on_the_hinges(prepared, n):
 def test_other_bodies_move_the_hub_as_the_clamped_chain(prepared, n):
     """Two unlike sets of bodies of the same port model: the same motion while it is small."""
     task, scenario = prepared
-    wishes = Wishes(lines=(0.4 * task.beam.length,))
+    wishes = BuildOptions(lines=(0.4 * task.beam.length,))
     cut = build_exact(
         task.beam.line, {"xy": n}, lambda port, count: task.full[port].truncated(count), wishes
     ).chain
@@ -351,11 +351,11 @@ def test_a_lucky_step_does_not_count():
         1,
         [(1.0, 1e-2, 1.0), (0.5, 1e-5, 2.0), (0.25, 3e-3, 4.0), (0.125, 2.9e-3, 8.0)],
     )
-    reach = front.reach([found], "exact, hub", 1e-2, "error")
+    reach = pareto.reach([found], "exact, hub", 1e-2, "error")
     assert reach is not None
     assert reach.point.timestep == 1.0
-    assert [e for e, _ in front.trusted_points(found, "error")] == [2.9e-3, 3e-3, 3e-3, 1e-2]
-    assert front.reach([found], "exact, hub", 1e-4, "error") is None
+    assert [e for e, _ in pareto.trusted_points(found, "error")] == [2.9e-3, 3e-3, 3e-3, 1e-2]
+    assert pareto.reach([found], "exact, hub", 1e-4, "error") is None
 
 
 def test_a_target_beyond_all_sizes_is_not_reached():
@@ -363,9 +363,9 @@ def test_a_target_beyond_all_sizes_is_not_reached():
         ladder("equal links, midpoint", n, [(1.0 / n**2, n**-2.0, 1e-6 * n**3)])
         for n in (5, 10, 20)
     ]
-    reach = front.reach(rows, "equal links, midpoint", 1e-4, "error")
+    reach = pareto.reach(rows, "equal links, midpoint", 1e-4, "error")
     assert reach is None
-    reached = front.reach(rows, "equal links, midpoint", 2e-3 * 2.0, "error")
+    reached = pareto.reach(rows, "equal links, midpoint", 2e-3 * 2.0, "error")
     assert reached is not None
     assert reached.point.n == 20
 
@@ -375,7 +375,7 @@ def test_front_keeps_only_what_nothing_beats():
         ladder("a", 1, [(1.0, 1e-1, 1.0), (0.5, 2e-2, 2.0)]),
         ladder("a", 2, [(1.0, 5e-2, 3.0), (0.5, 1e-3, 4.0)]),
     ]
-    assert [p.seconds for _, p in front.front(both, "error")] == [1.0, 2.0, 4.0]
+    assert [p.seconds for _, p in pareto.front(both, "error")] == [1.0, 2.0, 4.0]
 
 
 # -- the whole -------------------------------------------------------------------------------------

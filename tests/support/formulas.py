@@ -1,6 +1,7 @@
 """Doors to formulas that no public name reaches alone, so that closed forms stand beside them."""
 
-from beamchain.chain.build import Wishes, build_exact, with_real_polar
+from beamchain.chain.baselines import rigid_link
+from beamchain.chain.build import BuildOptions, build_exact, with_real_polar
 from beamchain.chain.build import _counts as hinge_counts
 from beamchain.chain.build import _modes_of as modes_to_give
 from beamchain.chain.build import _required_hinges as required_hinges
@@ -24,10 +25,9 @@ from beamchain.chain.links import (
     settle_links,
     share,
 )
-from beamchain.chain.margin import Effort, Margins, Wanted, shortest_link
-from beamchain.chain.margin import _least_share as least_share
 from beamchain.chain.recursion import Nodes, realise, split
-from beamchain.chain.rivals import rigid_link
+from beamchain.chain.residual_margin import Effort, HingeDemand, Margins, shortest_link
+from beamchain.chain.residual_margin import _least_share as least_share
 from beamchain.chain.tendons import (
     ModeGroup,
     damped_modes,
@@ -43,12 +43,6 @@ from beamchain.chain.tendons import _nearest_flexibility as nearest_flexibility
 from beamchain.chain.tendons import _nearest_turn as nearest_turn
 from beamchain.chain.tendons import _stiffen_attachments as stiffen_attachments
 from beamchain.chain.tendons import _unfelt as unfelt_motions
-from beamchain.control.blame import _from_open as way_from_open
-from beamchain.control.blame import _own_direction as own_direction
-from beamchain.control.blame import _owners as owners_of_poles
-from beamchain.control.blame import _Start as StartOfPoles
-from beamchain.control.blame import _start as start_of_poles
-from beamchain.control.blame import instabilities
 from beamchain.control.closed_loop import _check_algebraic as check_algebraic_loop
 from beamchain.control.closed_loop import _plant_step as step_of_plant
 from beamchain.control.closed_loop import _turn as turn_along
@@ -64,12 +58,21 @@ from beamchain.control.delay_margin import _crossings as crossings_of_size_one
 from beamchain.control.delay_margin import _driven as states_driven_for
 from beamchain.control.delay_margin import _polished as polished_delay
 from beamchain.control.delay_margin import sampled_delay_margin
+from beamchain.control.instability_causes import _from_open as way_from_open
+from beamchain.control.instability_causes import _own_direction as own_direction
+from beamchain.control.instability_causes import _owners as owners_of_poles
+from beamchain.control.instability_causes import _Start as StartOfPoles
+from beamchain.control.instability_causes import _start as start_of_poles
+from beamchain.control.instability_causes import instabilities
 from beamchain.control.margins import LoopMargins as LoopOfMargins
 from beamchain.control.margins import _figures as margin_figures
 from beamchain.control.margins import _long_delays as long_delays
 from beamchain.control.margins import _of_all as margins_of_all
 from beamchain.control.margins import _peak as peak_of_grid
 from beamchain.control.margins import _refined as refined_bounds
+from beamchain.control.mu import _power_sum as power_sum
+from beamchain.control.mu import balanced_bounds
+from beamchain.control.mu import bound as structured_bound
 from beamchain.control.plant import _held_input as with_held_input
 from beamchain.control.pole_paths import _assigned as assigned_poles
 from beamchain.control.pole_paths import _continued as continued_poles
@@ -80,9 +83,6 @@ from beamchain.control.pole_paths import _shift as shift_of_pole
 from beamchain.control.realisation import _zero_pole_product as zero_pole_product
 from beamchain.control.sampling import sampled as sampled_system
 from beamchain.control.scheduled import _follow as follow_modes
-from beamchain.control.structured import _power_sum as power_sum
-from beamchain.control.structured import balanced_bounds
-from beamchain.control.structured import bound as structured_bound
 from beamchain.control.systems import growth as growth_of_poles
 from beamchain.control.verdicts import _beyond as limited_by_modes_above
 from beamchain.control.verdicts import _limiting as limiting_modes
@@ -112,15 +112,15 @@ from beamchain.craft.cures import changes_of, more_modes
 from beamchain.craft.cures import models_at as models_at_setting
 from beamchain.craft.disturbances import _cure as cure_of_step
 from beamchain.craft.disturbances import disturbances
-from beamchain.craft.documents import Wish, layout_of
+from beamchain.craft.documents import AppendageRequest, layout_of
 from beamchain.craft.documents import assemble as assemble_document
 from beamchain.craft.embedded import Embedded
 from beamchain.craft.embedding import _load_warnings as warnings_of_loads
 from beamchain.craft.embedding import _owner as owner_of_place
 from beamchain.craft.embedding import marked_appendages
 from beamchain.craft.error import (
-    Carried,
     CraftError,
+    PlacedBody,
     Pose,
     acting,
     counterpart,
@@ -223,19 +223,20 @@ from beamchain.engine.bench import (
 )
 from beamchain.engine.bench import _freedoms as freedoms_of_block
 from beamchain.engine.bench import _in_planes as in_planes
+from beamchain.engine.displacement import reach, spacecraft_body, turn
 from beamchain.engine.draw import draw_frames
-from beamchain.engine.drawn import skin_vertices
 from beamchain.engine.driven_hinge import Drive, Seen, Turn, drive_of, seen
 from beamchain.engine.driven_hinge import Drive as DriveOfHinge
 from beamchain.engine.driven_hinge import Run as RunOfDrive
 from beamchain.engine.driven_hinge import Run as StatesOfRun
 from beamchain.engine.driven_hinge import run as run_of_drive
+from beamchain.engine.geometry import skin_vertices
 from beamchain.engine.jobs import check_workers
 from beamchain.engine.linear import (
     Activations,
-    Carrying,
     Inputs,
     Outputs,
+    PortLoads,
     Signal,
     activation_names,
     coordinate_names,
@@ -268,7 +269,6 @@ from beamchain.engine.normal_modes import NormalModes, normal_modes
 from beamchain.engine.operating_point import OperatingPoint, rest_point, still_copy
 from beamchain.engine.partial_fractions import PartialFractions, partial_fractions
 from beamchain.engine.partial_fractions import _fractions as fractions_of
-from beamchain.engine.reach import reach, spacecraft_body, turn
 from beamchain.engine.rollout import _rotation as rotation_vectors
 from beamchain.engine.rollout import seconds_of
 from beamchain.engine.rollout import simulate as simulate_hub
@@ -361,8 +361,8 @@ from beamchain.ports.motions import body_mass_matrix, first_moment
 from beamchain.report.headlines import embedded_headline, tip_sentence
 from beamchain.report.outlines import Drawn
 from beamchain.report.replay import _steepest as steepest
-from beamchain.steps.culprit import culprit, inertia_words, stable_step
 from beamchain.steps.cures import Names, Setting, find_cure, round_down
+from beamchain.steps.dominant_element import culprit, inertia_words, stable_step
 from beamchain.steps.driven import driven, run_of_turn
 from beamchain.steps.elements import elements as elements_of_step
 from beamchain.steps.forms import Craft, appendage_poles, form2, form2_many, form4, tune
@@ -431,14 +431,14 @@ from beamchain.steps.step_map import (
 )
 from beamchain.steps.step_map import _by_differences as map_by_differences
 from beamchain.steps.tree_draws import TreeDraws
-from beamchain.steps.tree_response import Compared, Tendons, outer_motions
+from beamchain.steps.tree_response import ResponseResidual, Tendons, outer_motions
 from beamchain.steps.tree_response import Seen as SeenAtPose
-from beamchain.steps.tree_time import Alone, appendages_alone, tree_form, tuned_poses
+from beamchain.steps.tree_time import FreeAppendage, appendages_alone, tree_form, tuned_poses
 from beamchain.steps.tree_time import _modes as modes_of_tendons
 from beamchain.steps.tree_time import _nearest as nearest_response
 from beamchain.steps.tree_time import _newton_step as newton_step
-from beamchain.steps.tree_time import _Room as Room
 from beamchain.steps.tree_time import _step_length as step_length
+from beamchain.steps.tree_time import _TendonBounds as Room
 from beamchain.steps.turn import turn_error
 from beamchain.structure.discretise import Parts, sampled_model
 from beamchain.structure.discretise import _body as body_in_port
@@ -461,9 +461,6 @@ from beamchain.structure.elements import _largest_change as change_of_frequencie
 from beamchain.structure.elements import _new_directions as new_directions
 from beamchain.structure.elements import _shapes_of_fewer as shapes_of_fewer
 from beamchain.structure.elements import _sums_behind as sums_behind
-from beamchain.structure.inside import Inside, snapped
-from beamchain.structure.inside import _flat as flat_points
-from beamchain.structure.inside import _momentum as momentum_beyond
 from beamchain.structure.mass_line import (
     MassBesideAxis,
     MassLine,
@@ -476,12 +473,6 @@ from beamchain.structure.mass_line import (
 )
 from beamchain.structure.mass_line import _mass_beside_axis as mass_beside_axis
 from beamchain.structure.mass_line import _of_moments as of_moments
-from beamchain.structure.planes import (
-    near_groups,
-    rounding_of_residual,
-    settle_rigid_mass,
-    turn_into_planes,
-)
 from beamchain.structure.profile import Properties
 from beamchain.structure.readers.craig_bampton import Boundary, from_matrices
 from beamchain.structure.readers.craig_bampton import _almost_body as almost_body
@@ -511,7 +502,16 @@ from beamchain.structure.rigid_body import (
     within_body,
 )
 from beamchain.structure.section import soft_modulus
+from beamchain.structure.section_loads import Inside, snapped
+from beamchain.structure.section_loads import _flat as flat_points
+from beamchain.structure.section_loads import _momentum as momentum_beyond
 from beamchain.structure.sections_at import Sections, sections_at
+from beamchain.structure.settle_modes import (
+    near_groups,
+    rounding_of_residual,
+    settle_rigid_mass,
+    turn_into_planes,
+)
 from beamchain.structure.slosh import Slosh
 from beamchain.variants.fields import Modes as DrawnModes
 from beamchain.variants.fields import _tree_fields as fields_of_tree
@@ -530,17 +530,15 @@ from beamchain.variants.sweep import _varied_fields as varied_fields
 __all__ = [
     "Activations",
     "Allocated",
-    "Alone",
     "AppendageOnLoad",
+    "AppendageRequest",
     "Assembly",
     "BentLine",
     "Body",
     "Boundary",
+    "BuildOptions",
     "Candidates",
-    "Carried",
-    "Carrying",
     "Chain",
-    "Compared",
     "Composite",
     "Coordinates",
     "CoupledCandidate",
@@ -555,9 +553,11 @@ __all__ = [
     "Embedded",
     "Exact",
     "Exchange",
+    "FreeAppendage",
     "GainOfModes",
     "Held",
     "Hinge",
+    "HingeDemand",
     "History",
     "InSpace",
     "Input",
@@ -594,9 +594,11 @@ __all__ = [
     "Parts",
     "Piece",
     "PlaceOfHinge",
+    "PlacedBody",
     "PlanarChain",
     "PointBody",
     "PoleRow",
+    "PortLoads",
     "Pose",
     "Promise",
     "Properties",
@@ -604,6 +606,7 @@ __all__ = [
     "Recovery",
     "Reference",
     "Refit",
+    "ResponseResidual",
     "RetimedCraft",
     "Room",
     "Root",
@@ -636,10 +639,7 @@ __all__ = [
     "Trial",
     "Turn",
     "VariantMaker",
-    "Wanted",
     "Way",
-    "Wish",
-    "Wishes",
     "acceleration_of_sections",
     "acting",
     "activation_names",

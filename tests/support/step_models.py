@@ -14,7 +14,7 @@ from appendages import (
     timoshenko_boom,
     tip_loaded_boom,
 )
-from beamchain.chain.rivals import equal_links
+from beamchain.chain.baselines import equal_links
 from rival_files import rival_scene
 from spacecraft import CRAFTS, STYLES
 

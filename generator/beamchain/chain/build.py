@@ -21,14 +21,14 @@ from beamchain.chain.links import (
     settle_links,
     with_polar,
 )
-from beamchain.chain.margin import Wanted, shortest_link
 from beamchain.chain.recursion import Nodes, planar_links, realise, realise_scalar
+from beamchain.chain.residual_margin import HingeDemand, shortest_link
 from beamchain.chain.tendons import ModeGroup, given_modes, group_motion, springs_as_modes
 from beamchain.errors import InputError, RealisationError
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array
 from beamchain.structure.mass_line import MassLine, Moments, spread_mass
-from beamchain.structure.planes import PRINTED
+from beamchain.structure.settle_modes import PRINTED
 
 Springs = Literal["auto", "hinges", "modes"]
 
@@ -68,7 +68,7 @@ class Built:
 
 
 @dataclass(frozen=True)
-class Wishes:
+class BuildOptions:
     """What is asked of the realisation beside the modes.
 
     `springs` "auto": on the hinges where the recursion serves all ports; `lines`: x where hinges
@@ -90,12 +90,12 @@ class Wishes:
 
 
 def build_exact(
-    beam: MassLine, kept: Mapping[str, int], target_of: TargetOf, wishes: Wishes | None = None
+    beam: MassLine, kept: Mapping[str, int], target_of: TargetOf, wishes: BuildOptions | None = None
 ) -> Built:
     """The exact chain of all kept ports."""
     if not kept:
         return _rigid(beam)
-    wishes = wishes or Wishes()
+    wishes = wishes or BuildOptions()
 
     def whole_target(port: str, count: int) -> PortModel:
         return with_modes(target_of(port, count), count, port)
@@ -135,7 +135,11 @@ def build_exact(
 
 
 def _cut_beam(
-    beam: MassLine, kept: Mapping[str, int], target_of: TargetOf, wishes: Wishes, history: list[str]
+    beam: MassLine,
+    kept: Mapping[str, int],
+    target_of: TargetOf,
+    wishes: BuildOptions,
+    history: list[str],
 ) -> Built:
     """The chain on a chosen cut for all ports."""
     notes: list[str] = []
@@ -172,7 +176,7 @@ def _message(
     return f"exact chain ({how}), modes kept: {modes}." + "".join(f" {note}" for note in notes)
 
 
-def _modes_of(port: str, target: PortModel, wishes: Wishes, count: int) -> ModeGroup:
+def _modes_of(port: str, target: PortModel, wishes: BuildOptions, count: int) -> ModeGroup:
     """A port's target, whose first `count` modes are modes, to be given to bodies."""
     rows = [target.participation]
     m = target.motions
@@ -231,7 +235,7 @@ def _recursive(
     beam: MassLine,
     kept: Mapping[str, int],
     target_of: TargetOf,
-    wishes: Wishes,
+    wishes: BuildOptions,
     history: list[str],
     *,
     fewer: bool,
@@ -364,11 +368,13 @@ def cut_chain(
         for group in groups
     ]
     wanted = [
-        Wanted(group, _counts(group), _required_hinges(line, group, lines, rigid))
+        HingeDemand(group, _counts(group), _required_hinges(line, group, lines, rigid))
         for group in groups
     ]
     wanted = [
-        Wanted(w.modes, {p: max(count, len(w.fixed[p])) for p, count in w.counts.items()}, w.fixed)
+        HingeDemand(
+            w.modes, {p: max(count, len(w.fixed[p])) for p, count in w.counts.items()}, w.fixed
+        )
         for w in wanted
     ]
     cut = cut or choose_cut(line, wanted, lines, further, most_added)

@@ -14,13 +14,13 @@ import numpy as np
 from scipy.optimize import OptimizeResult, minimize
 from scipy.special import expit, logit
 
-from beamchain.chain.margin import (
+from beamchain.chain.residual_margin import (
     MARGIN,
     SAME_PLACE,
     SHORTEST,
     Effort,
+    HingeDemand,
     Margins,
-    Wanted,
     shortest_link,
 )
 from beamchain.errors import RealisationError
@@ -54,7 +54,7 @@ class Cut:
 
 def choose_cut(
     line: MassLine,
-    wanted: Sequence[Wanted],
+    wanted: Sequence[HingeDemand],
     lines: Sequence[float],
     further: Sequence[float] = (),
     most_added: int = MOST_ADDED,
@@ -106,8 +106,8 @@ def choose_cut(
 
 
 def _fewest(
-    search: Margins, x: Array, wanted: Sequence[Wanted], groups: Sequence[Wanted]
-) -> list[Wanted]:
+    search: Margins, x: Array, wanted: Sequence[HingeDemand], groups: Sequence[HingeDemand]
+) -> list[HingeDemand]:
     """The groups, each with no more hinges than it needs on a cut that others needed."""
     out = list(groups)
     for k, first in enumerate(wanted):
@@ -126,7 +126,7 @@ def _fewest(
     return out
 
 
-def _margin_sentence(groups: Sequence[Wanted], margins: Sequence[float]) -> str:
+def _margin_sentence(groups: Sequence[HingeDemand], margins: Sequence[float]) -> str:
     k = int(np.argmin(margins))
     ports = " and ".join(groups[k].modes.ports)
     if not np.isfinite(margins[k]):

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from beamchain.chain import rivals
+from beamchain.chain import baselines
 from beamchain.chain.recursion import planar_chain, realise
 from beamchain.ports.model import PortModel
 from beamchain.structure.beam import Beam
@@ -99,8 +99,8 @@ def seed_table() -> SeedTable:
     model = beam.port("xy", 6).reduced(2, np.zeros((2, 2)))
     mass = float(beam.rigid_mass()[0, 0])
     omega1, omega2 = (float(w) for w in model.free_frequencies)
-    k, c = rivals.seed_parameters(mass, beam.length, omega1, omega2)
-    chain = rivals.seed_chain(beam, k, c).port("xy")
+    k, c = baselines.seed_parameters(mass, beam.length, omega1, omega2)
+    chain = baselines.seed_chain(beam, k, c).port("xy")
     values = mass, omega1, omega2, k, c, *chain.free_frequencies[:2].tolist()
     rows = [
         SeedRow(name, printed, own)

@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from beamchain.caution import warnings_record
 from beamchain.cli.common import Force, Json, Quiet, RetimeJoints, console
 from beamchain.cli.output import print_json, print_table, print_warnings, spinner, tell
 from beamchain.errors import InputError
+from beamchain.warning_codes import warnings_record
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

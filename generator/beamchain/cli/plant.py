@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from beamchain.caution import warnings_record
 from beamchain.cli.common import Force, Json, Quiet, console
 from beamchain.cli.output import print_table, print_warnings, spinner, tell
 from beamchain.cli.plant_options import Angle, Inputs, Model, Outputs, Poses
 from beamchain.errors import InputError
+from beamchain.warning_codes import warnings_record
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -4,11 +4,11 @@ keyframe's name."""
 import math
 from typing import TYPE_CHECKING
 
-from beamchain.caution import Caution
 from beamchain.checks import number, unknown
 from beamchain.engine.library import mujoco
 from beamchain.engine.operating_point import is_slide, keyframe_names, single_joints
 from beamchain.errors import InputError
+from beamchain.warning_codes import Caution
 
 if TYPE_CHECKING:
     from beamchain.engine.operating_point import Pose

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
-from beamchain.caution import warnings_record
 from beamchain.cli.common import Folder, Force, Json, Quiet, console, explain
 from beamchain.cli.output import print_warnings, tell
 from beamchain.errors import EngineError, InputError
+from beamchain.warning_codes import warnings_record
 
 if TYPE_CHECKING:
     from beamchain.engine.draw import Frame
@@ -272,7 +272,7 @@ def _run(
     model: "mujoco.MjModel", seconds: float, key: str | None, latch: list[str], look: Look
 ) -> "tuple[Film, Told, list[str]]":
     """The film of a simulated run, beside its start, and what is to be warned of."""
-    from beamchain.engine.reach import spacecraft_body
+    from beamchain.engine.displacement import spacecraft_body
     from beamchain.steps.deployment import hinge_stages, simulate_run
 
     done = simulate_run(model, key, seconds, RUN, hinge_stages(model, latch))

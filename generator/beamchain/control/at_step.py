@@ -3,7 +3,6 @@ and what forbids a step."""
 
 from copy import copy
 
-from beamchain.caution import Caution
 from beamchain.craft.appendage import carried
 from beamchain.craft.embedded import Embedded
 from beamchain.craft.error import Pose
@@ -13,11 +12,12 @@ from beamchain.engine.linearise import NUMBERS
 from beamchain.engine.operating_point import OperatingPoint, quiet_copy
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
-from beamchain.steps.culprit import culprit, stable_step
+from beamchain.steps.dominant_element import culprit, stable_step
 from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.modal import modal_tendons
 from beamchain.steps.retime import retime_by, time_sentence, without_timing
 from beamchain.steps.step_map import GROWN, TimeError, motion_at, time_error
+from beamchain.warning_codes import Caution
 
 
 def at_step(

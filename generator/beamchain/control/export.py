@@ -10,7 +10,7 @@ import numpy as np
 from beamchain.checks import path_of
 from beamchain.errors import InputError
 from beamchain.files import to_json, write_files
-from beamchain.late import importing
+from beamchain.import_lock import importing
 
 SUFFIXES = (".npz", ".json", ".mat")
 

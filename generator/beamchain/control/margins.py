@@ -9,15 +9,15 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from beamchain import report
-from beamchain.caution import Caution
 from beamchain.control.closed_loop import ClosedLoop, dead_beat
 from beamchain.control.controllers import Response
 from beamchain.control.crossings import crossing
 from beamchain.control.delay_margin import sampled_delay_margin
 from beamchain.control.instability import Instability, sentences
-from beamchain.control.structured import balanced_bounds, bound
+from beamchain.control.mu import balanced_bounds, bound
 from beamchain.control.systems import Complex
 from beamchain.ports.motions import Array, locked
+from beamchain.warning_codes import Caution
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

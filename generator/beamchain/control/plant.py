@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-from beamchain.caution import Caution
 from beamchain.checks import positive, true_or_false
 from beamchain.control.at_step import at_step, retime_at, step_errors
 from beamchain.control.realisation import NO_EXACT, Plant
@@ -34,6 +33,7 @@ from beamchain.errors import InputError
 from beamchain.ports.motions import Array
 from beamchain.steps.modal import FILLER
 from beamchain.steps.retime import without_timing
+from beamchain.warning_codes import Caution
 
 # of a mode's discrete pole beyond the unit circle: more than what turning wheels do to it
 GROWS = 1e-5

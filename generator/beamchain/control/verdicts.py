@@ -9,9 +9,9 @@ import control
 import numpy as np
 
 from beamchain.checks import of_type
-from beamchain.control.blame import Progress, instabilities, no_progress
 from beamchain.control.closed_loop import ClosedLoop, Names, close
 from beamchain.control.feedback import Given, Signals
+from beamchain.control.instability_causes import Progress, instabilities, no_progress
 from beamchain.control.margins import LoopMargins, Margins, margins_of
 from beamchain.control.realisation import Plant
 from beamchain.control.scheduled import ScheduledPlant

@@ -9,10 +9,9 @@ import numpy as np
 from lxml import etree
 from lxml.etree import _Element as Element
 
-from beamchain.caution import Caution, at
 from beamchain.craft.bent_line import BentLine, bent_line
 from beamchain.craft.disturbances import TENDON_DAMPING, disturbances
-from beamchain.craft.error import Carried
+from beamchain.craft.error import PlacedBody
 from beamchain.craft.hanging_liquid import (
     SLACK,
     HangingLiquid,
@@ -22,9 +21,9 @@ from beamchain.craft.hanging_liquid import (
 from beamchain.craft.loads import Carries, Load
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model, mass_of_alone
+from beamchain.engine.model_diff import NAMED, Difference, differences, ids_of, in_order_of, others
 from beamchain.engine.mount import Mount
 from beamchain.engine.operating_point import quiet_copy
-from beamchain.engine.unchanged import NAMED, Difference, differences, ids_of, in_order_of, others
 from beamchain.errors import EngineError, InputError
 from beamchain.fitting.exact import ExactAppendage, exact_appendage
 from beamchain.fitting.hub import Hub
@@ -38,6 +37,7 @@ from beamchain.steps.large_motion import LargeMotion
 from beamchain.steps.retime_file import put_time
 from beamchain.structure.modal_data import ModalData
 from beamchain.structure.slosh import Slosh
+from beamchain.warning_codes import Caution, at
 
 # names of the empty bodies that stand for appendages while the spacecraft is measured
 PROBE = "beamchain probe "
@@ -302,9 +302,9 @@ def _difference_sentence(difference: Difference) -> str:
     )
 
 
-def carried(model: "mujoco.MjModel | None", appendages: Sequence[Appendage]) -> list[Carried]:
+def carried(model: "mujoco.MjModel | None", appendages: Sequence[Appendage]) -> list[PlacedBody]:
     """The exact appendages; without a model their degrees of freedom are left out."""
-    out: list[Carried] = []
+    out: list[PlacedBody] = []
     for a in appendages:
         exact = exact_appendage(a.fit)
         band = exact.band
@@ -323,7 +323,7 @@ def carried(model: "mujoco.MjModel | None", appendages: Sequence[Appendage]) -> 
             line = None if a.fit.space is not None else partial(_line, a, exact)
             springs, slack = None, 1.0
         out.append(
-            Carried(
+            PlacedBody(
                 a.mount,
                 exact.model,
                 exact.kept,

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from beamchain.checks import of_type
 from beamchain.craft.coupled_modes import Mode, coupled_modes
 from beamchain.craft.error import (
-    Carried,
     CraftError,
+    PlacedBody,
     Pose,
     counterpart,
     on_base,
@@ -108,7 +108,7 @@ class Assembly:
 def assembly_at_rest(
     craft: "mujoco.MjModel",
     model: "mujoco.MjModel",
-    carried: Sequence[Carried],
+    carried: Sequence[PlacedBody],
     promise: CraftError,
     band: float | None,
     own: Sequence[int] | None = None,
@@ -152,7 +152,7 @@ def assembly_at_rest(
 def modes_at_pose(
     craft: "mujoco.MjModel",
     model: "mujoco.MjModel",
-    carried: Sequence[Carried],
+    carried: Sequence[PlacedBody],
     band: float,
     key: str,
     own: Sequence[int] | None = None,

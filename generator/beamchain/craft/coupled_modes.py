@@ -11,8 +11,8 @@ from scipy.linalg import eig, eigh
 from scipy.optimize import linear_sum_assignment
 
 from beamchain.craft.error import RANK, Pose
-from beamchain.engine.forces import along_all
 from beamchain.engine.linear import Linear
+from beamchain.engine.model_rows import along_all
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, PORTS, Array, square_root
 

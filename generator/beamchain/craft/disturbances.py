@@ -5,7 +5,6 @@ from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 
-from beamchain.caution import Caution
 from beamchain.engine.constraints import (
     beyond_limits,
     equalities,
@@ -13,9 +12,9 @@ from beamchain.engine.constraints import (
     touching,
     with_dry_friction,
 )
-from beamchain.engine.forces import gravity_of
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import NUMBERS, euler_damps_implicitly
+from beamchain.engine.model_rows import gravity_of
 from beamchain.engine.operating_point import (
     base_body,
     pose_words,
@@ -25,11 +24,12 @@ from beamchain.engine.operating_point import (
 )
 from beamchain.errors import InputError
 from beamchain.steps.budget import linear_model
-from beamchain.steps.culprit import Culprit, culprit
 from beamchain.steps.cures import round_down
+from beamchain.steps.dominant_element import Culprit, culprit
 from beamchain.steps.limits import step_limits
 from beamchain.steps.saturation import servos_that_chatter
 from beamchain.steps.step_map import growing_poses
+from beamchain.warning_codes import Caution
 
 DAMPS = 0.5  # numerical damping is worth a word from this share of the structure's own
 TENDON_DAMPING = "Euler treats the damping of tendons explicitly"

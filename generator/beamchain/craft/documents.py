@@ -31,7 +31,7 @@ from beamchain.steps.retime_file import joint_attributes, timed_words
 FOREIGN = (".urdf", ".mjz")  # what MuJoCo reads beside MJCF
 
 
-class Wish(NamedTuple):
+class AppendageRequest(NamedTuple):
     """An appendage that a spacecraft has or shall have: its specification, its prefix, and bodies
     of the spacecraft by port."""
 
@@ -40,14 +40,16 @@ class Wish(NamedTuple):
     carries: Carries = MappingProxyType({})
 
 
-def read_bare(craft: str | Path) -> tuple[Craft, dict[str, Wish]]:
+def read_bare(craft: str | Path) -> tuple[Craft, dict[str, AppendageRequest]]:
     """The bare spacecraft, and what was embedded in it by place."""
     if is_foreign(craft):
         return flattened(Path(craft)), {}
     read = craft_from_text(craft) if is_mjcf_text(craft) else read_craft(craft)
     marks = undo.appendage_marks(read)
     before = {
-        mark.at: Wish(spec_from_dict(mark.spec, f"mark of {mark.at}"), mark.prefix, mark.carries)
+        mark.at: AppendageRequest(
+            spec_from_dict(mark.spec, f"mark of {mark.at}"), mark.prefix, mark.carries
+        )
         for mark in marks
     }
     return spacecraft_before(read), before

@@ -204,7 +204,13 @@ class Embedded:
         return self.sampled_with(self.model, timed=timed)
 
     def sampled_with(self, model: "mujoco.MjModel", *, timed: bool) -> dict[str, SampledError]:
-        """The same of the model at any step, or with timing."""
+        """The same of another compiled model of this spacecraft, pose by pose.
+
+        Args:
+            model: at any step, or with timing.
+            timed: whether it has timing, so that where appendages carry bodies it is judged between
+                the poses as well.
+        """
         errors = craft_sampled_error(self.craft, model, self._exact_poses)
         if timed and any(a.loads for a in self.appendages):
             between = partial(poses_between, share=BETWEEN)

@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from beamchain.caution import Caution
 from beamchain.checks import is_mjcf_text, list_of_names, of_type, true_or_false
 from beamchain.checks import whole_number as checked_int
 from beamchain.craft.appendage import (
@@ -27,7 +26,7 @@ from beamchain.craft.appendage import (
 )
 from beamchain.craft.disturbances import check_flags
 from beamchain.craft.documents import (
-    Wish,
+    AppendageRequest,
     assemble,
     compile_document,
     flattened,
@@ -38,7 +37,7 @@ from beamchain.craft.documents import (
     with_probes,
 )
 from beamchain.craft.embedded import OF_MOTION, Embedded
-from beamchain.craft.error import Carried, counterpart, loadings_of
+from beamchain.craft.error import PlacedBody, counterpart, loadings_of
 from beamchain.craft.fits import Fits, fit_all
 from beamchain.craft.liquid import liquid_cautions
 from beamchain.craft.loads import (
@@ -62,10 +61,10 @@ from beamchain.craft.timing import (
     with_timing,
 )
 from beamchain.engine import mount as mounting
-from beamchain.engine.door import check_model
 from beamchain.engine.library import mujoco, one_thread
 from beamchain.engine.linearise import compile_model
 from beamchain.engine.loaded import Loading, offset_cautions
+from beamchain.engine.model_checks import check_model
 from beamchain.engine.operating_point import poses
 from beamchain.errors import EngineError, InputError
 from beamchain.files import noted_inputs
@@ -79,6 +78,7 @@ from beamchain.mjcf.relocate import relocate
 from beamchain.structure.beam import Beam
 from beamchain.structure.modal_data import ModalData
 from beamchain.structure.readers.imported import with_length
+from beamchain.warning_codes import Caution
 
 
 @one_thread()
@@ -193,7 +193,7 @@ def with_loads_told(result: Embedded) -> Embedded:
 
 def _load_warnings(
     result: Embedded,
-    items: Sequence[Carried],
+    items: Sequence[PlacedBody],
     loadings: Mapping[tuple[str, int], Loading] | None,
 ) -> list[str]:
     if any(a.rigid for a in result.appendages):
@@ -210,7 +210,7 @@ def _load_warnings(
     return found
 
 
-def _left_out_cautions(result: Embedded, items: Sequence[Carried]) -> list[str]:
+def _left_out_cautions(result: Embedded, items: Sequence[PlacedBody]) -> list[str]:
     """Keyframes whose load, which the proof is without, changes the motion by more than the
     tolerance."""
     out: list[str] = []
@@ -264,7 +264,7 @@ def _embed(
             f"{len(given)} prefixes are given for {len(mounts)} appendages; give one --prefix per "
             "--mount, or none."
         )
-    wanted: dict[str, Wish] = {}
+    wanted: dict[str, AppendageRequest] = {}
     ready: dict[str, Fit] = {}
     held: dict[str, ModalData] = {}
     most = checked_int("max_modes", max_modes, 0, 1000)
@@ -281,7 +281,7 @@ def _embed(
             spec = msgspec.structs.replace(spec, imported=spec.imported.beside(Path.cwd()))
         if made is not None:
             ready[name] = made if made.spec == spec else replace(made, spec=spec)
-        wanted[name] = Wish(spec, prefix, carries_of(name, spec, hung))
+        wanted[name] = AppendageRequest(spec, prefix, carries_of(name, spec, hung))
     for key in hung:
         if key.rpartition(":")[0] not in wanted:
             raise InputError(
@@ -324,7 +324,9 @@ def check_places(mounts: object) -> None:
         of_type("a place in mounts", name, str, "the name of a site or body of the spacecraft")
 
 
-def _assign_prefixes(before: dict[str, Wish], wanted: dict[str, Wish]) -> dict[str, Wish]:
+def _assign_prefixes(
+    before: dict[str, AppendageRequest], wanted: dict[str, AppendageRequest]
+) -> dict[str, AppendageRequest]:
     """All appendages with their prefixes: the name of each,
     with that of its place where two would have the same, which stands alone if it begins so.
 
@@ -387,13 +389,13 @@ def marked_appendages(
     return _fit_on_craft(original, marked, MOST_MODES, Fits(), rigid=False)[:2] if marked else None
 
 
-class Marked(NamedTuple):
+class EmbeddedFile(NamedTuple):
     """What a file that `embed` wrote consists of: the bare spacecraft, its document and compiled,
     what was asked for by place, and the appendages."""
 
     original: Craft
     craft: "mujoco.MjModel"
-    wanted: dict[str, Wish]
+    wanted: dict[str, AppendageRequest]
     appendages: tuple[Appendage, ...]
 
     def compiled(self) -> "mujoco.MjModel":
@@ -401,7 +403,7 @@ class Marked(NamedTuple):
         layout = layout_of(self.original, self.appendages, self.craft)
         return compile_document(self.original, self.appendages, layout)
 
-    def with_specs(self, specs: Mapping[str, Spec]) -> "Marked":
+    def with_specs(self, specs: Mapping[str, Spec]) -> "EmbeddedFile":
         """The same spacecraft with appendages of other specifications, by place."""
         wanted = {at: wish._replace(spec=specs[at]) for at, wish in self.wanted.items()}
         craft, appendages, *_ = _fit_on_craft(
@@ -409,23 +411,23 @@ class Marked(NamedTuple):
         )
         return self._replace(craft=craft, wanted=wanted, appendages=appendages)
 
-    def as_rigid(self) -> "Marked":
+    def as_rigid(self) -> "EmbeddedFile":
         """The rigid twin: the same bodies without the appendages' joints and tendons."""
         return self._replace(appendages=tuple(replace(a, rigid=True) for a in self.appendages))
 
 
-def marked_craft(original: Craft, wanted: dict[str, Wish]) -> Marked:
+def marked_craft(original: Craft, wanted: dict[str, AppendageRequest]) -> EmbeddedFile:
     """A file that `embed` wrote, as `read_bare` takes it apart, with its appendages.
 
     Raises:
         BeamchainError: modes that were imported are no longer where the marks say.
     """
     craft, appendages, *_ = _fit_on_craft(original, wanted, MOST_MODES, Fits(), rigid=False)
-    return Marked(original, craft, wanted, appendages)
+    return EmbeddedFile(original, craft, wanted, appendages)
 
 
 def _fit_on_craft(
-    original: Craft, wanted: dict[str, Wish], most: int, fits: Fits, *, rigid: bool
+    original: Craft, wanted: dict[str, AppendageRequest], most: int, fits: Fits, *, rigid: bool
 ) -> "tuple[mujoco.MjModel, tuple[Appendage, ...], list[str], tuple[str, ...]]":
     """The bare spacecraft, compiled, the appendages fitted to it, notes,
     and the modes that were added."""
@@ -442,7 +444,7 @@ def _fit_on_craft(
     return craft, *fit_all(craft, mounts, wanted, most, fits, rigid)
 
 
-def _reach(at: str, wanted: Mapping[str, Wish]) -> float:
+def _reach(at: str, wanted: Mapping[str, AppendageRequest]) -> float:
     """How far from the place on the spacecraft an appendage on another's port stands [m]."""
     on_port = split_port(at, wanted)
     if on_port is None:
@@ -453,7 +455,7 @@ def _reach(at: str, wanted: Mapping[str, Wish]) -> float:
 
 def _embed_in_document(
     original: Craft,
-    wanted: dict[str, Wish],
+    wanted: dict[str, AppendageRequest],
     retime: bool | None = None,
     most: int = MOST_MODES,
     fits: "Fits | None" = None,
@@ -491,7 +493,7 @@ def _embed_in_document(
 # -- into an MjSpec --------------------------------------------------------------------------------
 def _embed_in_spec(
     spec: "mujoco.MjSpec",
-    wanted: dict[str, Wish],
+    wanted: dict[str, AppendageRequest],
     retime: bool | None,
     most: int,
     fits: Fits,

@@ -24,7 +24,7 @@ from beamchain.craft.hanging_liquid import HangingLiquid
 from beamchain.craft.loads import Load, Root, carrying_of
 from beamchain.craft.under_load import LoadedTree
 from beamchain.engine.library import mujoco
-from beamchain.engine.linear import Carrying, Linear, linear_at
+from beamchain.engine.linear import Linear, PortLoads, linear_at
 from beamchain.engine.loaded import Loading, check_pushes, loaded_linear, loading_at
 from beamchain.engine.mount import Mount, motion, root_frame
 from beamchain.engine.operating_point import (
@@ -69,7 +69,7 @@ STILLEST = 1e-12  # of the largest squared frequency, below which a motion is ri
 
 
 @dataclass(frozen=True, eq=False)
-class Carried:
+class PlacedBody:
     """One appendage on the spacecraft: `whole`: the beam in space, all its modes, damped.
 
     `kept` `(n,)`: which of them the chain was asked to keep; `dofs`: its degrees of freedom in the
@@ -220,7 +220,7 @@ class Pose:
         self,
         craft: "mujoco.MjModel",
         qpos: Array,
-        carried: Sequence[Carried],
+        carried: Sequence[PlacedBody],
         band: float,
         wanted: Sequence[int],
         own: Sequence[int] | None = None,
@@ -238,8 +238,8 @@ class Pose:
         data = rest_point(craft, qpos).data()
         self.roots: list[Root] = [root_of(craft, data, item) for item in carried]
         self.jacobians: list[Array] = [root.motion for root in self.roots]
-        self.carrying: Carrying | None = carrying_of(craft, data, self.roots)
-        self.carried: Sequence[Carried] = carried
+        self.carrying: PortLoads | None = carrying_of(craft, data, self.roots)
+        self.carried: Sequence[PlacedBody] = carried
         self.band: float = band
         base = self.bare.outputs.acceleration
         rows = np.linalg.norm(base, axis=1)
@@ -578,7 +578,7 @@ def _scaled(accelerance: Response, scale: Array, omega: Array) -> NDArray[np.com
     return np.moveaxis(accelerance(omega), -1, 0) * scale
 
 
-def root_of(craft: "mujoco.MjModel", data: "mujoco.MjData", item: Carried) -> Root:
+def root_of(craft: "mujoco.MjModel", data: "mujoco.MjData", item: PlacedBody) -> Root:
     """An appendage's root at a pose."""
     origin, axes = root_frame(item.mount, data)
     jacobian = motion(craft, data, item.mount.body, origin, axes)
@@ -587,7 +587,7 @@ def root_of(craft: "mujoco.MjModel", data: "mujoco.MjData", item: Carried) -> Ro
 
 def craft_poses(
     craft: "mujoco.MjModel",
-    carried: Sequence[Carried],
+    carried: Sequence[PlacedBody],
     band: float,
     wanted: Sequence[int],
     own: Sequence[int] | None = None,
@@ -628,7 +628,9 @@ def by_base(craft: "mujoco.MjModel", mounts: Sequence[Mount]) -> dict[int, list[
     return groups
 
 
-def acting(craft: "mujoco.MjModel", carried: Sequence[Carried]) -> dict[tuple[str, int], Loading]:
+def acting(
+    craft: "mujoco.MjModel", carried: Sequence[PlacedBody]
+) -> dict[tuple[str, int], Loading]:
     """What acts on the bare craft at each pose, by its name and the base body."""
     still = still_copy(craft)
     out: dict[tuple[str, int], Loading] = {}
@@ -643,7 +645,7 @@ def acting(craft: "mujoco.MjModel", carried: Sequence[Carried]) -> dict[tuple[st
 
 
 def loadings_of(
-    craft: "mujoco.MjModel", carried: Sequence[Carried]
+    craft: "mujoco.MjModel", carried: Sequence[PlacedBody]
 ) -> dict[tuple[str, int], Loading]:
     """`acting`, where the exact spacecraft under it is known.
 

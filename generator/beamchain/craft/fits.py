@@ -7,10 +7,8 @@ from typing import cast
 import msgspec
 import numpy as np
 
-from beamchain.caution import Caution
-from beamchain.caution import at as said_of
 from beamchain.craft.appendage import Appendage, rigid_mass
-from beamchain.craft.documents import Wish
+from beamchain.craft.documents import AppendageRequest
 from beamchain.craft.loads import Item, Load, hanging_notes, loads_of
 from beamchain.craft.promise import keep_promise
 from beamchain.engine import mount as mounting
@@ -25,6 +23,8 @@ from beamchain.fitting.slosh import heavy
 from beamchain.fitting.spec import Spec
 from beamchain.fitting.warnings import doubtful, rigid_plane
 from beamchain.structure.modal_data import ModalData
+from beamchain.warning_codes import Caution
+from beamchain.warning_codes import at as said_of
 
 MASSLESS = 1e-12  # relative: what subtracting all mass leaves of it
 SAME_HUB = 1e-12  # relative: hubs that are one
@@ -43,7 +43,7 @@ RIGID = 1e-6  # relative: a hub that differs from a rigid body by more has loose
 def fit_all(
     model: "mujoco.MjModel",
     mounts: dict[str, mounting.Mount],
-    wanted: "Mapping[str, Wish]",
+    wanted: "Mapping[str, AppendageRequest]",
     most: int,
     fits: "Fits",
     rigid: bool = False,

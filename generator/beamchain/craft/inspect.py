@@ -20,7 +20,7 @@ from beamchain.engine.operating_point import quiet_copy, rest_point
 from beamchain.ports.motions import Array
 from beamchain.steps.budget import linear_model
 from beamchain.steps.limits import AT_REST, StepLimits, oscillations, step_limits
-from beamchain.steps.modal import MadeFor, timing_marks
+from beamchain.steps.modal import TimingMark, timing_marks
 from beamchain.steps.poles import PoleRow, mismatch, pole_rows
 from beamchain.steps.retime import retime
 from beamchain.steps.saturation import servos_that_chatter
@@ -55,7 +55,7 @@ class Inspection:
     integrator: str
     timestep: float
     limits: StepLimits
-    made_for: list[MadeFor]
+    made_for: list[TimingMark]
     shown: list[PoleRow]
     warnings: list[str]
     has_overdamped: bool = False

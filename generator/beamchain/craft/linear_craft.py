@@ -10,7 +10,7 @@ import numpy as np
 from beamchain.craft.appendage import Appendage, carried
 from beamchain.craft.bent_line import BentLine
 from beamchain.craft.embedded import Embedded
-from beamchain.craft.error import Carried, root_of
+from beamchain.craft.error import PlacedBody, root_of
 from beamchain.craft.hanging_liquid import HangingLiquid
 from beamchain.craft.loads import carrying_of
 from beamchain.craft.loose_ports import loose_craft
@@ -219,7 +219,7 @@ def internal_stiffness(stiffness: Array, load: Loading) -> Array:
     return (out + out.T) / 2.0
 
 
-def _lines(items: Sequence[Carried], omega: float) -> list[BentLine | HangingLiquid]:
+def _lines(items: Sequence[PlacedBody], omega: float) -> list[BentLine | HangingLiquid]:
     """How the appendages bend up to a frequency of interest [rad/s]."""
     for item in items:
         if item.line is None:
@@ -230,7 +230,7 @@ def _lines(items: Sequence[Carried], omega: float) -> list[BentLine | HangingLiq
     return [item.line(omega) for item in items if item.line is not None]
 
 
-def _load(embedded: Embedded, items: Sequence[Carried], pose: Pose) -> Loading:
+def _load(embedded: Embedded, items: Sequence[PlacedBody], pose: Pose) -> Loading:
     """What acts on the bare spacecraft at a pose."""
     craft = embedded.craft
     base = base_body(craft, items[0].mount.body)
@@ -251,7 +251,7 @@ def _names(prefix: str, model: PortModel) -> list[str]:
     return out
 
 
-def _whole(a: Appendage, item: Carried, omega: float) -> PortModel:
+def _whole(a: Appendage, item: PlacedBody, omega: float) -> PortModel:
     """An appendage in six motions; beyond the band its modes are gathered,
     their static response kept."""
     top = FAR * max(omega, *item.band.values())

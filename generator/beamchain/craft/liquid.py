@@ -9,8 +9,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from beamchain.caution import Caution
-from beamchain.craft.error import Carried
+from beamchain.craft.error import PlacedBody
 from beamchain.engine.library import mujoco
 from beamchain.engine.loaded import Loading
 from beamchain.engine.mount import root_frame
@@ -18,6 +17,7 @@ from beamchain.engine.operating_point import poses, rest_point
 from beamchain.errors import InputError
 from beamchain.fitting.slosh import weightless
 from beamchain.ports.motions import Array
+from beamchain.warning_codes import Caution
 
 ACROSS = 1e-9  # of a field: less of it along the axis is rounding
 TILTED = 10.0  # degrees between field and axis, beyond which a liquid is no pendulum
@@ -25,7 +25,7 @@ TILTED = 10.0  # degrees between field and axis, beyond which a liquid is no pen
 
 def liquid_cautions(
     craft: "mujoco.MjModel",
-    carried: Sequence[Carried],
+    carried: Sequence[PlacedBody],
     loadings: Mapping[tuple[str, int], Loading] | None,
 ) -> list[str]:
     """Where a liquid hangs limp, and where a load pushes it far aside.
@@ -57,7 +57,7 @@ def liquid_cautions(
     return out
 
 
-def _tilt(item: Carried, axes: Array, pose: str, loading: Loading) -> list[str]:
+def _tilt(item: PlacedBody, axes: Array, pose: str, loading: Loading) -> list[str]:
     """What a load does to the liquid in a tank with these axes `(3, 3)`, in columns."""
     along = float(-loading.field @ axes[:, 0])
     size = float(np.linalg.norm(loading.field))
@@ -79,7 +79,7 @@ def _tilt(item: Carried, axes: Array, pose: str, loading: Loading) -> list[str]:
     return [Caution("slosh-tilt", text)]
 
 
-def with_liquids_sprung(model: "mujoco.MjModel", carried: Sequence[Carried]) -> "mujoco.MjModel":
+def with_liquids_sprung(model: "mujoco.MjModel", carried: Sequence[PlacedBody]) -> "mujoco.MjModel":
     """A copy in which liquids stand on springs as at their stated acceleration, as the exact ones
     without a load do; the model itself where there are none."""
     tanks = [item for item in carried if item.springs is not None and item.dofs]

@@ -15,10 +15,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import block_diag
 
-from beamchain.caution import Caution
 from beamchain.checks import list_of_names, of_type
 from beamchain.engine.library import hangs_on, mujoco, rest
-from beamchain.engine.linear import Carrying
+from beamchain.engine.linear import PortLoads
 from beamchain.engine.mount import Mount
 from beamchain.engine.operating_point import base_body
 from beamchain.errors import InputError
@@ -27,6 +26,7 @@ from beamchain.fitting.spec import Spec
 from beamchain.mjcf.craft import Craft
 from beamchain.mjcf.place import Target
 from beamchain.ports.motions import Array, offset_matrix
+from beamchain.warning_codes import Caution
 
 THERE = 1e-3  # of an appendage's length: so near stands a body that is meant to hang there
 OUT = 0.25  # of it: so far out stands the mass of a link, not of its drive
@@ -325,7 +325,7 @@ class Root(NamedTuple):
 
 def carrying_of(
     craft: "mujoco.MjModel", data: "mujoco.MjData", roots: Sequence[Root]
-) -> Carrying | None:
+) -> PortLoads | None:
     """What the ports of appendages carry at a pose; None where they carry nothing."""
     ports = [(i, load) for i, root in enumerate(roots) for load in root.loads]
     if not ports:
@@ -360,4 +360,4 @@ def carrying_of(
         mass[:, : craft.nv] += by_ports.T @ weight @ own
         mass += by_ports.T @ weight @ by_ports
     points = tuple((i, load.column) for i, load in ports)
-    return Carrying(tuple(motions), mass, points)
+    return PortLoads(tuple(motions), mass, points)

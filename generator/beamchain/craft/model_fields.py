@@ -14,15 +14,15 @@ from typing import Any
 import numpy as np
 
 from beamchain.craft.quantities import Quantity, inertia_matrix
-from beamchain.engine.forces import wraps
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import dense_mass
+from beamchain.engine.model_rows import wraps
 from beamchain.engine.operating_point import poses
 from beamchain.engine.signals import AXES
 from beamchain.errors import InputError, RealisationError
 from beamchain.ports.motions import Array
 from beamchain.steps.forms import form2, form4
-from beamchain.steps.modal import MadeFor, Modal, condensed_mass, modal_tendons
+from beamchain.steps.modal import Modal, TimingMark, condensed_mass, modal_tendons
 from beamchain.steps.retime import retime, retime_by, write_values
 from beamchain.steps.step_map import motion_for
 
@@ -69,7 +69,7 @@ class Maker:
     def __init__(self, model: "mujoco.MjModel", *, refitted: bool) -> None:
         self.model: Any = copy.copy(model)
         self._refitted = refitted
-        self.mark: MadeFor | None = next(
+        self.mark: TimingMark | None = next(
             (mark for mark in modal_tendons(model).made_for if mark is not None), None
         )
         if self.mark is not None:

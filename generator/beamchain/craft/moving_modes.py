@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from beamchain.craft.linear_craft import linear_craft
+from beamchain.engine.displacement import moved_positions, reach, spacecraft_body, turn
 from beamchain.engine.library import mujoco
-from beamchain.engine.reach import moved_positions, reach, spacecraft_body, turn
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array, locked
 

@@ -8,7 +8,6 @@ import numpy as np
 
 from beamchain.craft.linear_craft import LinearCraft, internal_stiffness
 from beamchain.craft.mode_names import cantilever_names
-from beamchain.engine.forces import sprung
 from beamchain.engine.library import mujoco
 from beamchain.engine.loaded import (
     Loading,
@@ -17,6 +16,7 @@ from beamchain.engine.loaded import (
     loaded_linear,
     offset_cautions,
 )
+from beamchain.engine.model_rows import sprung
 from beamchain.engine.operating_point import Pose, base_body, keyframe_names
 from beamchain.errors import InputError
 from beamchain.fitting.slosh import weightless

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 
-from beamchain.caution import Caution
 from beamchain.checks import is_mjcf_text, path_of, true_or_false
 from beamchain.craft.appendage import Appendage, motion_warnings, moved_bodies
 from beamchain.craft.disturbances import check_flags
@@ -21,12 +20,13 @@ from beamchain.craft.loads import split_port
 from beamchain.craft.timing import attitude_warnings
 from beamchain.engine.library import mujoco, one_thread
 from beamchain.engine.linearise import compile_model
+from beamchain.engine.model_diff import KINDS, NAMED
 from beamchain.engine.operating_point import poses
-from beamchain.engine.unchanged import KINDS, NAMED
 from beamchain.errors import EngineError, InputError
 from beamchain.files import noted_inputs
 from beamchain.steps.modal import timing_marks
 from beamchain.steps.retime import without_timing
+from beamchain.warning_codes import Caution
 
 UNMARKED = "the file does not say what its appendages are (it was not written by embed)"
 BENT = 0.05  # [rad] of an elastic hinge in a keyframe, where embed writes zero

@@ -26,7 +26,7 @@ from beamchain.fitting.result import InSpace
 from beamchain.mjcf.write import joint_name
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORTS, Array
-from beamchain.structure.inside import Inside, inside_beam
+from beamchain.structure.section_loads import Inside, inside_beam
 
 SAME = 1e-5  # relative: frequencies of the modes as kept, and as found again
 

@@ -30,9 +30,9 @@ from beamchain.steps.modal import TREE, modal_tendons
 from beamchain.steps.retime import without_timing
 from beamchain.steps.step_map import at_step_of
 from beamchain.structure.beam import Beam
-from beamchain.structure.inside import BEYOND, Inside, snapped
 from beamchain.structure.readers.recovery_file import read_recovery
 from beamchain.structure.recovery_rows import RecoveryRows
+from beamchain.structure.section_loads import BEYOND, Inside, snapped
 from beamchain.structure.sections_at import Sections, sections_at
 
 if TYPE_CHECKING:

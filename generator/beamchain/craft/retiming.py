@@ -6,7 +6,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from beamchain.caution import Caution, warnings_record
 from beamchain.craft.embedded import Embedded
 from beamchain.craft.embedding import marked_appendages
 from beamchain.craft.promise import joint_request
@@ -20,6 +19,7 @@ from beamchain.steps.retime import time_sentence
 from beamchain.steps.retime_file import RetimedFile, retimed_file
 from beamchain.steps.sampled import judged_part, off_by, represents
 from beamchain.steps.step_map import TimeError, time_error
+from beamchain.warning_codes import Caution, warnings_record
 
 OF_RETIME = Names("give --integrator {}", "give --timestep {}")
 

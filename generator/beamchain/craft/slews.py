@@ -13,10 +13,9 @@ from typing import Any, NamedTuple
 import msgspec
 import numpy as np
 
-from beamchain.caution import Caution
 from beamchain.craft.appendage import PROBE, Appendage, craft_elements, moved_bodies
 from beamchain.craft.documents import read_bare
-from beamchain.craft.embedding import Marked, marked_craft
+from beamchain.craft.embedding import EmbeddedFile, marked_craft
 from beamchain.craft.promise import joint_request
 from beamchain.engine.driven_hinge import Drive, Run, Seen, Turn, drive_of, run, seen
 from beamchain.engine.library import hangs_on, mujoco
@@ -28,9 +27,10 @@ from beamchain.fitting.spec import Spec
 from beamchain.mjcf.relocate import relocate
 from beamchain.ports.motions import PORTS, Array
 from beamchain.steps.budget import linear_model
-from beamchain.steps.culprit import culprit
+from beamchain.steps.dominant_element import culprit
 from beamchain.steps.limits import step_limits
 from beamchain.steps.retime import retime, without_timing
+from beamchain.warning_codes import Caution
 
 Say = Callable[[str], None]
 
@@ -281,7 +281,7 @@ def _drives(craft: "mujoco.MjModel") -> list[int]:
     ]
 
 
-def _hinges(marked: Marked) -> list[int]:
+def _hinges(marked: EmbeddedFile) -> list[int]:
     """Those to slew: with an appendage behind them, or on a body that an appendage carries."""
     craft = marked.craft
     tops = [craft.body(name).id for name in moved_bodies(marked.appendages)]
@@ -336,7 +336,7 @@ def _more(kept: int, static: int, port: str) -> int:
 class _Scene:
     """A file, its rigid twin and the same craft finely divided, ready to be slewed."""
 
-    def __init__(self, marked: Marked, model: "mujoco.MjModel", period: float) -> None:
+    def __init__(self, marked: EmbeddedFile, model: "mujoco.MjModel", period: float) -> None:
         self.period = period
         self.bare = marked.craft
         self.tolerance = joint_request([a.spec for a in marked.appendages]).tolerance
@@ -377,7 +377,7 @@ class _Scene:
     def _models(self) -> "tuple[mujoco.MjModel, ...]":
         return self.file.model, self.fine.model, self.twin.model
 
-    def _placed(self, marked: Marked, model: "mujoco.MjModel") -> _Model:
+    def _placed(self, marked: EmbeddedFile, model: "mujoco.MjModel") -> _Model:
         elements = craft_elements(self.bare, model, marked.appendages)
         if len(elements["jnt"]) != self.bare.njnt:
             raise EngineError(
@@ -386,7 +386,7 @@ class _Scene:
             )
         return _Model(quiet_copy(model), elements["jnt"], elements["body"])
 
-    def _seen_bodies(self, marked: Marked) -> list[int]:
+    def _seen_bodies(self, marked: EmbeddedFile) -> list[int]:
         """Numbers of the bare craft's bodies that are looked at, the base first: what is carried,
         and what turns with a drive."""
         real = craft_elements(self.bare, self.bare, ())["body"]

@@ -4,13 +4,13 @@ from pathlib import Path
 
 import numpy as np
 
-from beamchain.caution import Caution
 from beamchain.craft.disturbances import left_out
 from beamchain.craft.embedded import Embedded
-from beamchain.engine.door import check_model
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
+from beamchain.engine.model_checks import check_model
 from beamchain.errors import EngineError, InputError
+from beamchain.warning_codes import Caution
 
 
 def compiled_model(

@@ -5,7 +5,6 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from beamchain.caution import Caution, warnings_record
 from beamchain.checks import path_of
 from beamchain.craft.slews import SlewRow, slews
 from beamchain.engine.library import mujoco, one_thread
@@ -16,6 +15,7 @@ from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec, read_spec
 from beamchain.steps.budget import HOST, Budget, budget, preload_sentence
 from beamchain.steps.large_motion import LargeMotion
+from beamchain.warning_codes import Caution, warnings_record
 
 Say = Callable[[str], None]
 

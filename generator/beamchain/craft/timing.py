@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from beamchain.caution import Caution
 from beamchain.chain.tendons import springs_as_modes
 from beamchain.craft.appendage import Appendage, carried
 from beamchain.craft.liquid import with_liquids_sprung
@@ -24,6 +23,7 @@ from beamchain.steps.poles import pole_rows
 from beamchain.steps.retime import retime_by, time_reason
 from beamchain.steps.step_map import TimeError, growing_poses, time_error
 from beamchain.steps.turn import turn_error
+from beamchain.warning_codes import Caution
 
 # of the scenes' tolerance: what the step's own error may take before the appendages are
 # made exact in time

@@ -8,12 +8,12 @@ from typing import Annotated
 import numpy as np
 from scipy.linalg import qr
 
-from beamchain.caution import Caution
 from beamchain.checks import Struct, field, finite_array, list_of_names, of_type, unknown
 from beamchain.engine.library import mujoco
 from beamchain.engine.signals import AXES, Input, actuator_names, base, number_of
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array, locked
+from beamchain.warning_codes import Caution
 
 REACHED = 1e-9  # relative, of torque that an allocation gives beside what is commanded
 SHOWN = 3  # directions without torque that a sentence names

@@ -11,9 +11,9 @@ import numpy as np
 from lxml.etree import _Element as Element
 
 from beamchain.chain.chain import Chain
-from beamchain.engine.forces import Readings, readings
 from beamchain.engine.library import hangs_on, mujoco, rest
 from beamchain.engine.linearise import Linearisation, compile_model, linearise
+from beamchain.engine.model_rows import Readings, readings
 from beamchain.errors import EngineError, InputError
 from beamchain.mjcf import write
 from beamchain.ports.compose import joined
@@ -25,7 +25,7 @@ from beamchain.ports.motions import (
     first_moment,
     offset_matrix,
 )
-from beamchain.structure.planes import near_groups, turn_into_planes
+from beamchain.structure.settle_modes import near_groups, turn_into_planes
 
 STRAIGHT = 1e-8  # perturbation: of a straight chain at rest only curvature is lost
 LEAST_ROW = 1e-9  # of the root of the rigid mass: less participation is none

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamchain.checks import is_mjcf_text
-from beamchain.engine.drawn import drawn_points
+from beamchain.engine.geometry import drawn_points
 from beamchain.engine.library import mujoco, rest
 from beamchain.engine.linearise import compile_model
 from beamchain.errors import EngineError

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cython_blas
 
 from beamchain.errors import EngineError
-from beamchain.late import importing
+from beamchain.import_lock import importing
 
 if TYPE_CHECKING:
     from mujoco.rollout import Rollout

@@ -78,7 +78,7 @@ class Outputs(NamedTuple):
     feedthrough: Array
 
 
-class Carrying(NamedTuple):
+class PortLoads(NamedTuple):
     """What ports of appendages carry: six coordinates p for every port that carries something,
     behind the craft's own q, its motion against the root of its appendage in the axes of the root.
 
@@ -252,7 +252,7 @@ class Linear:
         omega: Array,
         models: Sequence[PortModel] = (),
         roots: Sequence[Array] = (),
-        carrying: Carrying | None = None,
+        carrying: PortLoads | None = None,
     ) -> NDArray[np.complex128]:
         """`(p, m, k)` frequency response of the outputs to the inputs, as in python-control.
 
@@ -389,7 +389,7 @@ class Linear:
         self,
         models: Sequence[PortModel],
         roots: Sequence[Array],
-        carrying: Carrying | None = None,
+        carrying: PortLoads | None = None,
     ) -> "Linear":
         """The same with appendages on it, their modal coordinates behind its own.
 
@@ -457,7 +457,7 @@ def _with_ports(
     dynamic: NDArray[np.complex128],
     s: NDArray[np.complex128],
     models: Sequence[PortModel],
-    carrying: Carrying,
+    carrying: PortLoads,
 ) -> NDArray[np.complex128]:
     """The dynamic mass `(k, nv, nv)` with the ports' coordinates and the wrenches on them behind
     q, `(k, nv + 12 l, nv + 12 l)`; what roots add is left to the caller."""

@@ -17,11 +17,11 @@ from typing import TYPE_CHECKING, NamedTuple, cast
 import numpy as np
 
 from beamchain.checks import is_mjcf_text, of_type, path_of, positive
-from beamchain.engine.door import check_model
 from beamchain.engine.library import mujoco, one_thread
+from beamchain.engine.model_checks import check_model
 from beamchain.errors import EngineError, InputError
 from beamchain.files import check_utf8, no_file, note_input
-from beamchain.late import importing
+from beamchain.import_lock import importing
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array, locked, system_matrix
 

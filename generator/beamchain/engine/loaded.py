@@ -12,15 +12,15 @@ from functools import partial
 
 import numpy as np
 
-from beamchain.caution import Caution
 from beamchain.engine.bench import composite
-from beamchain.engine.forces import gravity_of
 from beamchain.engine.library import mujoco
 from beamchain.engine.linear import POSITION, Linear, slopes
 from beamchain.engine.linearise import dense_mass
+from beamchain.engine.model_rows import gravity_of
 from beamchain.engine.operating_point import Pose, keyframe_names, still_copy
 from beamchain.errors import EngineError, InputError
 from beamchain.ports.motions import Array
+from beamchain.warning_codes import Caution
 
 ROUNDS = 30  # of the search for the sag
 SETTLED = 1e-12  # rad: a change of the sag that is rounding

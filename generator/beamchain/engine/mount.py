@@ -25,7 +25,7 @@ HELD = 1e9  # mass of a motion that is held, relative to the largest that is not
 RANK = 1e-9  # relative singular value below which a motion of the port is held
 
 
-class Carrier(NamedTuple):
+class CarrierJoint(NamedTuple):
     """A joint between port and world; `own`: it carries the whole spacecraft; `holder`: "spring"
     or "servo", empty where it is loose."""
 
@@ -61,7 +61,7 @@ class Mount:
     origin: Array
     axes: Array
     top: int
-    joints: tuple[Carrier, ...]
+    joints: tuple[CarrierJoint, ...]
     hub: Array
     jacobian: Array
 
@@ -155,16 +155,18 @@ def motion(
     return np.vstack([axes.T @ translation, axes.T @ rotation])
 
 
-def _carriers(model: "mujoco.MjModel", top: int) -> tuple[Carrier, ...]:
+def _carriers(model: "mujoco.MjModel", top: int) -> tuple[CarrierJoint, ...]:
     held = held_joints(model)
-    out: list[Carrier] = []
+    out: list[CarrierJoint] = []
     while top:
         parent = int(model.body_weldid[int(model.body_parentid[top])])
         first = int(model.body_jntadr[top])
         for j in range(first, first + int(model.body_jntnum[top])):
             name = model.joint(j).name or f"joint {j}"
             out.append(
-                Carrier(name, JOINT_KINDS[int(model.jnt_type[j])], parent == 0, held.get(j, ""))
+                CarrierJoint(
+                    name, JOINT_KINDS[int(model.jnt_type[j])], parent == 0, held.get(j, "")
+                )
             )
         top = parent
     return tuple(out)

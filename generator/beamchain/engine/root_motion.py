@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from beamchain.engine.forces import along_all, gravity_of
 from beamchain.engine.library import mujoco, quiet
 from beamchain.engine.linearise import NUMBERS, euler_damps_implicitly
+from beamchain.engine.model_rows import along_all, gravity_of
 from beamchain.ports.motions import Array
 
 #: what makes up a state of a run: all that the next step and the accelerations follow from

@@ -12,12 +12,12 @@ from scipy.interpolate import CubicSpline
 
 from beamchain.checks import unknown
 from beamchain.engine.bench import rigid_mass
-from beamchain.engine.forces import sprung
+from beamchain.engine.displacement import reach
 from beamchain.engine.library import mujoco
 from beamchain.engine.linear import linear_at
 from beamchain.engine.linearise import mass_matrix
+from beamchain.engine.model_rows import sprung
 from beamchain.engine.operating_point import quiet_copy, rest_point
-from beamchain.engine.reach import reach
 from beamchain.errors import EngineError, InputError
 from beamchain.ports.motions import Array, locked
 

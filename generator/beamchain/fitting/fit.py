@@ -7,11 +7,10 @@ from pathlib import Path
 
 from msgspec import structs
 
-from beamchain.caution import Caution
 from beamchain.chain.build import Built
 from beamchain.chain.links import raise_polar_inertia
 from beamchain.engine.bench import measure, root_body
-from beamchain.engine.hanging import sprung_by_acceleration
+from beamchain.engine.gravity_stiffness import sprung_by_acceleration
 from beamchain.engine.library import one_thread
 from beamchain.errors import EngineError, InputError, RealisationError
 from beamchain.fitting.body import Body, body_of
@@ -37,6 +36,7 @@ from beamchain.structure.mass_line import MassLine
 from beamchain.structure.modal_data import ModalData
 from beamchain.structure.readers.imported import Imported
 from beamchain.structure.readers.recovery_file import read_recovery
+from beamchain.warning_codes import Caution
 
 # cached by a fit, the same whatever its status
 READ_BACK = ("_scenes", "time", "time_error", "_sampled")

@@ -12,7 +12,7 @@ from beamchain.mjcf.skin import ModeMotion, Skin, mode_motion, skins
 from beamchain.mjcf.surfaces import beam_surfaces, stations
 from beamchain.ports.motions import Array
 from beamchain.structure.discretise import Parts, sampled_model
-from beamchain.structure.inside import snapped
+from beamchain.structure.section_loads import snapped
 
 
 class Chained(Fitted, Protocol):

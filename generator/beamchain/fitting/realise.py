@@ -6,8 +6,15 @@ from pathlib import Path
 
 import numpy as np
 
-from beamchain.caution import Caution
-from beamchain.chain.build import Built, Springs, Status, Wishes, build_exact, cut_chain, with_modes
+from beamchain.chain.build import (
+    BuildOptions,
+    Built,
+    Springs,
+    Status,
+    build_exact,
+    cut_chain,
+    with_modes,
+)
 from beamchain.chain.cut import MOST_ADDED, Cut
 from beamchain.chain.tendons import ModeGroup, group_motion, joint_damping
 from beamchain.errors import InputError, RealisationError
@@ -20,12 +27,13 @@ from beamchain.fitting.spec import Spec
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, PORTS, Array
 from beamchain.steps.integrators import SCHEMES
-from beamchain.structure import planes
+from beamchain.structure import settle_modes
 from beamchain.structure.mass_line import MassLine
 from beamchain.structure.modal_data import ModalData
 from beamchain.structure.readers import MATRICES
 from beamchain.structure.readers.craig_bampton import ALMOST_BODY, EXACT_BODY
 from beamchain.structure.rigid_body import body_departure
+from beamchain.warning_codes import Caution
 
 # residual over rigid mass: free frequencies are good to about 1e-16 over it (measured)
 LIGHTEST = 1e-9
@@ -119,7 +127,7 @@ def _of_ports(body: Body, kept: Kept, line: MassLine, cut: Cut | None = None) ->
 
     # at further ports the static responses that are kept are all that is left out
     filled = () if spec.further else kept.counts
-    wishes = Wishes(
+    wishes = BuildOptions(
         springs=_springs(body, kept),
         per_mode=_damps_modes(body, kept),
         lines=spec.fit.cuts,
@@ -328,7 +336,7 @@ def _check_body(data: ModalData) -> None:
     miss = body_departure(data.rigid_mass)
     # `settle_rigid_mass` moves an entry and an eigenvalue by up to `least` each; a comparison has
     # two entries
-    least = min(planes.ROUNDING * data.precision, planes.PRINTED)
+    least = min(settle_modes.ROUNDING * data.precision, settle_modes.PRINTED)
     if miss > max(ENTRIES * data.precision + 4.0 * least, EXACT_BODY):
         matrices = Path(data.source).suffix.lower() in MATRICES
         cure = (

@@ -12,7 +12,6 @@ from lxml.etree import _Element as Element
 from scipy.spatial.transform import Rotation
 
 from beamchain import report
-from beamchain.caution import Caution
 from beamchain.chain.build import Status
 from beamchain.chain.chain import Chain
 from beamchain.chain.cut import Cut
@@ -57,6 +56,7 @@ from beamchain.steps.turn import central_inertia, turn_error
 from beamchain.structure.beam import Beam
 from beamchain.structure.mass_line import MassLine
 from beamchain.structure.modal_data import ModalData
+from beamchain.warning_codes import Caution
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

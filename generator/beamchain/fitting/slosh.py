@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from beamchain.caution import Caution
 from beamchain.chain.chain import Chain, Hinge, Link
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array
 from beamchain.structure.slosh import Slosh
+from beamchain.warning_codes import Caution
 
 BALL = 1e-3  # of a pendulum's length: by as much its mass centre is nearer to the pivot
 # of a pendulum's inertia across the axis, that about it: a moving body has some in MuJoCo

@@ -5,7 +5,6 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 
 import numpy as np
 
-from beamchain.caution import Caution
 from beamchain.chain.chain import Chain
 from beamchain.engine.bench import Measured
 from beamchain.fitting.needs import AXES
@@ -18,6 +17,7 @@ from beamchain.structure.modal_data import ModalData
 from beamchain.structure.readers.imported import Units
 from beamchain.structure.section import SOFT, Custom, Equivalent, soft_modulus
 from beamchain.structure.segment import Segment
+from beamchain.warning_codes import Caution
 
 LIGHT = 5.0  # kg/m^3: a foam has more
 # of the appendage's length: a section as wide, and wider than 1 m, is likelier one in mm

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import orth
 
-from beamchain.caution import Caution
 from beamchain.errors import InputError
 from beamchain.identification.hub import Bare, directions
 from beamchain.identification.logs import SENSED, TORQUES, Response, TimeLog
@@ -16,6 +15,7 @@ from beamchain.identification.prior import Prior
 from beamchain.identification.response import Data, Piece, Spectrum
 from beamchain.identification.sanity import check_swapped
 from beamchain.toolkit import Array
+from beamchain.warning_codes import Caution
 
 PROPORTIONAL = 1e-6  # one less the cosine between the torques of two axes over time
 GAP = 1.5  # steps; where steps are unequal by themselves, more

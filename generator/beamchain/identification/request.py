@@ -6,18 +6,18 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from beamchain.caution import Caution
 from beamchain.checks import list_of_names, number, of_type, one_of, whole_number
 from beamchain.errors import InputError
 from beamchain.files import noted_inputs
 from beamchain.identification.channels import spectral_channels, time_channels
 from beamchain.identification.hub import bare
+from beamchain.identification.initial_model import MOST_MODES
 from beamchain.identification.logs import read_logs
 from beamchain.identification.prior import read_prior
 from beamchain.identification.result import Identification
 from beamchain.identification.run import Run
-from beamchain.identification.start import MOST_MODES
 from beamchain.toolkit import one_thread
+from beamchain.warning_codes import Caution
 
 if TYPE_CHECKING:
     from beamchain.toolkit import mujoco

@@ -10,12 +10,12 @@ import numpy as np
 import tomlkit
 
 from beamchain import ModalData
-from beamchain.caution import warnings_record
 from beamchain.errors import InputError
 from beamchain.files import beside, to_json, write_files
-from beamchain.identification.start import Order
+from beamchain.identification.initial_model import Order
 from beamchain.identification.structure import raise_eigenvalues
 from beamchain.toolkit import Array
+from beamchain.warning_codes import warnings_record
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

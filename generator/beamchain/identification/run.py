@@ -9,11 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from beamchain.caution import Caution
 from beamchain.errors import InputError
 from beamchain.identification.channels import FEWEST, MARGIN, Channels
-from beamchain.identification.describe import TWO, Estimate
+from beamchain.identification.diagnostics import TWO, Estimate
 from beamchain.identification.hub import Bare
+from beamchain.identification.initial_model import (
+    InitialModel,
+    candidates,
+    initial_model,
+    rigid_model,
+    time_unit,
+)
 from beamchain.identification.likelihood import COLOURED, Found, Likelihood, fit_raw_numbers
 from beamchain.identification.prior import (
     DAMPING,
@@ -27,13 +33,6 @@ from beamchain.identification.resolution import add_resolution
 from beamchain.identification.response import Data, Piece, Raw, Spectrum
 from beamchain.identification.result import Identification
 from beamchain.identification.sanity import check_rigid, unalias
-from beamchain.identification.start import (
-    InitialModel,
-    candidates,
-    initial_model,
-    rigid_model,
-    time_unit,
-)
 from beamchain.identification.structure import (
     Body,
     Parts,
@@ -44,6 +43,7 @@ from beamchain.identification.structure import (
     frozen_inertia,
 )
 from beamchain.toolkit import Array
+from beamchain.warning_codes import Caution
 
 ITERATIONS = 60
 LIKELY = 1e-3  # probability of the gain of one mode more by noise alone, below which it is told

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from beamchain import Embedded, pointing, report
-from beamchain.caution import Caution
 from beamchain.checks import positive, unknown
 from beamchain.errors import InputError
 from beamchain.pointing.disturbed_craft import DisturbedCraft, disturbed_craft
@@ -47,6 +46,7 @@ from beamchain.toolkit import (
     one_thread,
     without_timing,
 )
+from beamchain.warning_codes import Caution
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from beamchain.checks import as_array, finite_array, one_of
 from beamchain.errors import InputError, RealisationError
-from beamchain.late import importing
+from beamchain.import_lock import importing
 from beamchain.ports.motions import PORT_MOTION, PORTS, Array, locked, square_root
 from beamchain.ports.rows import Rows
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from beamchain.chain import rivals
+from beamchain.chain import baselines
 from beamchain.chain.chain import Chain
 from beamchain.fitting.hub import port_hub_mass
 from beamchain.ports.compare import (
@@ -103,11 +103,11 @@ def rival_chains(fit: "Fit", port: str) -> dict[str, Chain]:
         return {}
     out: dict[str, Chain] = {}
     if hinges:
-        out[CLASSICAL] = rivals.equal_links(beam, hinges, "classical", port)
+        out[CLASSICAL] = baselines.equal_links(beam, hinges, "classical", port)
     if beam.uniform and fit.full[port].free_frequencies.size >= 2:
         first, second = (float(w) for w in fit.full[port].free_frequencies[:2])
-        k, c = rivals.seed_parameters(float(beam.rigid_mass()[0, 0]), beam.length, first, second)
-        out[PAPER] = rivals.seed_chain(beam, k, c, port)
+        k, c = baselines.seed_parameters(float(beam.rigid_mass()[0, 0]), beam.length, first, second)
+        out[PAPER] = baselines.seed_chain(beam, k, c, port)
     return out
 
 

@@ -10,15 +10,15 @@ from scipy.interpolate import CubicSpline
 
 from beamchain.craft.appendage import Appendage, names
 from beamchain.craft.recovered_body import beam_body
-from beamchain.engine.drawn import CORNERS
+from beamchain.engine.geometry import CORNERS
 from beamchain.engine.library import mujoco, rotation_matrix
+from beamchain.engine.model_diff import ids_of
 from beamchain.engine.operating_point import base_body
-from beamchain.engine.unchanged import ids_of
 from beamchain.errors import BeamchainError
 from beamchain.mjcf.visuals import box_squares
 from beamchain.ports.motions import PORT_MOTION, Array
 from beamchain.structure.beam import Beam
-from beamchain.structure.inside import snapped
+from beamchain.structure.section_loads import snapped
 
 STATIONS = 12  # of an appendage at which its modes are evaluated, where there are few,
 FEWEST = 4

@@ -16,12 +16,12 @@ from scipy.interpolate import CubicSpline
 from beamchain.craft.appendage import Appendage
 from beamchain.craft.inspect import energy_words
 from beamchain.craft.mode_names import cantilever_names
+from beamchain.engine.displacement import moved_positions
 from beamchain.engine.library import mujoco, quiet
 from beamchain.engine.linear import linear_at
 from beamchain.engine.linearise import compile_model
 from beamchain.engine.mount import mount
 from beamchain.engine.operating_point import poses, quiet_copy, rest_point
-from beamchain.engine.reach import moved_positions
 from beamchain.engine.slew import Slew, simulate
 from beamchain.errors import EngineError, InputError
 from beamchain.ports.motions import Array

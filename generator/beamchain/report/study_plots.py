@@ -19,7 +19,7 @@ from beamchain.report.plots import (
     plain,
 )
 from beamchain.studies import field
-from beamchain.studies.front import front
+from beamchain.studies.pareto import front
 
 if TYPE_CHECKING:
     from beamchain.steps.budget import Budget

@@ -12,9 +12,9 @@ from matplotlib.transforms import ScaledTranslation
 
 from beamchain.craft.appendage import moved_bodies, names
 from beamchain.engine.library import mujoco
+from beamchain.engine.model_diff import ids_of
 from beamchain.engine.mount import JOINT_KINDS
 from beamchain.engine.operating_point import base_body, poses
-from beamchain.engine.unchanged import ids_of
 from beamchain.ports.motions import Array
 from beamchain.report.plots import BEAM, OURS, WIDTH, drawing, literal
 

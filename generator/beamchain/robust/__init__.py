@@ -1,5 +1,5 @@
 """The worst cases of an uncertain plant, and proved bounds of them: `robust.uncertain(plant)`."""
 
-from beamchain.late import attach
+from beamchain.import_lock import attach
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

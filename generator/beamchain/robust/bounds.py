@@ -16,8 +16,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from beamchain.robust.interval_loop import LocalLoop, in_box, local_loop
 from beamchain.robust.lft import Block
-from beamchain.robust.local_loop import LocalLoop, in_box, local_loop
 from beamchain.robust.multipliers import (
     BEYOND,
     ComplexSystem,

@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamchain.caution import warnings_record
 from beamchain.commands import (
     Angle,
     Force,
@@ -22,6 +21,7 @@ from beamchain.commands import (
     tell,
 )
 from beamchain.errors import InputError
+from beamchain.warning_codes import warnings_record
 
 if TYPE_CHECKING:
     from beamchain.robust.uncertain_plant import WorstCase

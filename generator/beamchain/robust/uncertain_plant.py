@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from beamchain import report, robust
-from beamchain.caution import Caution
 from beamchain.checks import of_type, positive, whole_number
 from beamchain.errors import InputError
 from beamchain.robust.bounds import Bounder, GainBound, frequencies
@@ -38,6 +37,7 @@ from beamchain.toolkit import (
     quantities,
     read_controller,
 )
+from beamchain.warning_codes import Caution
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

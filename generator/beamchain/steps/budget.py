@@ -9,8 +9,8 @@ import numpy as np
 
 from beamchain.engine import linearise as engine
 from beamchain.engine.constraints import without_constraints
-from beamchain.engine.forces import along_all
 from beamchain.engine.library import mujoco
+from beamchain.engine.model_rows import along_all
 from beamchain.engine.operating_point import LIMITS
 from beamchain.errors import EngineError
 from beamchain.ports.motions import Array

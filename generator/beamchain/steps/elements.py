@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from beamchain.engine.forces import along
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import NUMBERS, euler_damps_implicitly
+from beamchain.engine.model_rows import along
 from beamchain.ports.motions import Array
 from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.modal import modal_tendons

@@ -25,7 +25,7 @@ from beamchain.errors import InputError
 from beamchain.ports.motions import Array
 from beamchain.steps.integrators import SCHEMES, stable_armature
 from beamchain.steps.latch import ARMATURE, RAISED, is_latched, is_raised
-from beamchain.steps.modal import HINGE_OR_SLIDE, TREE, UNMARKED, MadeFor, Modal, made_for
+from beamchain.steps.modal import HINGE_OR_SLIDE, TREE, UNMARKED, Modal, TimingMark, made_for
 
 FAST = 2.0  # h^2 k (RK4: and h d) over the inertia that a joint feels, above which it is slowed
 SLOWED = 3.0  # times k h^2/12
@@ -76,7 +76,7 @@ def joint_armature(
     return out
 
 
-def write_joints(model: "mujoco.MjModel", added: Array, mark: MadeFor) -> None:
+def write_joints(model: "mujoco.MjModel", added: Array, mark: TimingMark) -> None:
     """Put armature `(nv,)` on joints, and what was before into their marks."""
     for dof in np.flatnonzero(added):
         if float(model.dof_frictionloss[dof]) > 0.0:

@@ -14,12 +14,12 @@ from functools import cached_property
 import numpy as np
 from scipy.optimize import brentq, root
 
-from beamchain.caution import Caution
+from beamchain.chain.baselines import equal_links
 from beamchain.chain.chain import Chain
-from beamchain.chain.rivals import equal_links
 from beamchain.errors import BeamchainError
 from beamchain.ports.motions import Array
 from beamchain.structure.beam import Beam
+from beamchain.warning_codes import Caution
 
 FINE = 60  # links of the reference
 LEFT = 0.01  # relative difference at which a chain has left the reference

@@ -21,7 +21,6 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from scipy.optimize import brentq
 
-from beamchain.caution import Caution
 from beamchain.checks import not_negative, number, of_type, positive, true_or_false, unknown
 from beamchain.engine.library import mujoco, one_thread
 from beamchain.engine.linearise import NUMBERS, mass_matrix
@@ -30,6 +29,7 @@ from beamchain.ports.motions import Array
 from beamchain.steps.integrators import stable_armature
 from beamchain.steps.modal import made_for, modal_tendons
 from beamchain.steps.step_map import grows
+from beamchain.warning_codes import Caution
 
 #: All that `latch` and `unlatch` change in a model.
 LATCH_FIELDS = (

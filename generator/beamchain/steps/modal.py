@@ -17,9 +17,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from beamchain.engine.forces import along, wraps
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import NUMBERS
+from beamchain.engine.model_rows import along, wraps
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array, locked
 
@@ -37,7 +37,7 @@ MOST_STIFFER = 0.25  # relative change of stiffness that a mark of form 5 may st
 UNTOUCHED = 1e-12  # relative difference of two stiffnesses that is rounding
 
 
-class MadeFor(NamedTuple):
+class TimingMark(NamedTuple):
     """Step [s], integrator and form that a model was made exact for."""
 
     timestep: float
@@ -60,7 +60,7 @@ class Modal:
     rows: Array
     stiffness: Array
     damping: Array
-    made_for: tuple[MadeFor | None, ...]
+    made_for: tuple[TimingMark | None, ...]
 
     @property
     def frequency(self) -> Array:
@@ -93,7 +93,7 @@ def modal_tendons(model: "mujoco.MjModel") -> Modal:
     )
 
 
-def timing_marks(model: "mujoco.MjModel") -> list[MadeFor | None]:
+def timing_marks(model: "mujoco.MjModel") -> list[TimingMark | None]:
     """What the modal tendons were made exact for, each answer once."""
     return list(dict.fromkeys(modal_tendons(model).made_for))
 
@@ -116,14 +116,14 @@ def foreign(what: str) -> InputError:
     )
 
 
-def made_for(values: Array) -> MadeFor | None:
+def made_for(values: Array) -> TimingMark | None:
     """What five numbers in a place for `solimp` were written for; None: they are no mark."""
     step, number, mark, *_ = (float(v) for v in values)
     form = round(mark) if np.isfinite(mark) else 0
     known = form in FORMS and abs(mark - form) <= (MOST_STIFFER if form == TREE else 0.0)
     if not (step > 0.0 and number in NUMBERS and known):
         return None
-    return MadeFor(step, NUMBERS[int(number)], form)
+    return TimingMark(step, NUMBERS[int(number)], form)
 
 
 def stiffness_before(stiffness: Array, marks: Array, changed: NDArray[np.bool_]) -> Array:
@@ -137,7 +137,7 @@ def stiffness_before(stiffness: Array, marks: Array, changed: NDArray[np.bool_])
     return np.where(changed & untouched, marks[:, 4], stiffness / stiffer)
 
 
-def _mark(model: "mujoco.MjModel", i: int) -> MadeFor | None:
+def _mark(model: "mujoco.MjModel", i: int) -> TimingMark | None:
     return made_for(model.tendon_solimp_lim[i])
 
 

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from beamchain.caution import Caution
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import NUMBERS
 from beamchain.ports.motions import Array
@@ -14,6 +13,7 @@ from beamchain.steps.integrators import SCHEMES, apparent_pole, step_pole
 from beamchain.steps.modal import modal_tendons
 from beamchain.steps.retime import retime
 from beamchain.steps.step_map import GROWN, at_step_of, motion_at, pole_pairs
+from beamchain.warning_codes import Caution
 
 OVERDAMPED = 1e-9  # imaginary part, relative, below which a pole does not oscillate
 

@@ -21,7 +21,6 @@ from types import MappingProxyType
 
 import numpy as np
 
-from beamchain.caution import Caution
 from beamchain.checks import not_negative, of_type, one_of, positive, true_or_false
 from beamchain.engine.library import mujoco, one_thread
 from beamchain.engine.linearise import INTEGRATORS, NUMBERS, mass_matrix
@@ -35,14 +34,15 @@ from beamchain.steps.latch import is_raised, latch_armature
 from beamchain.steps.modal import (
     TREE,
     UNMARKED,
-    MadeFor,
     Modal,
+    TimingMark,
     condensed_mass,
     foreign,
     modal_tendons,
 )
 from beamchain.steps.step_map import GROWN, TimeError, lowest_wrong, motion_for, time_error
 from beamchain.steps.tree_time import appendages_alone, tree_form, tuned_poses, turned_poses
+from beamchain.warning_codes import Caution
 
 UNIT_MASS = 1e-4  # by which the modal mass of a tendon of ours may miss 1
 ARRAYS = (
@@ -267,16 +267,16 @@ def retime_by(
         if with_joints:
             added = joint_armature(model, modal, name, h, slowed=False)
         plan = _plan(model, modal, form, name, h, added, qpos, band)
-        if with_joints and _grows(model, modal, plan, added, MadeFor(h, name, form), qpos):
+        if with_joints and _grows(model, modal, plan, added, TimingMark(h, name, form), qpos):
             added = joint_armature(model, modal, name, h, slowed=True)
             plan = _plan(model, modal, form, name, h, added, qpos, band)
         # tendons are stable without what latched hinges get: their springs take all of it
-        write_joints(model, added + latch_armature(model, name, h), MadeFor(h, name, TREE))
+        write_joints(model, added + latch_armature(model, name, h), TimingMark(h, name, TREE))
     except BaseException:
         for array, values in before.items():
             getattr(model, array)[:] = values
         raise
-    write_values(model, modal, plan, MadeFor(h, name, form))
+    write_values(model, modal, plan, TimingMark(h, name, form))
     written = copy.copy(model)
     written.opt.timestep, written.opt.integrator = h, INTEGRATORS[name]
     return Retimed(
@@ -329,7 +329,7 @@ def _grows(
     modal: Modal,
     plan: TendonValues,
     joints: Array,
-    mark: MadeFor,
+    mark: TimingMark,
     qpos: Array | None,
 ) -> bool:
     """Whether a step would be unstable in one of the poses."""
@@ -444,7 +444,9 @@ def _take_out(model: "mujoco.MjModel", modal: Modal, qpos: Array | None) -> None
             model.tendon_solimp_lim[i] = UNMARKED
 
 
-def write_values(model: "mujoco.MjModel", modal: Modal, plan: TendonValues, mark: MadeFor) -> None:
+def write_values(
+    model: "mujoco.MjModel", modal: Modal, plan: TendonValues, mark: TimingMark
+) -> None:
     """Write the numbers of a form, and what they were made for,
     into the tendons of a model that is not timed."""
     stiffer = np.zeros(modal.stiffness.size)

@@ -9,9 +9,9 @@ from lxml import etree
 from lxml.etree import _Element as Element
 
 from beamchain.checks import one_of
-from beamchain.engine.door import TRIAL, check_step, steps_well
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import INTEGRATORS, NUMBERS, compile_model
+from beamchain.engine.model_checks import TRIAL, check_step, steps_well
 from beamchain.engine.operating_point import pose_words, poses
 from beamchain.errors import InputError
 from beamchain.mjcf.craft import Craft, read_craft
@@ -20,7 +20,7 @@ from beamchain.mjcf.undo_marks import JointMark, change_once_marked, name_step
 from beamchain.mjcf.write import number
 from beamchain.steps.integrators import SCHEMES, hinge_armature
 from beamchain.steps.joint_time import timed_joints
-from beamchain.steps.modal import MadeFor, made_for, modal_tendons, timing_marks
+from beamchain.steps.modal import TimingMark, made_for, modal_tendons, timing_marks
 from beamchain.steps.poles import PoleRow, growing_frequencies, pole_rows
 from beamchain.steps.retime import retime, retime_by
 from beamchain.steps.step_map import growing_poses
@@ -96,7 +96,7 @@ def put_hinge_armature(root: Element, timestep: float, integrator: str) -> None:
         stiffness = joint.get("stiffness")
         if stiffness is not None and float(stiffness) > 0.0:
             joint.set("armature", number(hinge_armature(float(stiffness), timestep)))
-    _put_words(root, MadeFor(timestep, integrator, 2).words)
+    _put_words(root, TimingMark(timestep, integrator, 2).words)
 
 
 def _put_words(root: Element, words: str) -> None:

@@ -5,14 +5,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from beamchain.caution import Caution
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import NUMBERS, dense_mass
 from beamchain.engine.operating_point import poses
 from beamchain.ports.motions import Array
-from beamchain.steps.culprit import inertia_words
+from beamchain.steps.dominant_element import inertia_words
 from beamchain.steps.elements import moments
 from beamchain.steps.integrators import SCHEMES
+from beamchain.warning_codes import Caution
 
 EXPLICIT = 2.0  # kv h / I from which a damper that is taken at the start of the step swings up
 

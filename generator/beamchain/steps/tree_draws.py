@@ -25,7 +25,7 @@ from beamchain.ports.motions import Array
 from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.modal import Modal
 from beamchain.steps.retime import retime_by
-from beamchain.steps.tree_time import LIMIT, ROOM, Alone, appendages_alone
+from beamchain.steps.tree_time import LIMIT, ROOM, FreeAppendage, appendages_alone
 
 HALVINGS = 10  # of the way to the armature that is safe for sure
 
@@ -59,7 +59,7 @@ class TreeDraws:
     gap: Array
     stiffness: Array
     damping: Array
-    parts: tuple[Alone, ...]
+    parts: tuple[FreeAppendage, ...]
 
     @classmethod
     def of(
@@ -106,7 +106,7 @@ class TreeDraws:
         armature = gap + self.limit * squares + self.late * self.timestep * damping
         return DrawnTendons(np.maximum(armature, 0.0), stiffness, damping)
 
-    def _safe(self, part: Alone, gap: Array) -> Array:
+    def _safe(self, part: FreeAppendage, gap: Array) -> Array:
         """`(k, m)` of one appendage: `gap`, or as much above it as is safe."""
         sure = np.maximum(gap, self.gap[part.tendons])
         unsafe = np.flatnonzero(~_is_safe(part.free, gap))

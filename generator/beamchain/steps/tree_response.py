@@ -114,17 +114,17 @@ class Seen:
             np.union1d(np.geomspace(LOWEST * band, band, POINTS), slow[slow < BEYOND * band]),
         )
 
-    def compared(self, nearness: float) -> "Compared":
+    def compared(self, nearness: float) -> "ResponseResidual":
         """The response at `z = exp((j + nearness) w h)`."""
         step = np.expm1((1j + nearness) * self.omega * self.motion.timestep)
         exact = self.exact(step)
         # not less than the rigid response of one motion
         size = np.maximum(np.linalg.norm(exact, 2, axis=(1, 2)), 1.0)
-        return Compared(self, step, exact, size)
+        return ResponseResidual(self, step, exact, size)
 
 
 @dataclass(frozen=True, eq=False)
-class Compared:
+class ResponseResidual:
     """A response at given `z - 1` `(k,)`, the exact one `(k, m, m)`, and what differences are
     relative to `(k,)`; `known`: the last one, since a search asks for it again."""
 

@@ -38,7 +38,7 @@ from beamchain.steps.forms import ModeTime, TendonValues
 from beamchain.steps.integrators import SCHEMES, continuous_poles
 from beamchain.steps.modal import Modal, condensed_mass
 from beamchain.steps.step_map import last_kept, motion_for
-from beamchain.steps.tree_response import Compared, Seen, Tendons, outer_dofs
+from beamchain.steps.tree_response import ResponseResidual, Seen, Tendons, outer_dofs
 
 HINGE = 3  # mjJNT_HINGE
 APART = np.pi / 6.0  # by which joints turn from one pose to the next, at most
@@ -66,7 +66,7 @@ TOUCHING = 1e-9  # below c = 0, so that 0 can be had
 NAME = re.compile(r"(?:mode|filler)\d+(?:_(?:xy|xz|torsion|axial)\d*)?$")
 
 
-class Alone(NamedTuple):
+class FreeAppendage(NamedTuple):
     """The modal tendons of one appendage.
 
     Args:
@@ -80,12 +80,12 @@ class Alone(NamedTuple):
     free: Array
 
 
-def appendages_alone(model: "mujoco.MjModel", modal: Modal) -> list[Alone]:
+def appendages_alone(model: "mujoco.MjModel", modal: Modal) -> list[FreeAppendage]:
     """Every appendage of a model that is not timed, alone."""
     prefixes = [NAME.sub("", name) for name in modal.names]
     quiet = quiet_copy(model)
     data = rest_point(quiet).data()
-    out: list[Alone] = []
+    out: list[FreeAppendage] = []
     for prefix in dict.fromkeys(prefixes):
         tendons = np.array([i for i, name in enumerate(prefixes) if name == prefix], dtype=np.intp)
         dofs = np.flatnonzero(np.any(modal.rows[tendons] != 0.0, axis=0))
@@ -96,7 +96,7 @@ def appendages_alone(model: "mujoco.MjModel", modal: Modal) -> list[Alone]:
         rigid, momentum = _root(model, data, first, bodies, dofs)
         free = mass - momentum.T @ np.linalg.lstsq(rigid, momentum, rcond=1e-12)[0]
         held = condensed_mass(mass, rows)[0]
-        out.append(Alone(tendons, held, condensed_mass((free + free.T) / 2.0, rows)[0]))
+        out.append(FreeAppendage(tendons, held, condensed_mass((free + free.T) / 2.0, rows)[0]))
     return out
 
 
@@ -147,7 +147,7 @@ def tree_form(
     places = tuned_poses(model, modal)
     motions = [motion_for(model, h, integrator, place) for place in places]
     top = min(band or min(last_kept(model, motions[0]), UNASKED / h), FASTEST / h)
-    room = _Room.of(appendages_alone(model, modal), modal, integrator, h, top)
+    room = _TendonBounds.of(appendages_alone(model, modal), modal, integrator, h, top)
     seen = [
         Seen.of(model, modal, place, motion, top, joints)
         for place, motion in zip(places, motions, strict=True)
@@ -200,7 +200,7 @@ def turned_poses(model: "mujoco.MjModel", modal: Modal) -> list[Array]:
 
 
 @dataclass(frozen=True, eq=False)
-class _Room:
+class _TendonBounds:
     """What c, s and e may be, one after the other in a vector `(3 n,)`, and the barrier that keeps
     them there.
 
@@ -213,7 +213,7 @@ class _Room:
         low, high: `(3 n,)` bounds.
     """
 
-    appendages: Sequence[Alone]
+    appendages: Sequence[FreeAppendage]
     stiffness: Array
     damping: Array
     timestep: float
@@ -225,12 +225,12 @@ class _Room:
     @classmethod
     def of(
         cls,
-        appendages: Sequence[Alone],
+        appendages: Sequence[FreeAppendage],
         modal: Modal,
         integrator: str,
         timestep: float,
         band: float,
-    ) -> "_Room":
+    ) -> "_TendonBounds":
         """Of the tendons of a model that is not timed."""
         n = len(modal.names)
         is_rk4 = integrator == "RK4"
@@ -318,7 +318,7 @@ class _Room:
         ]
         return float(max(values))
 
-    def _phases(self, alone: Alone) -> Array:
+    def _phases(self, alone: FreeAppendage) -> Array:
         return self.timestep**2 * self.stiffness[alone.tendons]
 
     def _spare(self, unknowns: Array) -> list[Array]:
@@ -332,7 +332,7 @@ class _Room:
         ]
 
 
-def _nearest(room: _Room, seen: Sequence[Seen]) -> Array:
+def _nearest(room: _TendonBounds, seen: Sequence[Seen]) -> Array:
     """The unknowns with which the responses come nearest to the exact ones."""
     unknowns = room.start
     compared = [pose.compared(NEARNESS[0]) for pose in seen]
@@ -352,7 +352,7 @@ def _nearest(room: _Room, seen: Sequence[Seen]) -> Array:
 
 
 def _newton_step(
-    room: _Room, compared: Sequence[Compared], weight: float, unknowns: Array
+    room: _TendonBounds, compared: Sequence[ResponseResidual], weight: float, unknowns: Array
 ) -> tuple[Array, float]:
     """A step of Gauss and Newton, and the decrease of the objective that it promises."""
     tendons = room.tendons(unknowns)
@@ -369,8 +369,8 @@ def _newton_step(
 
 
 def _step_length(
-    room: _Room,
-    compared: Sequence[Compared],
+    room: _TendonBounds,
+    compared: Sequence[ResponseResidual],
     weight: float,
     unknowns: Array,
     step: Array,

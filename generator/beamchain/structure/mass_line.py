@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from beamchain.errors import InputError
-from beamchain.late import importing
+from beamchain.import_lock import importing
 from beamchain.ports.motions import Array, body_mass_matrix, locked
 from beamchain.structure.elements import gauss
-from beamchain.structure.planes import MOTIONS
+from beamchain.structure.settle_modes import MOTIONS
 
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly

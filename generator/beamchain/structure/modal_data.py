@@ -19,7 +19,7 @@ from beamchain.structure.mass_line import (
     mass_line_of_pieces,
     spread_mass,
 )
-from beamchain.structure.planes import (
+from beamchain.structure.settle_modes import (
     MOTIONS,
     PRINTED,
     ROUNDING,

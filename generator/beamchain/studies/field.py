@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from lxml import etree
 
-from beamchain.chain import rivals
-from beamchain.chain.build import Built, Wishes, build_exact, with_real_polar
+from beamchain.chain import baselines
+from beamchain.chain.build import BuildOptions, Built, build_exact, with_real_polar
 from beamchain.chain.chain import Chain
 from beamchain.chain.tendons import damped_modes, joint_damping
 from beamchain.engine.library import mujoco
@@ -156,7 +156,7 @@ def scene_text(hub: Hub, chain: Chain) -> str:
 
 def rigid_chain(beam: Beam) -> Chain:
     """The appendage as one rigid link."""
-    rigid = Chain((rivals.rigid_link(beam.line, 0.0, beam.length),), (), beam.length)
+    rigid = Chain((baselines.rigid_link(beam.line, 0.0, beam.length),), (), beam.length)
     return with_real_polar(rigid)
 
 
@@ -210,12 +210,12 @@ def _build(task: Task, entry: Entry) -> tuple[Chain, Mapping[str, PortModel]]:
     port = task.planes[0]
     if entry.model == PAPER:
         free = beam.port(port, 4).free_frequencies
-        k, c = rivals.seed_parameters(
+        k, c = baselines.seed_parameters(
             float(beam.rigid_mass()[0, 0]), beam.length, float(free[0]), float(free[1])
         )
-        return with_real_polar(rivals.seed_chain(beam, k, c, port)), {}
+        return with_real_polar(baselines.seed_chain(beam, k, c, port)), {}
     bending = [p for p in kept if p != "axial"]
-    chains = [rivals.equal_links(beam, entry.n, EQUAL[entry.model], p) for p in bending]
+    chains = [baselines.equal_links(beam, entry.n, EQUAL[entry.model], p) for p in bending]
     hinges = tuple(
         replace(
             hinge,
@@ -246,7 +246,7 @@ def _build_own(task: Task, entry: Entry, kept: dict[str, int]) -> Built:
 
     has_damping = any(np.any(task.full[port].damping > 0.0) for port in kept)
     if entry.timed:  # armature and damping of the modes stand on their tendons
-        wishes = Wishes(springs="modes", per_mode=has_damping)
+        wishes = BuildOptions(springs="modes", per_mode=has_damping)
     else:
-        wishes = Wishes(per_mode=has_damping and task.tendons)
+        wishes = BuildOptions(per_mode=has_damping and task.tendons)
     return build_exact(task.beam.line, kept, target, wishes)

@@ -7,7 +7,7 @@ from beamchain.engine.rollout import simulate
 from beamchain.errors import BeamchainError, EngineError
 from beamchain.studies import field
 from beamchain.studies.field import Entry, Task
-from beamchain.studies.front import TARGETS
+from beamchain.studies.pareto import TARGETS
 from beamchain.studies.scenario import SMALL, Scenario, relative_motion
 
 COARSE = Entry("equal links, midpoint", 7, "Euler")

@@ -14,7 +14,6 @@ import numpy as np
 from msgspec import structs
 
 from beamchain import report
-from beamchain.caution import Caution, at
 from beamchain.checks import list_of_names, number
 from beamchain.engine.jobs import Progress, check_workers, run_jobs
 from beamchain.engine.library import one_thread
@@ -28,12 +27,13 @@ from beamchain.fitting.spec import Spec, read_spec, spec_from_dict
 from beamchain.fitting.spec_text import spec_toml
 from beamchain.steps.driven import driven, limit_sentences
 from beamchain.steps.large_motion import large_motion
-from beamchain.studies import field, front
+from beamchain.studies import field, pareto
 from beamchain.studies.field import Entry, Task
-from beamchain.studies.front import TARGETS, Metric, Reach, recommended_name
 from beamchain.studies.large_motion import LINEAR, nonlinear_share
+from beamchain.studies.pareto import TARGETS, Metric, Reach, recommended_name
 from beamchain.studies.run_time import Ladder, Point, climb
 from beamchain.studies.scenario import Scenario, make_scenario, parse_profile
+from beamchain.warning_codes import Caution, at
 
 FULL_MODES = 30  # of the beam on the hub: one mode fewer changes the reference by less than 1e-9
 BUDGET = 0.1  # [s] for the errors of one entry
@@ -112,7 +112,7 @@ class Study:
 
     def reach(self, target: float, metric: Metric) -> dict[str, Reach]:
         """Per model, the cheapest setting for a `target` in a `metric`."""
-        found = {model: front.reach(self.ladders, model, target, metric) for model in self.models}
+        found = {model: pareto.reach(self.ladders, model, target, metric) for model in self.models}
         return {model: reach for model, reach in found.items() if reach is not None}
 
     def best(self, target: float, metric: Metric) -> Reach | None:
@@ -123,7 +123,7 @@ class Study:
 
     def nearest(self, metric: Metric) -> Point | None:
         """The most accurate of our own chains in a `metric`, whatever it takes."""
-        found = front.front([x for x in self.ladders if x.entry.ours], metric)
+        found = pareto.front([x for x in self.ladders if x.entry.ours], metric)
         return found[-1][1] if found else None
 
     def rivals(self, target: float, metric: Metric) -> dict[str, Reach]:
@@ -136,7 +136,7 @@ class Study:
         """Rivals that do not reach the `target`, with the best error of each in that `metric`."""
         reached = self.reach(target, metric)
         fronts = {
-            m: front.front([x for x in self.ladders if x.entry.model == m], metric)
+            m: pareto.front([x for x in self.ladders if x.entry.model == m], metric)
             for m in self.models
         }
         return {

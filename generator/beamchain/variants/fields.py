@@ -19,7 +19,7 @@ from beamchain.errors import InputError
 from beamchain.ports.motions import Array
 from beamchain.steps.forms import form2_many
 from beamchain.steps.integrators import SCHEMES
-from beamchain.steps.modal import Ints, MadeFor, Modal, foreign, modal_tendons, timing_marks
+from beamchain.steps.modal import Ints, Modal, TimingMark, foreign, modal_tendons, timing_marks
 from beamchain.steps.retime import carries_bodies, coupled_mass, retime_by, without_timing
 from beamchain.steps.tree_draws import TreeDraws
 
@@ -246,7 +246,7 @@ def exact_fields(
     stiffness = plain["tendon_stiffness"][:, at]
     damping = plain["tendon_damping"][:, at]
     plan = form2_many(integrator, mass, stiffness, damping, timestep)
-    out = _marked(plain, at, MadeFor(timestep, integrator, 2))
+    out = _marked(plain, at, TimingMark(timestep, integrator, 2))
     out["tendon_armature"][:, at] = plan.mass - 1.0
     out["tendon_damping"][:, at] = plan.damping
     return out
@@ -256,7 +256,7 @@ def _tree_fields(plain: Fields, modal: Modal, timing: TreeDraws, integrator: str
     """Fields of tendons without timing, timed by form 5 and marked as `retime` marks them."""
     at = modal.index
     plan = timing.drawn(plain["tendon_stiffness"][:, at], plain["tendon_damping"][:, at])
-    out = _marked(plain, at, MadeFor(timing.timestep, integrator, 5))
+    out = _marked(plain, at, TimingMark(timing.timestep, integrator, 5))
     out["tendon_armature"][:, at] += plan.armature
     out["tendon_stiffness"][:, at] = plan.stiffness
     out["tendon_damping"][:, at] = plan.damping
@@ -265,7 +265,7 @@ def _tree_fields(plain: Fields, modal: Modal, timing: TreeDraws, integrator: str
     return out
 
 
-def _marked(plain: Fields, at: Ints, mark: MadeFor) -> Fields:
+def _marked(plain: Fields, at: Ints, mark: TimingMark) -> Fields:
     """A copy of fields of tendons without timing, with what `retime` writes of them and of what
     they are made for."""
     out = {name: values.copy() for name, values in plain.items()}

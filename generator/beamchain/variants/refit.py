@@ -11,9 +11,9 @@ from msgspec import structs
 from beamchain.chain.links import raise_polar_inertia
 from beamchain.craft.quantities import Quantity
 from beamchain.craft.timing import fit_on_tendons
-from beamchain.engine.forces import wraps
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
+from beamchain.engine.model_rows import wraps
 from beamchain.errors import RealisationError
 from beamchain.fitting.body import body_of
 from beamchain.fitting.exact import kept_counts

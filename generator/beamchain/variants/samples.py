@@ -12,8 +12,8 @@ import numpy as np
 from beamchain.craft.linear_craft import linear_craft
 from beamchain.craft.model_fields import FIELDS, Maker, apply
 from beamchain.craft.quantities import Quantity, draws, quantities
-from beamchain.engine.forces import along
 from beamchain.engine.library import mujoco, one_thread
+from beamchain.engine.model_rows import along
 from beamchain.engine.signals import base
 from beamchain.errors import BeamchainError, InputError, RealisationError
 from beamchain.fitting.uncertain import Correlation, UncertainCraft, UncertainModes

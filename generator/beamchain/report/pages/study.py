@@ -8,7 +8,7 @@ from beamchain.report.formats import short
 from beamchain.report.page import Verdict, page_text
 from beamchain.report.svg import to_svg
 from beamchain.report.tables.study import point_table, reach_table
-from beamchain.studies.front import TARGETS, power, recommended_name
+from beamchain.studies.pareto import TARGETS, power, recommended_name
 
 if TYPE_CHECKING:
     from beamchain.studies.study import Study

@@ -5,15 +5,15 @@ from collections.abc import Iterable
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from beamchain.caution import warnings_record
 from beamchain.mjcf.write import joint_name
 from beamchain.ports.model import PortModel
 from beamchain.report.tables import inspect as inspect_tables
 from beamchain.report.tables.embed import coupled_table
 from beamchain.report.tables.fit import mass_record
-from beamchain.structure.planes import MOTIONS
-from beamchain.studies.front import TARGETS, Metric, Reach, power
+from beamchain.structure.settle_modes import MOTIONS
+from beamchain.studies.pareto import TARGETS, Metric, Reach, power
 from beamchain.studies.scenario import Scenario
+from beamchain.warning_codes import warnings_record
 
 if TYPE_CHECKING:
     from beamchain.craft.embedded import Embedded

@@ -5,7 +5,7 @@ from typing import Protocol
 
 from beamchain.report.formats import step_text
 from beamchain.report.table import Column, Table
-from beamchain.steps.modal import MadeFor
+from beamchain.steps.modal import TimingMark
 
 
 class Limits(Protocol):
@@ -38,7 +38,7 @@ def step_table(limits: Limits, title: str = "Largest time step") -> Table:
     return Table(title, columns)
 
 
-def timing_sentences(made_for: Iterable[MadeFor], without: str) -> list[str]:
+def timing_sentences(made_for: Iterable[TimingMark], without: str) -> list[str]:
     """What appendages have timing for, and what of the tables is `without` it."""
     return [
         f"the appendages have timing for {made.integrator} at {made.timestep:g} s; {without}"

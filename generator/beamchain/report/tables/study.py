@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from beamchain.report.formats import STUDY_TITLES, digits, relative, short
 from beamchain.report.table import Column, Table
-from beamchain.studies.front import TARGETS, Metric, Reach, power
+from beamchain.studies.pareto import TARGETS, Metric, Reach, power
 
 if TYPE_CHECKING:
     from beamchain.studies.study import Study

@@ -13,11 +13,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import linalg
 
-from beamchain.caution import Caution
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
 from beamchain.structure.modal_data import FurtherPoint, ModalData
-from beamchain.structure.readers.bounded import check_size, mat_arrays, names_held, npz_arrays
+from beamchain.structure.readers.safe_reading import check_size, mat_arrays, names_held, npz_arrays
 from beamchain.structure.rigid_body import (
     body_departure,
     independent_parts,
@@ -26,6 +25,7 @@ from beamchain.structure.rigid_body import (
     realisable_body,
     within_body,
 )
+from beamchain.warning_codes import Caution
 
 LARGEST = 4000  # freedoms; beyond that reduce in the program that made the model
 MOST = 200  # modes handed on, the lowest

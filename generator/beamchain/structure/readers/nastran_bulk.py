@@ -9,12 +9,12 @@ import numpy as np
 
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
-from beamchain.structure.readers import bounded
+from beamchain.structure.readers import safe_reading
 from beamchain.structure.readers.nastran_op4 import DIGITS, SINGLE, Matrix, fortran_number
 
 SMALLER = "deliver the matrices by OUTPUT4"
 NO_TEXT = "give the assembly (.asm) or punch (.pch) file"
-MOST_POINTS = bounded.LONGEST
+MOST_POINTS = safe_reading.LONGEST
 MOST_FIELDS = 20_000  # of one card; a column of a full matrix has three per row
 CARDS = frozenset(
     ("GRID", "CORD2R", "CORD2C", "CORD2S", "CORD1R", "CORD1C", "CORD1S", "SPOINT", "EXTRN", "DMIG")
@@ -119,7 +119,7 @@ def _cards(path: Path) -> Iterator[Card]:
     """The cards that are understood here, with their continuations."""
     name = ""
     fields: list[str] = []
-    for raw in bounded.lines(path, smaller=SMALLER, no_text=NO_TEXT):
+    for raw in safe_reading.lines(path, smaller=SMALLER, no_text=NO_TEXT):
         line = raw.split("$")[0].rstrip().expandtabs(8)
         if not line:
             continue
@@ -308,8 +308,8 @@ def _freedoms_of(held: Mapping[str, Sequence[Card]]) -> tuple[Freedom, ...]:
         for card in cards[1:]:
             found.update(row for row, _ in _entries(card))
             found.add(_freedom(card, 1))
-            if len(found) > bounded.LONGEST:
-                raise ValueError(f"{name} has more than {bounded.LONGEST} freedoms")
+            if len(found) > safe_reading.LONGEST:
+                raise ValueError(f"{name} has more than {safe_reading.LONGEST} freedoms")
     return tuple(sorted(found))
 
 

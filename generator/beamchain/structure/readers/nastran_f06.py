@@ -13,8 +13,8 @@ import numpy as np
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
 from beamchain.structure.modal_data import ModalData
-from beamchain.structure.planes import settle_rigid_mass
-from beamchain.structure.readers.bounded import lines
+from beamchain.structure.readers.safe_reading import lines
+from beamchain.structure.settle_modes import settle_rigid_mass
 
 PRECISION = 5e-7  # seven printed digits
 AGREE = 1e-4  # relative: how far tables that say the same may be apart

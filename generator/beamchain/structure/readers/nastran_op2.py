@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from beamchain.errors import InputError
-from beamchain.late import importing
+from beamchain.import_lock import importing
 from beamchain.ports.motions import Array
 from beamchain.structure.modal_data import ModalData
-from beamchain.structure.readers.bounded import check_size
+from beamchain.structure.readers.safe_reading import check_size
 
 PRECISION = 6e-7  # single precision, as op2 files usually have
 RIGID = ("RBMASS", "RBMASSS")  # MSC's name, NX's name

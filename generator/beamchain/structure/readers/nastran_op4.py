@@ -18,7 +18,7 @@ import numpy as np
 
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
-from beamchain.structure.readers import bounded
+from beamchain.structure.readers import safe_reading
 
 LARGEST_FILE = 300_000_000
 SMALLER = "write the mass and stiffness matrices alone"
@@ -113,10 +113,10 @@ def _check_header(header: Header, path: Path) -> None:
             f"file {str(path)!r}: {header.name} holds complex numbers; give real mass and "
             "stiffness, and the damping as ratios by [damping]."
         )
-    if max(header.rows, header.columns) > bounded.LONGEST:
+    if max(header.rows, header.columns) > safe_reading.LONGEST:
         raise InputError(
             f"file {str(path)!r}: {header.name} has the shape ({header.rows}, {header.columns}); "
-            f"at most {bounded.LONGEST} freedoms are taken: reduce the model first."
+            f"at most {safe_reading.LONGEST} freedoms are taken: reduce the model first."
         )
 
 
@@ -130,7 +130,7 @@ def read_op4(
         InputError: the file is cut or spoilt, or a wanted matrix is complex, too large, or stands
             in the file more than once.
     """
-    bounded.check_size(path, LARGEST_FILE, smaller=SMALLER)
+    safe_reading.check_size(path, LARGEST_FILE, smaller=SMALLER)
     matrices: dict[str, Matrix] = {}
     try:
         with path.open("rb") as stream:
@@ -309,7 +309,7 @@ def fortran_number(text: str) -> float:
 
 
 def _text(path: Path, wanted: Collection[str]) -> Iterator[tuple[str, Matrix | None]]:
-    lines = bounded.lines(path, smaller=SMALLER, no_text=NEITHER)
+    lines = safe_reading.lines(path, smaller=SMALLER, no_text=NEITHER)
     count = 0
     for line in lines:
         if not line.strip():

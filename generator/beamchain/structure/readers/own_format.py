@@ -12,7 +12,7 @@ from beamchain.errors import InputError
 from beamchain.files import LARGEST_TOML, tables
 from beamchain.structure.mass_line import MassPiece
 from beamchain.structure.modal_data import EXACT, ModalData
-from beamchain.structure.readers.bounded import LARGEST_JSON, text
+from beamchain.structure.readers.safe_reading import LARGEST_JSON, text
 
 FULL_DIGITS = 15  # a number with as many was computed, not printed
 

@@ -8,7 +8,7 @@ import numpy as np
 from beamchain.checks import path_of
 from beamchain.errors import InputError
 from beamchain.files import no_file, tables
-from beamchain.structure.readers.bounded import check_size, npz_arrays, text
+from beamchain.structure.readers.safe_reading import check_size, npz_arrays, text
 from beamchain.structure.recovery_rows import RecoveryRows
 
 ENDINGS = (".npz", ".toml")

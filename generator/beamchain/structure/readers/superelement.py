@@ -11,7 +11,6 @@ from typing import Annotated
 
 import numpy as np
 
-from beamchain.caution import Caution
 from beamchain.checks import Struct, field
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array, offset_matrix
@@ -32,6 +31,7 @@ from beamchain.structure.readers.nastran_bulk import (
     read_bulk,
 )
 from beamchain.structure.readers.nastran_op4 import Matrix, read_op4
+from beamchain.warning_codes import Caution
 
 #: Names under which mass and stiffness are delivered, the likeliest first.
 MASS = ("MXX", "MAAX", "MAA", "M", "MASS")

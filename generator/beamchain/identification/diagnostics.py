@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 from scipy.signal import detrend, welch
 
-from beamchain.caution import Caution
 from beamchain.identification.channels import Channels
+from beamchain.identification.initial_model import Order
 from beamchain.identification.likelihood import Found, Likelihood, derivatives
 from beamchain.identification.prior import Match, Prior
 from beamchain.identification.response import Piece, Raw
 from beamchain.identification.result import Identification, IdentifiedMode
-from beamchain.identification.start import Order
 from beamchain.identification.structure import Body, Parts, Structure, rotation
 from beamchain.toolkit import MOTIONS, Array
+from beamchain.warning_codes import Caution
 
 USEFUL_FREQUENCY = 0.03  # relative standard deviation beyond which a frequency is not determined
 USEFUL_DAMPING = 0.5

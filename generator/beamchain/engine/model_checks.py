@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from beamchain.engine.library import mujoco, quiet
-from beamchain.engine.unchanged import DERIVED, KINDS, NAMED
+from beamchain.engine.model_diff import DERIVED, KINDS, NAMED
 from beamchain.errors import InputError
 
 SHORTEST_STEP = 1e-15  # s; beyond these two a step's products leave double precision

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from beamchain.engine.drawn import drawn_points
+from beamchain.engine.geometry import drawn_points
 from beamchain.engine.library import mujoco
 from beamchain.ports.motions import Array
 

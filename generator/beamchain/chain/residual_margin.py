@@ -33,22 +33,22 @@ TURNS = {
 
 
 @dataclass(frozen=True, eq=False)
-class Wanted:
+class HingeDemand:
     """A group of modes, hinges that each port needs, and those that stand [m]."""
 
     modes: ModeGroup
     counts: Mapping[str, int]
     fixed: Mapping[str, tuple[float, ...]]
 
-    def more(self) -> "Wanted":
+    def more(self) -> "HingeDemand":
         """The same with one more hinge in every port."""
-        return Wanted(
+        return HingeDemand(
             self.modes, {port: count + 1 for port, count in self.counts.items()}, self.fixed
         )
 
-    def fewer(self, port: str) -> "Wanted":
+    def fewer(self, port: str) -> "HingeDemand":
         """The same with one hinge less in a port."""
-        return Wanted(self.modes, {**self.counts, port: self.counts[port] - 1}, self.fixed)
+        return HingeDemand(self.modes, {**self.counts, port: self.counts[port] - 1}, self.fixed)
 
 
 def shortest_link(x: Array, length: float) -> float:
@@ -69,18 +69,20 @@ class Margins:
     """Margins of candidate cuts of one appendage."""
 
     line: MassLine
-    wanted: tuple[Wanted, ...]
+    wanted: tuple[HingeDemand, ...]
     further: tuple[float, ...]
     effort: Effort = field(default_factory=Effort)
     _known: dict[int, tuple[Array, Array, Array, Array]] = field(
         default_factory=dict[int, tuple[Array, Array, Array, Array]]
     )
 
-    def of(self, group: Wanted) -> "Margins":
+    def of(self, group: HingeDemand) -> "Margins":
         """Those of one group alone."""
         return Margins(self.line, (group,), self.further, self.effort)
 
-    def margin(self, group: Wanted, x: Array, freedoms: Sequence[Freedom], behind: Array) -> float:
+    def margin(
+        self, group: HingeDemand, x: Array, freedoms: Sequence[Freedom], behind: Array
+    ) -> float:
         """Least eigenvalue of what is left; `behind` `(c, 6, 6)`: mass behind hinges."""
         self.effort.tried += 1 + len(freedoms) // 8  # as long as it takes
         motion, given, floor, left_over = self._constants(group)
@@ -110,7 +112,7 @@ class Margins:
         left[:m, :m] += floor
         return _least_share(left, blocks)
 
-    def _constants(self, group: Wanted) -> tuple[Array, Array, Array, Array]:
+    def _constants(self, group: HingeDemand) -> tuple[Array, Array, Array, Array]:
         """Motion, the modes' share, a floor, and the residual mass of a group."""
         key = id(group)
         if key not in self._known:
@@ -143,7 +145,7 @@ class Margins:
                 break
         return min(margins), chosen, margins
 
-    def _choices(self, group: Wanted, x: Array) -> Iterator[list[Freedom]]:
+    def _choices(self, group: HingeDemand, x: Array) -> Iterator[list[Freedom]]:
         """Hinges that a group may take: fixed ones, and others evenly spread first."""
         close = SAME_PLACE * self.line.length
         own: dict[str, list[int]] = {}
