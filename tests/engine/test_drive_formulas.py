@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import beamchain.engine.driven_hinge as driven_module
 import beamchain.engine.rollout as rollout_module
+import beamchain.engine.runs as runs_module
 from beamchain.errors import EngineError
 from formulas import (
     DriveOfHinge,
@@ -105,7 +106,7 @@ SLIDER = """<mujoco><option gravity="0 0 0"/><worldbody><body><joint type="slide
 @pytest.mark.parametrize("numbers", [1, 60, 4_000_000])
 def test_a_run_under_the_means_of_its_torques(mean_input, numbers, monkeypatch):
     """v_k = v_(k-1) + h f_k / m, x_k = x_(k-1) + h v_k; in pieces of any length."""
-    monkeypatch.setattr(driven_module, "LARGEST", numbers)
+    monkeypatch.setattr(runs_module, "LARGEST", numbers)
     model = mujoco.MjModel.from_xml_string(SLIDER)
     times = np.linspace(0.0, 1.0, 41)
     torques = np.sin(3.0 * times)[:, None]
@@ -201,7 +202,7 @@ HUB = """<mujoco><option gravity="0 0 0"/><worldbody><body pos="1 2 3"><freejoin
 
 @pytest.mark.parametrize("numbers", [1, 180, 4_000_000])
 def test_a_hub_under_a_wrench_that_changes(numbers, monkeypatch):
-    monkeypatch.setattr(rollout_module, "LARGEST", numbers)
+    monkeypatch.setattr(runs_module, "LARGEST", numbers)
     steps, h = 30, 0.02
     wrench = np.zeros((steps, 6))
     wrench[:, 2], wrench[:, 4] = np.cos(np.arange(steps)), 0.4 * np.arange(steps)
@@ -251,8 +252,8 @@ def test_a_wrench_that_changes_seldom_is_called_for_as_seldom(monkeypatch):
 
 def test_the_time_of_a_run_is_that_of_its_calls(monkeypatch):
     clock = iter([10.0, 10.25, 20.0, 20.5, 30.0, 30.125])
-    monkeypatch.setattr(rollout_module.time, "thread_time", lambda: next(clock))
-    monkeypatch.setattr(rollout_module, "LARGEST", 1)
+    monkeypatch.setattr(runs_module.time, "thread_time", lambda: next(clock))
+    monkeypatch.setattr(runs_module, "LARGEST", 1)
     model = mujoco.MjModel.from_xml_string(HUB)
     assert simulate_hub(model, "Euler", 0.03, np.zeros((2, 6))).seconds == 0.75
     assert seconds_of(model, "Euler", 0.03, np.zeros((9, 6))) == 0.125

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from beamchain.engine.library import mujoco, quiet, rollout_engine
+from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import INTEGRATORS, dense_mass
-from beamchain.engine.rollout import FORCES, LARGEST, STATE
+from beamchain.engine.runs import initial_state, roll
 from beamchain.errors import EngineError
 from beamchain.ports.motions import Array, locked
 
@@ -192,38 +192,20 @@ def run(
     if mean_input:
         torques = (torques + np.vstack([np.zeros((1, torques.shape[1])), torques[:-1]])) / 2.0
     dofs = np.asarray(model.jnt_dofadr)[held]
-    data = mujoco.MjData(model)
-    size = mujoco.mj_stateSize(model, STATE)
-    state = np.zeros((1, size))
-    mujoco.mj_getState(model, data, state[0], STATE)
-    states = np.empty((drive.samples, size))
-    states[0] = state[0]
-    most = max(LARGEST // ((size + model.nv) * per_sample), 1) * per_sample
-    done = 0
-    with quiet(), rollout_engine() as engine:
-        while done < steps:
-            count = min(most, steps - done)
-            forces = np.zeros((1, count, model.nv))
-            forces[0, :, dofs] = torques[done : done + count].T
-            out = np.empty((1, count, size))
-            engine.rollout(
-                [model],
-                [data],
-                state,
-                forces,
-                control_spec=FORCES,
-                skip_checks=True,
-                nstep=count,
-                state=out,
-            )
-            if int(np.sum(data.warning.number)) > 0 or not np.all(np.isfinite(out[0, -1])):
-                raise EngineError(
-                    f"the slew cannot be simulated with {integrator} at {timestep:.4g} s: the "
-                    "simulation is unstable."
-                )
-            first = done // per_sample + 1
-            states[first : first + count // per_sample] = out[0, per_sample - 1 :: per_sample]
-            state, done = out[:, -1].copy(), done + count
+
+    def forces(first: int, end: int) -> Array:
+        given = np.zeros((end - first, model.nv))
+        given[:, dofs] = torques[first:end]
+        return given
+
+    states = initial_state(model)[None]
+    for piece, _ in roll(model, steps, forces, per_sample):
+        states = np.vstack([states, piece[per_sample - 1 :: per_sample]])
+    if len(states) < drive.samples:
+        raise EngineError(
+            f"the slew cannot be simulated with {integrator} at {timestep:.4g} s: the simulation "
+            "is unstable."
+        )
     return Run(
         locked(states[:, 1 : 1 + model.nq].copy()),
         locked(states[:, 1 + model.nq : 1 + model.nq + model.nv].copy()),

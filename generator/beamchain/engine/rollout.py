@@ -1,5 +1,4 @@
-"""Simulation in one go, without Python between the steps: `mujoco.rollout` on the calling thread,
-and its time."""
+"""A hub under a wrench: its motion, and the time that it takes to simulate it."""
 
 import time
 from dataclasses import dataclass
@@ -7,15 +6,13 @@ from itertools import pairwise
 
 import numpy as np
 
-from beamchain.engine.library import mujoco, quiet, rollout_engine
+from beamchain.engine.library import mujoco, quiet
 from beamchain.engine.linearise import INTEGRATORS
+from beamchain.engine.runs import roll
 from beamchain.ports.motions import Array
 
-STATE = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
-FORCES = int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
 SHORTEST_STRETCH = 5  # steps per wrench from which one call per wrench is quicker
 ROUNDING = 1e-9  # relative to the largest: a wrench that changes by less has not changed
-LARGEST = 4_000_000  # numbers held at once; longer simulations go in pieces
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,38 +26,19 @@ class Course:
 def simulate(model: "mujoco.MjModel", integrator: str, timestep: float, wrench: Array) -> Course:
     """Simulate from rest with a wrench `(t, 6)` on the hub, constant over a step."""
     model.opt.integrator, model.opt.timestep = INTEGRATORS[integrator], timestep
-    data = mujoco.MjData(model)
-    size = mujoco.mj_stateSize(model, STATE)
+    rest = np.array(model.qpos0[:3])
     steps = wrench.shape[0]
-    state = np.zeros((1, size))
-    mujoco.mj_getState(model, data, state[0], STATE)
-    rest = data.qpos[:3].copy()
-    piece = max(min(steps, LARGEST // (size + model.nv)), 1)
     motion = np.full((steps, 6), np.nan)
+
+    def forces(first: int, end: int) -> Array:
+        return np.hstack([wrench[first:end], np.zeros((end - first, model.nv - 6))])
+
     seconds, done = 0.0, 0
-    with quiet(), rollout_engine() as engine:
-        while done < steps:
-            count = min(piece, steps - done)
-            forces = np.zeros((1, count, model.nv))
-            forces[0, :, :6] = wrench[done : done + count]
-            out = np.empty((1, count, size))
-            start = time.thread_time()
-            engine.rollout(
-                [model],
-                [data],
-                state,
-                forces,
-                control_spec=FORCES,
-                skip_checks=True,
-                nstep=count,
-                state=out,
-            )
-            seconds += time.thread_time() - start
-            if int(np.sum(data.warning.number)) > 0 or not np.all(np.isfinite(out[0, -1])):
-                return Course(motion, seconds)
-            motion[done : done + count, :3] = out[0, :, 1:4] - rest
-            motion[done : done + count, 3:] = _rotation(out[0, :, 4:8])
-            state, done = out[:, -1].copy(), done + count
+    for states, took in roll(model, steps, forces):
+        piece = slice(done, done + len(states))
+        motion[piece, :3] = states[:, 1:4] - rest
+        motion[piece, 3:] = _rotation(states[:, 4:8])
+        seconds, done = seconds + took, done + len(states)
     return Course(motion, seconds)
 
 

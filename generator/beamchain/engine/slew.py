@@ -18,6 +18,7 @@ from beamchain.engine.linear import linear_at
 from beamchain.engine.linearise import mass_matrix
 from beamchain.engine.model_rows import sprung
 from beamchain.engine.operating_point import quiet_copy, rest_point
+from beamchain.engine.runs import film
 from beamchain.errors import EngineError, InputError
 from beamchain.ports.motions import Array, locked
 
@@ -262,19 +263,12 @@ def _run(model: "mujoco.MjModel", push: Push, end: float, frames: int) -> Array:
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     step = float(model.opt.timestep)
-    positions = np.empty((frames, model.nq))
-    for k, time in enumerate(np.linspace(0.0, end, frames)):
-        while data.time < time - step / 2.0:
-            before = data.time
-            push(data, before, before + step)
-            mujoco.mj_step(model, data)
-            if data.time < before:  # MuJoCo starts anew where a state is not finite
-                raise EngineError(
-                    f"the simulation is unstable at the scene's step of {step:g} s; see beamchain "
-                    "inspect for the largest one."
-                )
-        positions[k] = data.qpos
-    return positions
+
+    def advance() -> None:
+        push(data, data.time, data.time + step)
+        mujoco.mj_step(model, data)
+
+    return film(model, data, np.linspace(0.0, end, frames), advance)
 
 
 def _check_steps(model: "mujoco.MjModel", end: float, most: float) -> None:

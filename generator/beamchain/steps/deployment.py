@@ -11,7 +11,8 @@ import numpy as np
 from beamchain.checks import unknown
 from beamchain.engine.library import mujoco
 from beamchain.engine.operating_point import keyframe_names
-from beamchain.errors import EngineError, InputError
+from beamchain.engine.runs import film
+from beamchain.errors import InputError
 from beamchain.ports.motions import Array, locked
 from beamchain.steps.latch import Latched, latch, unlatch
 
@@ -94,20 +95,8 @@ def simulate_run(
                 ahead[0].remove(name)
         mujoco.mj_step(model, data)
 
-    step = float(model.opt.timestep)
     times = np.linspace(0.0, seconds, frames)
-    start = float(data.time)
-    positions = np.empty((frames, model.nq))
-    for k, time in enumerate(start + times):
-        while data.time < time - step / 2.0:
-            before = data.time
-            advance()
-            if data.time < before:  # MuJoCo starts anew where a state is not finite
-                raise EngineError(
-                    f"the simulation is unstable at the scene's step of {step:g} s; see beamchain "
-                    "inspect for the largest one."
-                )
-        positions[k] = data.qpos
+    positions = film(model, data, data.time + times, advance)
     waiting = tuple(name for stage in ahead for name in stage)
     shape = positions[[0]].repeat(frames, 0)
     free = model.jnt_qposadr[model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE)]

@@ -6,12 +6,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.linalg import block_diag
 from scipy.sparse.csgraph import connected_components
 
 from beamchain.checks import finite_array
 from beamchain.errors import InputError
 from beamchain.ports.model import PortModel
-from beamchain.ports.motions import PORT_MOTION, PORTS, Array, locked
+from beamchain.ports.motions import PORT_MOTION, PORTS, Array, locked, offset_matrix
 from beamchain.structure.mass_line import (
     MassLine,
     MassPiece,
@@ -435,12 +436,9 @@ class ModalData:
         turn = left @ right
         if not np.any(r) and np.array_equal(turn, np.eye(3)):
             return self
+        tip_turn = block_diag(turn, turn)
         # motion of the present point per motion of the new one, in the new axes
-        x, y, z = r
-        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-        zeros = np.zeros((3, 3))
-        motion = np.block([[turn.T, cross @ turn.T], [zeros, turn.T]])
-        tip_turn = np.block([[turn, zeros], [zeros, turn]])
+        motion = offset_matrix(-r) @ tip_turn.T
         step = f"port at {_words(r)} of the file"
         if not np.array_equal(turn, np.eye(3)):
             step += f", axes {'; '.join(_words(row) for row in turn)}"

@@ -1,0 +1,80 @@
+"""Runs of a model: under given forces in one go, without Python between the steps, or step by step
+under what its state asks for."""
+
+import time
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from beamchain.engine.library import mujoco, quiet, rollout_engine
+from beamchain.errors import EngineError
+from beamchain.ports.motions import Array
+
+STATE = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
+FORCES = int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
+LARGEST = 4_000_000  # numbers held at once; longer runs go in pieces
+
+
+def initial_state(model: "mujoco.MjModel") -> Array:
+    """`(size,)` the physical state in which a model begins: time, positions, velocities, ..."""
+    state = np.zeros(mujoco.mj_stateSize(model, STATE))
+    mujoco.mj_getState(model, mujoco.MjData(model), state, STATE)
+    return state
+
+
+def roll(
+    model: "mujoco.MjModel", steps: int, forces: Callable[[int, int], Array], multiple: int = 1
+) -> Iterator[tuple[Array, float]]:
+    """States `(k, size)` after each of many steps, piece by piece, and the time that a piece took
+    [s]: by `mujoco.rollout` on the calling thread, from the initial state. Ends before its time
+    where MuJoCo warns, or a state is not finite.
+
+    Args:
+        model: at its own step and integrator.
+        steps: how many.
+        forces: generalised forces `(k, nv)` of the steps from one to before another, each held
+            over its step.
+        multiple: of so many steps every piece consists.
+    """
+    data = mujoco.MjData(model)
+    state = initial_state(model)[None]
+    piece = max(LARGEST // ((state.size + model.nv) * multiple), 1) * multiple
+    for first in range(0, steps, piece):
+        given = forces(first, min(first + piece, steps))[None]
+        out = np.empty((1, given.shape[1], state.size))
+        with quiet(), rollout_engine() as engine:
+            start = time.thread_time()
+            engine.rollout(
+                [model],
+                [data],
+                state,
+                given,
+                control_spec=FORCES,
+                skip_checks=True,
+                nstep=given.shape[1],
+                state=out,
+            )
+            seconds = time.thread_time() - start
+        if int(np.sum(data.warning.number)) > 0 or not np.all(np.isfinite(out[0, -1])):
+            return
+        yield out[0], seconds
+        state = out[:, -1].copy()
+
+
+def film(
+    model: "mujoco.MjModel", data: "mujoco.MjData", times: Array, advance: Callable[[], None]
+) -> Array:
+    """`(k, nq)` positions at some times `(k,)` [s], each reached by steps that `advance` takes."""
+    step = float(model.opt.timestep)
+    positions = np.empty((len(times), model.nq))
+    for k, moment in enumerate(times):
+        while data.time < moment - step / 2.0:
+            before = data.time
+            advance()
+            if data.time < before:  # MuJoCo starts anew where a state is not finite
+                raise EngineError(
+                    f"the simulation is unstable at the scene's step of {step:g} s; see beamchain "
+                    "inspect for the largest one."
+                )
+        positions[k] = data.qpos
+    return positions
