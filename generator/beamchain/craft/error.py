@@ -340,7 +340,9 @@ class Pose:
         stated = self.with_appendages([item.whole for item in self.carried], self.bare)
         compared = self.with_appendages(self.whole)
         motions = self.motions
-        return Exact(stated.picked(motions, motions), compared.picked(motions, motions), self.band)
+        own = self.bare.mass.shape[0]
+        pair = (craft.picked(motions, motions) for craft in (stated, compared))
+        return Exact(*pair, band=self.band, own=own)
 
     def _damped(self, models: Sequence[PortModel]) -> list[PortModel]:
         """Appendages with the damping at which they are compared."""

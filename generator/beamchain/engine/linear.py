@@ -361,9 +361,10 @@ class Linear:
             activations=self.activations._replace(force=motion.T @ self.activations.force),
         )
 
-    def shapes_up_to(self, above: float) -> Array:
+    def shapes_up_to(self, above: float, own: int = 0) -> Array:
         """`(nv, n)` fewer coordinates: its rigid motions, its normal modes up to a frequency, and
-        the static shapes, under its inputs and of what its outputs see, of all modes beyond.
+        the static shapes, under its inputs, of what its outputs see, and under the dampers of its
+        own coordinates, of all modes beyond.
 
         The modes are those of the whole, so that none in question moves. The static response to the
         inputs, and what they and the outputs have to do with the modes up to there, stays exact
@@ -371,12 +372,13 @@ class Linear:
 
         Args:
             above: the frequency [rad/s].
+            own: how many of the first coordinates are not modes, with ratios of their own.
         """
         modes = self.modes()
         low = modes.frequency <= above
         # in coordinates w q, in which the stiffness is one
         beyond = modes.shapes[:, ~low] / modes.frequency[~low]
-        loads = np.hstack([self.inputs.force, self.outputs.acceleration.T])
+        loads = np.hstack([self.inputs.force, self.outputs.acceleration.T, self.damping[:, :own]])
         responses = beyond.T @ loads
         sizes = np.linalg.norm(responses, axis=0)
         responses = responses[:, sizes > 0.0] / sizes[sizes > 0.0]

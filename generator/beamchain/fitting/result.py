@@ -464,7 +464,7 @@ class Fit:
         root = int(model.body(f"{self.spec.name}_link1").id)
         rows = motion(model, data, root, data.xpos[root], data.xmat[root].reshape(3, 3))[keep]
         return sampled_error(
-            Exact(exact, compared, band),
+            Exact(exact, compared, band, own=6),
             motion_at(model),
             rows,
             scale=np.outer(s, s),

@@ -114,13 +114,14 @@ class Exact:
         stated: pushed and looked at in the motions that count, with every mode.
         compared: the same with the damping at which errors are compared.
         band: modes of the whole that are far beyond act by their static shapes only.
+        own: how many of the first coordinates are the craft's, not modes of appendages.
     """
 
-    def __init__(self, stated: Linear, compared: Linear, band: float) -> None:
+    def __init__(self, stated: Linear, compared: Linear, band: float, own: int) -> None:
         self.band: float = band
         # gathered as a whole, not appendage by appendage: what a heavy body on a port moves on is
         # the flexibility of modes that are far beyond the band while the body is not there
-        shapes = stated.shapes_up_to(FAR * band)
+        shapes = stated.shapes_up_to(FAR * band, own)
         names = tuple(Signal(f"shape {k + 1}", "") for k in range(shapes.shape[1]))
         self._near: Linear = stated.in_coordinates(shapes, names)
         self._lacking: Array = shapes.T @ (compared.damping - stated.damping) @ shapes
