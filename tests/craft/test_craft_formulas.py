@@ -1,5 +1,6 @@
 """Closed forms beside the formulas of a craft."""
 
+from itertools import pairwise
 from types import SimpleNamespace
 
 import mujoco
@@ -308,6 +309,29 @@ def test_motion_slope_and_curvature_of_cubic_modes():
     np.testing.assert_allclose(motion[0], cubic(x), atol=1e-12)
     np.testing.assert_allclose(slope[0], cubic(x, 1), atol=1e-11)
     np.testing.assert_allclose(bend[0], cubic((x[1:] + x[:-1]) / 2.0, 2), atol=1e-9)
+
+
+@pytest.mark.parametrize("off", [-0.5e-9, 0.0, 0.5e-9])
+def test_a_hinge_line_belongs_to_the_cubics_on_both_sides(off):
+    """Four points, of which two stand on hinge lines as far as rounding goes, make each cubic."""
+    breaks = np.array([0.0, 1.0, 2.5, 4.0])
+
+    def bent(x):
+        behind = [np.maximum(x - line, 0.0) for line in breaks[1:-1]]
+        return 0.2 * x**3 - 0.5 * x + sum(y - 0.8 * y**3 for y in behind)
+
+    lines = breaks[1:-1] + 4.0 * off
+    inner = np.concatenate([np.linspace(a, b, 4)[1:3] for a, b in pairwise(breaks)])
+    at = np.sort(np.concatenate([inner, lines, breaks[-1:]]))
+    model = SimpleNamespace(
+        shapes=SimpleNamespace(x=at, moved=np.ones(at.size), values=bent(at)[None])
+    )
+    x = np.array([2e-9, 0.4, *(breaks[1:-1] - 4.0 * off), 3.1, 4.0])
+    motion, slope, _ = motion_of_modes(model, x, breaks.tolist())
+    assert motion[0] == pytest.approx(bent(x), abs=1e-7)
+    # a line's own slope is that before it
+    before = x - 1e-5 * (x > 1.0 - 1e-6)
+    assert slope[0] == pytest.approx((bent(before + 1e-6) - bent(before - 1e-6)) / 2e-6, abs=1e-3)
 
 
 @pytest.mark.parametrize("port", ["xy", "xz", "torsion"])

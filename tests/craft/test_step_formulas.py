@@ -451,6 +451,18 @@ def test_mass_centres_are_told_from_the_base_wherever_it_stands():
     assert found == pytest.approx([0.5, 3.0, 0.0], abs=1e-12)
 
 
+@pytest.mark.parametrize(("part", "kept"), [(0.5, False), (2.0, True)])
+def test_a_mass_centre_is_on_an_axis_but_for_rounding_of_its_distance(part, kept):
+    craft = mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><body><freejoint/><geom size="1"/></body></worldbody></mujoco>'
+    )
+    side = part * 1e-12 * 40.0
+    held = SimpleNamespace(body=1, origin=np.array([40.0, side, 0.0]), axes=np.eye(3))
+    fit = SimpleNamespace(measured=SimpleNamespace(rigid_mass=np.eye(6)))
+    made = SimpleNamespace(craft=craft, appendages=[SimpleNamespace(at="m", mount=held, fit=fit)])
+    assert Embedded.mass_centres.func(made)["m"].tolist() == [40.0, side if kept else 0.0, 0.0]
+
+
 def test_only_a_file_of_the_spacecraft_has_hinges_to_slew():
     with pytest.raises(bc.InputError, match="--joint elbow: arm.toml has no hinges"):
         bc.stability("arm.toml", joints=["elbow"])

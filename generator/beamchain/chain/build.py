@@ -466,7 +466,7 @@ def _required_hinges(
     motion = group_motion(group.ports)
     mass = motion.T @ rigid @ motion
     size = np.sqrt(np.diag(mass))
-    part = group.rows[:, : mass.shape[0]] / size
+    part = group.rows[:, : len(mass)] / size
     bare = float(np.linalg.eigvalsh(mass / np.outer(size, size) - part.T @ part)[0]) < NOTHING
     root = {0.0} if bare else set[float]()
     return {

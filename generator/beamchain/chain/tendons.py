@@ -83,7 +83,7 @@ class ModeGroup:
             np.abs(rigid)
         ):
             return self
-        m = rigid.shape[0]
+        m = len(rigid)
         left = rigid - self.rows[:, :m].T @ self.rows[:, :m]
         size = np.sqrt(np.diag(rigid))
         if float(np.linalg.eigvalsh(left / np.outer(size, size))[0]) > LEAST_LEFT:

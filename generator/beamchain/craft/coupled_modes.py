@@ -236,11 +236,10 @@ def _phase(momenta: Sequence[Array]) -> str:
     if len(momenta) != 2:
         return ""
     a, b = momenta
-    size = float(np.linalg.norm(a) * np.linalg.norm(b))
-    cosine = float(a @ b) / size if size > 0.0 else 0.0
-    if abs(cosine) <= ALONG:
+    along = float(a @ b)
+    if abs(along) <= ALONG * float(np.linalg.norm(a) * np.linalg.norm(b)):
         return ""
-    return " in phase" if cosine > 0.0 else " opposed"
+    return " in phase" if along > 0.0 else " opposed"
 
 
 def _port(model: PortModel, coordinates: Array) -> str:

@@ -163,7 +163,7 @@ def _elements(
             f"{RESTORE}."
         )
     bodies = {top}
-    for body in range(top + 1, model.nbody):
+    for body in range(model.nbody):
         name = model.body(body).name
         if int(model.body_parentid[body]) not in bodies or name in elsewhere:
             continue
