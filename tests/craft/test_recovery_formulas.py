@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import beamchain as bc
+from beamchain.craft.recovered_body import SAME
 from formulas import (
     Coordinates,
     History,
@@ -17,6 +18,7 @@ from formulas import (
     appendage_at,
     attachment_turn,
     carried_load,
+    check_same_modes,
     felt_by_modes,
     imported_body,
     load_of_modes_left_out,
@@ -501,6 +503,19 @@ def test_the_tip_of_a_beam_moves_with_its_mode(length):
     fit.kept_for = "clamped"
     found = tip_displacement(model, made, "xy")
     assert found == pytest.approx([0.0] * 6 + [0.3 * tip, -0.8 * tip], rel=1e-9)
+
+
+@pytest.mark.parametrize("part", [-1.1, -0.9, 0.9, 1.1])
+def test_modes_that_are_found_again_are_those_of_the_file(part):
+    kept, made = np.array([2.0, 40.0]), SimpleNamespace(at="mount")
+    found = kept * [1.0, 1.0 + part * SAME]
+    if abs(part) < 1.0:
+        check_same_modes(made, found, kept)
+    else:
+        with pytest.raises(bc.InputError, match="not those of its specification any more"):
+            check_same_modes(made, found, kept)
+    with pytest.raises(bc.InputError, match="not those of its specification any more"):
+        check_same_modes(made, kept[:1], kept)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])

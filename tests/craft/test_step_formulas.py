@@ -13,12 +13,14 @@ from scipy.linalg import eigh
 import beamchain as bc
 from beamchain.craft.stability import StabilityStudy
 from beamchain.errors import EngineError
+from beamchain.steps.budget import HOST
 from formulas import (
     AppendageOnLoad,
     CraftError,
     Embedded,
     Way,
     cantilever_names,
+    change_of_stiffness,
     cure_of_step,
     decide_timing,
     disturbances,
@@ -38,6 +40,7 @@ from formulas import (
     response_change,
     rest_point,
     step_slopes,
+    study_fit,
 )
 from specs import spec_of
 
@@ -155,6 +158,59 @@ def test_a_response_changes_with_a_pole():
 )
 def test_timing_is_worth_a_third_of_the_error_or_the_tolerance(plain, timed, tolerance, worth):
     assert is_worth_timing(plain, timed, tolerance) is worth
+
+
+@pytest.mark.parametrize("stiffer", [0.7, 1.2])
+def test_timing_changes_stiffness_by_its_worst_mode(stiffer, monkeypatch):
+    modal = SimpleNamespace(index=np.array([2, 0]), stiffness=np.array([40.0, 5.0]))
+    monkeypatch.setattr("beamchain.craft.timing.modal_tendons", lambda _: modal)
+    model = SimpleNamespace(tendon_stiffness=np.array([5.0 * 1.1, 900.0, 40.0 * stiffer]))
+    assert change_of_stiffness(model) == pytest.approx(abs(stiffer - 1.0))
+
+
+# -- limits of a fit -------------------------------------------------------------------------------
+FITTED_LIMITS = {
+    "rod on its hub": {"Euler": 0.03, "implicit": 0.5, HOST: 0.9},
+    "rod alone": {"Euler": 0.07, "implicit": 0.2, HOST: 0.9},
+}
+
+
+@pytest.mark.parametrize("step", [0.0299, 0.03, 0.3])
+@pytest.mark.parametrize("overdamped", [False, True])
+def test_limits_of_a_fit_are_those_on_its_hub_and_alone(step, overdamped, monkeypatch):
+    """Its step and its own are held against those on its hub."""
+
+    def budget(model, name):
+        if overdamped and name == "rod alone":
+            raise EngineError("nothing oscillates")
+        return SimpleNamespace(name=name, timestep=0.02, largest_step=FITTED_LIMITS[name])
+
+    monkeypatch.setattr("beamchain.craft.stability.compile_model", lambda text: text)
+    monkeypatch.setattr("beamchain.craft.stability.budget", budget)
+    spec = SimpleNamespace(
+        name="rod", integrator="Euler", scene=SimpleNamespace(integrator="Euler")
+    )
+    fit = SimpleNamespace(
+        spec=spec,
+        step=step,
+        scene_mjcf=lambda: "scene",
+        bench_mjcf=lambda: "bench",
+        large_motion=({"xy": "limit"}, ["why"]),
+    )
+    found = study_fit(fit)
+    kept = list(FITTED_LIMITS)[: 1 if overdamped else 2]
+    assert [each.name for each in found.budgets] == kept
+    rows = [(name, *row) for name in kept for row in FITTED_LIMITS[name].items()]
+    assert [(row.name, row.integrator, row.largest) for row in found.rows] == [
+        row for row in rows if row[1] != HOST
+    ]
+    codes = ["overdamped"] * overdamped + ["unstable-step"] * (step >= 0.03)
+    assert found.warnings[0] == "why"
+    assert [caution.code for caution in found.warnings[1:]] == codes
+    assert found.large == {"xy": "limit"}
+    assert found.own_step.startswith("rod on its hub: stable as it is")
+    spec.scene = None
+    assert len(study_fit(fit).warnings) == 1 + overdamped
 
 
 # -- names -----------------------------------------------------------------------------------------

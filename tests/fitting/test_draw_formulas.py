@@ -77,6 +77,16 @@ def test_half_waves_of_a_beam_are_its_length_over_half_a_wavelength():
     assert half_waves(beam, "axial", omega) == pytest.approx(stretch * length / np.pi)
 
 
+def test_half_waves_of_a_taper_are_those_of_its_middle():
+    """A square rod: k^4 = omega^2 12 rho / (E a^2), 3 cm wide in the middle."""
+    material = bc.Material(youngs_modulus=7e10, density=2700.0)
+    first, last = (bc.Rectangle(width_y=side, width_z=side) for side in (0.05, 0.01))
+    segment = bc.Segment(length=4.0, section=first, section_end=last, material=material)
+    wave = (31.0**2 * 12.0 * 2700.0 / (7e10 * 0.03**2)) ** 0.25
+    found = half_waves(bc.Beam(segments=(segment,)), "xz", 31.0)
+    assert found == pytest.approx(wave * 4.0 / np.pi)
+
+
 def test_a_matrix_that_is_a_correlation_is_taken_as_it_is():
     names, matrix = ("a.frequency", "b.frequency"), ((1.0, -0.5), (-0.5, 1.0))
     taken = bc.spec.Correlation(of=names, matrix=matrix)

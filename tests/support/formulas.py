@@ -96,6 +96,7 @@ from beamchain.craft.bent_line import _motion as motion_of_modes
 from beamchain.craft.bent_line import _numbers as ranks_of_modes
 from beamchain.craft.candidates import Coupled as CoupledCandidate
 from beamchain.craft.candidates import Liquid as LiquidCandidate
+from beamchain.craft.candidates import PerPort as CandidateOfPorts
 from beamchain.craft.candidates import candidate
 from beamchain.craft.coupled_modes import Mode as ModeOfCraft
 from beamchain.craft.coupled_modes import _clusters as clusters
@@ -172,6 +173,7 @@ from beamchain.craft.quantities import Quantity, draws, inertia_matrix, quantiti
 from beamchain.craft.quantities import _check_inertia as check_inertia
 from beamchain.craft.recovered_body import Coordinates, imported_body, place_of, tip_displacement
 from beamchain.craft.recovered_body import _attachment_turn as attachment_turn
+from beamchain.craft.recovered_body import _check_same as check_same_modes
 from beamchain.craft.recovered_body import _participation as participation_of_tendon
 from beamchain.craft.recovery import History, Recovery, appendage_at
 from beamchain.craft.recovery import _acceleration as acceleration_of_sections
@@ -201,7 +203,9 @@ from beamchain.craft.slews import _turns as turns_of_hinge
 from beamchain.craft.slews import _warnings as slew_warnings
 from beamchain.craft.slews import _wished as wished_hinges
 from beamchain.craft.slews import slews as slews_of_file
+from beamchain.craft.stability import study_fit
 from beamchain.craft.step_slopes import step_slopes
+from beamchain.craft.timing import _stiffness_change as change_of_stiffness
 from beamchain.craft.timing import decide_timing, is_worth_timing, response_change
 from beamchain.craft.timing import step_error as error_of_step
 from beamchain.craft.under_load import LoadedTree
@@ -307,6 +311,7 @@ from beamchain.fitting.exact import exact_appendage, reduced_to_kept
 from beamchain.fitting.fewest import fewest
 from beamchain.fitting.fewest import weights as weights_of_modes
 from beamchain.fitting.hub import assumed_hub, default_hub, port_hub_mass
+from beamchain.fitting.look import look_of
 from beamchain.fitting.needs import Candidates, Promise, choose, with_polar_inertia
 from beamchain.fitting.proof import _cautions as cautions_of_fit
 from beamchain.fitting.proof import _in_space as compared_in_space
@@ -524,6 +529,7 @@ from beamchain.variants.samples import vary as vary_samples
 from beamchain.variants.sweep import Sweep
 from beamchain.variants.sweep import _correlations as correlations_of_craft
 from beamchain.variants.sweep import _draw as drawn_samples
+from beamchain.variants.sweep import _nominal_fit as nominal_fit
 from beamchain.variants.sweep import _spread as spread_of
 from beamchain.variants.sweep import _varied_fields as varied_fields
 
@@ -537,6 +543,7 @@ __all__ = [
     "Body",
     "Boundary",
     "BuildOptions",
+    "CandidateOfPorts",
     "Candidates",
     "Chain",
     "Composite",
@@ -691,6 +698,7 @@ __all__ = [
     "chain_of_ports",
     "change_of_frequencies",
     "change_of_lowest",
+    "change_of_stiffness",
     "changes_of",
     "check_algebraic_loop",
     "check_body",
@@ -700,6 +708,7 @@ __all__ = [
     "check_outwards",
     "check_ports_of_file",
     "check_pushes",
+    "check_same_modes",
     "check_standing",
     "check_steps",
     "check_workers",
@@ -862,6 +871,7 @@ __all__ = [
     "loads_of",
     "long_delays",
     "long_enough",
+    "look_of",
     "loop_by_state",
     "loose_craft",
     "lowest_modes",
@@ -915,6 +925,7 @@ __all__ = [
     "newton_step",
     "noise_of_freedoms",
     "noise_of_motions",
+    "nominal_fit",
     "norm_ratios",
     "normal_modes",
     "normal_modes_of",
@@ -1075,6 +1086,7 @@ __all__ = [
     "still_copy",
     "stop_ahead",
     "structured_bound",
+    "study_fit",
     "sums_behind",
     "taper_cuts",
     "time_error",
