@@ -60,7 +60,7 @@ def test_half_waves_of_a_beam_are_its_length_over_half_a_wavelength():
     section = bc.Equivalent(
         bending_stiffness_xy=400.0,
         bending_stiffness_xz=90.0,
-        torsion_stiffness=55.0,
+        torsion_stiffness=0.055,
         axial_stiffness=7e3,
         linear_mass=1.7,
         polar_inertia=0.3,
@@ -71,7 +71,7 @@ def test_half_waves_of_a_beam_are_its_length_over_half_a_wavelength():
     for port, stiffness in (("xy", 400.0), ("xz", 90.0)):
         wave = (omega**2 * 1.7 / stiffness) ** 0.25
         assert half_waves(beam, port, omega) == pytest.approx(wave * length / np.pi)
-    twist = omega * np.sqrt(0.3 / 55.0)
+    twist = omega * np.sqrt(0.3 / 0.055)
     assert half_waves(beam, "torsion", omega) == pytest.approx(twist * length / np.pi)
     stretch = omega * np.sqrt(1.7 / 7e3)
     assert half_waves(beam, "axial", omega) == pytest.approx(stretch * length / np.pi)

@@ -305,7 +305,7 @@ from beamchain.fitting.body import _ports_of_beam as ports_of_beam
 from beamchain.fitting.body import _ratios as damping_of_file
 from beamchain.fitting.cure import _one_mode_more as one_mode_more
 from beamchain.fitting.cure import cure_of
-from beamchain.fitting.document import safe_step
+from beamchain.fitting.document import put_timing, safe_step
 from beamchain.fitting.exact import _normal_modes as normal_modes_of
 from beamchain.fitting.exact import exact_appendage, reduced_to_kept
 from beamchain.fitting.fewest import fewest
@@ -976,6 +976,7 @@ __all__ = [
     "power_sum",
     "proposed_axes",
     "push_of_actuators",
+    "put_timing",
     "quantities",
     "raise_polar_inertia",
     "ranks_of_modes",
