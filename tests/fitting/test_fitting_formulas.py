@@ -301,9 +301,10 @@ WEIGHED = PortModel(
 
 
 class Told:
-    """An error that falls by what each mode takes of it."""
+    """An error that falls by what each mode takes of it, on two hubs; the second is as good as
+    fixed, so that no mode weighs there."""
 
-    hubs = (np.array([[5.0]]),)
+    hubs = (np.array([[5.0]]), np.array([[np.inf]]))
 
     def __init__(self, parts, bandwidth=10.0):
         self.parts, self.bandwidth = parts, bandwidth

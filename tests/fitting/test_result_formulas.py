@@ -13,7 +13,7 @@ from beamchain import PortModel
 from beamchain.chain.build import Status
 from beamchain.errors import OutputError
 from beamchain.fitting.fit import decide
-from formulas import InSpace, tip_sentence
+from formulas import InSpace, look_of, tip_sentence
 
 LIMITS = SimpleNamespace(largest_step={})
 
@@ -284,6 +284,46 @@ def test_modes_are_numbered_as_in_the_file():
 )
 def test_kept_modes_in_words(numbers, words):
     assert in_space(numbers).kept_words == words
+
+
+@pytest.mark.parametrize(
+    ("scene", "is_beam", "drawn"),
+    [
+        (None, True, "skin"),
+        (bc.Scene(), True, "skin"),
+        (None, False, "boxes"),
+        (bc.Scene(contacts=True), True, "contacts"),
+        (bc.Scene(visuals=False), True, "nothing"),
+    ],
+)
+def test_surfaces_follow_the_kept_modes_at_their_stations(scene, is_beam, drawn, monkeypatch):
+    """Further points stand between the stations at 0, 1, 2.5 and 4 m or at one of them; in `tip`
+    all come behind the tip itself."""
+    asked = []
+    stated = np.array([0.0, 1.0, 2.5, 4.0])
+    kept = SimpleNamespace(truncated=lambda count: ("kept", count))
+    replaced = {
+        "beam_surfaces": lambda _: ["surface"],
+        "stations": lambda _: stated,
+        "snapped": lambda _, x: x,
+        "kept_counts": lambda _: {"xy": 2, "xz": 0},
+        "sampled_model": lambda _, *given: asked.append(given) or "full",
+        "reduced_to_kept": lambda _, *given: asked.append(given) or kept,
+        "mode_motion": lambda _, port, kept, x, columns: (port, kept, columns.tolist()),
+        "skins": lambda chain, surfaces, modes: (modes, [0.02]),
+    }
+    for name, made in replaced.items():
+        monkeypatch.setattr(f"beamchain.fitting.look.{name}", made)
+    beam = SimpleNamespace(segments=(), joints=(), lumps=())
+    spec = SimpleNamespace(scene=scene, is_beam=is_beam, beam=beam, further={"b": 2.5, "a": 1.7})
+    found = look_of(SimpleNamespace(spec=spec, chain="chain"))
+    assert found.drawn == drawn
+    if drawn != "skin":
+        assert asked == []
+        return
+    assert asked == [("xy", 8, (0.0, 1.0, 1.7, 2.5, 4.0)), ("xy", 2, "full", [4, 3])]
+    assert found.skins == (("xy", ("kept", 2), [1, 2, 4, 5]),)
+    assert found.residual == {"xy": 0.02}
 
 
 @pytest.mark.parametrize("sprung", [True, False])
