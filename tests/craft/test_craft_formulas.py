@@ -237,6 +237,16 @@ def test_modes_are_paired_by_what_moves_where_frequencies_cross():
     assert pairs_of_modes(exact, single, np.array([False, True]), mass) == {1: 0}
 
 
+@pytest.mark.parametrize(("off", "still"), [(0.46, 0), (0.54, 1)])
+def test_a_mode_that_moves_the_craft_is_half_a_log_unit_from_one_that_does_not(off, still):
+    """One exact mode moves the craft, and of two in MuJoCo one does, which is farther off."""
+    mass = np.diag([4.0, 1e-12])
+    exact = modes_of([1.0], [[0.5, 0.0]], [[1.0]])
+    ours = modes_of([1.0, np.exp(off)], [[0.0, 0.7], [0.5, 0.0]], [[1.0], [1.0]])
+    pairs = pairs_of_modes(exact, ours, np.array([True]), mass)
+    assert pairs == {0: 1 - still}
+
+
 def test_modes_of_one_frequency_may_mix():
     mixed = np.array([[1.0, 1.0], [1.0, -1.0]]) / np.sqrt(2.0)
     exact = modes_of([1.0, 1.0], np.eye(2), np.eye(2))

@@ -318,6 +318,20 @@ def test_poses_have_the_joints_that_they_name_or_that_move():
             poses_of(model, wrong)
 
 
+def test_bare_positions_of_many_joints_have_the_number_of_their_pose():
+    """Up to four are named; a joint that has not moved is not."""
+    bodies = "".join(
+        f'<body><joint name="{name}" range="-90 90"/><geom size="1"/></body>' for name in "abcde"
+    )
+    model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{bodies}</worldbody></mujoco>")
+    four, five = [0.1, 0.2, 1e-10, 0.3, 0.4], [0.1, 0.2, 0.5, 0.3, 0.4]
+    found = poses_of(model, [five, four, five])
+    assert found.labels[::2] == ("pose 1", "pose 3")
+    assert [words.split()[0] for words in found.labels[1].split(", ")] == ["a", "b", "d", "e"]
+    assert pose_label(model, five) == "pose 1"
+    np.testing.assert_allclose(found.values, [five, four, five])
+
+
 # -- what disturbs ---------------------------------------------------------------------------------
 STILL = """<mujoco><option timestep="{step}" integrator="{by}" gravity="{g}" density="{rho}"
 viscosity="{mu}"/><worldbody><body><joint name="x" type="slide" stiffness="4"/>

@@ -157,7 +157,7 @@ def _elements(
     but are not its own."""
     root = f"{a.prefix}link1"
     top = _number(model, "body", root)
-    if top < 0:
+    if top == -1:
         raise InputError(
             f"the mark of the appendage at {a.at} names its first body {root!r}, which is gone; "
             f"{RESTORE}."
