@@ -321,7 +321,8 @@ def test_poses_have_the_joints_that_they_name_or_that_move():
 def test_bare_positions_of_many_joints_have_the_number_of_their_pose():
     """Up to four are named; a joint that has not moved is not."""
     bodies = "".join(
-        f'<body><joint name="{name}" range="-90 90"/><geom size="1"/></body>' for name in "abcde"
+        f'<body><joint name="{name}" range="-90 90"/><geom type="box" size="1 2 3" contype="0"/></body>'
+        for name in "abcde"
     )
     model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{bodies}</worldbody></mujoco>")
     four, five = [0.1, 0.2, 1e-10, 0.3, 0.4], [0.1, 0.2, 0.5, 0.3, 0.4]
