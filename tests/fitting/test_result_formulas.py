@@ -13,7 +13,7 @@ from beamchain import PortModel
 from beamchain.chain.build import Status
 from beamchain.errors import OutputError
 from beamchain.fitting.fit import decide
-from formulas import InSpace, look_of, tip_sentence
+from formulas import InSpace, limits_of_chain, look_of, tip_sentence
 
 LIMITS = SimpleNamespace(largest_step={})
 
@@ -138,13 +138,15 @@ def test_static_shapes_behind_the_modes_are_not_told():
     ("damping", "stiffness", "damped", "sprung"),
     [(0.0, 0.0, False, False), (0.02, 0.0, True, False), (0.0, 0.03, False, True)],
 )
-def test_tendons_that_damp_or_spring(damping, stiffness, damped, sprung):
+def test_tendons_that_damp_or_spring(damping, stiffness, damped, sprung, monkeypatch):
     tendons = (
         SimpleNamespace(damping=0.0, stiffness=0.0),
         SimpleNamespace(damping=damping, stiffness=stiffness),
     )
     fit = made(chain=SimpleNamespace(tendons=tendons))
     assert (fit.tendon_damped, fit.tendon_sprung) == (damped, sprung)
+    monkeypatch.setattr("beamchain.fitting.proof.coupled_limits", lambda *_, **how: how)
+    assert limits_of_chain(fit.chain, "motion", None) == {"tendon": damped, "sprung": sprung}
 
 
 HUB = bc.Hub(mass=7.0, inertia=(3.0, 4.0, 5.0))

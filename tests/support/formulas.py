@@ -316,6 +316,7 @@ from beamchain.fitting.needs import Candidates, Promise, choose, with_polar_iner
 from beamchain.fitting.proof import _cautions as cautions_of_fit
 from beamchain.fitting.proof import _in_space as compared_in_space
 from beamchain.fitting.proof import _is_empty as leaves_no_mass
+from beamchain.fitting.proof import step_limits as limits_of_chain
 from beamchain.fitting.realise import _band as fillers_above
 from beamchain.fitting.realise import _check_body as check_body
 from beamchain.fitting.realise import _check_free as check_free_modes
@@ -856,6 +857,7 @@ __all__ = [
     "lightest_of_bodies",
     "limited_by_modes_above",
     "limiting_modes",
+    "limits_of_chain",
     "limp_model",
     "line_with_room",
     "linear_at",
