@@ -171,7 +171,13 @@ from beamchain.craft.proof import _elements as elements_of_file
 from beamchain.craft.proof import _with_poses_of as bare_at_poses_of
 from beamchain.craft.quantities import Quantity, draws, inertia_matrix, quantities
 from beamchain.craft.quantities import _check_inertia as check_inertia
-from beamchain.craft.recovered_body import Coordinates, imported_body, place_of, tip_displacement
+from beamchain.craft.recovered_body import (
+    Coordinates,
+    beam_body,
+    imported_body,
+    place_of,
+    tip_displacement,
+)
 from beamchain.craft.recovered_body import _attachment_turn as attachment_turn
 from beamchain.craft.recovered_body import _check_same as check_same_modes
 from beamchain.craft.recovered_body import _participation as participation_of_tendon
@@ -186,6 +192,7 @@ from beamchain.craft.recovery import _on_ports as wrench_on_ports
 from beamchain.craft.recovery import _rigid_load as rigid_load
 from beamchain.craft.recovery import _root_factors as root_factors
 from beamchain.craft.recovery import _stations as stations_of
+from beamchain.craft.recovery import recover as recover_inside
 from beamchain.craft.recovery import run_of as run_of_data
 from beamchain.craft.retiming import RetimedCraft, retime_craft
 from beamchain.craft.slews import SlewBody, SlewRow
@@ -677,6 +684,7 @@ __all__ = [
     "bare_at_poses_of",
     "base",
     "base_place",
+    "beam_body",
     "bent_keyframes",
     "bent_line",
     "best_cut",
@@ -991,6 +999,7 @@ __all__ = [
     "realise",
     "realise_controller",
     "realise_fraction",
+    "recover_inside",
     "recovery_of_beam",
     "recovery_of_imported",
     "reduced_to_kept",
