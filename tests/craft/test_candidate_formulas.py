@@ -203,6 +203,16 @@ def test_a_port_that_is_not_kept_has_modes_beyond_those_asked_for():
     assert asked == [("xz", 10, [2.0, 1.0]), ("axial", 6, [2.0, 1.0])]
 
 
+def test_the_rigid_mass_of_imported_modes_is_that_of_the_file(monkeypatch):
+    """A chain of few ports may miss some."""
+    whole = SimpleNamespace(whole=SimpleNamespace(rigid_mass="of the file"))
+    monkeypatch.setattr("beamchain.craft.candidates.carried", lambda _, items: [whole] * len(items))
+    for space, mass in (("modes", "of the file"), (None, "of the chain")):
+        measured = SimpleNamespace(rigid_mass="of the chain")
+        made = SimpleNamespace(fit=SimpleNamespace(space=space, measured=measured))
+        assert CandidateOfPorts(made, {})._rigid_mass == mass
+
+
 @pytest.mark.parametrize(
     ("step", "timing", "timed"),
     [(0.001, None, False), (0.001, True, True), (0.3, False, False), (1.8, None, True)],

@@ -205,6 +205,19 @@ def test_modes_of_two_masses_that_a_spring_holds_together():
     assert np.abs(shapes[:, 0]) == pytest.approx([3.0 / np.sqrt(24.0), 1.0 / np.sqrt(24.0)])
 
 
+@pytest.mark.parametrize("lean", [0.0, 1e-3])
+def test_modes_a_hundred_thousandth_as_fast_as_a_tenth_of_the_reach_are_rigid(lean):
+    """A billionth of 3 rad/s squared; a thrust makes the stiffness unsymmetric."""
+    slow = 1e-9 * 3.0**2 * np.array([0.8, 1.2])
+    mass = np.diag([2.0, 0.5, 4.0, 3.0])
+    stiffness = np.diag([2.0 * slow[0], 0.5 * slow[1], 4.0 * 16.0, 3.0 * 49.0])
+    stiffness[2, 3] = lean
+    linear = SimpleNamespace(mass=mass, stiffness=stiffness)
+    frequency, shapes = slow_modes(linear, 30.0)
+    assert frequency == pytest.approx([np.sqrt(slow[1]), 4.0, 7.0], rel=1e-4)
+    assert np.einsum("ik,ij,jk->k", shapes, mass, shapes) == pytest.approx(np.ones(3))
+
+
 def test_modes_under_a_thrust_that_stays_with_the_craft():
     # K = [[20, 3], [0, 45]] over masses 5: squares 4 and 9, shapes (1, 0) and (3, 5^2 / 5)
     craft = SimpleNamespace(mass=5.0 * np.eye(2), stiffness=np.array([[20.0, 3.0], [0.0, 45.0]]))

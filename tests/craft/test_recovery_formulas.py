@@ -279,6 +279,10 @@ def test_stations_lie_on_the_beam():
     for wrong in ([-1e-3], [4.001], [], np.linspace(0.0, 4.0, 1001)):
         with pytest.raises(bc.InputError):
             stations_of(held, wrong)
+    imported = SimpleNamespace(at="mount", fit=SimpleNamespace(space="modes"))
+    assert stations_of(imported, None).size == 0
+    with pytest.raises(bc.InputError):
+        stations_of(imported, [1.0])
 
 
 def test_the_only_appendage_needs_no_name():

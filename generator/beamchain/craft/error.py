@@ -129,8 +129,7 @@ def lacking_damping(stiffness: Array, mass: Array, damping: Array, undamped: flo
 def extra_damping(bare: Linear) -> Array:
     """`(nv, nv)` what the bare craft gets so that no peak is infinite: 0.5 % where it has no
     damping at all."""
-    none = np.max(np.abs(bare.damping), initial=0.0) == 0.0
-    undamped = DEFAULT_RATIO if none else LEAST_RATIO
+    undamped = LEAST_RATIO if np.any(bare.damping) else DEFAULT_RATIO
     return lacking_damping(bare.stiffness, bare.mass, bare.damping, undamped)
 
 
@@ -149,8 +148,8 @@ def peaks_of_craft(craft: Linear, poles: NDArray[np.complex128] | None = None) -
     Those of the damped poles, and of the undamped modes where they lie elsewhere; `poles`: those
     with the base free, where they are known.
     """
-    free = np.ones(craft.mass.shape[0], dtype=np.bool_)
-    held = np.abs(craft.outputs.acceleration).max(axis=0, initial=0.0) <= 0.0
+    free = np.ones(len(craft.mass), dtype=np.bool_)
+    held = ~np.any(craft.outputs.acceleration, axis=0)
     picks = [np.ix_(pick, pick) for pick in (free, held) if np.any(pick)]
     parts = [(craft.mass[pick], craft.damping[pick], craft.stiffness[pick]) for pick in picks]
     known = [] if poles is None else [poles]
@@ -248,7 +247,7 @@ class Pose:
         if len(self.motions) < len(wanted) < 6:
             self._refuse_axes(wanted, able)
         # the base body's own joints: all others locked
-        joints = np.abs(base).max(axis=0) > 0.0
+        joints = np.any(base, axis=0)
         locked = self._rigid_mass[np.ix_(joints, joints)]
         rigid = base[:, joints] @ np.linalg.solve(locked, base[:, joints].T)
         inverse = np.linalg.pinv(rigid, rcond=RANK, hermitian=True)
