@@ -133,6 +133,7 @@ def test_cells_have_the_mass_of_the_beam_and_its_lumps():
     bent = beam([lump, tip], [joint], (1.73, 1.27))
     models = {"xy": bent.port("xy", 4), "torsion": bent.port("torsion", 2)}
     line = bent_line(bent, models, bent.rigid_mass(), [0.31], [], 50.0)
+    assert np.all(line.bows[..., 0] == 0.0)  # twist shortens no chord
     x = np.concatenate([[0.0], np.cumsum(line.lengths)])
     even = np.linspace(0.0, 3.0, 41)
     assert x == pytest.approx(np.sort([*even, 0.31, 1.73]))

@@ -21,6 +21,7 @@ from formulas import (
     Turn,
     drift_of_momentum,
     drives_of_craft,
+    finely_divided,
     modes_finely_divided,
     rk4_words,
     slew_warnings,
@@ -69,6 +70,27 @@ def test_static_shapes_are_no_modes_to_divide():
     """Two of each load in bending, one in torsion; the rest three times."""
     assert modes_finely_divided(4, 1, "xy") == modes_finely_divided(6, 2, "xz") == 5 + 1
     assert modes_finely_divided(3, 1, "xz") == modes_finely_divided(2, 1, "torsion") == 3
+
+
+def test_an_appendage_is_divided_in_the_ports_that_have_modes():
+    """Without what a scene chooses by its band; imported modes stay as they are."""
+    scene = bc.Scene(bandwidth=3.0, timestep=0.01)
+    section = bc.Equivalent(
+        bending_stiffness_xy=2e3, torsion_stiffness=500.0, linear_mass=4.0, polar_inertia=0.3
+    )
+    spec = bc.Spec(
+        name="boom",
+        segment=(bc.Segment(length=8.0, section=section),),
+        port=(bc.spec.Port(name="end", x=0.5),),
+        scene=scene,
+    )
+    target = {"xy": SimpleNamespace(modes=4), "torsion": SimpleNamespace(modes=2)}
+    made = SimpleNamespace(spec=spec, fit=SimpleNamespace(target=target))
+    found = finely_divided(made)
+    assert found.modes == bc.Modes(xy=6, xz=0, torsion=3, axial=0)
+    assert found.scene == bc.Scene(timestep=0.01)
+    imported = SimpleNamespace(imported="modes")
+    assert finely_divided(SimpleNamespace(spec=imported)) is imported
 
 
 # -- steps -----------------------------------------------------------------------------------------

@@ -197,6 +197,7 @@ from beamchain.craft.recovery import run_of as run_of_data
 from beamchain.craft.retiming import RetimedCraft, retime_craft
 from beamchain.craft.slews import SlewBody, SlewRow
 from beamchain.craft.slews import _apart as apart
+from beamchain.craft.slews import _divided as finely_divided
 from beamchain.craft.slews import _drift as drift_of_momentum
 from beamchain.craft.slews import _drives as drives_of_craft
 from beamchain.craft.slews import _Model as ModelOfSlew
@@ -793,6 +794,7 @@ __all__ = [
     "fillers_above",
     "fillers_of",
     "find_cure",
+    "finely_divided",
     "first_moment",
     "first_of_ports",
     "fit_all",

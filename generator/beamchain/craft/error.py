@@ -473,7 +473,7 @@ class Pose:
     def _of_nearly_exact(self) -> Response:
         """`exact` to `NEARLY`, for searches: what lies far above the band is gathered, where the
         exact craft has too many modes for its poles."""
-        if self.carrying is None or self.with_exact.mass.shape[0] <= MOST:
+        if self.carrying is None or len(self.with_exact.mass) <= MOST:
             return self.exact
         models = self._gathered([item.whole for item in self.carried])
         response, _ = self._by_poles(self.with_appendages(models), models)

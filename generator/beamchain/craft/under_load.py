@@ -120,7 +120,7 @@ class LoadedTree:
 
     def _states(self, moved: Array) -> Iterator[_States]:
         """All mass at coordinates `moved` `(b, n)` about the pose, in batches."""
-        for part in np.array_split(moved, max(1, -(-len(moved) // BATCH))):
+        for part in np.array_split(moved, range(BATCH, len(moved), BATCH)):
             yield self._placed(part)
 
     def _placed(self, moved: Array) -> _States:
