@@ -403,6 +403,8 @@ def test_peaks_are_looked_for_with_what_lies_beyond_25_bands_gathered():
         _damped=lambda models: models,
     )
     assert Pose.near.func(made) == [(of, 75.0) for of in PLACES]
+    # as searches do of trees
+    assert Pose._gathered(made, wholes) == [(of, 3000.0) for of in PLACES]
 
 
 def test_coupled_modes_stand_in_pairs():

@@ -307,6 +307,8 @@ def test_poses_have_the_joints_that_they_name_or_that_move():
     assert grid.joint == "drive"
     assert grid.angles == pytest.approx([0.0, 0.5, 1.0])
     assert grid.values[:, 1] == pytest.approx([0.1] * 3)
+    listed = np.array([{"drive": 0.25}, "bent"], dtype=object)
+    np.testing.assert_allclose(poses_of(model, listed).values, [[0.25], [0.5]])
     assert poses_of(model, {"drive": 0.5}) is None
     assert poses_of(model, list(map(float, model.qpos0))) is None
     qpos = np.array(model.qpos0)

@@ -165,7 +165,7 @@ def growth(craft: Linear, reach: float) -> float:
 
     `reach`: a frequency of interest [rad/s].
     """
-    n = craft.mass.shape[0]
+    n = len(craft.mass)
     # poles from the inverse about a rate s0, so that those of rigid motion keep their digits:
     # u = -(s0^2 M + s0 C + K)^-1 ((C + s0 M) f + M g)
     start = STARTED * reach
@@ -282,7 +282,7 @@ class Pose:
     @property
     def modal_coordinates(self) -> list[NDArray[np.intp]]:
         """Places of the modes of each exact appendage, behind the craft's own coordinates."""
-        nv = self.bare.mass.shape[0]
+        nv = len(self.bare.mass)
         ends = nv + np.cumsum([0, *(model.modes for model in self.models)])
         return [np.arange(a, b) for a, b in pairwise(ends.tolist())]
 
@@ -367,7 +367,7 @@ class Pose:
         if self.loading is None:
             return craft
         counts = [model.modes for model in self.models]
-        bases = self.bare.mass.shape[0] + np.cumsum([0, *counts])[:-1]
+        bases = len(self.bare.mass) + np.cumsum([0, *counts])[:-1]
         return self._tree.loaded(craft, bases.tolist(), self.band)
 
     @property
