@@ -119,7 +119,7 @@ def lacking_damping(stiffness: Array, mass: Array, damping: Array, undamped: flo
     """`(nv, nv)` what all that is sprung lacks of the damping at which it is compared;
     `undamped`: as of `ports.compare.compared_ratios`."""
     values, shapes = eigh(stiffness, mass)
-    moving = values > STILLEST * values[-1:]  # they ascend; none of a base that is all there is
+    moving = values > STILLEST * values[-1:]  # they ascend, and may be none
     w, shapes = np.sqrt(values[moving]), shapes[:, moving]
     ratios = np.einsum("ik,ij,jk->k", shapes, damping, shapes) / (2.0 * w)
     push = mass @ shapes
@@ -187,7 +187,7 @@ def _poles(mass: Array, damping: Array, stiffness: Array) -> NDArray[np.complex1
 def _modes(mass: Array, damping: Array, stiffness: Array) -> Array:
     # a thrust makes it unsymmetric, a little
     values, shapes = eigh((stiffness + stiffness.T) / 2.0, mass)
-    moving = values > STILLEST * max(float(np.max(values, initial=0.0)), 1e-300)
+    moving = values > STILLEST * values[-1:]
     w = np.sqrt(values[moving])
     shapes = shapes[:, moving]
     ratios = np.einsum("ik,ij,jk->k", shapes, damping, shapes) / (2.0 * w)

@@ -101,7 +101,7 @@ class ModalForm:
         rows = _level(self.c * self.weight)
         columns = _level((self.b / self.weight[:, None]).T).T
         link = np.abs(self.a) * np.outer(1.0 / self.weight, self.weight)
-        link = (link > self.limit * max(float(link.max(initial=0.0)), 1e-300)).astype(int)
+        link = (link > self.limit * link.max(initial=1e-300)).astype(int)
         seen = np.abs(rows).max(axis=0) > self.limit
         driven = np.abs(columns).max(axis=1) > self.limit
         for _ in self.names:  # along chains of integrators, and within a block
@@ -173,13 +173,13 @@ class ModalForm:
 
 def _level(rows: Array) -> Array:
     """Rows with 1 for their largest entry."""
-    return rows / np.maximum(np.abs(rows).max(axis=1, keepdims=True, initial=0.0), 1e-300)
+    return rows / np.abs(rows).max(axis=1, keepdims=True, initial=1e-300)
 
 
 def column_range(matrix: Array, limit: float) -> tuple[Array, list[int]]:
     """`(n, k)` basis of the columns of `(n, m)` which is the identity in k rows, and those rows."""
     u, s, _ = np.linalg.svd(matrix, full_matrices=False)
-    u = u[:, s > limit * s.max(initial=0.0)]
+    u = u[:, s > limit * s[:1]]
     _, _, order = qr(u.T, pivoting=True, mode="economic")
     rows = sorted(int(i) for i in order[: u.shape[1]])
     return np.asarray(u @ np.linalg.inv(u[rows]), dtype=np.float64), rows

@@ -199,7 +199,7 @@ class LoadedTree:
             force = self._slope(sag, bending) + spring[bending] * sag[bending]
             change = np.linalg.solve(stiffness, force)
             sag[bending] -= change
-            if np.max(np.abs(change), initial=0.0) <= SETTLED * np.max(np.abs(sag), initial=1e-300):
+            if np.all(np.abs(change) <= SETTLED * np.max(np.abs(sag), initial=1e-300)):
                 break
         return sag
 
