@@ -41,6 +41,7 @@ from beamchain.chain.tendons import _armatures as armatures_of
 from beamchain.chain.tendons import _fillers as fillers_of
 from beamchain.chain.tendons import _nearest_flexibility as nearest_flexibility
 from beamchain.chain.tendons import _nearest_turn as nearest_turn
+from beamchain.chain.tendons import _next_pace as next_pace
 from beamchain.chain.tendons import _stiffen_attachments as stiffen_attachments
 from beamchain.chain.tendons import _unfelt as unfelt_motions
 from beamchain.control.closed_loop import _check_algebraic as check_algebraic_loop
@@ -935,6 +936,7 @@ __all__ = [
     "needs_time",
     "new_directions",
     "newton_step",
+    "next_pace",
     "noise_of_freedoms",
     "noise_of_motions",
     "nominal_fit",

@@ -249,8 +249,8 @@ def _nearest_flexibility(felt: Array, wanted: Array) -> Array:
         moved = share - last
         if np.max(np.abs(moved)) < STILL:
             break
-        before, pace = pace, (1.0 + np.sqrt(1.0 + 4.0 * pace**2)) / 2.0
-        ahead = share + (before - 1.0) / pace * moved
+        pace, again = _next_pace(pace)
+        ahead = share + again * moved
     return share
 
 
@@ -292,12 +292,19 @@ def _nearest_turn(lift: Array, free: Array, size: int, guide: Array | None) -> A
         if float(np.sum((ahead - z) * moved)) > 0.0:
             pace, ahead = 1.0, z
             continue
-        before, pace = pace, (1.0 + np.sqrt(1.0 + 4.0 * pace**2)) / 2.0
-        ahead = z + (before - 1.0) / pace * moved
+        pace, again = _next_pace(pace)
+        ahead = z + again * moved
     if free.size:
         left, s, right = np.linalg.svd(z @ free, full_matrices=False)
         z = z + (left * (np.maximum(s, RAISED) - s)) @ right @ free.T
     return _clip_singular_values(z)
+
+
+def _next_pace(pace: float) -> tuple[float, float]:
+    """Nesterov's next pace t' with t'^2 - t' = t^2, and the part (t - 1) / t' of the last move that
+    is made again."""
+    following = (1.0 + np.sqrt(1.0 + 4.0 * pace**2)) / 2.0
+    return following, (pace - 1.0) / following
 
 
 def _clip_singular_values(z: Array) -> Array:
