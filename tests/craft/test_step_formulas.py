@@ -41,6 +41,7 @@ from formulas import (
     rest_point,
     step_slopes,
     study_fit,
+    time_notes,
 )
 from specs import spec_of
 
@@ -166,6 +167,27 @@ def test_timing_changes_stiffness_by_its_worst_mode(stiffer, monkeypatch):
     monkeypatch.setattr("beamchain.craft.timing.modal_tendons", lambda _: modal)
     model = SimpleNamespace(tendon_stiffness=np.array([5.0 * 1.1, 900.0, 40.0 * stiffer]))
     assert change_of_stiffness(model) == pytest.approx(abs(stiffer - 1.0))
+
+
+@pytest.mark.parametrize(
+    ("by", "exact", "codes"),
+    [
+        ("RK4", True, []),
+        ("RK4", False, []),
+        ("Euler", True, ["exact-in-time"]),
+        ("implicit", False, ["time-error"]),
+    ],
+)
+def test_what_timing_did_is_told_but_under_rk4(by, exact, codes, monkeypatch):
+    monkeypatch.setattr("beamchain.craft.timing.growing_poses", lambda *_: [])
+    monkeypatch.setattr("beamchain.craft.timing.time_reason", lambda _: "")
+    monkeypatch.setattr("beamchain.craft.timing._stiffness_change", lambda _: 0.2)
+    model = mujoco.MjModel.from_xml_string(
+        STILL.format(step=0.01, by=by, g="0 0 0", rho=0, mu=0, con=0, aff=0, damper=0)
+    )
+    error = SimpleNamespace(exact=exact, error=0.01, words="words")
+    found = time_notes(model, model, "why", error, error)
+    assert [caution.code for caution in found] == codes
 
 
 # -- limits of a fit -------------------------------------------------------------------------------

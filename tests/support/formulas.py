@@ -215,7 +215,7 @@ from beamchain.craft.slews import slews as slews_of_file
 from beamchain.craft.stability import study_fit
 from beamchain.craft.step_slopes import step_slopes
 from beamchain.craft.timing import _stiffness_change as change_of_stiffness
-from beamchain.craft.timing import decide_timing, is_worth_timing, response_change
+from beamchain.craft.timing import decide_timing, is_worth_timing, response_change, time_notes
 from beamchain.craft.timing import step_error as error_of_step
 from beamchain.craft.under_load import LoadedTree
 from beamchain.engine.allocation import Allocated, allocated
@@ -1107,6 +1107,7 @@ __all__ = [
     "taper_cuts",
     "time_error",
     "time_modes",
+    "time_notes",
     "tip_displacement",
     "tip_sentence",
     "torque_of_actuator",
