@@ -177,6 +177,20 @@ def test_a_step_that_ruins_the_motion_where_no_tolerance_is_stated(error, ruined
     assert not sampled(made(promise=1e-4, spec=scene(bandwidth=1.0)), error).ruined
 
 
+@pytest.mark.parametrize(("hub", "offset"), [((0.4, 0.2, -0.3), 0.4), (None, 0.0)])
+def test_large_motion_is_that_of_kept_modes_beside_the_hub(hub, offset, monkeypatch):
+    """A liquid and imported modes have no chain of 60 links."""
+    monkeypatch.setattr(result_module, "large_limits", lambda *given: given)
+    stated = hub and bc.Hub(mass=7.0, inertia=(3.0, 4.0, 5.0), offset=hub)
+    spec = SimpleNamespace(is_beam=True, beam="beam", root=SimpleNamespace(hub=stated))
+    fit = made(spec=spec)
+    assert fit.large_motion == (fit.chain, "beam", {"xy": 2, "xz": 1}, offset)
+    for slosh in (None, "liquid"):
+        limits, (caution,) = made(spec=SimpleNamespace(is_beam=False, slosh=slosh)).large_motion
+        assert limits == {}
+        assert caution.code == "large-motion-unknown"
+
+
 def test_the_turn_is_that_of_the_hub_with_its_appendage(monkeypatch):
     """7 kg and 3, 4, 5 kg m^2 at the root, 2 kg and no inertia 1.5 m out along x."""
     asked = []
