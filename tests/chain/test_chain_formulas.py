@@ -85,6 +85,21 @@ def test_a_hinge_within_a_billionth_of_the_mass_centre_s_distance_stands_at_the_
     assert nodes.lengths[1] == pytest.approx(length, rel=1e-9)
 
 
+@pytest.mark.parametrize("part", [0.9, 1.1])
+def test_a_trillionth_of_the_mass_must_stay_at_the_root(part):
+    """A small mass on a hinge far beyond the large one: a link would be negative."""
+    m2, length, spring = 700.0, 3.0, 11.0
+    m1, reach = part * 1e-12 * m2, 5e5
+    end = 0.4 + length
+    rigid = np.array(
+        [[m1 + m2, m1 * reach + m2 * end], [m1 * reach + m2 * end, m1 * reach**2 + m2 * end**2]]
+    )
+    moment = np.sqrt(m2) * np.array([[1.0, end]])
+    target = PortModel(rigid, np.array([np.sqrt(spring / m2) / length]), moment)
+    with pytest.raises(bc.BeamchainError, match="meets no mass" if part < 1.0 else "not physical"):
+        realise(target)
+
+
 def test_bodies_are_the_pieces_between_the_hinges():
     # 0.04 kg/m on 2 m with a hinge at 0.5 m: rods of 0.02 and 0.06 kg
     thin = Equivalent(bending_stiffness_xy=1.0, linear_mass=0.04)

@@ -93,7 +93,7 @@ def test_closed_forms_17_and_18(k):
 
 
 def test_closed_forms_are_found_again():
-    for k in (0.1, 0.26985, 0.7):
+    for k in (0.03, 0.1, 0.26985, 0.7):
         w1, w2 = seed_frequency_factors(k)
         found, c = seed_parameters(
             13.0, 15.0, w1 * np.sqrt(50.0 / 13.0) / 15.0, w2 * np.sqrt(50.0 / 13.0) / 15.0

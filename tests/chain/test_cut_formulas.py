@@ -319,6 +319,14 @@ def test_hinges_go_to_the_middle_between_their_neighbours():
     assert found == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize("off", [1.9e-6, 2.1e-6])
+def test_hinges_do_not_go_a_millionth_of_the_length(off):
+    """Of 2 m; the middle before a fixed hinge is as near."""
+    start = np.array([0.5 - off, 1.0])
+    found = even_cut(told(lambda _: ENOUGH), start, start[1:])
+    assert found[0] == (start[0] if off < 2e-6 else 0.5)
+
+
 def test_hinges_go_as_far_as_the_margin_allows():
     """From 0.4 towards 1: half of the way, then thrice 0.03 of the rest."""
     (found,) = even_cut(told(lambda x: ENOUGH * (x[0] <= 0.7295)), np.array([0.4]), np.zeros(0))

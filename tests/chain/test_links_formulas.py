@@ -230,6 +230,21 @@ def test_bending_that_would_feel_it_keeps_a_link_as_it_is(part):
     assert f"so {1 if part > 1.0 else 2} of them carry 1e-06" in words
 
 
+@pytest.mark.parametrize("part", [0.95, 1.05])
+def test_what_links_have_counts_against_what_they_get(part):
+    """0.7 and 0.9 of the least of two links are missing: a thousandth of what the chain has across
+    the root at most."""
+    across = 1.0 * 0.5**2 + 1.0 * 1.5**2 + 6.0
+    least = part * 1e-3 * across / 1.6
+    links = tuple(
+        Link(float(k), 1.0, 1.0, k + 0.5, (own * least, 3.0, 3.0))
+        for k, own in ((0, 0.3), (1, 0.1))
+    )
+    chain = Chain(links, (Hinge(1.0, {"xy": 3.0}),), 2.0)
+    found = raise_polar_inertia(chain, least)[0]
+    assert (found is chain) is (part > 1.0)
+
+
 def test_a_chain_that_twists_or_hangs_keeps_its_polar_inertia():
     links = (thin(0), thin(1))
     for more, kept in (({}, False), ({"hung": True}, True)):

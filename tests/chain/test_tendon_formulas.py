@@ -22,6 +22,7 @@ from formulas import (
     modal_matrix,
     nearest_flexibility,
     nearest_turn,
+    next_pace,
     port_rows,
     springs_as_modes,
     stiffen_attachments,
@@ -162,6 +163,13 @@ def test_no_turn_is_nearer_to_the_real_modes(seed, size):
     slope = (z @ lift - guide) @ lift
     least = -np.sum(np.linalg.svd(slope, compute_uv=False))
     assert np.sum(slope * z) == pytest.approx(least, abs=1e-5)
+
+
+def test_paces_of_projected_gradients_are_nesterov_s():
+    """t'^2 - t' = t^2: the golden ratio is behind 1, and 4.8 behind the root of 4.8^2 - 4.8."""
+    golden = (1.0 + 5.0**0.5) / 2.0
+    assert next_pace(1.0) == pytest.approx((golden, 0.0))
+    assert next_pace(18.24**0.5) == pytest.approx((4.8, (18.24**0.5 - 1.0) / 4.8))
 
 
 def test_no_turn_is_flat_where_the_root_is_blind():

@@ -125,6 +125,16 @@ def test_a_mode_is_as_large_as_its_largest_turn():
     assert length - ends[0, -1, 0] == pytest.approx(np.trapezoid(rise**2 / 2.0, x), rel=2e-3)
 
 
+@pytest.mark.parametrize(("port", "axis"), [("xy", 2), ("xz", 1)])
+def test_cells_bend_together_as_far_as_the_tip_turns(port, axis):
+    rod, length = beam(), 3.0
+    line = bent_line(rod, {port: rod.port(port, 3)}, rod.rigid_mass(), [], [], 50.0)
+    tip = 2.0 / np.sqrt(LINE * length)
+    together = line.bows[0].sum(axis=0)
+    assert abs(together[axis]) == pytest.approx(1.3765 * tip / length, rel=2e-3)
+    assert np.count_nonzero(together) == 1
+
+
 def test_cells_have_the_mass_of_the_beam_and_its_lumps():
     """Cut at a port and at a hinge line that the even cuts miss; a lump counts where it stands."""
     lump = bc.Lump(x=1.03, mass=4.0, inertia=(0.05, 0.07, 0.09))
@@ -133,6 +143,7 @@ def test_cells_have_the_mass_of_the_beam_and_its_lumps():
     bent = beam([lump, tip], [joint], (1.73, 1.27))
     models = {"xy": bent.port("xy", 4), "torsion": bent.port("torsion", 2)}
     line = bent_line(bent, models, bent.rigid_mass(), [0.31], [], 50.0)
+    assert np.all(line.bows[..., 0] == 0.0)  # twist shortens no chord
     x = np.concatenate([[0.0], np.cumsum(line.lengths)])
     even = np.linspace(0.0, 3.0, 41)
     assert x == pytest.approx(np.sort([*even, 0.31, 1.73]))

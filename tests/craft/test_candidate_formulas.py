@@ -11,6 +11,7 @@ from scipy.special import jnp_zeros
 
 import beamchain as bc
 from formulas import (
+    CandidateOfPorts,
     CoupledCandidate,
     LiquidCandidate,
     Loading,
@@ -177,6 +178,39 @@ def test_more_modes_are_allowed_where_all_that_may_be_are_kept(pair):
     most = candidate(long.appendages[0]).modes
     assert most > 1
     assert list(more_modes(long.appendages, most).values()) == [2 * most]
+
+
+def test_a_port_that_is_not_kept_has_modes_beyond_those_asked_for():
+    """Twice as many and four, that points further out are read with; damped as the rest is."""
+    asked = []
+
+    def port(*given):
+        asked.append(given)
+        if given[0] == "axial":
+            raise bc.InputError("rigid.")
+        return "modes"
+
+    spec = SimpleNamespace(
+        beam=SimpleNamespace(port=port),
+        further={"b": 2.0, "a": 1.0},
+        with_ratios=lambda port, model: (port, model),
+    )
+    fit = SimpleNamespace(space=None, full={"xy": "all"})
+    made = CandidateOfPorts(SimpleNamespace(spec=spec, fit=fit), {})
+    assert made._whole("xy", 3) == "all"
+    assert made._whole("xz", 3) == ("xz", "modes")
+    assert made._whole("axial", 1) is None
+    assert asked == [("xz", 10, [2.0, 1.0]), ("axial", 6, [2.0, 1.0])]
+
+
+def test_the_rigid_mass_of_imported_modes_is_that_of_the_file(monkeypatch):
+    """A chain of few ports may miss some."""
+    whole = SimpleNamespace(whole=SimpleNamespace(rigid_mass="of the file"))
+    monkeypatch.setattr("beamchain.craft.candidates.carried", lambda _, items: [whole] * len(items))
+    for space, mass in (("modes", "of the file"), (None, "of the chain")):
+        measured = SimpleNamespace(rigid_mass="of the chain")
+        made = SimpleNamespace(fit=SimpleNamespace(space=space, measured=measured))
+        assert CandidateOfPorts(made, {})._rigid_mass == mass
 
 
 @pytest.mark.parametrize(

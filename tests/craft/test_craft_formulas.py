@@ -1,5 +1,6 @@
 """Closed forms beside the formulas of a craft."""
 
+from itertools import pairwise
 from types import SimpleNamespace
 
 import mujoco
@@ -204,6 +205,19 @@ def test_modes_of_two_masses_that_a_spring_holds_together():
     assert np.abs(shapes[:, 0]) == pytest.approx([3.0 / np.sqrt(24.0), 1.0 / np.sqrt(24.0)])
 
 
+@pytest.mark.parametrize("lean", [0.0, 1e-3])
+def test_modes_a_hundred_thousandth_as_fast_as_a_tenth_of_the_reach_are_rigid(lean):
+    """A billionth of 3 rad/s squared; a thrust makes the stiffness unsymmetric."""
+    slow = 1e-9 * 3.0**2 * np.array([0.8, 1.2])
+    mass = np.diag([2.0, 0.5, 4.0, 3.0])
+    stiffness = np.diag([2.0 * slow[0], 0.5 * slow[1], 4.0 * 16.0, 3.0 * 49.0])
+    stiffness[2, 3] = lean
+    linear = SimpleNamespace(mass=mass, stiffness=stiffness)
+    frequency, shapes = slow_modes(linear, 30.0)
+    assert frequency == pytest.approx([np.sqrt(slow[1]), 4.0, 7.0], rel=1e-4)
+    assert np.einsum("ik,ij,jk->k", shapes, mass, shapes) == pytest.approx(np.ones(3))
+
+
 def test_modes_under_a_thrust_that_stays_with_the_craft():
     # K = [[20, 3], [0, 45]] over masses 5: squares 4 and 9, shapes (1, 0) and (3, 5^2 / 5)
     craft = SimpleNamespace(mass=5.0 * np.eye(2), stiffness=np.array([[20.0, 3.0], [0.0, 45.0]]))
@@ -234,6 +248,16 @@ def test_modes_are_paired_by_what_moves_where_frequencies_cross():
     # one is left for two: the kept one has it
     single = modes_of([1.1], [one], [one])
     assert pairs_of_modes(exact, single, np.array([False, True]), mass) == {1: 0}
+
+
+@pytest.mark.parametrize(("off", "still"), [(0.46, 0), (0.54, 1)])
+def test_a_mode_that_moves_the_craft_is_half_a_log_unit_from_one_that_does_not(off, still):
+    """One exact mode moves the craft, and of two in MuJoCo one does, which is farther off."""
+    mass = np.diag([4.0, 1e-12])
+    exact = modes_of([1.0], [[0.5, 0.0]], [[1.0]])
+    ours = modes_of([1.0, np.exp(off)], [[0.0, 0.7], [0.5, 0.0]], [[1.0], [1.0]])
+    pairs = pairs_of_modes(exact, ours, np.array([True]), mass)
+    assert pairs == {0: 1 - still}
 
 
 def test_modes_of_one_frequency_may_mix():
@@ -308,6 +332,29 @@ def test_motion_slope_and_curvature_of_cubic_modes():
     np.testing.assert_allclose(motion[0], cubic(x), atol=1e-12)
     np.testing.assert_allclose(slope[0], cubic(x, 1), atol=1e-11)
     np.testing.assert_allclose(bend[0], cubic((x[1:] + x[:-1]) / 2.0, 2), atol=1e-9)
+
+
+@pytest.mark.parametrize("off", [-0.5e-9, 0.0, 0.5e-9])
+def test_a_hinge_line_belongs_to_the_cubics_on_both_sides(off):
+    """Four points, of which two stand on hinge lines as far as rounding goes, make each cubic."""
+    breaks = np.array([0.0, 1.0, 2.5, 4.0])
+
+    def bent(x):
+        behind = [np.maximum(x - line, 0.0) for line in breaks[1:-1]]
+        return 0.2 * x**3 - 0.5 * x + sum(y - 0.8 * y**3 for y in behind)
+
+    lines = breaks[1:-1] + 4.0 * off
+    inner = np.concatenate([np.linspace(a, b, 4)[1:3] for a, b in pairwise(breaks)])
+    at = np.sort(np.concatenate([inner, lines, breaks[-1:]]))
+    model = SimpleNamespace(
+        shapes=SimpleNamespace(x=at, moved=np.ones(at.size), values=bent(at)[None])
+    )
+    x = np.array([2e-9, 0.4, *(breaks[1:-1] - 4.0 * off), 3.1, 4.0])
+    motion, slope, _ = motion_of_modes(model, x, breaks.tolist())
+    assert motion[0] == pytest.approx(bent(x), abs=1e-7)
+    # a line's own slope is that before it
+    before = x - 1e-5 * (x > 1.0 - 1e-6)
+    assert slope[0] == pytest.approx((bent(before + 1e-6) - bent(before - 1e-6)) / 2e-6, abs=1e-3)
 
 
 @pytest.mark.parametrize("port", ["xy", "xz", "torsion"])

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 import beamchain as bc
+from beamchain.craft.mode_names import strain_shares
 from beamchain.craft.source import linear_omissions
+from beamchain.steps.retime import retime
 from formulas import (
     AppendageRequest,
     energy_words,
@@ -64,6 +66,32 @@ def test_inspection_of_a_model(damper):
     assert [each.mass for each in found.composite] == pytest.approx([4.0, 5.0, 1.0])
     assert (found.integrator, found.timestep) == ("Euler", 0.05)
     assert found.shown == found.made_for == []
+
+
+def test_modes_of_a_timed_file_are_those_of_the_structure():
+    """16 N m/rad between 8 and 4 kg m^2; timing adds inertia at the tendon."""
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><option timestep="0.3" gravity="0 0 0"/><worldbody><body><freejoint/>
+        <inertial pos="0 0 0" mass="5" diaginertia="7 7 8"/><body><joint name="arm_hinge1_xy"/>
+        <inertial pos="0 0 0" mass="2" diaginertia="3 3 4"/></body></body></worldbody><tendon>
+        <fixed name="arm_mode1_xy" stiffness="4"><joint joint="arm_hinge1_xy" coef="2"/>
+        </fixed></tendon></mujoco>"""
+    )
+    retime(model, 0.3, "Euler")
+    assert model.tendon_armature[0] > 0.01
+    found = inspect_model(model)
+    assert found.frequencies == pytest.approx([np.sqrt(6.0)], rel=1e-9)
+    assert found.moving == ["arm 100 %, bending xy"]
+    assert len(found.made_for) == len(found.shown) == 1
+
+
+def test_shares_of_rows_in_the_energy_of_modes():
+    rows = np.array([[1.0, 2.0], [0.0, 3.0], [0.5, 0.0]])
+    shapes = np.array([[2.0, 0.0], [0.5, 0.0]])
+    found = strain_shares(rows, shapes)
+    # 3, 1.5 and 1; of a mode that strains nothing none
+    assert found[:, 0] == pytest.approx(np.array([9.0, 2.25, 1.0]) / 12.25)
+    assert found[:, 1].tolist() == [0.0, 0.0, 0.0]
 
 
 def test_words_for_shares_of_the_strain_energy():

@@ -395,6 +395,18 @@ def frequencies(matrices):
     return np.sqrt(values[values > 1e-6])
 
 
+def test_peaks_are_looked_for_with_what_lies_beyond_25_bands_gathered():
+    wholes = [SimpleNamespace(condensed=lambda w, of=of: (of, w)) for of in PLACES]
+    made = SimpleNamespace(
+        band=3.0,
+        carried=[SimpleNamespace(whole=whole) for whole in wholes],
+        _damped=lambda models: models,
+    )
+    assert Pose.near.func(made) == [(of, 75.0) for of in PLACES]
+    # as searches do of trees
+    assert Pose._gathered(made, wholes) == [(of, 3000.0) for of in PLACES]
+
+
 def test_coupled_modes_stand_in_pairs():
     """Exact ones and those of a file whose modes are a little off; what lies beyond the band and is
     in no pair is left out."""

@@ -304,6 +304,23 @@ def test_a_drawn_mode_keeps_its_modal_mass():
     assert out.tendon_length0 == pytest.approx(before.tendon_length0 / [p, 1.0, 1.0, 1.0])
 
 
+def test_a_drawn_lamina_stays_one():
+    """Moments 0.25, 0.5 and their sum, of which a range or a draw in its plane keeps that."""
+    flat = MODEL.replace(
+        'quat="0.9 0.2 -0.3 0.1" mass="70" diaginertia="9 7 5"',
+        'mass="70" diaginertia="0.25 0.5 0.75"',
+    )
+    made = mujoco.MjModel.from_xml_string(flat)
+    product = UncertainBody(inertia_xy=about(0.01))
+    (drawn,) = quantities(made, UncertainCraft(body={"bus": product}), {}, ())
+    apply_draw(made, [drawn], np.array([0.02]))
+    assert inertia_matrix(made, 1)[0, 1] == pytest.approx(0.02, rel=1e-9)
+    assert np.sum(made.body_inertia[1]) == pytest.approx(1.5, rel=1e-9)
+    thick = quantity("bus.inertia_zz", 0.75, some(), index=1)
+    with pytest.raises(bc.InputError, match="no body"):
+        apply_draw(made, [thick], np.array([0.75 * (1.0 + 1e-8)]))
+
+
 def test_a_drawn_joint_has_its_stiffness_and_damping():
     out = written(("drive.stiffness", 2, 55.0), ("drive.damping", 2, 0.7))
     assert out.jnt_stiffness[:4] == pytest.approx([0.0, 30.0, 55.0, 0.0])

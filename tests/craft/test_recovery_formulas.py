@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import beamchain as bc
+from beamchain.craft.recovered_body import SAME
 from formulas import (
     Coordinates,
     History,
@@ -16,12 +17,15 @@ from formulas import (
     acceleration_of_sections,
     appendage_at,
     attachment_turn,
+    beam_body,
     carried_load,
+    check_same_modes,
     felt_by_modes,
     imported_body,
     load_of_modes_left_out,
     participation_of_tendon,
     place_of,
+    recover_inside,
     recovery_of_beam,
     recovery_of_imported,
     rigid_load,
@@ -275,6 +279,10 @@ def test_stations_lie_on_the_beam():
     for wrong in ([-1e-3], [4.001], [], np.linspace(0.0, 4.0, 1001)):
         with pytest.raises(bc.InputError):
             stations_of(held, wrong)
+    imported = SimpleNamespace(at="mount", fit=SimpleNamespace(space="modes"))
+    assert stations_of(imported, None).size == 0
+    with pytest.raises(bc.InputError):
+        stations_of(imported, [1.0])
 
 
 def test_the_only_appendage_needs_no_name():
@@ -501,6 +509,74 @@ def test_the_tip_of_a_beam_moves_with_its_mode(length):
     fit.kept_for = "clamped"
     found = tip_displacement(model, made, "xy")
     assert found == pytest.approx([0.0] * 6 + [0.3 * tip, -0.8 * tip], rel=1e-9)
+
+
+@pytest.mark.parametrize("rigid", [False, True])
+def test_shapes_of_a_beam_are_those_of_four_modes_more_than_twice_the_kept(rigid, monkeypatch):
+    asked = []
+
+    def inside(beam, port, count, reduced, stations, further):
+        asked.append((beam, port, count, stations, further))
+
+    module = "beamchain.craft.recovered_body"
+    monkeypatch.setattr(f"{module}.inside_beam", inside)
+    monkeypatch.setattr(f"{module}.kept_counts", lambda _: {"xy": 3, "torsion": 1})
+    spec = SimpleNamespace(beam="beam", further={"b": 2.0, "a": 1.0})
+    chain = SimpleNamespace(tendons=[SimpleNamespace(label="mode1_xy", stiffness=2.0)])
+    made = SimpleNamespace(fit=SimpleNamespace(spec=spec, chain=chain), rigid=rigid)
+    found = beam_body(None, made, "stations")
+    assert (found.coordinates, found.ports) == ({}, {})
+    counts = dict.fromkeys(COLUMNS, 4) | ({} if rigid else {"xy": 10, "torsion": 6})
+    assert sorted(asked) == sorted(
+        ("beam", port, count, "stations", (2.0, 1.0)) for port, count in counts.items()
+    )
+
+
+@pytest.mark.parametrize(("before", "after"), [(14, 15), (15, 16), (16, 1), (17, 1)])
+def test_beams_at_their_stations_are_kept_for_the_next_call(before, after, monkeypatch):
+    """Sixteen; one that is known is not made again."""
+    made = []
+    replaced = {
+        "appendage_at": lambda appendages, _: appendages[0],
+        "place_of": lambda *_: SimpleNamespace(root="root"),
+        "_rows_of": lambda *_: None,
+        "_stations": lambda *_: np.array([0.5]),
+        "run_of": lambda *_: "run",
+        "_moved_by": lambda _: ("moved", []),
+        "motion_of": lambda *_: "motion",
+        "beam_body": lambda *_: made.append(1) or SimpleNamespace(coordinates="coordinates"),
+        "_modes_in": lambda *_: "modes",
+        "_of_beam": lambda *given, **_: given[2],
+    }
+    for name, other in replaced.items():
+        monkeypatch.setattr(f"beamchain.craft.recovery.{name}", other)
+    arm = SimpleNamespace(
+        at="arm", spec=SimpleNamespace(slosh=None), fit=SimpleNamespace(space=None)
+    )
+    known = {("arm", bytes([k])): None for k in range(before)}
+
+    def found():
+        return recover_inside(
+            None, [arm], None, place="arm", x=None, static=True, rows=None, known=known
+        )
+
+    first = found()
+    assert len(known) == after
+    assert found() is first
+    assert made == [1]
+
+
+@pytest.mark.parametrize("part", [-1.1, -0.9, 0.9, 1.1])
+def test_modes_that_are_found_again_are_those_of_the_file(part):
+    kept, made = np.array([2.0, 40.0]), SimpleNamespace(at="mount")
+    found = kept * [1.0, 1.0 + part * SAME]
+    if abs(part) < 1.0:
+        check_same_modes(made, found, kept)
+    else:
+        with pytest.raises(bc.InputError, match="not those of its specification any more"):
+            check_same_modes(made, found, kept)
+    with pytest.raises(bc.InputError, match="not those of its specification any more"):
+        check_same_modes(made, kept[:1], kept)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])

@@ -21,6 +21,7 @@ from formulas import (
     Turn,
     drift_of_momentum,
     drives_of_craft,
+    finely_divided,
     modes_finely_divided,
     rk4_words,
     slew_warnings,
@@ -71,6 +72,27 @@ def test_static_shapes_are_no_modes_to_divide():
     assert modes_finely_divided(3, 1, "xz") == modes_finely_divided(2, 1, "torsion") == 3
 
 
+def test_an_appendage_is_divided_in_the_ports_that_have_modes():
+    """Without what a scene chooses by its band; imported modes stay as they are."""
+    scene = bc.Scene(bandwidth=3.0, timestep=0.01)
+    section = bc.Equivalent(
+        bending_stiffness_xy=2e3, torsion_stiffness=500.0, linear_mass=4.0, polar_inertia=0.3
+    )
+    spec = bc.Spec(
+        name="boom",
+        segment=(bc.Segment(length=8.0, section=section),),
+        port=(bc.spec.Port(name="end", x=0.5),),
+        scene=scene,
+    )
+    target = {"xy": SimpleNamespace(modes=4), "torsion": SimpleNamespace(modes=2)}
+    made = SimpleNamespace(spec=spec, fit=SimpleNamespace(target=target))
+    found = finely_divided(made)
+    assert found.modes == bc.Modes(xy=6, xz=0, torsion=3, axial=0)
+    assert found.scene == bc.Scene(timestep=0.01)
+    imported = SimpleNamespace(imported="modes")
+    assert finely_divided(SimpleNamespace(spec=imported)) is imported
+
+
 # -- steps -----------------------------------------------------------------------------------------
 OSCILLATOR = """<mujoco><option timestep="0.01" integrator="Euler" gravity="0 0 0"/><worldbody>
 <body><joint name="x" type="slide" stiffness="{stiffness}" damping="{damping}"/>
@@ -105,6 +127,20 @@ def test_a_mode_too_fast_for_rk4_is_slowed_to_the_step():
     assert 0.0102 < found.limit < 0.1
     assert found.model.tendon_armature[0] > 0.1
     assert placed.model.tendon_armature[0] == 0.0
+
+
+@pytest.mark.parametrize(("part", "taken"), [(0.97, True), (0.99, False)])
+def test_what_is_not_slowed_shortens_the_step_close_to_its_limit(part, taken):
+    """A damper beside the mode: stable up to 2.785 m / d, of which 98 hundredths are taken."""
+    limit = 0.01 / part
+    damper = f"""<body><joint name="y" type="slide" damping="{2.78529 / limit}"/>
+    <inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body></worldbody>"""
+    text = OSCILLATOR.format(stiffness=0.0, damping=0.0, tendon=MODE)
+    model = mujoco.MjModel.from_xml_string(text.replace("</worldbody>", damper))
+    found = ModelOfSlew(model, [0], [1]).under_rk4(0.01)
+    assert found.limit == pytest.approx(limit, rel=1e-3)
+    assert found.step == pytest.approx(0.01 if taken else 0.7 * limit, rel=1e-3)
+    assert found.model.tendon_armature[0] > 0.1
 
 
 def test_a_step_is_compared_with_twice_or_half_of_it():

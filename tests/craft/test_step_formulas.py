@@ -13,12 +13,14 @@ from scipy.linalg import eigh
 import beamchain as bc
 from beamchain.craft.stability import StabilityStudy
 from beamchain.errors import EngineError
+from beamchain.steps.budget import HOST
 from formulas import (
     AppendageOnLoad,
     CraftError,
     Embedded,
     Way,
     cantilever_names,
+    change_of_stiffness,
     cure_of_step,
     decide_timing,
     disturbances,
@@ -38,6 +40,8 @@ from formulas import (
     response_change,
     rest_point,
     step_slopes,
+    study_fit,
+    time_notes,
 )
 from specs import spec_of
 
@@ -157,6 +161,80 @@ def test_timing_is_worth_a_third_of_the_error_or_the_tolerance(plain, timed, tol
     assert is_worth_timing(plain, timed, tolerance) is worth
 
 
+@pytest.mark.parametrize("stiffer", [0.7, 1.2])
+def test_timing_changes_stiffness_by_its_worst_mode(stiffer, monkeypatch):
+    modal = SimpleNamespace(index=np.array([2, 0]), stiffness=np.array([40.0, 5.0]))
+    monkeypatch.setattr("beamchain.craft.timing.modal_tendons", lambda _: modal)
+    model = SimpleNamespace(tendon_stiffness=np.array([5.0 * 1.1, 900.0, 40.0 * stiffer]))
+    assert change_of_stiffness(model) == pytest.approx(abs(stiffer - 1.0))
+
+
+@pytest.mark.parametrize(
+    ("by", "exact", "codes"),
+    [
+        ("RK4", True, []),
+        ("RK4", False, []),
+        ("Euler", True, ["exact-in-time"]),
+        ("implicit", False, ["time-error"]),
+    ],
+)
+def test_what_timing_did_is_told_but_under_rk4(by, exact, codes, monkeypatch):
+    monkeypatch.setattr("beamchain.craft.timing.growing_poses", lambda *_: [])
+    monkeypatch.setattr("beamchain.craft.timing.time_reason", lambda _: "")
+    monkeypatch.setattr("beamchain.craft.timing._stiffness_change", lambda _: 0.2)
+    model = mujoco.MjModel.from_xml_string(
+        STILL.format(step=0.01, by=by, g="0 0 0", rho=0, mu=0, con=0, aff=0, damper=0)
+    )
+    error = SimpleNamespace(exact=exact, error=0.01, words="words")
+    found = time_notes(model, model, "why", error, error)
+    assert [caution.code for caution in found] == codes
+
+
+# -- limits of a fit -------------------------------------------------------------------------------
+FITTED_LIMITS = {
+    "rod on its hub": {"Euler": 0.03, "implicit": 0.5, HOST: 0.9},
+    "rod alone": {"Euler": 0.07, "implicit": 0.2, HOST: 0.9},
+}
+
+
+@pytest.mark.parametrize("step", [0.0299, 0.03, 0.3])
+@pytest.mark.parametrize("overdamped", [False, True])
+def test_limits_of_a_fit_are_those_on_its_hub_and_alone(step, overdamped, monkeypatch):
+    """Its step and its own are held against those on its hub."""
+
+    def budget(model, name):
+        if overdamped and name == "rod alone":
+            raise EngineError("nothing oscillates")
+        return SimpleNamespace(name=name, timestep=0.02, largest_step=FITTED_LIMITS[name])
+
+    monkeypatch.setattr("beamchain.craft.stability.compile_model", lambda text: text)
+    monkeypatch.setattr("beamchain.craft.stability.budget", budget)
+    spec = SimpleNamespace(
+        name="rod", integrator="Euler", scene=SimpleNamespace(integrator="Euler")
+    )
+    fit = SimpleNamespace(
+        spec=spec,
+        step=step,
+        scene_mjcf=lambda: "scene",
+        bench_mjcf=lambda: "bench",
+        large_motion=({"xy": "limit"}, ["why"]),
+    )
+    found = study_fit(fit)
+    kept = list(FITTED_LIMITS)[: 1 if overdamped else 2]
+    assert [each.name for each in found.budgets] == kept
+    rows = [(name, *row) for name in kept for row in FITTED_LIMITS[name].items()]
+    assert [(row.name, row.integrator, row.largest) for row in found.rows] == [
+        row for row in rows if row[1] != HOST
+    ]
+    codes = ["overdamped"] * overdamped + ["unstable-step"] * (step >= 0.03)
+    assert found.warnings[0] == "why"
+    assert [caution.code for caution in found.warnings[1:]] == codes
+    assert found.large == {"xy": "limit"}
+    assert found.own_step.startswith("rod on its hub: stable as it is")
+    spec.scene = None
+    assert len(study_fit(fit).warnings) == 1 + overdamped
+
+
 # -- names -----------------------------------------------------------------------------------------
 CHAIN = """<mujoco><worldbody><body><joint name="drive" type="slide" stiffness="90"/>
 <joint name="free" type="slide" axis="1 0 0"/>
@@ -251,6 +329,8 @@ def test_poses_have_the_joints_that_they_name_or_that_move():
     assert grid.joint == "drive"
     assert grid.angles == pytest.approx([0.0, 0.5, 1.0])
     assert grid.values[:, 1] == pytest.approx([0.1] * 3)
+    listed = np.array([{"drive": 0.25}, "bent"], dtype=object)
+    np.testing.assert_allclose(poses_of(model, listed).values, [[0.25], [0.5]])
     assert poses_of(model, {"drive": 0.5}) is None
     assert poses_of(model, list(map(float, model.qpos0))) is None
     qpos = np.array(model.qpos0)
@@ -260,6 +340,22 @@ def test_poses_have_the_joints_that_they_name_or_that_move():
     for wrong in ([], {"drive": [0.0], "rail": [0.1]}, {"drive": [[0.0]]}, {"drive": []}):
         with pytest.raises(bc.InputError, match="pose"):
             poses_of(model, wrong)
+
+
+def test_bare_positions_of_many_joints_have_the_number_of_their_pose():
+    """Up to four are named; a joint that has not moved is not."""
+    bodies = "".join(
+        f'<body><joint name="{name}" type="slide"/><geom size="1" contype="0"/></body>'
+        for name in "abcde"
+    )
+    model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{bodies}</worldbody></mujoco>")
+    four, five = [0.1, 0.2, 1e-10, 0.3, 0.4], [0.1, 0.2, 0.5, 0.3, 0.4]
+    found = poses_of(model, [five, four, five])
+    assert found.labels[::2] == ("pose 1", "pose 3")
+    assert [words.split()[0] for words in found.labels[1].split(", ")] == ["a", "b", "d", "e"]
+    assert pose_label(model, five) == "pose 1"
+    assert found.joints == ("c",)
+    np.testing.assert_allclose(found.values, [[0.5], [1e-10], [0.5]])
 
 
 # -- what disturbs ---------------------------------------------------------------------------------
@@ -449,6 +545,18 @@ def test_mass_centres_are_told_from_the_base_wherever_it_stands():
     made = SimpleNamespace(craft=craft, appendages=[SimpleNamespace(at="m", mount=held, fit=fit)])
     found = Embedded.mass_centres.func(made)["m"]
     assert found == pytest.approx([0.5, 3.0, 0.0], abs=1e-12)
+
+
+@pytest.mark.parametrize(("part", "kept"), [(0.5, False), (2.0, True)])
+def test_a_mass_centre_is_on_an_axis_but_for_rounding_of_its_distance(part, kept):
+    craft = mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><body><freejoint/><geom size="1"/></body></worldbody></mujoco>'
+    )
+    side = part * 1e-12 * 40.0
+    held = SimpleNamespace(body=1, origin=np.array([40.0, side, 0.0]), axes=np.eye(3))
+    fit = SimpleNamespace(measured=SimpleNamespace(rigid_mass=np.eye(6)))
+    made = SimpleNamespace(craft=craft, appendages=[SimpleNamespace(at="m", mount=held, fit=fit)])
+    assert Embedded.mass_centres.func(made)["m"].tolist() == [40.0, side if kept else 0.0, 0.0]
 
 
 def test_only_a_file_of_the_spacecraft_has_hinges_to_slew():

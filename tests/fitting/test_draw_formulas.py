@@ -60,7 +60,7 @@ def test_half_waves_of_a_beam_are_its_length_over_half_a_wavelength():
     section = bc.Equivalent(
         bending_stiffness_xy=400.0,
         bending_stiffness_xz=90.0,
-        torsion_stiffness=55.0,
+        torsion_stiffness=0.055,
         axial_stiffness=7e3,
         linear_mass=1.7,
         polar_inertia=0.3,
@@ -71,10 +71,20 @@ def test_half_waves_of_a_beam_are_its_length_over_half_a_wavelength():
     for port, stiffness in (("xy", 400.0), ("xz", 90.0)):
         wave = (omega**2 * 1.7 / stiffness) ** 0.25
         assert half_waves(beam, port, omega) == pytest.approx(wave * length / np.pi)
-    twist = omega * np.sqrt(0.3 / 55.0)
+    twist = omega * np.sqrt(0.3 / 0.055)
     assert half_waves(beam, "torsion", omega) == pytest.approx(twist * length / np.pi)
     stretch = omega * np.sqrt(1.7 / 7e3)
     assert half_waves(beam, "axial", omega) == pytest.approx(stretch * length / np.pi)
+
+
+def test_half_waves_of_a_taper_are_those_of_its_middle():
+    """A square rod: k^4 = omega^2 12 rho / (E a^2), 3 cm wide in the middle."""
+    material = bc.Material(youngs_modulus=7e10, density=2700.0)
+    first, last = (bc.Rectangle(width_y=side, width_z=side) for side in (0.05, 0.01))
+    segment = bc.Segment(length=4.0, section=first, section_end=last, material=material)
+    wave = (31.0**2 * 12.0 * 2700.0 / (7e10 * 0.03**2)) ** 0.25
+    found = half_waves(bc.Beam(segments=(segment,)), "xz", 31.0)
+    assert found == pytest.approx(wave * 4.0 / np.pi)
 
 
 def test_a_matrix_that_is_a_correlation_is_taken_as_it_is():

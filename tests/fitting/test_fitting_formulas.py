@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import msgspec
 import numpy as np
 import pytest
+from lxml import etree
 from scipy.optimize import brentq
 
 import beamchain as bc
@@ -31,6 +32,7 @@ from formulas import (
     normal_modes_of,
     one_mode_more,
     ports_of_beam,
+    put_timing,
     reduced_to_kept,
     safe_step,
     step_warnings,
@@ -242,6 +244,52 @@ def test_modes_that_are_those_of_the_whole():
     assert normal_modes_of(FULL, FULL.truncated(2)) == 2
 
 
+def test_all_modes_of_a_beam_are_six_more_than_twice_the_kept_or_those_that_were_fitted():
+    """Of a port that is not kept six; where one is rigid none."""
+    asked = []
+
+    def port(name, count, stations):
+        if name in ("torsion", "axial"):
+            raise bc.InputError("rigid.")
+        asked.append((name, count, stations))
+        return FULL.truncated(2)
+
+    beam = SimpleNamespace(port=port, rigid_mass=lambda: 9.0 * np.eye(6))
+    spec = SimpleNamespace(beam=beam, further={}, with_ratios=lambda _, model: model)
+    fit = SimpleNamespace(
+        space=None,
+        spec=spec,
+        target={"xy": FULL.truncated(2)},
+        full={"xy": FULL, "xz": FULL.truncated(1)},
+        measured=SimpleNamespace(rigid_mass=np.eye(6)),
+    )
+    found = exact_appendage(fit)
+    assert asked == [("xy", 10, []), ("xz", 6, [])]
+    assert [model.modes for model in found.ports.values()] == [3, 2]
+    # 1, 1, 2, 2 and 3 rad/s, of xy before xz: two of xy are kept
+    assert found.kept.tolist() == [True, False, True, False, False]
+    assert found.band == {"xy": 2.0}
+
+
+# -- timing ----------------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("springs", "step", "integrator", "timed"),
+    [
+        ("hinges", 0.05, "Euler", True),
+        ("auto", 0.05, "Euler", False),
+        ("hinges", None, "Euler", False),
+        ("hinges", 0.05, "RK4", False),
+    ],
+)
+def test_springs_on_hinges_are_timed_where_they_shall_stand_there(springs, step, integrator, timed):
+    tree = etree.fromstring('<mujoco><joint stiffness="40"/><joint/></mujoco>')
+    scene = bc.Scene(timestep=step, integrator=integrator)
+    put_timing(
+        tree, boom(fit=bc.spec.FitOptions(springs=springs), scene=scene), sprung=False, form=2
+    )
+    assert [joint.get("armature") is not None for joint in tree.iter("joint")] == [timed, False]
+
+
 # -- modes that move several ports -----------------------------------------------------------------
 BELONGS = ("xy", "xz", "xy", "torsion", "xz")
 WEIGHED = PortModel(
@@ -253,9 +301,10 @@ WEIGHED = PortModel(
 
 
 class Told:
-    """An error that falls by what each mode takes of it."""
+    """An error that falls by what each mode takes of it, on two hubs; the second is as good as
+    fixed, so that no mode weighs there."""
 
-    hubs = (np.array([[5.0]]),)
+    hubs = (np.array([[5.0]]), np.array([[np.inf]]))
 
     def __init__(self, parts, bandwidth=10.0):
         self.parts, self.bandwidth = parts, bandwidth
@@ -472,7 +521,7 @@ class Stepped:
     target: dict = field(default_factory=dict)
     full: dict = field(default_factory=dict)
     space: None = None
-    in_band_error: None = None
+    in_band_error: float | None = None
 
     @property
     def decisive(self):
@@ -487,6 +536,21 @@ def test_dampers_in_hinges_are_cured_by_those_on_modes(form, cured):
         assert found == boom(damping=bc.Damping(ratio=0.03, form="modal"))
     else:
         assert found is None
+
+
+@pytest.mark.parametrize("typed", [False, True])
+@pytest.mark.parametrize("band", [None, 3.0])
+def test_numbers_of_modes_that_were_typed_may_be_left_out_for_a_band(typed, band, monkeypatch):
+    """In continuous time the band's error counts, or without a band that of the shortest step."""
+    monkeypatch.setattr("beamchain.fitting.cure.find_cure", lambda *given: given)
+    scene = bc.Scene(timestep=0.01, integrator="implicitfast", bandwidth=band, tolerance=0.02)
+    made = Stepped(boom(modes=bc.Modes(xy=1) if typed else None, scene=scene), in_band_error=0.07)
+    now, error, wished, _, tolerance = cure_of(made, lambda _: pytest.fail("not to be fitted"))
+    assert now == ("implicitfast", 0.01, None, "")
+    assert len(wished) == bool(typed and band)
+    assert tolerance == (0.02 if band else None)
+    assert error(now._replace(timestep=0.0)) == pytest.approx(0.07 if band else 100.0 * 1e-6)
+    assert error(now._replace(timestep=0.03)) == pytest.approx(3.0)
 
 
 def test_without_a_band_a_shorter_step_is_the_cure_of_a_step():

@@ -42,6 +42,27 @@ def body_of(spec):
 POINTS = (bc.spec.Port(name="b", x=2.0), bc.spec.Port(name="a", x=1.0))
 
 
+# -- what a body is --------------------------------------------------------------------------------
+def test_modes_couple_ports_where_one_moves_several():
+    assert not body_of(boom()).couples
+    for groups, couples in (
+        ((), False),
+        ((("xy",), ("xz",)), False),
+        ((("xy",), ("xz", "xy")), True),
+    ):
+        assert Body(boom(), {}, SimpleNamespace(groups=groups)).couples is couples
+
+
+def test_modes_beyond_25_bands_are_gathered_there():
+    w = 0.4 * np.array([24.9, 25.1, 26.0, 29.0])
+    rows = np.array([[0.1, 0.2], [0.3, -0.1], [0.2, 0.3], [-0.2, 0.5]])
+    body = Body(boom(scene=bc.Scene(bandwidth=0.4)), {"xz": PortModel(RIGID, w, rows)})
+    found = body.in_band["xz"]
+    assert found.frequencies == pytest.approx([0.4 * 24.9, 10.0, 10.0])
+    wanted = (rows[1:].T / w[1:] ** 2) @ rows[1:]
+    assert found.participation[1:].T @ found.participation[1:] / 100.0 == pytest.approx(wanted)
+
+
 # -- which modes -----------------------------------------------------------------------------------
 HUB = bc.Hub(mass=30.0, inertia=(20.0, 25.0, 28.0))
 

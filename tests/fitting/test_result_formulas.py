@@ -13,7 +13,7 @@ from beamchain import PortModel
 from beamchain.chain.build import Status
 from beamchain.errors import OutputError
 from beamchain.fitting.fit import decide
-from formulas import InSpace, tip_sentence
+from formulas import InSpace, limits_of_chain, look_of, tip_sentence
 
 LIMITS = SimpleNamespace(largest_step={})
 
@@ -138,13 +138,15 @@ def test_static_shapes_behind_the_modes_are_not_told():
     ("damping", "stiffness", "damped", "sprung"),
     [(0.0, 0.0, False, False), (0.02, 0.0, True, False), (0.0, 0.03, False, True)],
 )
-def test_tendons_that_damp_or_spring(damping, stiffness, damped, sprung):
+def test_tendons_that_damp_or_spring(damping, stiffness, damped, sprung, monkeypatch):
     tendons = (
         SimpleNamespace(damping=0.0, stiffness=0.0),
         SimpleNamespace(damping=damping, stiffness=stiffness),
     )
     fit = made(chain=SimpleNamespace(tendons=tendons))
     assert (fit.tendon_damped, fit.tendon_sprung) == (damped, sprung)
+    monkeypatch.setattr("beamchain.fitting.proof.coupled_limits", lambda *_, **how: how)
+    assert limits_of_chain(fit.chain, "motion", None) == {"tendon": damped, "sprung": sprung}
 
 
 HUB = bc.Hub(mass=7.0, inertia=(3.0, 4.0, 5.0))
@@ -173,6 +175,20 @@ def test_the_error_that_a_tolerance_is_held_against(given, error, promise, decis
 def test_a_step_that_ruins_the_motion_where_no_tolerance_is_stated(error, ruined):
     assert sampled(made(), error).ruined is ruined
     assert not sampled(made(promise=1e-4, spec=scene(bandwidth=1.0)), error).ruined
+
+
+@pytest.mark.parametrize(("hub", "offset"), [((0.4, 0.2, -0.3), 0.4), (None, 0.0)])
+def test_large_motion_is_that_of_kept_modes_beside_the_hub(hub, offset, monkeypatch):
+    """A liquid and imported modes have no chain of 60 links."""
+    monkeypatch.setattr(result_module, "large_limits", lambda *given: given)
+    stated = hub and bc.Hub(mass=7.0, inertia=(3.0, 4.0, 5.0), offset=hub)
+    spec = SimpleNamespace(is_beam=True, beam="beam", root=SimpleNamespace(hub=stated))
+    fit = made(spec=spec)
+    assert fit.large_motion == (fit.chain, "beam", {"xy": 2, "xz": 1}, offset)
+    for slosh in (None, "liquid"):
+        limits, (caution,) = made(spec=SimpleNamespace(is_beam=False, slosh=slosh)).large_motion
+        assert limits == {}
+        assert caution.code == "large-motion-unknown"
 
 
 def test_the_turn_is_that_of_the_hub_with_its_appendage(monkeypatch):
@@ -284,6 +300,46 @@ def test_modes_are_numbered_as_in_the_file():
 )
 def test_kept_modes_in_words(numbers, words):
     assert in_space(numbers).kept_words == words
+
+
+@pytest.mark.parametrize(
+    ("scene", "is_beam", "drawn"),
+    [
+        (None, True, "skin"),
+        (bc.Scene(), True, "skin"),
+        (None, False, "boxes"),
+        (bc.Scene(contacts=True), True, "contacts"),
+        (bc.Scene(visuals=False), True, "nothing"),
+    ],
+)
+def test_surfaces_follow_the_kept_modes_at_their_stations(scene, is_beam, drawn, monkeypatch):
+    """Further points stand between the stations at 0, 1, 2.5 and 4 m or at one of them; in `tip`
+    all come behind the tip itself."""
+    asked = []
+    stated = np.array([0.0, 1.0, 2.5, 4.0])
+    kept = SimpleNamespace(truncated=lambda count: ("kept", count))
+    replaced = {
+        "beam_surfaces": lambda _: ["surface"],
+        "stations": lambda _: stated,
+        "snapped": lambda _, x: x,
+        "kept_counts": lambda _: {"xy": 2, "xz": 0},
+        "sampled_model": lambda _, *given: asked.append(given) or "full",
+        "reduced_to_kept": lambda _, *given: asked.append(given) or kept,
+        "mode_motion": lambda _, port, kept, x, columns: (port, kept, columns.tolist()),
+        "skins": lambda chain, surfaces, modes: (modes, [0.02]),
+    }
+    for name, made in replaced.items():
+        monkeypatch.setattr(f"beamchain.fitting.look.{name}", made)
+    beam = SimpleNamespace(segments=(), joints=(), lumps=())
+    spec = SimpleNamespace(scene=scene, is_beam=is_beam, beam=beam, further={"b": 2.5, "a": 1.7})
+    found = look_of(SimpleNamespace(spec=spec, chain="chain"))
+    assert found.drawn == drawn
+    if drawn != "skin":
+        assert asked == []
+        return
+    assert asked == [("xy", 8, (0.0, 1.0, 1.7, 2.5, 4.0)), ("xy", 2, "full", [4, 3])]
+    assert found.skins == (("xy", ("kept", 2), [1, 2, 4, 5]),)
+    assert found.residual == {"xy": 0.02}
 
 
 @pytest.mark.parametrize("sprung", [True, False])

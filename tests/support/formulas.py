@@ -41,6 +41,7 @@ from beamchain.chain.tendons import _armatures as armatures_of
 from beamchain.chain.tendons import _fillers as fillers_of
 from beamchain.chain.tendons import _nearest_flexibility as nearest_flexibility
 from beamchain.chain.tendons import _nearest_turn as nearest_turn
+from beamchain.chain.tendons import _next_pace as next_pace
 from beamchain.chain.tendons import _stiffen_attachments as stiffen_attachments
 from beamchain.chain.tendons import _unfelt as unfelt_motions
 from beamchain.control.closed_loop import _check_algebraic as check_algebraic_loop
@@ -96,6 +97,7 @@ from beamchain.craft.bent_line import _motion as motion_of_modes
 from beamchain.craft.bent_line import _numbers as ranks_of_modes
 from beamchain.craft.candidates import Coupled as CoupledCandidate
 from beamchain.craft.candidates import Liquid as LiquidCandidate
+from beamchain.craft.candidates import PerPort as CandidateOfPorts
 from beamchain.craft.candidates import candidate
 from beamchain.craft.coupled_modes import Mode as ModeOfCraft
 from beamchain.craft.coupled_modes import _clusters as clusters
@@ -170,8 +172,15 @@ from beamchain.craft.proof import _elements as elements_of_file
 from beamchain.craft.proof import _with_poses_of as bare_at_poses_of
 from beamchain.craft.quantities import Quantity, draws, inertia_matrix, quantities
 from beamchain.craft.quantities import _check_inertia as check_inertia
-from beamchain.craft.recovered_body import Coordinates, imported_body, place_of, tip_displacement
+from beamchain.craft.recovered_body import (
+    Coordinates,
+    beam_body,
+    imported_body,
+    place_of,
+    tip_displacement,
+)
 from beamchain.craft.recovered_body import _attachment_turn as attachment_turn
+from beamchain.craft.recovered_body import _check_same as check_same_modes
 from beamchain.craft.recovered_body import _participation as participation_of_tendon
 from beamchain.craft.recovery import History, Recovery, appendage_at
 from beamchain.craft.recovery import _acceleration as acceleration_of_sections
@@ -184,10 +193,12 @@ from beamchain.craft.recovery import _on_ports as wrench_on_ports
 from beamchain.craft.recovery import _rigid_load as rigid_load
 from beamchain.craft.recovery import _root_factors as root_factors
 from beamchain.craft.recovery import _stations as stations_of
+from beamchain.craft.recovery import recover as recover_inside
 from beamchain.craft.recovery import run_of as run_of_data
 from beamchain.craft.retiming import RetimedCraft, retime_craft
 from beamchain.craft.slews import SlewBody, SlewRow
 from beamchain.craft.slews import _apart as apart
+from beamchain.craft.slews import _divided as finely_divided
 from beamchain.craft.slews import _drift as drift_of_momentum
 from beamchain.craft.slews import _drives as drives_of_craft
 from beamchain.craft.slews import _Model as ModelOfSlew
@@ -201,8 +212,10 @@ from beamchain.craft.slews import _turns as turns_of_hinge
 from beamchain.craft.slews import _warnings as slew_warnings
 from beamchain.craft.slews import _wished as wished_hinges
 from beamchain.craft.slews import slews as slews_of_file
+from beamchain.craft.stability import study_fit
 from beamchain.craft.step_slopes import step_slopes
-from beamchain.craft.timing import decide_timing, is_worth_timing, response_change
+from beamchain.craft.timing import _stiffness_change as change_of_stiffness
+from beamchain.craft.timing import decide_timing, is_worth_timing, response_change, time_notes
 from beamchain.craft.timing import step_error as error_of_step
 from beamchain.craft.under_load import LoadedTree
 from beamchain.engine.allocation import Allocated, allocated
@@ -301,16 +314,18 @@ from beamchain.fitting.body import _ports_of_beam as ports_of_beam
 from beamchain.fitting.body import _ratios as damping_of_file
 from beamchain.fitting.cure import _one_mode_more as one_mode_more
 from beamchain.fitting.cure import cure_of
-from beamchain.fitting.document import safe_step
+from beamchain.fitting.document import put_timing, safe_step
 from beamchain.fitting.exact import _normal_modes as normal_modes_of
 from beamchain.fitting.exact import exact_appendage, reduced_to_kept
 from beamchain.fitting.fewest import fewest
 from beamchain.fitting.fewest import weights as weights_of_modes
 from beamchain.fitting.hub import assumed_hub, default_hub, port_hub_mass
+from beamchain.fitting.look import look_of
 from beamchain.fitting.needs import Candidates, Promise, choose, with_polar_inertia
 from beamchain.fitting.proof import _cautions as cautions_of_fit
 from beamchain.fitting.proof import _in_space as compared_in_space
 from beamchain.fitting.proof import _is_empty as leaves_no_mass
+from beamchain.fitting.proof import step_limits as limits_of_chain
 from beamchain.fitting.realise import _band as fillers_above
 from beamchain.fitting.realise import _check_body as check_body
 from beamchain.fitting.realise import _check_free as check_free_modes
@@ -524,6 +539,7 @@ from beamchain.variants.samples import vary as vary_samples
 from beamchain.variants.sweep import Sweep
 from beamchain.variants.sweep import _correlations as correlations_of_craft
 from beamchain.variants.sweep import _draw as drawn_samples
+from beamchain.variants.sweep import _nominal_fit as nominal_fit
 from beamchain.variants.sweep import _spread as spread_of
 from beamchain.variants.sweep import _varied_fields as varied_fields
 
@@ -537,6 +553,7 @@ __all__ = [
     "Body",
     "Boundary",
     "BuildOptions",
+    "CandidateOfPorts",
     "Candidates",
     "Chain",
     "Composite",
@@ -669,6 +686,7 @@ __all__ = [
     "bare_at_poses_of",
     "base",
     "base_place",
+    "beam_body",
     "bent_keyframes",
     "bent_line",
     "best_cut",
@@ -691,6 +709,7 @@ __all__ = [
     "chain_of_ports",
     "change_of_frequencies",
     "change_of_lowest",
+    "change_of_stiffness",
     "changes_of",
     "check_algebraic_loop",
     "check_body",
@@ -700,6 +719,7 @@ __all__ = [
     "check_outwards",
     "check_ports_of_file",
     "check_pushes",
+    "check_same_modes",
     "check_standing",
     "check_steps",
     "check_workers",
@@ -775,6 +795,7 @@ __all__ = [
     "fillers_above",
     "fillers_of",
     "find_cure",
+    "finely_divided",
     "first_moment",
     "first_of_ports",
     "fit_all",
@@ -847,6 +868,7 @@ __all__ = [
     "lightest_of_bodies",
     "limited_by_modes_above",
     "limiting_modes",
+    "limits_of_chain",
     "limp_model",
     "line_with_room",
     "linear_at",
@@ -862,6 +884,7 @@ __all__ = [
     "loads_of",
     "long_delays",
     "long_enough",
+    "look_of",
     "loop_by_state",
     "loose_craft",
     "lowest_modes",
@@ -913,8 +936,10 @@ __all__ = [
     "needs_time",
     "new_directions",
     "newton_step",
+    "next_pace",
     "noise_of_freedoms",
     "noise_of_motions",
+    "nominal_fit",
     "norm_ratios",
     "normal_modes",
     "normal_modes_of",
@@ -965,6 +990,7 @@ __all__ = [
     "power_sum",
     "proposed_axes",
     "push_of_actuators",
+    "put_timing",
     "quantities",
     "raise_polar_inertia",
     "ranks_of_modes",
@@ -977,6 +1003,7 @@ __all__ = [
     "realise",
     "realise_controller",
     "realise_fraction",
+    "recover_inside",
     "recovery_of_beam",
     "recovery_of_imported",
     "reduced_to_kept",
@@ -1075,10 +1102,12 @@ __all__ = [
     "still_copy",
     "stop_ahead",
     "structured_bound",
+    "study_fit",
     "sums_behind",
     "taper_cuts",
     "time_error",
     "time_modes",
+    "time_notes",
     "tip_displacement",
     "tip_sentence",
     "torque_of_actuator",

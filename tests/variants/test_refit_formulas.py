@@ -48,7 +48,7 @@ def into(monkeypatch, drawn):
 
     monkeypatch.setattr("beamchain.variants.refit.Refit._fit", fitted)
     monkeypatch.setattr(
-        "beamchain.variants.refit._compiled_alone",
+        "beamchain.variants.refit.compiled_alone",
         lambda fit: mujoco.MjModel.from_xml_string(ALONE.format(**fit.of)),
     )
     craft = mujoco.MjModel.from_xml_string(CRAFT)

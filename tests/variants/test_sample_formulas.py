@@ -14,6 +14,7 @@ from scipy.linalg import eigh
 
 import beamchain as bc
 from beamchain.craft.model_fields import FIELDS
+from beamchain.fitting.uncertain import UncertainBody, UncertainCraft, UncertainModes
 from formulas import (
     DrawnModes,
     GainOfModes,
@@ -22,6 +23,7 @@ from formulas import (
     craft_from_text,
     drawn_samples,
     gain_of_pair,
+    nominal_fit,
     normal_shapes,
     scaled_participation,
     spread_of,
@@ -374,3 +376,28 @@ def test_a_sweep_is_written_beside_its_model(tmp_path, monkeypatch):
         assert archive["body_mass"].tolist() == [[0.0, 9.5, 1.0], [0.0, 8.5, 1.0]]
         assert archive["sample"].tolist() == [0, 2]
     assert json.loads((tmp_path / "sweep.json").read_text())["variants"] == 2
+
+
+@pytest.mark.parametrize("springs", ["auto", "hinges"])
+@pytest.mark.parametrize("drawn", [False, True])
+def test_modes_that_are_drawn_have_a_tendon_each_unless_springs_are_said(
+    springs, drawn, monkeypatch
+):
+    monkeypatch.setattr("beamchain.variants.sweep.fit", lambda spec: SimpleNamespace(spec=spec))
+    section = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
+    spec = bc.Spec(
+        name="rod",
+        segment=(bc.Segment(length=1.0, section=section),),
+        fit=bc.spec.FitOptions(springs=springs),
+    )
+    some = bc.spec.Uncertainty(relative=0.1)
+    modes = UncertainCraft(appendage={"rod_": UncertainModes(frequency=some)})
+    if drawn:
+        found = nominal_fit(spec, modes).spec
+        assert found.fit.springs == ("modes" if springs == "auto" else springs)
+        return
+    with pytest.raises(bc.InputError, match="the spec has no .uncertain."):
+        nominal_fit(spec, UncertainCraft())
+    own = spec.replace(uncertain=bc.spec.Uncertain(stiffness=some))
+    for given in (UncertainCraft(), UncertainCraft(body={"bus": UncertainBody(mass=some)})):
+        assert nominal_fit(own, given).spec.fit.springs == springs

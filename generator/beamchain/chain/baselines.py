@@ -85,7 +85,7 @@ def seed_parameters(
         raise InputError(
             f"omega1 / omega2 = {ratio!r} must lie between 0 and 1 for the paper's three links."
         )
-    k = float(brentq(lambda x: seed_ratio(x) - ratio, 1e-12, 1.0 - 1e-12, xtol=1e-15, rtol=1e-14))
+    k = float(brentq(lambda x: seed_ratio(x) - ratio, 0.0, 1.0, xtol=1e-15, rtol=1e-14))
     return k, mass * (omega1 * length / seed_frequency_factors(k)[0]) ** 2
 
 

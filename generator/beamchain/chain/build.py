@@ -285,7 +285,7 @@ def assemble(
     total = Moments(*beam.moments([0.0, beam.length])[0].tolist())
     rotary = abs(total.rotary_xy - total.rotary_xz) / total.second
     if len(nodes) == 1 and not beam.exact:
-        rotary = max(rotary - PRINTED, 0.0)  # of imported mass it is known to the print
+        rotary -= PRINTED  # of imported mass it is known to the print
     shared = _shared_nodes(nodes, rotary)
     if shared is None:
         raise RealisationError("the planes do not share their hinges.")
@@ -443,9 +443,7 @@ def _counts(group: ModeGroup) -> dict[str, int]:
     """Hinges per port: as many as the modes need together, shared out as they move the ports."""
     n, m = group.rows.shape
     scale = np.linalg.norm(group.rows, axis=0)
-    rank = (
-        np.linalg.matrix_rank(group.rows / np.where(scale > 0.0, scale, 1.0), tol=RANK) if n else 0
-    )
+    rank = np.linalg.matrix_rank(group.rows / np.where(scale > 0.0, scale, 1.0), tol=RANK)
     total = n + m - int(rank)
     if len(group.ports) == 1:
         return {group.ports[0]: total}
@@ -466,7 +464,7 @@ def _required_hinges(
     motion = group_motion(group.ports)
     mass = motion.T @ rigid @ motion
     size = np.sqrt(np.diag(mass))
-    part = group.rows[:, : mass.shape[0]] / size
+    part = group.rows[:, : len(mass)] / size
     bare = float(np.linalg.eigvalsh(mass / np.outer(size, size) - part.T @ part)[0]) < NOTHING
     root = {0.0} if bare else set[float]()
     return {

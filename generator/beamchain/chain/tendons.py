@@ -83,7 +83,7 @@ class ModeGroup:
             np.abs(rigid)
         ):
             return self
-        m = rigid.shape[0]
+        m = len(rigid)
         left = rigid - self.rows[:, :m].T @ self.rows[:, :m]
         size = np.sqrt(np.diag(rigid))
         if float(np.linalg.eigvalsh(left / np.outer(size, size))[0]) > LEAST_LEFT:
@@ -146,7 +146,7 @@ def modal_matrix(
 
     b = on_seen(modes.rows)
     _, values, vt = np.linalg.svd(b)
-    count = int(np.sum(values > SINGULAR * max(values[0], 1e-300))) if values.size else 0
+    count = int(np.sum(values > SINGULAR * values[:1]))
     if size < n + rank - count:
         raise RealisationError(
             f"{size} hinges hold {max(size - rank + count, 0)} of the {n} modes asked for, which "
@@ -159,7 +159,7 @@ def modal_matrix(
         )
     values = np.minimum(values, 1.0)
     gaps = np.ones(n)
-    gaps[: values.size] = np.sqrt(np.maximum(1.0 - values**2, 0.0))
+    gaps[: values.size] = np.sqrt(1.0 - values**2)
     lift = (vt.T * gaps) @ vt
     free = vt[count:].T
     guide: Array | None = None
@@ -225,9 +225,9 @@ def _fillers(
     turn[:, :moving] *= ROOM
     felt = felt @ turn[:, :moving]
     shares, vectors = np.linalg.eigh(_nearest_flexibility(felt, lowest * beyond @ beyond.T))
-    stiff = lowest / np.clip(shares, lowest / highest, 1.0)  # `highest` at most
+    stiff = lowest / np.maximum(shares, lowest / highest)  # `highest` at most
     smallest = np.minimum(least / np.linalg.norm(felt @ vectors, axis=0), 1.0)
-    part = np.clip(np.sqrt(np.maximum(shares, 0.0) * stiff / lowest), smallest, 1.0)
+    part = np.maximum(np.sqrt(np.maximum(shares, 0.0) * stiff / lowest), smallest)
     turn[:, :moving] = turn[:, :moving] @ vectors * part
     frequencies[:moving] = np.sqrt(stiff + omega**2)
     return turn, frequencies
@@ -249,8 +249,8 @@ def _nearest_flexibility(felt: Array, wanted: Array) -> Array:
         moved = share - last
         if np.max(np.abs(moved)) < STILL:
             break
-        before, pace = pace, (1.0 + np.sqrt(1.0 + 4.0 * pace**2)) / 2.0
-        ahead = share + (before - 1.0) / pace * moved
+        pace, again = _next_pace(pace)
+        ahead = share + again * moved
     return share
 
 
@@ -277,32 +277,34 @@ def _nearest_turn(lift: Array, free: Array, size: int, guide: Array | None) -> A
     `lift` `(n, n)`: square root of what the root leaves open; `free` `(n, k)`:
     mode combinations that it does not see.
     """
-    n = lift.shape[0]
     if guide is None:  # an isometry: first on what the root does not see, then on the rest
-        rest = (
-            np.linalg.svd(free, full_matrices=True)[0][:, free.shape[1] :]
-            if free.size
-            else np.eye(n)
-        )
+        rest = np.linalg.svd(free)[0][:, free.shape[1] :]
         basis = np.column_stack([free, rest])[:, :size]
         return np.eye(size)[:, : basis.shape[1]] @ basis.T
-    z = ahead = np.zeros((size, n))
+    z = ahead = np.zeros((size, len(lift)))
     pace = 1.0
     # projected gradient with Nesterov's momentum, begun anew where it turns back
     for _ in range(PASSES):
         last, z = z, _clip_singular_values(ahead - (ahead @ lift - guide) @ lift)
         moved = z - last
-        if np.max(np.abs(moved), initial=0.0) < STILL:
+        if np.all(np.abs(moved) < STILL):
             break
         if float(np.sum((ahead - z) * moved)) > 0.0:
             pace, ahead = 1.0, z
             continue
-        before, pace = pace, (1.0 + np.sqrt(1.0 + 4.0 * pace**2)) / 2.0
-        ahead = z + (before - 1.0) / pace * moved
+        pace, again = _next_pace(pace)
+        ahead = z + again * moved
     if free.size:
         left, s, right = np.linalg.svd(z @ free, full_matrices=False)
         z = z + (left * (np.maximum(s, RAISED) - s)) @ right @ free.T
     return _clip_singular_values(z)
+
+
+def _next_pace(pace: float) -> tuple[float, float]:
+    """Nesterov's next pace t' with t'^2 - t' = t^2, and the part (t - 1) / t' of the last move that
+    is made again."""
+    following = (1.0 + np.sqrt(1.0 + 4.0 * pace**2)) / 2.0
+    return following, (pace - 1.0) / following
 
 
 def _clip_singular_values(z: Array) -> Array:
@@ -452,7 +454,7 @@ def joint_damping(chain: Chain, port: str, ratios: Array) -> Chain:
     if not np.any(damped):
         return chain
     scale = 1.0 / np.where(damped, wanted, np.max(wanted))
-    values, _ = nnls(chain.shapes(port) ** 2 * scale[:, None], np.where(damped, 1.0, 0.0))
+    values, _ = nnls(chain.shapes(port) ** 2 * scale[:, None], damped.astype(np.float64))
     hinges = list(chain.hinges)
     for i, value in zip(moving, values, strict=True):
         hinges[i] = replace(hinges[i], damping={**hinges[i].damping, port: float(value)})

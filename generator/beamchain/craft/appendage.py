@@ -186,6 +186,20 @@ def craft_elements(
     return in_order_of(craft, bodies, model, ids, moved_bodies(appendages))
 
 
+def compiled_alone(fit: Fit) -> "mujoco.MjModel":
+    """An appendage on a body of its own, compiled, not timed."""
+    scene = write.scene_document(
+        fit.appendage(timed=False),
+        fit.spec.name,
+        mass=1.0,
+        inertia=np.eye(3),
+        offset=np.zeros(3),
+        timestep=0.01,
+        integrator="implicitfast",
+    )
+    return compile_model(write.document_text(scene))
+
+
 def check_appendages_unchanged(
     model: "mujoco.MjModel",
     appendages: Sequence[Appendage],
@@ -196,16 +210,7 @@ def check_appendages_unchanged(
     `defaults`: attributes that the file of the spacecraft sets by default, per tag.
     """
     for a in appendages:
-        scene = write.scene_document(
-            a.fit.appendage(timed=False),
-            a.fit.spec.name,
-            mass=1.0,
-            inertia=np.eye(3),
-            offset=np.zeros(3),
-            timestep=0.01,
-            integrator="implicitfast",
-        )
-        alone = compile_model(write.document_text(scene))
+        alone = compiled_alone(a.fit)
         before = ids_of(alone, names([replace(a, prefix=f"{a.spec.name}_")]))
         after = ids_of(model, names([a]))
         pairs = {kind: (ids, after[kind]) for kind, ids in before.items()}

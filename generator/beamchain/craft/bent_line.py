@@ -210,15 +210,12 @@ def _motion(model: PortModel, x: Array, breaks: Sequence[float]) -> tuple[Array,
 
 def turned_by(vectors: Array) -> Array:
     """`(..., 3, 3)` rotations by vectors `(..., 3)` (Rodrigues)."""
-    angle2 = np.sum(vectors**2, axis=-1)[..., None, None]
+    angle = np.linalg.norm(vectors, axis=-1)[..., None, None]
     cross = np.zeros((*vectors.shape[:-1], 3, 3))
     x, y, z = np.moveaxis(vectors, -1, 0)
     cross[..., 0, 1], cross[..., 0, 2] = -z, y
     cross[..., 1, 0], cross[..., 1, 2] = z, -x
     cross[..., 2, 0], cross[..., 2, 1] = -y, x
-    angle = np.sqrt(angle2)
-    small = angle2 < 1e-8
-    safe = np.where(small, 1.0, angle)
-    sine = np.where(small, 1.0 - angle2 / 6.0, np.sin(angle) / safe)
-    cosine = np.where(small, 0.5 - angle2 / 24.0, 2.0 * (np.sin(angle / 2.0) / safe) ** 2)
-    return np.eye(3) + sine * cross + cosine * (cross @ cross)
+    # sin(a) / a and (1 - cos(a)) / a^2
+    sine, half = np.sinc(angle / np.pi), np.sinc(angle / (2.0 * np.pi))
+    return np.eye(3) + sine * cross + half**2 / 2.0 * (cross @ cross)

@@ -60,7 +60,7 @@ def coupled_modes(pose: Pose, compiled: Linear, band: float) -> tuple[Mode, ...]
     """
     reach = min(w for item in pose.carried for w in item.band.values())
     craft = pose.with_exact
-    nv = pose.bare.mass.shape[0]
+    nv = len(pose.bare.mass)
     frequency, shapes = slow_modes(craft, reach)
     energy = shapes * (craft.stiffness @ shapes)
     exact_parts = [np.arange(nv), *pose.modal_coordinates]
@@ -68,7 +68,7 @@ def coupled_modes(pose: Pose, compiled: Linear, band: float) -> tuple[Mode, ...]
 
     frequency, compiled_shapes = slow_modes(compiled, reach)
     compiled_energy = compiled_shapes * (compiled.stiffness @ compiled_shapes)
-    own = pose.own_dofs(compiled.mass.shape[0])
+    own = pose.own_dofs(len(compiled.mass))
     compiled_parts = [own, *(np.array(item.dofs, dtype=np.intp) for item in pose.carried)]
     ours = _Modes(frequency, compiled_shapes[own], _shares(compiled_energy, compiled_parts))
 
@@ -183,7 +183,7 @@ def mode_words(pose: Pose, shape: Array) -> str:
     `shape`: mass-normalised, over the craft's own degrees of freedom and the modal coordinates of
     the exact appendages.
     """
-    nv = pose.bare.mass.shape[0]
+    nv = len(pose.bare.mass)
     models = pose.models
     coordinates = [shape[part] for part in pose.modal_coordinates]
     # twice the strain energies
@@ -236,11 +236,10 @@ def _phase(momenta: Sequence[Array]) -> str:
     if len(momenta) != 2:
         return ""
     a, b = momenta
-    size = float(np.linalg.norm(a) * np.linalg.norm(b))
-    cosine = float(a @ b) / size if size > 0.0 else 0.0
-    if abs(cosine) <= ALONG:
+    along = float(a @ b)
+    if abs(along) <= ALONG * float(np.linalg.norm(a) * np.linalg.norm(b)):
         return ""
-    return " in phase" if cosine > 0.0 else " opposed"
+    return " in phase" if along > 0.0 else " opposed"
 
 
 def _port(model: PortModel, coordinates: Array) -> str:

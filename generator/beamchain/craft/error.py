@@ -119,7 +119,7 @@ def lacking_damping(stiffness: Array, mass: Array, damping: Array, undamped: flo
     """`(nv, nv)` what all that is sprung lacks of the damping at which it is compared;
     `undamped`: as of `ports.compare.compared_ratios`."""
     values, shapes = eigh(stiffness, mass)
-    moving = values > STILLEST * max(float(np.max(values, initial=0.0)), 1e-300)
+    moving = values > STILLEST * values[-1:]  # they ascend, and may be none
     w, shapes = np.sqrt(values[moving]), shapes[:, moving]
     ratios = np.einsum("ik,ij,jk->k", shapes, damping, shapes) / (2.0 * w)
     push = mass @ shapes
@@ -129,8 +129,7 @@ def lacking_damping(stiffness: Array, mass: Array, damping: Array, undamped: flo
 def extra_damping(bare: Linear) -> Array:
     """`(nv, nv)` what the bare craft gets so that no peak is infinite: 0.5 % where it has no
     damping at all."""
-    none = np.max(np.abs(bare.damping), initial=0.0) == 0.0
-    undamped = DEFAULT_RATIO if none else LEAST_RATIO
+    undamped = LEAST_RATIO if np.any(bare.damping) else DEFAULT_RATIO
     return lacking_damping(bare.stiffness, bare.mass, bare.damping, undamped)
 
 
@@ -149,8 +148,8 @@ def peaks_of_craft(craft: Linear, poles: NDArray[np.complex128] | None = None) -
     Those of the damped poles, and of the undamped modes where they lie elsewhere; `poles`: those
     with the base free, where they are known.
     """
-    free = np.ones(craft.mass.shape[0], dtype=np.bool_)
-    held = np.abs(craft.outputs.acceleration).max(axis=0, initial=0.0) <= 0.0
+    free = np.ones(len(craft.mass), dtype=np.bool_)
+    held = ~np.any(craft.outputs.acceleration, axis=0)
     picks = [np.ix_(pick, pick) for pick in (free, held) if np.any(pick)]
     parts = [(craft.mass[pick], craft.damping[pick], craft.stiffness[pick]) for pick in picks]
     known = [] if poles is None else [poles]
@@ -166,7 +165,7 @@ def growth(craft: Linear, reach: float) -> float:
 
     `reach`: a frequency of interest [rad/s].
     """
-    n = craft.mass.shape[0]
+    n = len(craft.mass)
     # poles from the inverse about a rate s0, so that those of rigid motion keep their digits:
     # u = -(s0^2 M + s0 C + K)^-1 ((C + s0 M) f + M g)
     start = STARTED * reach
@@ -188,7 +187,7 @@ def _poles(mass: Array, damping: Array, stiffness: Array) -> NDArray[np.complex1
 def _modes(mass: Array, damping: Array, stiffness: Array) -> Array:
     # a thrust makes it unsymmetric, a little
     values, shapes = eigh((stiffness + stiffness.T) / 2.0, mass)
-    moving = values > STILLEST * max(float(np.max(values, initial=0.0)), 1e-300)
+    moving = values > STILLEST * values[-1:]
     w = np.sqrt(values[moving])
     shapes = shapes[:, moving]
     ratios = np.einsum("ik,ij,jk->k", shapes, damping, shapes) / (2.0 * w)
@@ -248,7 +247,7 @@ class Pose:
         if len(self.motions) < len(wanted) < 6:
             self._refuse_axes(wanted, able)
         # the base body's own joints: all others locked
-        joints = np.abs(base).max(axis=0) > 0.0
+        joints = np.any(base, axis=0)
         locked = self._rigid_mass[np.ix_(joints, joints)]
         rigid = base[:, joints] @ np.linalg.solve(locked, base[:, joints].T)
         inverse = np.linalg.pinv(rigid, rcond=RANK, hermitian=True)
@@ -283,7 +282,7 @@ class Pose:
     @property
     def modal_coordinates(self) -> list[NDArray[np.intp]]:
         """Places of the modes of each exact appendage, behind the craft's own coordinates."""
-        nv = self.bare.mass.shape[0]
+        nv = len(self.bare.mass)
         ends = nv + np.cumsum([0, *(model.modes for model in self.models)])
         return [np.arange(a, b) for a, b in pairwise(ends.tolist())]
 
@@ -370,7 +369,7 @@ class Pose:
         if self.loading is None:
             return craft
         counts = [model.modes for model in self.models]
-        bases = self.bare.mass.shape[0] + np.cumsum([0, *counts])[:-1]
+        bases = len(self.bare.mass) + np.cumsum([0, *counts])[:-1]
         return self._tree.loaded(craft, bases.tolist(), self.band)
 
     @property
@@ -476,7 +475,7 @@ class Pose:
     def _of_nearly_exact(self) -> Response:
         """`exact` to `NEARLY`, for searches: what lies far above the band is gathered, where the
         exact craft has too many modes for its poles."""
-        if self.carrying is None or self.with_exact.mass.shape[0] <= MOST:
+        if self.carrying is None or len(self.with_exact.mass) <= MOST:
             return self.exact
         models = self._gathered([item.whole for item in self.carried])
         response, _ = self._by_poles(self.with_appendages(models), models)

@@ -11,7 +11,7 @@ import numpy as np
 from beamchain import report
 from beamchain.craft.coupled_modes import SHARE, WORDS
 from beamchain.craft.disturbances import left_out
-from beamchain.craft.mode_names import cantilever_names
+from beamchain.craft.mode_names import cantilever_names, strain_shares
 from beamchain.engine.bench import Composite, composite
 from beamchain.engine.library import mujoco
 from beamchain.engine.linear import linear_at
@@ -130,14 +130,13 @@ def _moving(model: "mujoco.MjModel", frequencies: Array) -> list[str]:
     linear = linear_at(rest_point(quiet_copy(model)))
     modes = linear.modes()
     names, rows = cantilever_names(model, linear.mass, linear.stiffness)
-    energy = (rows @ modes.shapes) ** 2
-    share = energy / np.maximum(energy.sum(axis=0), 1e-300)
+    share = strain_shares(rows, modes.shapes)
     out: list[str] = []
     for frequency in frequencies:
         away = np.abs(modes.frequency / frequency - 1.0)
-        k = int(np.argmin(away)) if away.size else 0
-        near = bool(names) and away.size > 0 and away[k] < NEAR
-        out.append(energy_words(names, share[:, k]) if near else "")
+        near = np.flatnonzero(away < NEAR)
+        k = min(near.tolist(), key=lambda k: float(away[k]), default=None)
+        out.append("" if k is None else energy_words(names, share[:, k]))
     return out
 
 

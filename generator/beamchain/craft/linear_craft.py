@@ -98,7 +98,7 @@ class LinearCraft:
         if sampled:
             after, pushed = step_slopes(self.point, self.linear, self.inputs)
             h = float(self.point.model.opt.timestep)
-            a = (after - np.eye(after.shape[0])) / h
+            a = (after - np.eye(len(after))) / h
             b = pushed / h
         return modal_form(
             modes or self.modes,
@@ -206,7 +206,7 @@ def exact_craft(
     linear = replace(linear, coordinates=tuple(coordinates))
     springs = np.diag(linear.stiffness if internal is None else internal)
     sprung = np.flatnonzero(springs > 0.0)
-    rows = np.diag(np.sqrt(np.maximum(springs, 0.0)))[sprung]
+    rows = np.sqrt(springs[sprung])[:, None] * np.eye(springs.size)[sprung]
     names = tuple(linear.coordinates[i].name for i in sprung)
     return LinearCraft(linear, tuple(driven), tuple(seen), names, rows, bare, internal)
 

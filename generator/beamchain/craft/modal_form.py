@@ -101,7 +101,7 @@ class ModalForm:
         rows = _level(self.c * self.weight)
         columns = _level((self.b / self.weight[:, None]).T).T
         link = np.abs(self.a) * np.outer(1.0 / self.weight, self.weight)
-        link = (link > self.limit * max(float(link.max(initial=0.0)), 1e-300)).astype(int)
+        link = (link > self.limit * link.max(initial=1e-300)).astype(int)
         seen = np.abs(rows).max(axis=0) > self.limit
         driven = np.abs(columns).max(axis=1) > self.limit
         for _ in self.names:  # along chains of integrators, and within a block
@@ -173,13 +173,13 @@ class ModalForm:
 
 def _level(rows: Array) -> Array:
     """Rows with 1 for their largest entry."""
-    return rows / np.maximum(np.abs(rows).max(axis=1, keepdims=True, initial=0.0), 1e-300)
+    return rows / np.abs(rows).max(axis=1, keepdims=True, initial=1e-300)
 
 
 def column_range(matrix: Array, limit: float) -> tuple[Array, list[int]]:
     """`(n, k)` basis of the columns of `(n, m)` which is the identity in k rows, and those rows."""
     u, s, _ = np.linalg.svd(matrix, full_matrices=False)
-    u = u[:, s > limit * s.max(initial=0.0)]
+    u = u[:, s > limit * s[:1]]
     _, _, order = qr(u.T, pivoting=True, mode="economic")
     rows = sorted(int(i) for i in order[: u.shape[1]])
     return np.asarray(u @ np.linalg.inv(u[rows]), dtype=np.float64), rows
@@ -256,7 +256,7 @@ def _one_block(a: Array, coordinates: _Coordinates, noise: float) -> list[Block]
     """All coordinates, of which `a` is the matrix, as states of one block, rigid rates first."""
     every = coordinates.by_mode()
     scaled = a * np.outer(1.0 / coordinates.weight, coordinates.weight)
-    coupled = np.abs(scaled) > APART * noise * np.abs(scaled).max(initial=0.0)
+    coupled = np.abs(scaled) > APART * noise * np.abs(scaled).max(initial=1e-300)
     block = _kept_together(np.where(coupled, scaled, 0.0)[np.ix_(every, every)], every, coordinates)
     basis = np.zeros_like(block.basis)
     basis[every] = block.basis * coordinates.weight[every][:, None]
@@ -266,7 +266,7 @@ def _one_block(a: Array, coordinates: _Coordinates, noise: float) -> list[Block]
 def _blocks(a: Array, coordinates: _Coordinates, noise: float) -> list[Block]:
     """The blocks of the matrix `a` of the coordinates, sorted."""
     scaled = a * np.outer(1.0 / coordinates.weight, coordinates.weight)
-    largest = max(float(np.abs(scaled).max(initial=0.0)), 1e-300)
+    largest = float(np.abs(scaled).max(initial=1e-300))
     coupled = np.abs(scaled) > APART * noise * largest
     count, group_of = connected_components(coupled, directed=False)
     blocks: list[Block] = []
@@ -287,7 +287,7 @@ def _in_blocks(a: Array, blocks: list[Block], n_rigid: int, noise: float) -> tup
     matrix Z has an inverse, r - R X Z^-1 z stands still and takes the place of r; otherwise R X
     remains in the matrix.
     """
-    basis = np.eye(a.shape[0])
+    basis = np.eye(len(a))
     matrix = np.zeros(a.shape)
     start = n_rigid
     for block in blocks:

@@ -40,7 +40,7 @@ def cantilever_names(
         counts = Counter[str]()
         _, shapes = eigh(mass[pick], stiffness[pick] + 1e-300 * np.eye(len(dofs)))
         for shape in shapes.T[::-1]:
-            row = np.zeros(mass.shape[0])
+            row = np.zeros(len(mass))
             row[dofs] = stiffness[pick] @ shape  # shapes of unit strain energy
             share = np.abs(shape * row[dofs])
             port = max(
@@ -54,15 +54,20 @@ def cantilever_names(
     for i, (name, _) in enumerate(coordinate_names(model)):
         if i not in of_appendages and stiffness[i, i] > 0.0:
             names.append(name)
-            rows.append(np.sqrt(stiffness[i, i]) * np.eye(mass.shape[0])[i])
-    return names, np.array(rows).reshape(len(rows), mass.shape[0])
+            rows.append(np.sqrt(stiffness[i, i]) * np.eye(len(mass))[i])
+    return names, np.array(rows).reshape(len(rows), len(mass))
+
+
+def strain_shares(rows: Array, shapes: Array) -> Array:
+    """`(c, n)` share of what each of `rows` `(c, nv)` takes in the strain energy of modes."""
+    energy = (rows @ shapes) ** 2
+    return energy / np.maximum(energy.sum(axis=0), 1e-300)
 
 
 def mode_names(shapes: Array, names: Sequence[str], rows: Array) -> list[str]:
     """A name for every mode: that of the cantilever mode or joint which holds most of its strain
     energy, each once."""
-    energy = (rows @ shapes) ** 2
-    share = energy / np.maximum(energy.sum(axis=0), 1e-300)
+    share = strain_shares(rows, shapes)
     out = [f"mode{k + 1}" for k in range(shapes.shape[1])]
     for c, k in zip(*linear_sum_assignment(-share), strict=True):
         out[int(k)] = names[int(c)]

@@ -157,13 +157,13 @@ def _elements(
     but are not its own."""
     root = f"{a.prefix}link1"
     top = _number(model, "body", root)
-    if top < 0:
+    if top == -1:
         raise InputError(
             f"the mark of the appendage at {a.at} names its first body {root!r}, which is gone; "
             f"{RESTORE}."
         )
     bodies = {top}
-    for body in range(top + 1, model.nbody):
+    for body in range(model.nbody):
         name = model.body(body).name
         if int(model.body_parentid[body]) not in bodies or name in elsewhere:
             continue

@@ -351,7 +351,8 @@ def _check_inertia(name: str, inertia: Array, uncertain: Sequence[Quantity]) -> 
     for corner in product((-1.0, 1.0), repeat=len(ranges)):
         changed = inertia.copy()
         for side, (q, i, j) in zip(corner, ranges, strict=True):
-            changed[i, j] = changed[j, i] = q.nominal + side * q.reach
+            changed[j, i] = q.nominal + side * q.reach
+        # of the lower triangle
         a, b, c = (float(v) for v in np.linalg.eigvalsh(changed))
         if a <= 0.0 or c > (a + b) * (1.0 + 1e-9):
             raise InputError(

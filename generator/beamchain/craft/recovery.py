@@ -679,12 +679,8 @@ def _root_factors(appendage: Appendage, body: BeamBody, modes: _Modes) -> Array:
     for port, columns in modes.columns.items():
         inside = body.ports[port]
         participation = appendage.fit.target[port].participation
-        signed = (
-            participation
-            * np.sign(np.sum(participation * inside.drive[:, : participation.shape[1]], axis=1))[
-                :, None
-            ]
-        )
+        along = np.einsum("km,km->k", participation, inside.drive[:, : participation.shape[1]])
+        signed = np.sign(along)[:, None] * participation
         out[:, columns] = PORT_MOTION[port] @ (signed.T * inside.frequencies**2)
     return out
 

@@ -56,7 +56,7 @@ def step_error(
     scenes = [
         s for a in appendages if (s := a.fit.spec.scene) is not None and s.bandwidth is not None
     ]
-    band = max((float(scene.bandwidth or 0.0) for scene in scenes), default=np.inf)
+    band = max((scene.bandwidth for scene in scenes if scene.bandwidth), default=np.inf)
     allowed = SHARE * min((scene.tolerance for scene in scenes), default=UNASKED / SHARE)
     undamped = min(a.spec.undamped_ratio for a in appendages)
     places = poses(model)

@@ -120,7 +120,7 @@ class LoadedTree:
 
     def _states(self, moved: Array) -> Iterator[_States]:
         """All mass at coordinates `moved` `(b, n)` about the pose, in batches."""
-        for part in np.array_split(moved, max(1, -(-len(moved) // BATCH))):
+        for part in np.array_split(moved, range(BATCH, len(moved), BATCH)):
             yield self._placed(part)
 
     def _placed(self, moved: Array) -> _States:
@@ -199,7 +199,7 @@ class LoadedTree:
             force = self._slope(sag, bending) + spring[bending] * sag[bending]
             change = np.linalg.solve(stiffness, force)
             sag[bending] -= change
-            if np.max(np.abs(change), initial=0.0) <= SETTLED * np.max(np.abs(sag), initial=1e-300):
+            if np.all(np.abs(change) <= SETTLED * np.max(np.abs(sag), initial=1e-300)):
                 break
         return sag
 

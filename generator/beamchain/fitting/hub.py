@@ -97,7 +97,7 @@ class Hub(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     @classmethod
     def from_mass_matrix(cls, matrix: Array) -> "Hub":
         """The hub with a given `(6, 6)` mass matrix about the root."""
-        mass = float(np.trace(matrix[:3, :3])) / 3.0
+        mass = float(np.mean(np.diag(matrix)[:3]))
         coupling = (matrix[3:, :3] - matrix[:3, 3:]) / 2.0 / mass
         x = coupling[2, 1]
         y = coupling[0, 2]

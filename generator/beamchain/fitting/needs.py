@@ -309,7 +309,7 @@ class _Search:
     ) -> float:
         """In-band error with so many modes of each port; `whole`: ports that keep all of theirs;
         `tolerance`: as of `Promise.error`."""
-        kept = tuple(None if p in whole else counts.get(p, 0) for p in self.candidates.whole)
+        kept = tuple(None if p in whole else counts[p] for p in self.candidates.whole)
         key = (tolerance, *kept)
         if key not in self._known:
             models = {

@@ -5,14 +5,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-import numpy as np
 from msgspec import structs
 
 from beamchain.chain.links import raise_polar_inertia
+from beamchain.craft.appendage import compiled_alone
 from beamchain.craft.quantities import Quantity
 from beamchain.craft.timing import fit_on_tendons
 from beamchain.engine.library import mujoco
-from beamchain.engine.linearise import compile_model
 from beamchain.engine.model_rows import wraps
 from beamchain.errors import RealisationError
 from beamchain.fitting.body import body_of
@@ -23,7 +22,6 @@ from beamchain.fitting.realise import chain_of
 from beamchain.fitting.result import Fit
 from beamchain.fitting.select import select
 from beamchain.fitting.varied import structural_draw, structural_quantities, vary_spec
-from beamchain.mjcf import write
 from beamchain.ports.motions import Array
 
 KINDS = {"body": "nbody", "joint": "njnt", "site": "nsite", "tendon": "ntendon"}
@@ -68,7 +66,7 @@ class Refit:
         """Put sample `index` into an untimed model of the craft, in place;
         the participation of its modes per port."""
         sample, participation = self._fit(seed, index)
-        alone = _compiled_alone(sample)
+        alone = compiled_alone(sample)
         if _topology(alone) != self._nominal_topology:
             raise RealisationError(
                 "its hinges or bodies come in another order than the nominal model's"
@@ -111,7 +109,7 @@ class Refit:
 
     @cached_property
     def _nominal_topology(self) -> dict[str, list[str]]:
-        return _topology(_compiled_alone(self.fit))
+        return _topology(compiled_alone(self.fit))
 
     def _fit(self, seed: int, index: int) -> tuple[Fit, dict[str, Array]]:
         spec = vary_spec(self.fit.spec, seed, index, self.owner)
@@ -130,20 +128,6 @@ class Refit:
             for port, target in built.targets.items()
         }
         return sample, participation
-
-
-def _compiled_alone(fit: Fit) -> "mujoco.MjModel":
-    """An appendage on a body of its own, compiled, not timed."""
-    scene = write.scene_document(
-        fit.appendage(timed=False),
-        fit.spec.name,
-        mass=1.0,
-        inertia=np.eye(3),
-        offset=np.zeros(3),
-        timestep=0.01,
-        integrator="implicitfast",
-    )
-    return compile_model(write.document_text(scene))
 
 
 def _topology(model: "mujoco.MjModel") -> dict[str, list[str]]:
