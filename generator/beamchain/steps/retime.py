@@ -40,7 +40,7 @@ from beamchain.steps.modal import (
     foreign,
     modal_tendons,
 )
-from beamchain.steps.step_map import GROWN, TimeError, lowest_wrong, motion_for, time_error
+from beamchain.steps.step_map import TimeError, lowest_wrong, motion_for, time_error
 from beamchain.steps.tree_time import appendages_alone, tree_form, tuned_poses, turned_poses
 from beamchain.warning_codes import Caution
 
@@ -340,7 +340,7 @@ def _grows(
     if qpos is not None:
         places.append(qpos)
     motions = (motion_for(timed, mark.timestep, mark.integrator, place) for place in places)
-    return any(motion.growth > 1.0 + GROWN for motion in motions)
+    return any(motion.grows for motion in motions)
 
 
 def time_sentence(off: TimeError) -> str:

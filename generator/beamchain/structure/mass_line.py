@@ -411,7 +411,7 @@ def spread_mass(
     inertias = np.array([along.polar, along.rotary_xy, along.rotary_xz]) / mass
     pieces: tuple[MassPiece, ...] = ()
     if share > 0.0:
-        grown = (power + 1.0) * np.linspace(0.0, 1.0, power + 1) ** power if power else np.ones(1)
+        grown = (power + 1.0) * np.linspace(0.0, 1.0, power + 1) ** power
         densities = share * mass / length * grown[:, None] * np.array([1.0, *inertias])
         pieces = (MassPiece(0.0, length, densities),)
     rows = [

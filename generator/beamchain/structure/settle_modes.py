@@ -87,8 +87,8 @@ def settle_rigid_mass(
             "points, different units, modes that are not mass-normalised, or a rigid mass without "
             "that of the clamped nodes."
         )
-    if values[0] < 0.0 or np.any((values > 0.0) & (values <= least)):
-        clipped = np.where(values <= least, 0.0, values)
+    clipped = np.where(values > least, values, 0.0)
+    if np.any(clipped != values):
         kept = (vectors * clipped) @ vectors.T
     # a motion without inertia has none afterwards
     inert = diagonal > 0.0
