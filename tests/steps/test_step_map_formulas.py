@@ -9,6 +9,7 @@ import pytest
 from beamchain.steps.dominant_element import culprit
 from beamchain.steps.step_map import grows
 from formulas import (
+    Motion,
     ShiftedPeak,
     TimeError,
     damped_by,
@@ -166,9 +167,13 @@ def test_motions_without_springs_come_first_and_those_without_dampers_before_the
 
 def test_poses_that_grow_the_worst_first(monkeypatch):
     growth = {0: 1.0 + 2e-6, 1: 1.0 + 5e-7, 2: 1.4, 3: 0.7}
-    monkeypatch.setattr(
-        "beamchain.steps.step_map.motion_at", lambda _, qpos: SimpleNamespace(growth=growth[qpos])
-    )
+    one, nothing = np.eye(1), np.zeros((1, 1))
+
+    def motion(_, qpos):
+        change = np.diag([growth[qpos], -0.6]) - np.eye(2)
+        return Motion(one, np.zeros(1), nothing, nothing, 1, H, "Euler", change, np.ones((2, 1)))
+
+    monkeypatch.setattr("beamchain.steps.step_map.motion_at", motion)
     assert growing_poses(None, {"a": 0, "b": 1, "c": 2, "d": 3}) == ["c", "a"]
 
 

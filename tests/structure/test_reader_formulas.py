@@ -84,6 +84,26 @@ def test_grids_in_coordinate_systems_of_each_kind(tmp_path):
     assert bulk.grids[15].axes == pytest.approx(around @ turn)
 
 
+def test_systems_that_stand_in_each_other_add_up(tmp_path):
+    """Each turns x, y, z into y, z, x about a place of its own; the first stands in none."""
+    lines, place, turn = [], np.zeros(3), np.eye(3)
+    cycle = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
+    for number, within in ((1, ""), (2, 1), (3, 2), (4, 3)):
+        at = np.array([number + 1.0, 2.0, -3.0 * number])
+        on_z, in_xz = at + np.eye(3)[0], at + np.eye(3)[1]
+        numbers = [f"{v:.1f}" for v in (*at, *on_z, *in_xz)]
+        lines += [
+            f"CORD2R,{number},{within}," + ",".join(numbers[:6]),
+            "," + ",".join(numbers[6:]),
+        ]
+        place, turn = place + at @ turn, cycle @ turn
+    lines.reverse()
+    lines = [line for pair in zip(lines[1::2], lines[::2], strict=True) for line in pair]
+    grid = bulk_of(tmp_path, "GRID,9,4,0.5,-7.,2.,4", *lines)[1].grids[9]
+    assert grid.at == pytest.approx(place + np.array([0.5, -7.0, 2.0]) @ turn)
+    assert grid.axes == pytest.approx(turn)
+
+
 @pytest.mark.parametrize(("off", "line"), [(2e-9, False), (0.5e-9, True)])
 def test_three_points_on_a_line_make_no_axes(off, line, tmp_path):
     lines = ("CORD2R,5,,0.,0.,0.,2.,0.,0.", f",3.,{3.0 * off!r},0.", "GRID,1,5,1.,0.,0.")
@@ -458,6 +478,22 @@ def test_modes_of_one_mass_on_a_spring_beside_a_port():
     assert found.rigid_mass == pytest.approx(own + 3.0 * np.outer(arm[:6], arm[:6]))
     effective = found.participation.T @ found.participation
     assert effective == pytest.approx(3.0 * np.outer(arm[:6], arm[:6]), abs=1e-9)
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e7])
+@pytest.mark.parametrize(("share", "held"), [(1e-14, False), (1e-11, True)])
+def test_a_freedom_that_is_held_by_rounding_is_loose(unit, share, held):
+    """Two freedoms on a spring between them, and the share of one on the ground."""
+    inner = unit * np.array([[1.0, -1.0], [-1.0, 1.0 + share]])
+    stiffness = np.zeros((8, 8))
+    stiffness[6:, 6:] = inner
+    boundary = Boundary(tuple(range(6)), np.eye(6), ())
+    if held:
+        found = rigid_motion_of_inner(np.eye(8), stiffness, [6, 7], boundary, "a", 1e-12)
+        assert found[0] == pytest.approx(np.zeros((2, 6)))
+    else:
+        with pytest.raises(InputError, match="can still move"):
+            rigid_motion_of_inner(np.eye(8), stiffness, [6, 7], boundary, "a", 1e-12)
 
 
 @pytest.mark.parametrize("held", [0, 1])

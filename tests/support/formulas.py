@@ -401,6 +401,7 @@ from beamchain.steps.limits import (
 from beamchain.steps.limits import normalise as unit_mass_of_port
 from beamchain.steps.modal import condensed_mass, made_for, modal_tendons, stiffness_before
 from beamchain.steps.poles import PoleRow, growing_frequencies, mismatch, phase_limit, pole_rows
+from beamchain.steps.retime import _grows as grows_retimed
 from beamchain.steps.retime import _is_unit as are_of_unit_mass
 from beamchain.steps.retime import retime_by, write_values
 from beamchain.steps.retime_file import retimed_file
@@ -794,6 +795,7 @@ __all__ = [
     "grid_of",
     "growing_frequencies",
     "growing_poses",
+    "grows_retimed",
     "growth",
     "growth_of_poles",
     "half_waves",
