@@ -174,6 +174,8 @@ def test_the_sampled_error_is_the_largest_over_the_band(band, lacks):
     assert found.error == pytest.approx(error(found.frequency), rel=1e-7)
     k = int(np.argmax(curve))
     assert abs(found.frequency - grid[k]) <= 2.1 * (grid[1] - grid[0])
+    near = found.frequency * (1.0 + 1e-3 * np.linspace(-1.0, 1.0, 41))
+    assert found.error >= max(error(omega) for omega in near[near <= top]) * (1.0 - 1e-6)
 
 
 @pytest.mark.parametrize(("turns", "shown", "frozen"), [(1, 8.03, 2e6), (2, 2.4 / H, 4e7)])

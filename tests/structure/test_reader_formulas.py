@@ -117,11 +117,13 @@ def test_three_points_on_a_line_make_no_axes(off, line, tmp_path):
 def test_points_in_their_order(tmp_path):
     _, bulk = bulk_of(
         tmp_path,
-        "SPOINT,7,THRU,10",
+        "SPOINT,7,THRU,9,10",
         "SPOINT,3,4",
         "GRID,5,,1.,2.,3.",
         "EXTRN,5,1246,8,0,4,0",
+        "GRID\t6\t\t1.5\t2.5\t3.5",  # tabs go to every eighth column
     )
+    assert bulk.grids[6].at.tolist() == [1.5, 2.5, 3.5]
     assert bulk.scalars == (3, 4, 7, 8, 9, 10)
     listed = [(5, 1), (5, 2), (5, 4), (5, 6), (8, 0), (4, 0)]
     assert bulk.connected == tuple(listed)
@@ -478,6 +480,30 @@ def test_modes_of_one_mass_on_a_spring_beside_a_port():
     assert found.rigid_mass == pytest.approx(own + 3.0 * np.outer(arm[:6], arm[:6]))
     effective = found.participation.T @ found.participation
     assert effective == pytest.approx(3.0 * np.outer(arm[:6], arm[:6]), abs=1e-9)
+
+
+@pytest.mark.parametrize("off", [0.0, 3e-6, -4e-5])
+def test_modes_beside_almost_a_rigid_body_are_those_beside_one(off):
+    """3 kg and 1 kg, 2 m and 5 m along x, that slide along y on 12 and 25 N/m; the mass along x is
+    off."""
+    arms = np.zeros((2, 6))
+    arms[:, 1], arms[:, 5] = 1.0, [2.0, 5.0]
+    across = np.zeros((2, 6))
+    across[:, 2], across[:, 4] = 1.0, [-2.0, -5.0]
+    masses = np.diag([3.0, 1.0])
+    own = np.diag([9.0, 5.0, 5.0, 0.1, 0.2, 0.3]) + across.T @ masses @ across
+    mass = np.zeros((8, 8))
+    mass[:6, :6], mass[6:, 6:] = own, masses
+    mass[0, 0] += off
+    rows = np.hstack([arms, -np.eye(2)])
+    stiffness = rows.T @ np.diag([12.0, 25.0]) @ rows
+    found = from_matrices(mass, stiffness, range(6), "a")
+    rigid, within = own + arms.T @ masses @ arms, 1e-9 + 2.0 * abs(off)
+    assert found.frequencies == pytest.approx([2.0, 5.0], rel=within)
+    assert found.rigid_mass == pytest.approx(rigid, rel=within, abs=within)
+    assert body_departure(found.rigid_mass) < 1e-12
+    for row, arm, m in zip(found.participation, arms, (3.0, 1.0), strict=True):
+        assert np.outer(row, row) == pytest.approx(m * np.outer(arm, arm), abs=20.0 * within)
 
 
 @pytest.mark.parametrize("unit", [1e-6, 1.0, 1e7])
