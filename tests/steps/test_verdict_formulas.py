@@ -284,7 +284,7 @@ def test_a_change_and_a_shorter_step_cure_together():
 
     now = Setting("implicitfast", 0.02)
     found = find_cure(now, error, ["Keep 3"], NAMES, 0.01).setting
-    assert (found.change, found.integrator) == ("Keep 3", "Euler")
+    assert found.change == "Keep 3"
     assert error(found) <= 0.01 < error(found._replace(timestep=1.2 * found.timestep))
 
 

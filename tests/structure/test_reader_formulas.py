@@ -1,5 +1,7 @@
 """Numbers by hand beside the formulas of readers: cards, matrices over grids, what is rounding."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.linalg import eigh
@@ -23,6 +25,7 @@ from formulas import (
     is_soft,
     largest_forces,
     largest_inner,
+    mass_of_print,
     nearest_body,
     noise_of_freedoms,
     noise_of_motions,
@@ -437,6 +440,25 @@ def test_frequencies_of_a_print_are_the_roots_of_its_eigenvalues(squares, radian
     else:
         with pytest.raises(InputError, match=says):
             frequencies_of_print("a.f06", rows, hertz * [1.0, cycles])
+
+
+def test_the_rigid_mass_of_a_print_is_its_first_matrix():
+    first = np.arange(36.0).reshape(6, 6)
+    rows = [*first.tolist(), *np.eye(6).tolist()]
+
+    def holder(name, rows, **points):
+        return SimpleNamespace(matrices={name: rows}, points=points)
+
+    nothing = holder("", [])
+    found, said = mass_of_print("a.f06", nothing, holder("grid point mass", rows), np.eye(6))
+    assert (found.tolist(), len(said)) == (first.tolist(), 1)
+    found, said = mass_of_print("a.f06", holder("a-set mass", rows), nothing, np.eye(6))
+    assert (found.tolist(), len(said)) == (first.tolist(), 1)
+    for cut in (rows[:7], [*rows[:5], rows[5][:5]]):
+        with pytest.raises(InputError, match="the print is cut"):
+            mass_of_print("a.f06", holder("a-set mass", cut), nothing, np.eye(6))
+    with pytest.raises(InputError, match="holds no rigid mass"):
+        mass_of_print("a.f06", nothing, nothing, np.eye(6))
 
 
 @pytest.mark.parametrize(

@@ -487,6 +487,7 @@ from beamchain.structure.readers.imported import check_outwards, proposed_axes, 
 from beamchain.structure.readers.nastran_bulk import System, dmig_matrices, read_bulk
 from beamchain.structure.readers.nastran_f06 import _compare as compare_with_print
 from beamchain.structure.readers.nastran_f06 import _frequencies as frequencies_of_print
+from beamchain.structure.readers.nastran_f06 import _mass as mass_of_print
 from beamchain.structure.readers.nastran_op2 import Eigenvalues
 from beamchain.structure.readers.nastran_op2 import _chosen as chosen_table
 from beamchain.structure.readers.nastran_op2 import _modal_data as data_of_tables
@@ -878,6 +879,7 @@ __all__ = [
     "mass_line_of_pieces",
     "mass_of_alone",
     "mass_of_bodies",
+    "mass_of_print",
     "maximum_of",
     "measure",
     "merge_close",

@@ -71,9 +71,9 @@ def independent_parts(mass: Array, stiffness: Array, noise: Array) -> Array:
     """Mass matrix `(6 + n, 6 + n)` of rigid motions and inner freedoms without what lies below
     `noise` `(6 + n,)`, s_i s_j in ij: between ports, and between parts of which nothing is coupled
     by more; `stiffness` `(n, n)`: of the inner freedoms."""
-    moves = np.array([np.sum(PORT_MOTION[port] ** 2, axis=1) for port in PORTS])
+    moves = np.array([np.any(PORT_MOTION[port], axis=1) for port in PORTS])
     linked = np.abs(mass) > np.outer(noise, noise)
-    linked[:6, :6] |= moves.T @ moves > 0.0
+    linked[:6, :6] |= moves.T @ moves
     size = np.sqrt(np.diag(stiffness))
     linked[6:, 6:] |= np.abs(stiffness) > ROUNDING * np.outer(size, size)
     _, part = connected_components(linked, directed=False)

@@ -42,7 +42,7 @@ def turn_into_planes(
         rows = participation[list(group)] / scale
         weighted = np.zeros((len(group), len(group)))
         for port, weight in WEIGHTS.items():
-            inside = rows @ np.abs(PORT_MOTION[port])
+            inside = rows @ PORT_MOTION[port]
             weighted += weight * inside @ inside.T
         vectors = np.linalg.eigh(weighted)[1].T[::-1]
         before = np.sum(_largest_port_shares(rows))
@@ -55,7 +55,7 @@ def turn_into_planes(
 
 def _largest_port_shares(rows: Array) -> Array:
     """`(g,)` participation squared of each row in its largest port."""
-    shares = [np.sum((rows @ np.abs(motion)) ** 2, axis=1) for motion in PORT_MOTION.values()]
+    shares = [np.sum((rows @ motion) ** 2, axis=1) for motion in PORT_MOTION.values()]
     return np.max(shares, axis=0)
 
 
