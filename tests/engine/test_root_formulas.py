@@ -198,6 +198,12 @@ def test_joints_that_slide_and_wheels_that_are_balanced():
             False,
             False,
         ]
+    for unit in (1e-4, 1e4):
+        heavy = mujoco.MjModel.from_xml_string(CRAFT)
+        heavy.body_mass *= unit
+        heavy.body_inertia *= unit
+        there = [is_cyclic(heavy, heavy.qpos0, heavy.joint(one).id) for one in ("wheel", "drive")]
+        assert there == [True, False]
     assert value_text(model, rail, -0.25) == "-0.25 m"
     assert value_text(model, drive, np.pi / 6.0) == "30°"
     assert value_text(model, drive, -1e-15) == "0°"

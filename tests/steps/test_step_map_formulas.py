@@ -48,6 +48,15 @@ def test_poles_of_a_step_are_paired_with_those_that_are_wanted():
     assert found.error == pytest.approx(np.abs(near - z) / np.abs(z - 1.0))
 
 
+def test_poles_are_paired_by_the_squares_of_what_they_are_off():
+    """Off by 1 and 0.8 of their size, or crossed by 0 and 1.4."""
+    aim = 0.1j * np.array([1.0, 2.0])
+    stepped = 0.1j * np.array([2.0, 1.2 + 1j * np.sqrt(1.92)])
+    found = pole_pairs(of_poles(stepped=1.0 + stepped[::-1]), of_poles(np.log1p(aim)[::-1]))
+    assert found.shown == pytest.approx(stepped)
+    assert found.error == pytest.approx([1.0, 0.8])
+
+
 def test_a_mode_that_turns_too_far_is_not_taken_for_the_slow_one_it_looks_like():
     """Where another step has the slow one, to which the fast one's exact pole leads as well."""
     slow = -0.1 - 1.1j

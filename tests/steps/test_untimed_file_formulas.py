@@ -9,8 +9,9 @@ from lxml import etree
 
 from beamchain import InputError
 from beamchain.steps.modal import TimingMark
+from beamchain.steps.retime import Retimed
 from beamchain.steps.retime_file import put_hinge_armature
-from formulas import grows_retimed, modal_tendons, retimed_file
+from formulas import TimeError, grows_retimed, modal_tendons, retimed_file
 
 FILE = """<mujoco><option gravity="0 0 0" timestep="0.02" integrator="implicitfast"/><worldbody>
 <body name="arm"><joint name="h1" axis="0 0 1"/>
@@ -93,3 +94,14 @@ def test_a_step_is_looked_at_in_every_pose(unstable, wanted, monkeypatch):
     assert grows_retimed(model, modal_tendons(model), plan, np.zeros(1), mark, None) is (
         unstable < 1.0
     )
+
+
+def test_a_retimed_model_is_warned_of_where_form_4_is_not_exact():
+    model = mujoco.MjModel.from_xml_string(FILE)
+    for form, error, codes in (
+        (4, 2e-6, ["time-error"]), (4, 1e-7, []), (2, 2e-6, []), (5, 2e-6, []),
+    ):  # fmt: skip
+        done = Retimed(0.02, "Euler", form, 2.0, 0.5, (), {}, model)
+        done.__dict__["time_error"] = TimeError(error, 3.0, "rest", 0.02, "Euler")
+        assert [one.code for one in done.warnings] == codes
+    assert Retimed(0.0, "Euler", 4, 2.0, 0.5, (), {}).warnings == []

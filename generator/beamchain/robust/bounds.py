@@ -218,7 +218,7 @@ class Bounder:
         self._omega = omega
         self._n = loops.exact(omega)
         self._sampled = np.zeros(omega.size)
-        self.best = samples[0], 0.0
+        self.best = samples[0], -np.inf
         for deltas in samples:
             self._try(deltas, np.arange(omega.size))
         self._start = time.perf_counter()

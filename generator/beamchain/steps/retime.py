@@ -152,15 +152,10 @@ class Retimed:
     @property
     def warnings(self) -> list[str]:
         """What a user of the model must know: slowed modes, and poles that are not exact."""
-        missed = self.form == 4 and self.time_error is not None and not self.time_error.exact
-        return [
-            *self.slowed,
-            *(
-                [Caution("time-error", time_sentence(self.time_error))]
-                if missed and self.time_error
-                else []
-            ),
-        ]
+        off = self.time_error if self.form == 4 else None
+        if off is None or off.exact:
+            return self.slowed
+        return [*self.slowed, Caution("time-error", time_sentence(off))]
 
     @property
     def lowered(self) -> bool:

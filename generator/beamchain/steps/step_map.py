@@ -231,8 +231,7 @@ def pole_pairs(timed: Motion, plain: Motion) -> PolePairs:
     stepped = timed.step_poles()
     # a mode that turns by more than PHASE per step is slowed to it,
     # and must not be taken for a slow one
-    turn = np.abs(x.imag)
-    aim = np.expm1(x * np.where(turn > PHASE, PHASE / np.maximum(turn, PHASE), 1.0))
+    aim = np.expm1(x * PHASE / np.maximum(np.abs(x.imag), PHASE))
     near = np.abs(stepped[None, :] - aim[:, None]) / np.maximum(np.abs(aim), RIGID)[:, None]
     rows, columns = linear_sum_assignment(np.minimum(near, 1e8) ** 2)
     moving = np.abs(x[rows]) >= RIGID
