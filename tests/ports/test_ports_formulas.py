@@ -5,6 +5,7 @@ import pytest
 from scipy.linalg import eigh
 
 from beamchain import InputError, PortModel, compare
+from beamchain.ports.motions import mean_mass
 from formulas import (
     Shapes,
     band_grid,
@@ -186,6 +187,10 @@ def test_energy_of_a_body_is_that_of_its_points():
         both = np.concatenate([velocity, rate])
         assert both @ matrix @ both == pytest.approx(energy, rel=ROUNDED)
     assert first_moment(matrix) == pytest.approx(mass @ at, rel=ROUNDED)
+
+
+def test_the_mean_mass_is_that_of_three_directions():
+    assert mean_mass(np.diag([2.0, 3.0, 7.0, 11.0, 13.0, 17.0]) + 0.5) == pytest.approx(4.5)
 
 
 def test_a_free_mode_has_the_modal_mass_that_the_root_leaves_it():

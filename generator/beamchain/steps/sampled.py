@@ -271,9 +271,8 @@ def sampled_error(
     found = error(omega)
     for _ in range(SHARPER):
         k = int(np.argmax(found))
-        low = omega[max(k - 1, 0)]
-        high = omega[min(k + 1, omega.size - 1)]
-        more = np.linspace(low, high, POINTS)
+        near = omega[max(k - 1, 0) : k + 2]
+        more = np.linspace(near[0], near[-1], POINTS)
         omega, order = np.unique(np.concatenate([omega, more]), return_index=True)
         found = np.concatenate([found, error(more)])[order]
     k = int(np.argmax(found))
