@@ -141,16 +141,13 @@ def _match_modes(
     """Numbers `(k,)` of the modes of two models that belong together.
 
     Of modes `i` and `j` with scaled participation `L_i` and `L_j` the pairing costs
-    `|ln(W_i / W_j)| + 0.05 (1 - |cos(L_i, L_j)|)`; the sum over all pairs is least.
+    `|ln(W_i / W_j)| - 0.05 |cos(L_i, L_j)|`; the sum over all pairs is least.
     """
-    if not frequencies_a.size or not frequencies_b.size:
-        nothing = np.zeros(0, dtype=np.int64)
-        return nothing, nothing
     sizes_a = np.linalg.norm(rows_a, axis=1)
     sizes_b = np.linalg.norm(rows_b, axis=1)
     cosines = np.abs(rows_a @ rows_b.T) / np.clip(np.outer(sizes_a, sizes_b), 1e-300, None)
     distances = np.abs(np.log(frequencies_a[:, None] / frequencies_b[None, :]))
-    first, second = linear_sum_assignment(distances + 0.05 * (1.0 - np.clip(cosines, 0.0, 1.0)))
+    first, second = linear_sum_assignment(distances - 0.05 * cosines)
     return first.astype(np.int64), second.astype(np.int64)
 
 
