@@ -375,10 +375,11 @@ FEW, SOME, MANY = 3, 20, 150  # pieces
     ("pieces", "modes", "held", "free", "asked"),
     [
         # 10 + 1.6 functions for each mode over the pieces, four more each; twice that beyond 1e-3
-        (FEW, 5, [1.1e-3, 0.9e-3, 1.5e-11, 0.9e-11], [0.0] * 9, [10, 14, 22, 30, 38]),
+        (FEW, 5, [1.1e-3, 0.9e-3, 1.05e-11, 0.9e-11], [0.0] * 9, [10, 14, 22, 30, 38]),
         (FEW, 0, [0.9e-3, 0.9e-11], [0.0] * 9, [8, 12, 16]),
         (FEW, 30, [1e-6, 2.9e-11], [0.0] * 9, [24, 28, 32]),
         (SOME, 5, [0.9e-3, 0.9e-11], [0.0] * 9, [3, 7, 11]),
+        (SOME, 31, [0.9e-3, 3.0e-11], [0.0] * 9, [5, 9, 13]),
         (MANY, 5, [0.9e-3, 0.9e-11], [0.0] * 9, [5, 7, 9]),
         (MANY, 5, [0.1, 0.1, 0.1, 1e-6, 0.0], [0.0] * 9, [5, 7, 11, 19, 27, 35]),
         # three in a row that are no less than 0.3 of the least are rounding, one below 1e-9

@@ -107,6 +107,16 @@ def test_systems_that_stand_in_each_other_add_up(tmp_path):
     assert grid.axes == pytest.approx(turn)
 
 
+def test_systems_that_stand_in_each_other_in_a_circle_are_refused(tmp_path):
+    lines = [
+        line
+        for own, other in ((5, 6), (6, 5))
+        for line in (f"CORD2R,{own},{other},0.,0.,0.,0.,0.,1.", ",1.,0.,0.")
+    ]
+    with pytest.raises(ValueError, match="refers to itself"):
+        bulk_of(tmp_path, *lines, "GRID,1,5,1.,0.,0.")
+
+
 @pytest.mark.parametrize(("off", "line"), [(2e-9, False), (0.5e-9, True)])
 def test_three_points_on_a_line_make_no_axes(off, line, tmp_path):
     lines = ("CORD2R,5,,0.,0.,0.,2.,0.,0.", f",3.,{3.0 * off!r},0.", "GRID,1,5,1.,0.,0.")
@@ -124,9 +134,9 @@ def test_points_in_their_order(tmp_path):
         "SPOINT,3,4",
         "GRID,5,,1.,2.,3.",
         "EXTRN,5,1246,8,0,4,0",
-        "GRID\t6\t\t1.5\t2.5\t3.5",  # tabs go to every eighth column
+        "GRID\t6\t\t1234.5\t2.5\t3.5",  # tabs go to every eighth column
     )
-    assert bulk.grids[6].at.tolist() == [1.5, 2.5, 3.5]
+    assert bulk.grids[6].at.tolist() == [1234.5, 2.5, 3.5]
     assert bulk.scalars == (3, 4, 7, 8, 9, 10)
     listed = [(5, 1), (5, 2), (5, 4), (5, 6), (8, 0), (4, 0)]
     assert bulk.connected == tuple(listed)
