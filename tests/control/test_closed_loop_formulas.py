@@ -173,6 +173,18 @@ def test_algebraic_loops_without_a_solution_are_refused(k, refused):
         check_algebraic_loop(plant, law)
 
 
+@pytest.mark.parametrize(("off", "refused"), [(3e-5, True), (3e-4, False)])
+def test_an_algebraic_loop_is_singular_beside_its_largest_entry(off, refused):
+    """The determinant is `off`, and the least singular value 1e-4 of that."""
+    through = np.array([[1.0, 1e4], [1e-4, 1.0 + off]])
+    plant, law = (None, None, None, np.eye(2)), (None, None, None, through - np.eye(2))
+    if refused:
+        with pytest.raises(bc.InputError, match="algebraic loop"):
+            check_algebraic_loop(plant, law)
+    else:
+        check_algebraic_loop(plant, law)
+
+
 @pytest.mark.parametrize(("delay", "count"), [(1.5, 0), (1.7, 2), (7.8, 2), (8.0, 4), (14.2, 6)])
 def test_growing_poles_of_an_integrator_with_a_dead_time(delay, count):
     """exp(-s T) / s: a pair more from T = pi/2 + 2 pi n on."""

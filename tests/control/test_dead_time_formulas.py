@@ -247,6 +247,10 @@ def test_crossings_of_size_one_between_points_of_a_grid():
     assert found.omega == pytest.approx([4.0, 6.5])
     assert found.rises.tolist() == [False, True]
     assert found.lacks == pytest.approx([np.pi / 2.0, np.pi])
+    # from 4 to 1/2 along a straight line: two thirds of the last
+    ends = 4.0 * np.exp(0.4j), 0.5 * np.exp(-1.9j)
+    [lacks] = crossings_of_size_one(omega[:2], np.array(ends)).lacks
+    assert lacks == pytest.approx(np.pi + np.angle(ends[0] + 2.0 * ends[1]))
 
 
 def test_a_dead_time_turns_a_crossing_to_minus_one():

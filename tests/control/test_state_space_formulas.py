@@ -320,6 +320,20 @@ def test_fractions_as_states(top, bottom):
         np.testing.assert_allclose(value(states, s), np.polyval(top, s) / np.polyval(bottom, s))
 
 
+@pytest.mark.parametrize("delay", [2e-4, 3.0, 4e3])
+def test_states_of_a_dead_time_are_as_large_as_what_goes_in_and_comes_out(delay):
+    """Rows and columns of [A, B; C, 0] are alike, to the power of two that scales them."""
+    top, bottom = control.pade(delay, 4)
+    a, b, c, d = realise_fraction(np.array(top), np.array(bottom))
+    whole = np.abs(np.block([[a, b], [c, 0.0 * d]]))
+    np.fill_diagonal(whole, 0.0)
+    ratio = whole.sum(axis=0) / whole.sum(axis=1)
+    assert np.all((ratio > 1.0 / 4.0) & (ratio < 4.0))
+    s = 0.7j / delay
+    wanted = np.polyval(top, s) / np.polyval(bottom, s)
+    assert value((a, b, c, d), s)[0, 0] == pytest.approx(wanted)
+
+
 @pytest.mark.parametrize("size", [0.99e-30, 1.01e-30])
 def test_coefficients_and_dead_times_that_are_nothing(size):
     def made(**given):

@@ -28,10 +28,11 @@ def test_arrays_are_seen_from_the_side_on_one_side_and_on_both(degrees, sides, l
     points = np.vstack([points - up, points + up])
     model = mujoco.MjModel.from_xml_string(PLAIN.format(""))
     place = np.array([30.0, -40.0, 5.0])
-    camera, _ = draw._camera(model, points + place, place, 1.6)
     again = 360.0 / len(sides)  # either end of what stands on both sides is its direction
-    off = (camera.azimuth - degrees - draw.AZIMUTH) % again
-    assert min(off, again - off) == pytest.approx(0.0, abs=1.0)
+    for size in (1.0, 0.02):
+        camera, _ = draw._camera(model, size * points + place, place, 1.6)
+        off = (camera.azimuth - degrees - draw.AZIMUTH) % again
+        assert min(off, again - off) == pytest.approx(0.0, abs=1.0)
 
 
 @pytest.mark.parametrize("lamp", ["", LAMP], ids=["no light", "a light"])

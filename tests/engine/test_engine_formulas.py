@@ -505,6 +505,7 @@ def test_constraints_are_named_by_themselves_or_by_what_they_tie():
         assert constraints.with_dry_friction(tied(flag=f'<flag {flag}="disable"/>')) == []
     assert not constraints.equalities(constraints.without_constraints(tied()))
     assert constraints.listed(["a", "b", "c"]) == "a, b, c"
+    assert constraints.listed(["a", "b", "c", "d"]) == "a, b, c and 1 more"
     assert constraints.listed(["a, x", "b", "c", "d", "e"]) == "a, x; b; c and 2 more"
 
 

@@ -117,6 +117,7 @@ def test_the_accelerance_of_a_body(random):
     mass = spread(6, random=random)
     free = rigid_body(mass)
     assert free.response(OMEGA)[:, :, 1] == pytest.approx(np.linalg.inv(mass), rel=1e-9)
+    assert [part.shape for part in free.activations[1:]] == [(6, 0), (0, 0), (0, 6), (6, 0)]
     assert [tuple(one) for one in free.coordinates][2:4] == [
         ("position_z", "m"),
         ("attitude_x", "rad"),

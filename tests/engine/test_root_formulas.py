@@ -8,6 +8,7 @@ import beamchain as bc
 from beamchain.engine.combinations import inputs_of, outputs_of
 from beamchain.engine.model_diff import differences, ids_of, others
 from beamchain.engine.operating_point import (
+    OperatingPoint,
     check_pose,
     is_cyclic,
     operating_point,
@@ -198,6 +199,12 @@ def test_joints_that_slide_and_wheels_that_are_balanced():
             False,
             False,
         ]
+    for unit in (1e-4, 1e4):
+        heavy = mujoco.MjModel.from_xml_string(CRAFT)
+        heavy.body_mass *= unit
+        heavy.body_inertia *= unit
+        there = [is_cyclic(heavy, heavy.qpos0, heavy.joint(one).id) for one in ("wheel", "drive")]
+        assert there == [True, False]
     assert value_text(model, rail, -0.25) == "-0.25 m"
     assert value_text(model, drive, np.pi / 6.0) == "30°"
     assert value_text(model, drive, -1e-15) == "0°"
@@ -285,3 +292,15 @@ def test_numbers_that_changed_are_said_and_shorter_user_data_end_in_zeros():
     assert "body_mass" in [one.field for one in light]
     counts = differences(first, first, {"body": ([1], [1, 2])})
     assert [(one.element, one.wanted, one.found) for one in counts] == [("body", 1, 2)]
+
+
+def test_a_point_is_in_balance_whatever_pulls_and_drags_there():
+    text = """<mujoco><option gravity="1 2 -9.81"/><worldbody><body>
+    <joint name="a" axis="0 1 0" stiffness="7" damping=".3"/><geom size=".1" pos=".5 0 .2"/>
+    <body pos="1 0 0"><joint name="b" axis="1 0 1" damping=".2"/><geom size=".2" pos="0 .3 0"/>
+    </body></body></worldbody></mujoco>"""
+    model = mujoco.MjModel.from_xml_string(text)
+    data = OperatingPoint(model, np.array([0.4, -0.7]), np.array([0.9, 1.3])).data()
+    assert np.max(np.abs(data.qfrc_smooth)) < 1e-9
+    assert np.max(np.abs(data.qacc)) < 1e-9
+    assert (data.qpos.tolist(), data.qvel.tolist()) == ([0.4, -0.7], [0.9, 1.3])

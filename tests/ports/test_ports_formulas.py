@@ -5,6 +5,7 @@ import pytest
 from scipy.linalg import eigh
 
 from beamchain import InputError, PortModel, compare
+from beamchain.ports.motions import mean_mass
 from formulas import (
     Shapes,
     band_grid,
@@ -188,6 +189,10 @@ def test_energy_of_a_body_is_that_of_its_points():
     assert first_moment(matrix) == pytest.approx(mass @ at, rel=ROUNDED)
 
 
+def test_the_mean_mass_is_that_of_three_directions():
+    assert mean_mass(np.diag([2.0, 3.0, 7.0, 11.0, 13.0, 17.0]) + 0.5) == pytest.approx(4.5)
+
+
 def test_a_free_mode_has_the_modal_mass_that_the_root_leaves_it():
     # (1 - l^2 / m) q'' + d q' + w^2 q = 0
     mass, moment, w, d = 4.0, 1.2, 3.0, 0.24
@@ -197,6 +202,19 @@ def test_a_free_mode_has_the_modal_mass_that_the_root_leaves_it():
     frequency = w / np.sqrt(left)
     found = free_peaks(model)
     assert found == pytest.approx(np.array([[frequency, d / (2.0 * left * frequency)]]), rel=1e-9)
+
+
+@pytest.mark.parametrize("unit", [1e-8, 1.0, 1e8])
+def test_free_modes_scale_with_the_unit_of_time_and_those_without_mass_are_none(unit):
+    frequencies, moments = unit * np.array([3.0, 5.0]), np.array([[1.2, 0.3], [0.4, 0.9]])
+    mass = np.array([[4.0, 0.7], [0.7, 1.5]])
+    left = np.eye(2) - moments @ np.linalg.solve(mass, moments.T)
+    wanted = eigh(np.diag(frequencies**2), left, eigvals_only=True)
+    found = PortModel(mass, frequencies, moments).free_frequencies
+    assert found == pytest.approx(np.sqrt(wanted), rel=1e-9)
+    # one that carries all of the mass stands still against it
+    whole = PortModel(np.array([[1.44]]), frequencies[:1], np.array([[1.2]]))
+    assert whole.free_frequencies.size == 0
 
 
 def test_parts_that_do_not_couple_become_one_model_in_space():
@@ -542,6 +560,19 @@ def test_attachments_that_normal_modes_carry_are_none():
             tip=np.array([[1.0], [part]]),
         )
         assert model.attached(1, [0]).modes == count
+
+
+def test_an_attachment_is_one_however_little_its_point_moves():
+    tip = np.array([[0.3], [0.8], [-0.5]])
+    for size in (1e-9, 1.0, 1e9):
+        model = PortModel(
+            np.array([[2.0]]), np.array([1.0, 2.0, 3.0]), np.full((3, 1), 0.3), tip=size * tip
+        )
+        found = model.attached(1, [0])
+        assert found.modes == 2
+        # its static flexibility is that of all modes
+        wanted = size**2 * np.sum((tip[:, 0] / [1.0, 2.0, 3.0]) ** 2)
+        assert np.sum((found.tip[:, 0] / found.frequencies) ** 2) == pytest.approx(wanted)
 
 
 def test_a_point_that_does_not_move_has_no_attachment():

@@ -195,9 +195,10 @@ def test_samples_inside_an_interval_or_beside_it():
 )
 def test_the_interval_that_is_refined_next(gains, wanted):
     """Of 1.02 of the largest gain, and 1.25 of what samples reach there."""
-    made = bounder([0.5, 1.5, 2.5], [1.0, 1.0, 0.8])
-    intervals = [Interval(k, k + 1.0, (box(gain),)) for k, gain in enumerate(gains)]
-    assert made._next(intervals) == wanted
+    for unit in (1e-3, 1.0, 7.0):
+        made = bounder([0.5, 1.5, 2.5], unit * np.array([1.0, 1.0, 0.8]), best=unit)
+        intervals = [Interval(k, k + 1.0, (box(unit * gain),)) for k, gain in enumerate(gains)]
+        assert made._next(intervals) == wanted
     spent = [one._replace(low=one.high / 1.0005, boxes=one.boxes * 32) for one in intervals]
     assert made._next(spent) is None
 

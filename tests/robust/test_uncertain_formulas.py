@@ -36,6 +36,15 @@ def uncertain(of=UncertainPlant):
     return made
 
 
+def test_the_bound_of_a_search_is_asked_for_in_its_time():
+    made, asked = uncertain(), []
+    made._search = lambda *given: asked.append(given) or "search"
+    made._bound = lambda found, seconds: (f"bound of {found} in {seconds} s", None, None)
+    found = made.bound("law", "in", "out", [1.0], samples=7, seed=5, seconds=3.0)
+    assert found == "bound of search in 3.0 s"
+    assert asked == [("law", "in", "out", [1.0], 7, 5, 3.0)]
+
+
 def test_values_of_deltas_and_deltas_of_values():
     made = uncertain()
     assert [block.name for block in made.blocks] == ["pair", "a"]

@@ -69,6 +69,12 @@ def test_euler_takes_a_joint_s_damper_at_the_start_of_the_step_where_that_is_swi
     assert budget(model).largest_step["implicit"] > 0.4
 
 
+def test_a_soft_spring_alone_is_no_rigid_motion():
+    model = two(0.0)
+    model.jnt_stiffness[0], model.dof_damping[0] = 0.05, 0.0
+    assert linear_model(model).stiffness[0, 0] == pytest.approx(0.05 / 2.0, rel=1e-6)
+
+
 def test_the_matrices_behind_a_budget():
     found = linear_model(two())
     np.testing.assert_allclose(np.diag(found.stiffness), [9.0, 25.0], rtol=1e-6)
@@ -104,8 +110,9 @@ def test_nothing_but_rigid_bodies_has_no_matrix_even_of_rounding():
     ],
 )
 def test_the_spring_that_pulls_hardest_is_named(name, slide, hinge, says):
-    """18 N/m and 100 N m/rad."""
+    """18 N/m and 100 N m/rad; what falls without a pull is no matter of springs."""
     model = two()
+    model.opt.gravity[0] = 5.0
     model.qpos_spring[:] = slide, hinge
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)

@@ -127,7 +127,7 @@ def test_a_latch_at_a_stop():
 
 def test_the_stop_ahead_is_where_the_drive_or_the_rate_leads():
     for reference, stop in ((0.2, 0.7), (0.05, -0.5)):
-        model, data = panel(f'range="-0.5 0.7" stiffness="2" springref="{reference}"')
+        model, data = panel(f'range="-0.5 0.7" stiffness="0.02" springref="{reference}"')
         assert stop_ahead(model, data, HINGE) == pytest.approx(stop)
     model, data = panel('range="-0.5 0.7" springref="0.2"')
     for rate, stop in ((0.05, 0.7), (-0.05, -0.5)):
@@ -182,6 +182,9 @@ def test_a_timed_tendon_remembers_its_form_and_what_it_was(form):
     assert model.tendon_stiffness.tolist() == [0.0, 38.5 if form == 5 else 35.0]
     mark = [0.05, 1.0, 5.1 if form == 5 else 2.0, 0.4, 35.0]
     assert model.tendon_solimp_lim[1] == pytest.approx(mark)
+    before = modal_tendons(model)
+    assert (before.damping.tolist(), before.stiffness.tolist()) == ([0.4], [35.0])
+    assert before.made_for == (TimingMark(0.05, "RK4", form),)
 
 
 def test_stiffness_before_form_5_changed_it():

@@ -69,6 +69,19 @@ def test_limits_of_a_rigid_motion_and_two_modes():
         assert found.accuracy["RK4"][number] == pytest.approx(min(x / 5.0, explicit), rel=1e-6)
 
 
+@pytest.mark.parametrize("unit", [1e-5, 1e4])
+def test_limits_scale_with_the_unit_of_time(unit):
+    """RK4 turns the undamped mode by sqrt(8), the discrete one grows at no step."""
+    found = step_limits(model(unit * W))
+    semi = 2.0 * (np.sqrt(1.04) + 0.2) / 24.0 / unit
+    assert found.omega_max == pytest.approx(24.0 * unit)
+    for name, limit in (("Euler", semi), ("implicit", semi), ("discrete", np.inf)):
+        assert found.largest_step[name] == pytest.approx(limit, rel=1e-8)
+    pole = 24.0 * complex(-0.2, np.sqrt(0.96))
+    damped = brentq(lambda h: abs(series(h * pole)) - 1.0, 0.08, 0.2)
+    assert found.largest_step["RK4"] == pytest.approx(damped / unit, rel=1e-8)
+
+
 def test_limits_of_what_does_not_ring_or_move():
     found = step_limits(model(ratio=np.array([1.5, 1.2])))
     fast = 24.0 * (1.2 + np.sqrt(0.44))

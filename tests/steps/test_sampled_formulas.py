@@ -179,6 +179,22 @@ def test_the_sampled_error_is_the_largest_over_the_band(band, lacks):
     assert found.error == pytest.approx(error(found.frequency), rel=1e-7)
     k = int(np.argmax(curve))
     assert abs(found.frequency - grid[k]) <= 2.1 * (grid[1] - grid[0])
+    near = found.frequency * (1.0 + 1e-3 * np.linspace(-1.0, 1.0, 41))
+    assert found.error >= max(error(omega) for omega in near[near <= top]) * (1.0 - 1e-6)
+
+
+def test_the_sampled_error_is_the_same_in_any_unit_of_time():
+    found = []
+    for unit in (1.0, 1e-3, 80.0):
+        w, damping, h = unit * W, unit * DAMPING, H / unit
+        true, compared = exact(w, damping), exact(w, damping)
+        compared.damping = true.damping + unit * LACKING
+        at_samples = Exact(true, compared, unit * 25.0)
+        slow = motion("implicitfast", w, damping, h)
+        one = sampled_error(at_samples, slow, ROWS, scale=np.eye(2) + 0.3, frozen=5.0)
+        found.append((one.error, one.frequency / unit))
+    assert found[1] == pytest.approx(found[0], rel=1e-6)
+    assert found[2] == pytest.approx(found[0], rel=1e-6)
 
 
 @pytest.mark.parametrize(("turns", "shown", "frozen"), [(1, 8.03, 2e6), (2, 2.4 / H, 4e7)])

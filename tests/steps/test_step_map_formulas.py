@@ -9,6 +9,7 @@ import pytest
 from beamchain.steps.dominant_element import culprit
 from beamchain.steps.step_map import grows
 from formulas import (
+    Motion,
     ShiftedPeak,
     TimeError,
     damped_by,
@@ -45,6 +46,15 @@ def test_poles_of_a_step_are_paired_with_those_that_are_wanted():
     assert found.shown == pytest.approx(np.array(near) - 1.0)
     z = np.exp(wanted)
     assert found.error == pytest.approx(np.abs(near - z) / np.abs(z - 1.0))
+
+
+def test_poles_are_paired_by_the_squares_of_what_they_are_off():
+    """Off by 1 and 0.8 of their size, or crossed by 0 and 1.4."""
+    aim = 0.1j * np.array([1.0, 2.0])
+    stepped = 0.1j * np.array([2.0, 1.2 + 1j * np.sqrt(1.92)])
+    found = pole_pairs(of_poles(stepped=1.0 + stepped[::-1]), of_poles(np.log1p(aim)[::-1]))
+    assert found.shown == pytest.approx(stepped)
+    assert found.error == pytest.approx([1.0, 0.8])
 
 
 def test_a_mode_that_turns_too_far_is_not_taken_for_the_slow_one_it_looks_like():
@@ -166,9 +176,13 @@ def test_motions_without_springs_come_first_and_those_without_dampers_before_the
 
 def test_poses_that_grow_the_worst_first(monkeypatch):
     growth = {0: 1.0 + 2e-6, 1: 1.0 + 5e-7, 2: 1.4, 3: 0.7}
-    monkeypatch.setattr(
-        "beamchain.steps.step_map.motion_at", lambda _, qpos: SimpleNamespace(growth=growth[qpos])
-    )
+    one, nothing = np.eye(1), np.zeros((1, 1))
+
+    def motion(_, qpos):
+        change = np.diag([growth[qpos], -0.6]) - np.eye(2)
+        return Motion(one, np.zeros(1), nothing, nothing, 1, H, "Euler", change, np.ones((2, 1)))
+
+    monkeypatch.setattr("beamchain.steps.step_map.motion_at", motion)
     assert growing_poses(None, {"a": 0, "b": 1, "c": 2, "d": 3}) == ["c", "a"]
 
 

@@ -1,13 +1,17 @@
 """A file from which timing is taken out again, beside its numbers before."""
 
+from types import SimpleNamespace
+
 import mujoco
 import numpy as np
 import pytest
 from lxml import etree
 
 from beamchain import InputError
+from beamchain.steps.modal import TimingMark
+from beamchain.steps.retime import Retimed
 from beamchain.steps.retime_file import put_hinge_armature
-from formulas import retimed_file
+from formulas import TimeError, grows_retimed, modal_tendons, retimed_file
 
 FILE = """<mujoco><option gravity="0 0 0" timestep="0.02" integrator="implicitfast"/><worldbody>
 <body name="arm"><joint name="h1" axis="0 0 1"/>
@@ -67,3 +71,37 @@ def test_hinges_with_springs_of_their_own_get_armature_where_tendons_are_exact()
             assert armature == pytest.approx([0.06 * 0.04 / 12.0, 30.0 * 0.04 / 12.0])
         else:
             assert (found["soft"], found["hard"]) == (None, None)
+
+
+@pytest.mark.parametrize(("unstable", "wanted"), [(0.3, 1), (0.7, 1), (1.1, 1), (9, 0)])
+def test_a_step_is_looked_at_in_every_pose(unstable, wanted, monkeypatch):
+    model = mujoco.MjModel.from_xml_string(FILE)
+    asked = []
+
+    def motion_for(timed, timestep, integrator, qpos):
+        asked.append((float(qpos), timestep, integrator, timed.dof_armature.tolist()))
+        return SimpleNamespace(grows=qpos == unstable)
+
+    monkeypatch.setattr("beamchain.steps.retime.motion_for", motion_for)
+    monkeypatch.setattr("beamchain.steps.retime.tuned_poses", lambda *_: [0.2, 0.3])
+    monkeypatch.setattr("beamchain.steps.retime.turned_poses", lambda *_: [0.7])
+    plan = SimpleNamespace(armature=np.zeros(1), damping=np.zeros(1), stiffness=None)
+    mark = TimingMark(0.05, "RK4", 2)
+    found = grows_retimed(model, modal_tendons(model), plan, np.array([0.4]), mark, 1.1)
+    assert found == wanted
+    assert asked[-1] == (unstable if wanted else 1.1, 0.05, "RK4", [0.4])
+    assert model.dof_armature.tolist() == [0.0]
+    assert grows_retimed(model, modal_tendons(model), plan, np.zeros(1), mark, None) is (
+        unstable < 1.0
+    )
+
+
+def test_a_retimed_model_is_warned_of_where_form_4_is_not_exact():
+    model = mujoco.MjModel.from_xml_string(FILE)
+    for form, error, codes in (
+        (4, 2e-6, ["time-error"]), (4, 1e-7, []), (2, 2e-6, []), (5, 2e-6, []),
+    ):  # fmt: skip
+        done = Retimed(0.02, "Euler", form, 2.0, 0.5, (), {}, model)
+        done.__dict__["time_error"] = TimeError(error, 3.0, "rest", 0.02, "Euler")
+        assert [one.code for one in done.warnings] == codes
+    assert Retimed(0.0, "Euler", 4, 2.0, 0.5, (), {}).warnings == []

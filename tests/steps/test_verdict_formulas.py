@@ -276,6 +276,18 @@ def test_a_shorter_step_is_the_largest_that_keeps_the_tolerance(tolerance):
     assert short is None
 
 
+def test_a_change_and_a_shorter_step_cure_together():
+    """More modes leave 4e-3 in continuous time, and a step of 0.005 s as much again."""
+
+    def error(setting):
+        return 1.0 if not setting.change else 4e-3 * (1.0 + (setting.timestep / 5e-3) ** 2)
+
+    now = Setting("implicitfast", 0.02)
+    found = find_cure(now, error, ["Keep 3"], NAMES, 0.01).setting
+    assert found.change == "Keep 3"
+    assert error(found) <= 0.01 < error(found._replace(timestep=1.2 * found.timestep))
+
+
 def test_timing_that_was_refused_is_tried():
     now = Setting("Euler", 0.02, timing=False)
     found = find_cure(now, lambda s: 0.5 * (s.timing is False and s.timestep > 0), [], NAMES, 0.01)

@@ -190,6 +190,9 @@ def test_modes_of_one_frequency_are_turned_into_the_planes(angle):
     # what is in its planes stays, in its order
     assert turn_into_planes(plain[::-1], scale, [[0, 1], [2, 3]])[1] == []
     assert np.array_equal(turn_into_planes(plain, scale, [[0, 1]])[0], np.eye(4))
+    # so do modes that share one plane
+    alike = np.array([[0.0, 3.0, 0.0, 0.0, 0.0, 1.0], [0.0, 4.0, 0.0, 0.0, 0.0, 2.0]])
+    assert turn_into_planes(alike, scale, [[0, 1]])[1] == []
 
 
 @pytest.mark.parametrize(

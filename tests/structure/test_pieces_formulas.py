@@ -1,5 +1,7 @@
 """Numbers by hand beside how a beam is cut in pieces, which way a body points, rows of recovery."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -16,6 +18,7 @@ from beamchain import (
     Segment,
 )
 from beamchain.spec import RecoveryRows
+from beamchain.structure.discretise import converged_model
 from beamchain.structure.readers.imported import Imported, Units
 from formulas import (
     Inside,
@@ -217,6 +220,7 @@ def body(centre, gyration=0.5):
         ((-0.9e-9 * 0.75**0.5, 0.0, 0.0), None),
         ((-1.1e-9 * 0.75**0.5, 0.0, 0.0), "not outwards along x"),
         ((0.5, 0.49, 0.0), None),
+        ((0.05, 0.0, 0.049), None),
         ((0.5, 0.0, -0.49), None),
     ],
 )
@@ -361,3 +365,54 @@ def test_a_drawn_rod_has_its_lowest_modes_at_its_stations():
     sines = np.sin(waves[:, None] * np.array([3.0, 0.5, 1.5, 2.0]) / 3.0)
     size = np.sqrt(2.0 / 12.0)  # of unit modal mass
     assert np.abs(found.tip[:2]) == pytest.approx(size * np.abs(sines), rel=1e-5, abs=1e-6)
+
+
+# -- refinement ------------------------------------------------------------------------------------
+FEW, SOME, MANY = 3, 20, 150  # pieces
+
+
+@pytest.mark.parametrize(
+    ("pieces", "modes", "held", "free", "asked"),
+    [
+        # 10 + 1.6 functions for each mode over the pieces, four more each; twice that beyond 1e-3
+        (FEW, 5, [1.1e-3, 0.9e-3, 1.05e-11, 0.9e-11], [0.0] * 9, [10, 14, 22, 30, 38]),
+        (FEW, 0, [0.9e-3, 0.9e-11], [0.0] * 9, [8, 12, 16]),
+        (FEW, 30, [1e-6, 2.9e-11], [0.0] * 9, [24, 28, 32]),
+        (SOME, 5, [0.9e-3, 0.9e-11], [0.0] * 9, [3, 7, 11]),
+        (SOME, 31, [0.9e-3, 3.0e-11], [0.0] * 9, [5, 9, 13]),
+        (MANY, 5, [0.9e-3, 0.9e-11], [0.0] * 9, [5, 7, 9]),
+        (MANY, 5, [0.1, 0.1, 0.1, 1e-6, 0.0], [0.0] * 9, [5, 7, 11, 19, 27, 35]),
+        # three in a row that are no less than 0.3 of the least are rounding, one below 1e-9
+        (FEW, 5, [1e-6, 2.9e-7, 1e-7, 1e-7, 1e-7], [0.0] * 9, [10, 14, 18, 22, 26, 30]),
+        (FEW, 5, [1e-6, 4e-7, 1e-7, 1e-7, 1e-7, 1e-7], [0.0] * 9, [10, 14, 18, 22, 26, 30, 34]),
+        (FEW, 5, [1.1e-9, 0.9e-9], [0.0] * 9, [10, 14, 18]),
+        (FEW, 5, [0.9e-11] * 9, [1e-6, 2.9e-7, 1e-7], [10, 14, 18, 22]),
+        (FEW, 5, [1e-6, 1e-6, 0.0], [2e-6, 1e-6, 2e-6, 0.0], [10, 14, 18, 22]),
+        # what does not settle ends beyond 60
+        (FEW, 5, [0.5] * 9, [0.0] * 9, [10, 14, 22, 30, 38, 46, 54, 62, 70]),
+    ],
+)
+def test_functions_are_added_until_frequencies_stand_still(
+    pieces, modes, held, free, asked, monkeypatch
+):
+    """Changes of the held and of the free frequencies from one degree to the next."""
+    found = []
+    of_held, of_free = (np.cumprod([1.0, *(1.0 + np.array(each))]) for each in (held, free))
+
+    def discretised(parts, port, functions, *, wanted, stations, shaped):
+        assert (port, wanted, stations, shaped) == ("xy", max(modes, 1), (0.5,), True)
+        k = len(found)
+        found.append(functions)
+        further = np.full(wanted, 9.0 + k)  # beyond those that are wanted
+        return SimpleNamespace(
+            frequencies=np.append(np.full(wanted, of_held[k]), further),
+            free_frequencies=np.append(np.full(wanted, of_free[k]), further),
+        )
+
+    parts = SimpleNamespace(segments=[None] * pieces)
+    monkeypatch.setattr("beamchain.structure.discretise._join_equal_neighbours", lambda _: parts)
+    monkeypatch.setattr("beamchain.structure.discretise._edges", lambda _: [None] * pieces)
+    monkeypatch.setattr("beamchain.structure.discretise._discretise", discretised)
+    last = converged_model.__wrapped__(None, "xy", modes, (0.5,), shaped=True)
+    assert found == asked
+    assert last.frequencies[0] == of_held[len(asked) - 1]

@@ -1,5 +1,7 @@
 """Numbers by hand beside the formulas of readers: cards, matrices over grids, what is rounding."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.linalg import eigh
@@ -23,6 +25,7 @@ from formulas import (
     is_soft,
     largest_forces,
     largest_inner,
+    mass_of_print,
     nearest_body,
     noise_of_freedoms,
     noise_of_motions,
@@ -84,6 +87,36 @@ def test_grids_in_coordinate_systems_of_each_kind(tmp_path):
     assert bulk.grids[15].axes == pytest.approx(around @ turn)
 
 
+def test_systems_that_stand_in_each_other_add_up(tmp_path):
+    """Each turns x, y, z into y, z, x about a place of its own; the first stands in none."""
+    lines, place, turn = [], np.zeros(3), np.eye(3)
+    cycle = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
+    for number, within in ((1, ""), (2, 1), (3, 2), (4, 3)):
+        at = np.array([number + 1.0, 2.0, -3.0 * number])
+        on_z, in_xz = at + np.eye(3)[0], at + np.eye(3)[1]
+        numbers = [f"{v:.1f}" for v in (*at, *on_z, *in_xz)]
+        lines += [
+            f"CORD2R,{number},{within}," + ",".join(numbers[:6]),
+            "," + ",".join(numbers[6:]),
+        ]
+        place, turn = place + at @ turn, cycle @ turn
+    lines.reverse()
+    lines = [line for pair in zip(lines[1::2], lines[::2], strict=True) for line in pair]
+    grid = bulk_of(tmp_path, "GRID,9,4,0.5,-7.,2.,4", *lines)[1].grids[9]
+    assert grid.at == pytest.approx(place + np.array([0.5, -7.0, 2.0]) @ turn)
+    assert grid.axes == pytest.approx(turn)
+
+
+def test_systems_that_stand_in_each_other_in_a_circle_are_refused(tmp_path):
+    lines = [
+        line
+        for own, other in ((5, 6), (6, 5))
+        for line in (f"CORD2R,{own},{other},0.,0.,0.,0.,0.,1.", ",1.,0.,0.")
+    ]
+    with pytest.raises(ValueError, match="refers to itself"):
+        bulk_of(tmp_path, *lines, "GRID,1,5,1.,0.,0.")
+
+
 @pytest.mark.parametrize(("off", "line"), [(2e-9, False), (0.5e-9, True)])
 def test_three_points_on_a_line_make_no_axes(off, line, tmp_path):
     lines = ("CORD2R,5,,0.,0.,0.,2.,0.,0.", f",3.,{3.0 * off!r},0.", "GRID,1,5,1.,0.,0.")
@@ -97,11 +130,13 @@ def test_three_points_on_a_line_make_no_axes(off, line, tmp_path):
 def test_points_in_their_order(tmp_path):
     _, bulk = bulk_of(
         tmp_path,
-        "SPOINT,7,THRU,10",
+        "SPOINT,7,THRU,9,10",
         "SPOINT,3,4",
         "GRID,5,,1.,2.,3.",
         "EXTRN,5,1246,8,0,4,0",
+        "GRID\t6\t\t1234.5\t2.5\t3.5",  # tabs go to every eighth column
     )
+    assert bulk.grids[6].at.tolist() == [1234.5, 2.5, 3.5]
     assert bulk.scalars == (3, 4, 7, 8, 9, 10)
     listed = [(5, 1), (5, 2), (5, 4), (5, 6), (8, 0), (4, 0)]
     assert bulk.connected == tuple(listed)
@@ -417,6 +452,25 @@ def test_frequencies_of_a_print_are_the_roots_of_its_eigenvalues(squares, radian
             frequencies_of_print("a.f06", rows, hertz * [1.0, cycles])
 
 
+def test_the_rigid_mass_of_a_print_is_its_first_matrix():
+    first = np.arange(36.0).reshape(6, 6)
+    rows = [*first.tolist(), *np.eye(6).tolist()]
+
+    def holder(name, rows, **points):
+        return SimpleNamespace(matrices={name: rows}, points=points)
+
+    nothing = holder("", [])
+    found, said = mass_of_print("a.f06", nothing, holder("grid point mass", rows), np.eye(6))
+    assert (found.tolist(), len(said)) == (first.tolist(), 1)
+    found, said = mass_of_print("a.f06", holder("a-set mass", rows), nothing, np.eye(6))
+    assert (found.tolist(), len(said)) == (first.tolist(), 1)
+    for cut in (rows[:7], [*rows[:5], rows[5][:5]]):
+        with pytest.raises(InputError, match="the print is cut"):
+            mass_of_print("a.f06", holder("a-set mass", cut), nothing, np.eye(6))
+    with pytest.raises(InputError, match="holds no rigid mass"):
+        mass_of_print("a.f06", nothing, nothing, np.eye(6))
+
+
 @pytest.mark.parametrize(
     ("mode", "column", "off", "says"),
     [
@@ -458,6 +512,46 @@ def test_modes_of_one_mass_on_a_spring_beside_a_port():
     assert found.rigid_mass == pytest.approx(own + 3.0 * np.outer(arm[:6], arm[:6]))
     effective = found.participation.T @ found.participation
     assert effective == pytest.approx(3.0 * np.outer(arm[:6], arm[:6]), abs=1e-9)
+
+
+@pytest.mark.parametrize("off", [0.0, 3e-6, -4e-5])
+def test_modes_beside_almost_a_rigid_body_are_those_beside_one(off):
+    """3 kg and 1 kg, 2 m and 5 m along x, that slide along y on 12 and 25 N/m; the mass along x is
+    off."""
+    arms = np.zeros((2, 6))
+    arms[:, 1], arms[:, 5] = 1.0, [2.0, 5.0]
+    across = np.zeros((2, 6))
+    across[:, 2], across[:, 4] = 1.0, [-2.0, -5.0]
+    masses = np.diag([3.0, 1.0])
+    own = np.diag([9.0, 5.0, 5.0, 0.1, 0.2, 0.3]) + across.T @ masses @ across
+    mass = np.zeros((8, 8))
+    mass[:6, :6], mass[6:, 6:] = own, masses
+    mass[0, 0] += off
+    rows = np.hstack([arms, -np.eye(2)])
+    stiffness = rows.T @ np.diag([12.0, 25.0]) @ rows
+    found = from_matrices(mass, stiffness, range(6), "a")
+    rigid, within = own + arms.T @ masses @ arms, 1e-9 + 2.0 * abs(off)
+    assert found.frequencies == pytest.approx([2.0, 5.0], rel=within)
+    assert found.rigid_mass == pytest.approx(rigid, rel=within, abs=within)
+    assert body_departure(found.rigid_mass) < 1e-12
+    for row, arm, m in zip(found.participation, arms, (3.0, 1.0), strict=True):
+        assert np.outer(row, row) == pytest.approx(m * np.outer(arm, arm), abs=20.0 * within)
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e7])
+@pytest.mark.parametrize(("share", "held"), [(1e-14, False), (1e-11, True)])
+def test_a_freedom_that_is_held_by_rounding_is_loose(unit, share, held):
+    """Two freedoms on a spring between them, and the share of one on the ground."""
+    inner = unit * np.array([[1.0, -1.0], [-1.0, 1.0 + share]])
+    stiffness = np.zeros((8, 8))
+    stiffness[6:, 6:] = inner
+    boundary = Boundary(tuple(range(6)), np.eye(6), ())
+    if held:
+        found = rigid_motion_of_inner(np.eye(8), stiffness, [6, 7], boundary, "a", 1e-12)
+        assert found[0] == pytest.approx(np.zeros((2, 6)))
+    else:
+        with pytest.raises(InputError, match="can still move"):
+            rigid_motion_of_inner(np.eye(8), stiffness, [6, 7], boundary, "a", 1e-12)
 
 
 @pytest.mark.parametrize("held", [0, 1])

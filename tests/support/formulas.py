@@ -416,6 +416,7 @@ from beamchain.steps.limits import (
 from beamchain.steps.limits import normalise as unit_mass_of_port
 from beamchain.steps.modal import condensed_mass, made_for, modal_tendons, stiffness_before
 from beamchain.steps.poles import PoleRow, growing_frequencies, mismatch, phase_limit, pole_rows
+from beamchain.steps.retime import _grows as grows_retimed
 from beamchain.steps.retime import _is_unit as are_of_unit_mass
 from beamchain.steps.retime import retime_by, write_values
 from beamchain.steps.retime_file import retimed_file
@@ -501,6 +502,7 @@ from beamchain.structure.readers.imported import check_outwards, proposed_axes, 
 from beamchain.structure.readers.nastran_bulk import System, dmig_matrices, read_bulk
 from beamchain.structure.readers.nastran_f06 import _compare as compare_with_print
 from beamchain.structure.readers.nastran_f06 import _frequencies as frequencies_of_print
+from beamchain.structure.readers.nastran_f06 import _mass as mass_of_print
 from beamchain.structure.readers.nastran_op2 import Eigenvalues
 from beamchain.structure.readers.nastran_op2 import _chosen as chosen_table
 from beamchain.structure.readers.nastran_op2 import _modal_data as data_of_tables
@@ -815,6 +817,7 @@ __all__ = [
     "grid_of",
     "growing_frequencies",
     "growing_poses",
+    "grows_retimed",
     "growth",
     "growth_of_poles",
     "half_waves",
@@ -899,6 +902,7 @@ __all__ = [
     "mass_line_of_pieces",
     "mass_of_alone",
     "mass_of_bodies",
+    "mass_of_print",
     "maximum_of",
     "measure",
     "merge_close",

@@ -16,7 +16,7 @@ from beamchain.steps.dominant_element import culprit, stable_step
 from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.modal import modal_tendons
 from beamchain.steps.retime import retime_by, time_sentence, without_timing
-from beamchain.steps.step_map import GROWN, TimeError, motion_at, time_error
+from beamchain.steps.step_map import TimeError, grows, time_error
 from beamchain.warning_codes import Caution
 
 
@@ -33,12 +33,9 @@ def at_step(
     """
     out, said = retime_at(model, timestep, qpos)
     still = quiet_copy(out)
-    if motion_at(still, qpos).growth > 1.0 + GROWN:
+    if grows(still, qpos):
         shorter = stable_step(
-            lambda h: (
-                motion_at(quiet_copy(retime_at(model, h, qpos)[0]), qpos).growth > 1.0 + GROWN
-            ),
-            timestep,
+            lambda h: grows(quiet_copy(retime_at(model, h, qpos)[0]), qpos), timestep
         )
         raise InputError(_unstable(still, timestep, qpos, shorter))
     off = _time_error(out, qpos, embedded)

@@ -17,6 +17,7 @@ PER_TURN = 24  # dead times at which a loop is looked at, per period of the plan
 MOST = 4000  # of them within a sample
 TURNS = 50  # of a crossing, within which it meets a whole number of samples
 REFINED = 4  # of the shortest dead times found, which are polished
+UNLIKE = 1e3  # distance of crossings of which one rises and one falls, in place of a logarithm
 HELD = 1e-8  # left of |1 + L| at a dead time that is polished
 
 
@@ -119,9 +120,9 @@ def _between(
     each, and its frequency [rad/s]."""
     out: list[tuple[float, float]] = []
     far = np.abs(np.log(before.omega[:, None] / after.omega))
-    far[before.rises[:, None] != after.rises] = 1e3
-    for one, other in zip(*linear_sum_assignment(far), strict=True):
-        if far[one, other] >= 1e3:
+    alike = before.rises[:, None] == after.rises
+    for one, other in zip(*linear_sum_assignment(np.where(alike, far, UNLIKE)), strict=True):
+        if not alike[one, other]:
             continue
         omega = np.array([before.omega[one], after.omega[other]])
         turn = float(after.lacks[other] - before.lacks[one])

@@ -59,10 +59,10 @@ class Feedback:
     def measured(self, system: System) -> list[list[int]]:
         """The outputs that every input is fed from, by number."""
         a, b, c, d = system
-        reach = np.eye(a.shape[0]) + (np.abs(a) > 0.0)
+        reach = np.eye(a.shape[0], dtype=np.bool_) | (a != 0.0)
         for _ in range(a.shape[0].bit_length()):
-            reach = np.minimum(reach @ reach, 1.0)
-        fed = (np.abs(c) > 0.0) @ reach @ (np.abs(b) > 0.0) + (np.abs(d) > 0.0) > 0.0
+            reach = reach @ reach
+        fed = ((c != 0.0) @ reach @ (b != 0.0)) | (d != 0.0)
         return [[row for row, yes in zip(self.rows, one, strict=True) if yes] for one in fed]
 
 

@@ -23,6 +23,7 @@ from beamchain.ports.motions import (
     Array,
     body_mass_matrix,
     first_moment,
+    mean_mass,
     offset_matrix,
 )
 from beamchain.structure.settle_modes import near_groups, turn_into_planes
@@ -393,7 +394,7 @@ def composite(model: "mujoco.MjModel", body: int, qpos: Array | None = None) -> 
     out."""
     data = rest(model, qpos)
     matrix = frozen_mass(model, data, body, data.xpos[body], data.xmat[body].reshape(3, 3))
-    mass = float(np.trace(matrix[:3, :3])) / 3.0
+    mass = mean_mass(matrix)
     centre = first_moment(matrix) / max(mass, 1e-300)
     cross = offset_matrix(centre)[:3, 3:]
     inertia = matrix[3:, 3:] + mass * cross @ cross

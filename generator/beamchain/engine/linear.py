@@ -437,14 +437,15 @@ def rigid_body(mass: Array) -> Linear:
     """A free rigid body with a mass matrix `(6, 6)`, pushed and looked at in its six motions."""
     nothing = np.zeros((6, 6))
     none = np.zeros((6, 0))
+    empty = np.zeros((0, 0))
     free = Linear(
         mass,
         damping=nothing,
         stiffness=nothing,
         coordinates=FREE,
         inputs=Inputs((), none),
-        outputs=Outputs((), none.T, none.T, none.T, np.zeros((0, 0))),
-        activations=Activations((), none, np.zeros((0, 0)), np.zeros((0, 0)), np.zeros((0, 0))),
+        outputs=Outputs((), none.T, none.T, none.T, empty),
+        activations=Activations((), none, empty, empty, empty),
     )
     return free.on_body(np.eye(6))
 

@@ -124,7 +124,7 @@ class Held(NamedTuple):
             values, vectors = np.linalg.eigh((both + both.T) / 2.0)
             # more modes than motions: those left over move nothing
             top = max(values.size - len(group), 0)
-            out[group[: values.size - top]] = (
+            out[group[: values.size]] = (
                 vectors[:, top:] * np.sqrt(np.clip(values[top:], 0.0, None))
             ).T[::-1]
         return out

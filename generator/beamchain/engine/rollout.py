@@ -63,7 +63,5 @@ def _rotation(quaternions: Array) -> Array:
     """Rotation vectors `(t, 3)` of unit quaternions `(t, 4)`, scalar first."""
     sine = np.linalg.norm(quaternions[:, 1:], axis=1)
     angle = 2.0 * np.arctan2(sine, quaternions[:, 0])
-    return (
-        quaternions[:, 1:]
-        * np.where(sine > 0.0, angle / np.where(sine > 0.0, sine, 1.0), 2.0)[:, None]
-    )
+    share = np.divide(angle, sine, out=np.full(sine.size, 2.0), where=sine > 0.0)
+    return quaternions[:, 1:] * share[:, None]

@@ -367,7 +367,7 @@ def snap_error(
         return response.exponential_parts(times, ONE, tau)
 
     times = _snap_times(response, tau, window)
-    spacing = float(times[1] - times[0])
+    spacing = float(times[1])  # the first is zero
     values = parts(times).sum(axis=0)
     peaks = np.zeros(values.shape[1])
     shares: list[dict[str, float]] = []

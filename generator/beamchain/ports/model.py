@@ -357,7 +357,7 @@ class PortModel:
         along = q.T @ elastic
         _, s, vt = np.linalg.svd(elastic - q @ along, full_matrices=False)
         # a singular residual sends a mode to infinity
-        finite = s > 1e-13 * np.max(1.0 / self.frequencies, initial=0.0)
+        finite = s > 1e-13 / np.min(self.frequencies, initial=np.inf)
         s = s[finite]
         v = vt[finite].T
         if np.any(np.abs(np.diag(r)) <= SINGULAR * np.linalg.norm(r, axis=0)):

@@ -29,6 +29,11 @@ PORT_MOTION: dict[str, Array] = {
 }
 
 
+def mean_mass(matrix: Array) -> float:
+    """Mean over the three directions of the mass of a matrix `(6, 6)`."""
+    return float(np.mean(np.diag(matrix)[:3]))
+
+
 def square_root(matrix: Array, noise: float = 0.0) -> Array:
     """`R`, `R^T R = matrix`; eigenvalues below `noise` become zero."""
     values, vectors = np.linalg.eigh(matrix)

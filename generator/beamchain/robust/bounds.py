@@ -218,7 +218,7 @@ class Bounder:
         self._omega = omega
         self._n = loops.exact(omega)
         self._sampled = np.zeros(omega.size)
-        self.best = samples[0], 0.0
+        self.best = samples[0], -np.inf
         for deltas in samples:
             self._try(deltas, np.arange(omega.size))
         self._start = time.perf_counter()
@@ -292,14 +292,14 @@ class Bounder:
         """The interval to refine: the highest that is above the largest gain found, else that
         farthest above its samples; None where all are close, or nothing can be refined."""
         top = self.best[1]
-        ranks: list[tuple[float, float]] = []
-        for interval in intervals:
+        ranks: dict[int, tuple[float, float]] = {}
+        for number, interval in enumerate(intervals):
             ratio = interval.gain / self._peak(interval.low, interval.high)[1]
-            over = interval.gain / top if interval.gain > CLOSE * top else 0.0
+            over = interval.gain if interval.gain > CLOSE * top else 0.0
             spent = len(interval.boxes) >= BOXES and _narrow(interval)
-            ranks.append((over, ratio) if (over or ratio > NEAR) and not spent else (-1.0, 0.0))
-        first = max(range(len(ranks)), key=lambda i: ranks[i])
-        return first if ranks[first][0] >= 0.0 else None
+            if (over or ratio > NEAR) and not spent:
+                ranks[number] = over, ratio
+        return max(ranks, key=lambda number: ranks[number], default=None)
 
     def _refined(self, interval: Interval, may_halve: bool) -> list[Interval]:
         """An interval, halved in frequency, or in the range of a delta of its highest box."""

@@ -44,7 +44,7 @@ FIGURES = (DISK, GAIN, LESS, PHASE)  # of every input
 LIMITED = (0.0, 0.5, 0.5, 0.0)
 # frequencies per decade, and half widths beside a resonance, at which a sample is looked at
 SPARSE = 40, np.sinh(np.linspace(-4.0, 4.0, 13))
-FINER = np.linspace(-1.0, 1.0, 17)  # points about what reaches farthest, between its neighbours
+FINER = 17  # points about what reaches farthest, between its neighbours
 ROUNDS = 2  # of these
 TURNS = 6  # of the slopes at a frequency, to a corner
 AGAIN = 1e-3  # relative, by which what was tried for others is worse, to search from there
@@ -437,9 +437,7 @@ class SampleLoops:
         at = self._farthest(e)[1]
         for _ in range(ROUNDS):
             low, high = omega[np.maximum(at - 1, 0)], omega[np.minimum(at + 1, omega.size - 1)]
-            more = np.setdiff1d(
-                (low[:, None] + high[:, None]) / 2.0 + (high - low)[:, None] / 2.0 * FINER, omega
-            )
+            more = np.setdiff1d(np.linspace(low, high, FINER), omega)
             order = np.argsort(np.append(omega, more))
             omega = np.append(omega, more)[order]
             e = np.concatenate([e, middle(more)])[order]

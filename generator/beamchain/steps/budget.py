@@ -108,15 +108,15 @@ def preload_sentence(model: "mujoco.MjModel", data: "mujoco.MjData") -> str:
 
 def preload(model: "mujoco.MjModel", data: "mujoco.MjData") -> str:
     """The joint whose spring pulls hardest where nothing balances it, and how hard."""
-    force = np.asarray(data.qfrc_spring)
-    worst = int(np.argmax(np.abs(force))) if force.size else 0
-    if not force.size or force[worst] == 0.0 or not np.any(np.abs(np.asarray(data.qacc)) > AT_REST):
+    force = np.abs(np.asarray(data.qfrc_spring))
+    if not force.any() or not np.any(np.abs(np.asarray(data.qacc)) > AT_REST):
         return ""
+    worst = int(np.argmax(force))
     joint = model.joint(int(model.dof_jntid[worst]))
     unit = "N" if int(joint.type[0]) == int(mujoco.mjtJoint.mjJNT_SLIDE) else "N m"
     return (
         f"the spring of joint {joint.name!r} is preloaded: it pulls with "
-        f"{abs(float(force[worst])):.4g} {unit}"
+        f"{float(force[worst]):.4g} {unit}"
     )
 
 

@@ -64,7 +64,7 @@ class _Plane:
         the links from those of the hinges."""
         h = self.hinges.size
         turned = np.tril(np.ones((h, h)))  # angle of link j + 1 from the hinge angles
-        arms = np.where(np.tri(h, h, dtype=bool), self.com[1:, None] - self.hinges[None, :], 0.0)
+        arms = self._arms()
         mass = (
             arms.T @ (self.mass[1:, None] * arms)
             + turned.T @ (self.inertia[1:, None] * turned)
@@ -89,10 +89,12 @@ class _Plane:
 
     def _spans(self) -> Array:
         """`(h, h)`: length along x of link j before the mass centre of link k, entry (k, j)."""
-        between = np.append(np.diff(self.hinges), 0.0)
-        return np.tril(np.tile(between, (between.size, 1)), -1) + np.diag(
-            self.com[1:] - self.hinges
-        )
+        return -np.diff(self._arms(), axis=1, append=0.0)
+
+    def _arms(self) -> Array:
+        """`(h, h)`: length along x of the mass centre of link k beyond hinge j, entry (k, j); zero
+        where the link lies before the hinge."""
+        return np.tril(self.com[1:, None] - self.hinges)
 
     def bent(self, acceleration: float, slew: float) -> tuple[float, float]:
         """Displacement of the mass centre and moment at the root under acceleration or slew."""
@@ -181,9 +183,8 @@ class _Plane:
     def _linear(self, acceleration: float, slew: float) -> Array:
         """Angles of the links in small motion."""
         force = -self.mass[1:] * (acceleration + slew * self.com[1:])
-        arms = np.maximum(self.com[1:, None] - self.hinges[None, :], 0.0) * np.tri(self.hinges.size)
         turn = np.triu(np.ones((self.hinges.size, self.hinges.size))) @ (slew * self.inertia[1:])
-        bent = np.linalg.solve(self.stiffness, arms.T @ force - turn)
+        bent = np.linalg.solve(self.stiffness, self._arms().T @ force - turn)
         return np.asarray(np.cumsum(bent), dtype=np.float64)
 
 

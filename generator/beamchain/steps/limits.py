@@ -192,7 +192,7 @@ class LinearModel:
         s = np.log(z[np.abs(z) > 1e-14]) / timestep
         s = s[s.imag >= -1e-9 * np.abs(s)]
         cost = np.abs(np.log(np.maximum(np.abs(s[None, :]), 1e-300) / np.abs(wanted)[:, None]))
-        rows, columns = linear_sum_assignment(np.minimum(cost, 1e3))
+        rows, columns = linear_sum_assignment(cost)
         out = np.full(wanted.size, np.nan + 0j)
         out[rows] = s[columns]
         return out

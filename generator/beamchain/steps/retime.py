@@ -40,7 +40,7 @@ from beamchain.steps.modal import (
     foreign,
     modal_tendons,
 )
-from beamchain.steps.step_map import GROWN, TimeError, lowest_wrong, motion_for, time_error
+from beamchain.steps.step_map import TimeError, lowest_wrong, motion_for, time_error
 from beamchain.steps.tree_time import appendages_alone, tree_form, tuned_poses, turned_poses
 from beamchain.warning_codes import Caution
 
@@ -152,15 +152,10 @@ class Retimed:
     @property
     def warnings(self) -> list[str]:
         """What a user of the model must know: slowed modes, and poles that are not exact."""
-        missed = self.form == 4 and self.time_error is not None and not self.time_error.exact
-        return [
-            *self.slowed,
-            *(
-                [Caution("time-error", time_sentence(self.time_error))]
-                if missed and self.time_error
-                else []
-            ),
-        ]
+        off = self.time_error if self.form == 4 else None
+        if off is None or off.exact:
+            return self.slowed
+        return [*self.slowed, Caution("time-error", time_sentence(off))]
 
     @property
     def lowered(self) -> bool:
@@ -340,7 +335,7 @@ def _grows(
     if qpos is not None:
         places.append(qpos)
     motions = (motion_for(timed, mark.timestep, mark.integrator, place) for place in places)
-    return any(motion.growth > 1.0 + GROWN for motion in motions)
+    return any(motion.grows for motion in motions)
 
 
 def time_sentence(off: TimeError) -> str:

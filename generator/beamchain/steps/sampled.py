@@ -20,7 +20,7 @@ from beamchain.engine.linear import Linear, Signal
 from beamchain.ports.compare import grid_of, relative_error
 from beamchain.ports.motions import Array
 from beamchain.steps.integrators import Complex
-from beamchain.steps.step_map import GROWN, Motion
+from beamchain.steps.step_map import Motion
 
 FAR = 1000.0  # times the band: modes of the whole craft beyond act by their static shapes only
 FASTEST = 2.6  # rad per step up to which the response is looked at
@@ -240,7 +240,7 @@ def sampled_error(
     `z = exp((j + d) w h)`, with d the damping ratio that the exact pole nearest to w lacks of that
     at which it is compared: none but below the least ratio.
     """
-    if motion.growth > 1.0 + GROWN:  # what grows has no response
+    if motion.grows:  # what grows has no response
         return SampledError(float("inf"), 0.0)
     h = motion.timestep
     truth = exact.at_step(h)
@@ -261,7 +261,8 @@ def sampled_error(
 
     def error(omega: Array) -> Array:
         parts = []
-        for some in np.array_split(omega, max(1, -(-omega.size // BLOCK))):
+        for first in range(0, omega.size, BLOCK):
+            some = omega[first : first + BLOCK]
             step = np.expm1((1j + shift(some)) * some * h)
             parts.append(relative_error(ours.at(step) * scale, truth.at(step) * scale, frozen))
         return np.concatenate(parts)
@@ -271,9 +272,8 @@ def sampled_error(
     found = error(omega)
     for _ in range(SHARPER):
         k = int(np.argmax(found))
-        low = omega[max(k - 1, 0)]
-        high = omega[min(k + 1, omega.size - 1)]
-        more = np.linspace(low, high, POINTS)
+        near = omega[max(k - 1, 0) : k + 2]
+        more = np.linspace(near[0], near[-1], POINTS)
         omega, order = np.unique(np.concatenate([omega, more]), return_index=True)
         found = np.concatenate([found, error(more)])[order]
     k = int(np.argmax(found))

@@ -86,6 +86,11 @@ class Motion:
         """The largest |z| of the step; above 1 it is unstable."""
         return float(np.max(np.abs(1.0 + self.step_poles()), initial=0.0))
 
+    @property
+    def grows(self) -> bool:
+        """Whether the step is unstable by more than rounding."""
+        return self.growth > 1.0 + GROWN
+
     def _poles(self, matrix: Array) -> Complex:
         # positions in units of the rates they go with
         phase = self.timestep * np.sqrt(np.abs(self.squares))
@@ -148,14 +153,14 @@ def motion_for(
 
 def grows(model: "mujoco.MjModel", qpos: Array) -> bool:
     """Whether the model's own step makes a motion about a pose grow."""
-    return motion_at(model, qpos).growth > 1.0 + GROWN
+    return motion_at(model, qpos).grows
 
 
 def growing_poses(model: "mujoco.MjModel", places: Mapping[str, Array]) -> list[str]:
     """The poses in which the model's own step makes a motion grow, the worst first."""
-    growth = {pose: motion_at(model, qpos).growth for pose, qpos in places.items()}
-    growing = [pose for pose in places if growth[pose] > 1.0 + GROWN]
-    return sorted(growing, key=lambda pose: -growth[pose])
+    motions = {pose: motion_at(model, qpos) for pose, qpos in places.items()}
+    growing = [pose for pose in places if motions[pose].grows]
+    return sorted(growing, key=lambda pose: motions[pose].growth, reverse=True)
 
 
 def _implicit(model: "mujoco.MjModel", integrator: str, damping: Array, shapes: Array) -> Array:
@@ -226,8 +231,7 @@ def pole_pairs(timed: Motion, plain: Motion) -> PolePairs:
     stepped = timed.step_poles()
     # a mode that turns by more than PHASE per step is slowed to it,
     # and must not be taken for a slow one
-    turn = np.abs(x.imag)
-    aim = np.expm1(x * np.where(turn > PHASE, PHASE / np.maximum(turn, PHASE), 1.0))
+    aim = np.expm1(x * PHASE / np.maximum(np.abs(x.imag), PHASE))
     near = np.abs(stepped[None, :] - aim[:, None]) / np.maximum(np.abs(aim), RIGID)[:, None]
     rows, columns = linear_sum_assignment(np.minimum(near, 1e8) ** 2)
     moving = np.abs(x[rows]) >= RIGID

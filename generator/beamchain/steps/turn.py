@@ -49,7 +49,6 @@ def central_inertia(mass: Array) -> Array:
 
 def _turn(inertia: Array, rates: Array, timestep: float, integrator: str, count: int) -> Array:
     spec = mujoco.MjSpec()
-    spec.option.gravity = [0.0, 0.0, 0.0]
     spec.option.timestep = timestep
     spec.option.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
     moments, axes = np.linalg.eigh((inertia + inertia.T) / 2.0)

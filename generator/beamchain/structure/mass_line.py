@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from beamchain.errors import InputError
 from beamchain.import_lock import importing
-from beamchain.ports.motions import Array, body_mass_matrix, locked
+from beamchain.ports.motions import Array, body_mass_matrix, locked, mean_mass
 from beamchain.structure.elements import gauss
 from beamchain.structure.settle_modes import MOTIONS
 
@@ -267,7 +267,7 @@ def _moments_along_axis(rigid_mass: Array) -> Moments:
 
 def _mass_beside_axis(rigid_mass: Array) -> tuple[float, MassBesideAxis] | None:
     """Second moment along x [kg m^2] and mass beside it; None: no such body."""
-    mass = float(np.trace(rigid_mass[:3, :3])) / 3.0
+    mass = mean_mass(rigid_mass)
     # the block m [c x] of both halves
     cross = (rigid_mass[3:, :3] + rigid_mass[:3, 3:].T) / 2.0 / mass
     differences = [cross[2, 1] - cross[1, 2], cross[0, 2] - cross[2, 0], cross[1, 0] - cross[0, 1]]
@@ -411,7 +411,7 @@ def spread_mass(
     inertias = np.array([along.polar, along.rotary_xy, along.rotary_xz]) / mass
     pieces: tuple[MassPiece, ...] = ()
     if share > 0.0:
-        grown = (power + 1.0) * np.linspace(0.0, 1.0, power + 1) ** power if power else np.ones(1)
+        grown = (power + 1.0) * np.linspace(0.0, 1.0, power + 1) ** power
         densities = share * mass / length * grown[:, None] * np.array([1.0, *inertias])
         pieces = (MassPiece(0.0, length, densities),)
     rows = [

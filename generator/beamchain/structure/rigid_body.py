@@ -4,7 +4,7 @@ import numpy as np
 from scipy.optimize import nnls
 from scipy.sparse.csgraph import connected_components
 
-from beamchain.ports.motions import PORT_MOTION, PORTS, Array
+from beamchain.ports.motions import PORT_MOTION, PORTS, Array, mean_mass
 
 ROUNDING = 1e-14  # relative: what is left of no inertia
 
@@ -13,14 +13,14 @@ def nearest_body(mass: Array) -> Array:
     """The mass matrix `(6, 6)` of a rigid body nearest to a symmetric one: one mass in all
     directions, and a first moment whose matrix is antisymmetric."""
     moment = (mass[3:, :3] - mass[3:, :3].T) / 2.0
-    alike = float(np.trace(mass[:3, :3])) / 3.0 * np.eye(3)
+    alike = mean_mass(mass) * np.eye(3)
     return np.block([[alike, moment.T], [moment, mass[3:, 3:]]])
 
 
 def body_departure(mass: Array) -> float:
     """How far a mass matrix `(6, 6)` is from a rigid body's: the largest entry of the difference,
     relative to the diagonal; infinite without mass."""
-    if np.trace(mass[:3, :3]) <= 0.0:
+    if mean_mass(mass) <= 0.0:
         return float("inf")
     scale = _scale(mass)
     return float(np.max(np.abs((mass - nearest_body(mass)) / np.outer(scale, scale))))
@@ -31,7 +31,7 @@ def realisable_body(mass: Array) -> Array:
     no principal inertia about its centre exceeds the sum of the other two, as rounding leaves that
     of a lamina or of a rod."""
     nearest = nearest_body(mass)
-    own = float(np.trace(mass[:3, :3])) / 3.0
+    own = mean_mass(mass)
     cross = nearest[3:, :3] / own
     values, axes = np.linalg.eigh(nearest[3:, 3:] + own * cross @ cross)
     if 2.0 * values[2] > np.sum(values):
@@ -71,9 +71,9 @@ def independent_parts(mass: Array, stiffness: Array, noise: Array) -> Array:
     """Mass matrix `(6 + n, 6 + n)` of rigid motions and inner freedoms without what lies below
     `noise` `(6 + n,)`, s_i s_j in ij: between ports, and between parts of which nothing is coupled
     by more; `stiffness` `(n, n)`: of the inner freedoms."""
-    moves = np.array([np.sum(PORT_MOTION[port] ** 2, axis=1) for port in PORTS])
+    moves = np.array([np.any(PORT_MOTION[port], axis=1) for port in PORTS])
     linked = np.abs(mass) > np.outer(noise, noise)
-    linked[:6, :6] |= moves.T @ moves > 0.0
+    linked[:6, :6] |= moves.T @ moves
     size = np.sqrt(np.diag(stiffness))
     linked[6:, 6:] |= np.abs(stiffness) > ROUNDING * np.outer(size, size)
     _, part = connected_components(linked, directed=False)
@@ -85,6 +85,6 @@ def independent_parts(mass: Array, stiffness: Array, noise: Array) -> Array:
 def _scale(mass: Array) -> Array:
     """`(6,)` square roots of the masses that make motions comparable: the mean mass, and the
     largest inertia for all rotations, since noise does not know of a small one."""
-    mean = float(np.trace(mass[:3, :3])) / 3.0
+    mean = mean_mass(mass)
     turning = float(np.max(np.diag(mass)[3:]))
     return np.sqrt(np.array([mean] * 3 + [turning if turning > 0.0 else mean] * 3))

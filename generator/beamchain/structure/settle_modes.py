@@ -42,7 +42,7 @@ def turn_into_planes(
         rows = participation[list(group)] / scale
         weighted = np.zeros((len(group), len(group)))
         for port, weight in WEIGHTS.items():
-            inside = rows @ np.abs(PORT_MOTION[port])
+            inside = rows @ PORT_MOTION[port]
             weighted += weight * inside @ inside.T
         vectors = np.linalg.eigh(weighted)[1].T[::-1]
         before = np.sum(_largest_port_shares(rows))
@@ -55,7 +55,7 @@ def turn_into_planes(
 
 def _largest_port_shares(rows: Array) -> Array:
     """`(g,)` participation squared of each row in its largest port."""
-    shares = [np.sum((rows @ np.abs(motion)) ** 2, axis=1) for motion in PORT_MOTION.values()]
+    shares = [np.sum((rows @ motion) ** 2, axis=1) for motion in PORT_MOTION.values()]
     return np.max(shares, axis=0)
 
 
@@ -87,8 +87,8 @@ def settle_rigid_mass(
             "points, different units, modes that are not mass-normalised, or a rigid mass without "
             "that of the clamped nodes."
         )
-    if values[0] < 0.0 or np.any((values > 0.0) & (values <= least)):
-        clipped = np.where(values <= least, 0.0, values)
+    clipped = np.where(values > least, values, 0.0)
+    if np.any(clipped != values):
         kept = (vectors * clipped) @ vectors.T
     # a motion without inertia has none afterwards
     inert = diagonal > 0.0

@@ -10,7 +10,7 @@ import numpy as np
 
 from beamchain.checks import Struct, field, whole_number
 from beamchain.errors import InputError
-from beamchain.ports.motions import Array
+from beamchain.ports.motions import Array, mean_mass
 from beamchain.structure.mass_line import default_length, spread_mass, uniform_length
 from beamchain.structure.modal_data import ModalData
 from beamchain.structure.readers import READERS, read_modes
@@ -188,7 +188,7 @@ def check_outwards(data: ModalData, axes: Array | None = None, length: float | N
     Raises:
         InputError: it does not; the message proposes `axes` in which it does.
     """
-    mass = float(np.trace(data.rigid_mass[:3, :3])) / 3.0
+    mass = mean_mass(data.rigid_mass)
     # the block m [c x]
     cross = data.rigid_mass[3:, :3] / mass
     centre = np.array(
