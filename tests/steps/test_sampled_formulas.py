@@ -189,7 +189,7 @@ def test_the_sampled_error_is_the_same_in_any_unit_of_time():
         w, damping, h = unit * W, unit * DAMPING, H / unit
         true, compared = exact(w, damping), exact(w, damping)
         compared.damping = true.damping + unit * LACKING
-        at_samples = Exact(true, compared, unit * 25.0)
+        at_samples = Exact(true, compared, unit * 25.0, 2)
         slow = motion("implicitfast", w, damping, h)
         one = sampled_error(at_samples, slow, ROWS, scale=np.eye(2) + 0.3, frozen=5.0)
         found.append((one.error, one.frequency / unit))
