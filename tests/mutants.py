@@ -125,10 +125,9 @@ def changes(file: str, source: bytes) -> list[Change]:
         elif inside and isinstance(node, ast.Constant):
             constant(node, index=index)
         for name, child in ast.iter_fields(node):
-            if name in (
-                "annotation",
-                "returns",
-                "args" if isinstance(node, ast.FunctionDef) else "",
+            if name in ("annotation", "returns") or (
+                # worked out when a module is imported
+                isinstance(node, ast.FunctionDef) and name in ("args", "decorator_list")
             ):
                 continue
             within = index or (isinstance(node, ast.Subscript) and name == "slice")
@@ -249,8 +248,8 @@ class _Folder:
         if not tests:
             return "no test calls it"
         status = _in_a_fork(run)
-        if status < 0:
-            return "takes too long"
+        if status < 0:  # killed, as it does not end
+            return "noticed"
         return ("survived", "noticed", "not changed")[status]
 
 
