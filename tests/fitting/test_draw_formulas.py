@@ -195,3 +195,13 @@ def test_a_drawn_structure_is_stiffer_and_heavier_by_what_was_drawn():
         factor = drawn_factor(name, f"{name}{number}")
         assert body.mass == pytest.approx(mass * factor)
         assert body.inertia == pytest.approx(factor * np.array([0.1, 0.2, 0.3]))
+
+
+def test_a_mode_is_uncertain_in_one_table():
+    modes = [
+        bc.spec.UncertainMode(number=n, port="xy", damping=bc.spec.Uncertainty(relative=0.1))
+        for n in (1, 2, 2)
+    ]
+    assert len(bc.spec.UncertainModes(mode=tuple(modes[:2])).mode) == 2
+    with pytest.raises(bc.InputError, match="mode2_xy"):
+        bc.spec.UncertainModes(mode=tuple(modes))
