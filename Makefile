@@ -1,6 +1,6 @@
 # make demo        fit the example boom, and film a satellite whose arrays bend, into build/demo
 # make test        lint, types and the quick tests (two to three minutes on 2 cores)
-# make quick       those of them that take a twentieth of a second or less, in one process: about 40 seconds
+# make quick       those of them that take a twentieth of a second or less, in one process: half a minute
 # make mutants     200 changes of formulas, drawn by SEED (or several), and which of them the quick tests of the same folder notice
 # make test-full   wheel in an empty environment, notebooks, the long tests (under half an hour)
 # make hosts       the exported file in other simulators, each in an environment of its own; HOSTS="mjx warp newton" for more
