@@ -192,6 +192,28 @@ def floor(hub):
     return np.linalg.norm(np.linalg.inv(whole) * np.outer(scale, scale), 2)
 
 
+@pytest.mark.parametrize("target", ["hub", "free"])
+def test_modes_for_a_target_are_the_lowest_of_their_port(target):
+    def kept(*numbers):
+        imported = Imported(file="f.op2", modes=numbers)
+        root = bc.spec.Root(hub=HUB, target=target)
+        return select(body_of(bc.Spec(name="f", imported=imported, root=root), data())).numbers
+
+    assert kept(1, 4) == (1, 4)
+    assert kept(1, 2, 3) == (1, 2, 3)
+    with pytest.raises(bc.InputError, match=r"here \[1, 4\]"):
+        kept(3, 4)
+
+
+def test_a_scene_whose_axes_nothing_moves_has_no_steps_to_choose():
+    rigid, rows = np.array(RIGID), np.array(ROWS)
+    rigid[3, 3], rows[3] = 0.0, [0.0, 0.3, 0.0, 0.0, 0.0, 0.1]
+    scene = bc.Scene(axes=("x",), bandwidth=2.0)
+    made = bc.fit(data(rigid_mass=rigid, participation=rows), modes={"xy": 1}, scene=scene)
+    assert made.steps == ()
+    assert not any(one.code.startswith("step") for one in made.warnings)
+
+
 # -- prints ----------------------------------------------------------------------------------------
 @pytest.mark.parametrize(
     ("most", "grown"), [(0.99, 1.0), (1.0, 1.0), (1.05, 1.06), (1.0999, 1.11988), (1.11, 1.0)]

@@ -367,6 +367,8 @@ class Fit:
         model, live = self.measured.motion, self.measured.live
         hub = self.hub_mass[np.ix_(live, live)] if self.hub_mass is not None else model.rigid_mass
         keep = [i for i, motion in enumerate(live) if motion in {AXES[axis] for axis in scene.axes}]
+        if not keep:  # nothing that is asked for moves the appendage
+            return ()
         return choose_step(
             model,
             hub,

@@ -123,7 +123,17 @@ def _stated(body: Body) -> Kept:
     numbers = None if spec.imported is None else spec.imported.modes
     if numbers is None and spec.modes is not None:
         numbers = _first(data, spec.modes.counts())
-    return _numbered(body, range(1, data.modes + 1) if numbers is None else numbers, target)
+    kept = _numbered(body, range(1, data.modes + 1) if numbers is None else numbers, target)
+    if target != "clamped":
+        first = tuple(range(1, len(kept.numbers) + 1))
+        lowest = first if kept.coupled_ports else _first(data, kept.counts)
+        if kept.numbers != lowest:
+            raise InputError(
+                f'imported.modes = {list(kept.numbers)} and root.target = "{target}" do not go '
+                f"together: that target takes the lowest modes, here {list(lowest)}; write those, "
+                'or target = "clamped".'
+            )
+    return kept
 
 
 def _numbered(
