@@ -12,7 +12,7 @@ import numpy as np
 
 from beamchain.chain.chain import Chain, Link
 from beamchain.errors import RealisationError
-from beamchain.ports.motions import Array
+from beamchain.ports.motions import Array, mean_mass
 from beamchain.structure.mass_line import MassLine
 
 ROUNDED = 1e-13  # of the whole inertia: what differences of its parts lose
@@ -41,7 +41,7 @@ def bodies(line: MassLine, x: Array) -> list[Link]:
     noise = ROUNDED * float(np.trace(line.whole[3:, 3:]))
     out: list[Link] = []
     for a, b, matrix in zip(edges[:-1], edges[1:], pieces, strict=True):
-        mass = float(np.trace(matrix[:3, :3])) / 3.0
+        mass = mean_mass(matrix)
         if mass <= 0.0:
             out.append(Link(a, b - a, 0.0, a, (0.0, 0.0, 0.0)))
             continue

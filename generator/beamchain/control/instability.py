@@ -167,7 +167,7 @@ def _alone(factors: Mapping[str, float]) -> str:
 
 
 def _listed(names: Sequence[str]) -> str:
-    return " and ".join([", ".join(names[:-1]), names[-1]] if names[1:] else names)
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
 def _since(factor: float, what: str) -> str:

@@ -16,7 +16,7 @@ from scipy.interpolate import CubicSpline
 
 from beamchain.ports.compose import model_in_space
 from beamchain.ports.model import PortModel
-from beamchain.ports.motions import PORTS, Array
+from beamchain.ports.motions import PORT_MOTION, PORTS, Array, point_columns
 from beamchain.structure.beam import Beam
 
 CELLS = 40  # of a beam, besides the cuts at ports and hinge lines
@@ -157,9 +157,7 @@ def _lowest(model: PortModel, port: str, columns: Sequence[int], band: float) ->
     count = min(max(LOW, near), model.modes)
     if not columns:
         return model.truncated(count)
-    wide = 2 if port in ("xy", "xz") else 1
-    wanted = [wide * column + k for column in columns for k in range(wide)]
-    low = model.attached(count, wanted)
+    low = model.attached(count, point_columns(columns, PORT_MOTION[port].shape[1]))
     beyond = low.modes - count
     mean = float(np.mean(model.damping[count:])) if beyond else 0.0
     return low.replaced(

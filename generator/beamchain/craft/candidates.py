@@ -111,14 +111,14 @@ class PerPort:
         `band` as of `Coupled.further`."""
         del band
         out: dict[str, Candidate] = {}
-        for port in free_ports(self.a.spec):
+        root = msgspec.structs.replace(self.a.spec.root, hub=self.a.hub)
+        spec = msgspec.structs.replace(self.a.spec, root=root)
+        for port in free_ports(spec):
             count = self.counts.get(port, 0) + 1
             full = self._whole(port, count)
             if full is None or count > full.modes:
                 continue
-            root = msgspec.structs.replace(self.a.spec.root, hub=self.a.hub)
-            body = Body(msgspec.structs.replace(self.a.spec, root=root), {port: full})
-            model = body.reduced(self.a.fit.kept_for, port, count)
+            model = Body(spec, {port: full}).reduced(self.a.fit.kept_for, port, count)
             counts = {**self.counts, port: count}
             changed = {**self.changed, port: model}
             out[port] = replace(self, counts=counts, changed=changed, last=port)

@@ -201,16 +201,10 @@ class Embedded:
         poses as well.
         """
         timed = any(a.timed is not None for a in self.appendages)
-        return self.sampled_with(self.model, timed=timed)
+        return self._sampled(self.model, timed=timed)
 
-    def sampled_with(self, model: "mujoco.MjModel", *, timed: bool) -> dict[str, SampledError]:
-        """The same of another compiled model of this spacecraft, pose by pose.
-
-        Args:
-            model: at any step, or with timing.
-            timed: whether it has timing, so that where appendages carry bodies it is judged between
-                the poses as well.
-        """
+    def _sampled(self, model: "mujoco.MjModel", *, timed: bool) -> dict[str, SampledError]:
+        """The same of the model at any step."""
         errors = craft_sampled_error(self.craft, model, self._exact_poses)
         if timed and any(a.loads for a in self.appendages):
             between = partial(poses_between, share=BETWEEN)
@@ -394,9 +388,9 @@ class Embedded:
         plain, timed = models_at(
             setting, self.untimed, self.appendages, self._compiled, joints=self.joints
         )
-        error = max(found.error for found in self.sampled_with(plain, timed=False).values())
+        error = max(found.error for found in self._sampled(plain, timed=False).values())
         if timed is not None:
-            with_it = max(found.error for found in self.sampled_with(timed, timed=True).values())
+            with_it = max(found.error for found in self._sampled(timed, timed=True).values())
             if setting.timing or is_worth_timing(error, with_it, self.tolerance):
                 error = with_it
         return max(error, self.craft_error) if self.loaded else error

@@ -166,7 +166,7 @@ def embed(
         )
     result = with_known(
         result,
-        () if loaded else OF_MOTION,
+        () if loaded else OF_MOTION,  # under a load the exact craft is another
         source=source,
         inputs=tuple(inputs),
         loaded=loaded,
@@ -574,12 +574,11 @@ def _time_and_check(
         band = joint_request([a.spec for a in appendages]).band
         timed, slowed = with_timing(plain, band, joints=joints)
         made = tuple(replace(a, timed=timed) for a in on_tendons)
-        sampled = result.sampled_with(timed, timed=True)
-        error = max(found.error for found in sampled.values())
-        if retime or is_worth_timing(result.sampled_error, error, result.tolerance):
-            appendages, model = made, plain
-            result = with_known(result, OF_MOTION, appendages=made, model=timed)
-            object.__setattr__(result, "sampled_poses", sampled)
+        before = None if retime else result.sampled_error
+        # against the same exact craft
+        after = with_known(result, ("_exact_poses",), appendages=made, model=timed)
+        if before is None or is_worth_timing(before, after.sampled_error, result.tolerance):
+            appendages, model, result = made, plain, after
             with_error = craft_time_error(timed, model, appendages, band)
             without_error = craft_time_error(model, model, appendages, band)
             warnings += time_notes(timed, model, decision.reason, with_error, without_error)

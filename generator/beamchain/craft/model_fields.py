@@ -191,7 +191,7 @@ def _set_body(
             model.body_ipos[body, AXES.index(q.kind[-1])] = value
         else:
             i, j = (AXES.index(axis) for axis in q.kind[-2:])
-            inertia[j, i] = value  # of the lower triangle
+            inertia[i, j] = inertia[j, i] = value
     if any(q.kind != "mass" for q, _ in changes):
         model.body_sameframe[body] = 0  # MuJoCo would pass over the new centre and axes
     if not any(q.kind.startswith("inertia") for q, _ in changes):

@@ -351,8 +351,7 @@ def _check_inertia(name: str, inertia: Array, uncertain: Sequence[Quantity]) -> 
     for corner in product((-1.0, 1.0), repeat=len(ranges)):
         changed = inertia.copy()
         for side, (q, i, j) in zip(corner, ranges, strict=True):
-            changed[j, i] = q.nominal + side * q.reach
-        # of the lower triangle
+            changed[i, j] = changed[j, i] = q.nominal + side * q.reach
         a, b, c = (float(v) for v in np.linalg.eigvalsh(changed))
         if a <= 0.0 or c > (a + b) * (1.0 + 1e-9):
             raise InputError(

@@ -25,7 +25,7 @@ from beamchain.fitting.hub import port_hub_mass
 from beamchain.fitting.result import InSpace
 from beamchain.mjcf.write import joint_name
 from beamchain.ports.model import PortModel
-from beamchain.ports.motions import PORTS, Array
+from beamchain.ports.motions import PORTS, Array, point_columns
 from beamchain.structure.section_loads import Inside, inside_beam
 
 SAME = 1e-5  # relative: frequencies of the modes as kept, and as found again
@@ -236,8 +236,7 @@ def _attachment_turn(appendage: Appendage, chain: Chain, port: str, count: int) 
     places = fit.spec.further.values()
     moved = np.vstack([port_rows(chain, freedoms, motion, x) for x in places]) @ shapes
     assert target.tip is not None
-    m = target.motions
-    columns = [m * c + i for c in further_columns(fit.spec) for i in range(m)]
+    columns = point_columns(further_columns(fit.spec), target.motions)
     wanted = target.tip[count:, columns].T
     return np.asarray(np.linalg.lstsq(wanted, moved, rcond=None)[0], dtype=np.float64)
 

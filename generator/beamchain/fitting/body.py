@@ -15,7 +15,7 @@ from beamchain.mjcf.write import check_hub
 from beamchain.ports.compare import with_damping
 from beamchain.ports.compose import model_in_space
 from beamchain.ports.model import PortModel
-from beamchain.ports.motions import PORTS, Array
+from beamchain.ports.motions import PORTS, Array, point_columns
 from beamchain.structure.beam import Beam
 from beamchain.structure.modal_data import ModalData
 from beamchain.structure.readers.imported import with_length
@@ -66,13 +66,11 @@ class Body:
     def reduced(self, target: str, port: str, count: int) -> PortModel:
         """A port's model with `count` modes for a target, damped; of a beam that carries at further
         points, the static responses to loads there stand behind them."""
-        full = self.ports[port]
-        if count and (columns := further_columns(self.spec)):
-            m = full.motions
-            points = [m * c + i for c in columns for i in range(m)]
-            return self.spec.with_ratios(port, full.attached(count, points))
+        full, points = self.ports[port], further_columns(self.spec)
         hub = None if self.hub is None else port_hub_mass(self.hub, port)
-        model = full.for_target(target, count, hub)
+        model = reduced_port(full, target, count, hub=hub, points=points)
+        if points:
+            return self.spec.with_ratios(port, model)
         return model.replaced(damping=full.damping[: model.modes])
 
     @cached_property
@@ -207,6 +205,16 @@ def _ratios(damping: Damping, data: ModalData) -> Array:
         own = [k for k, b in enumerate(data.belongs) if b == port]
         ratios[own] = damping.ratios(port, len(own))
     return ratios
+
+
+def reduced_port(
+    full: PortModel, target: str, count: int, *, hub: Array | None, points: Sequence[int]
+) -> PortModel:
+    """`count` of all modes of a port, for a target on a hub `(m, m)`; where there are further
+    `points`, numbers in its `tip`, the static responses to loads there stand behind them."""
+    if count and points:
+        return full.attached(count, point_columns(points, full.motions))
+    return full.for_target(target, count, hub)
 
 
 def further_columns(spec: Spec) -> tuple[int, ...]:

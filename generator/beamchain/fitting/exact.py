@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamchain.errors import InputError
+from beamchain.fitting.body import reduced_port
 from beamchain.fitting.hub import port_hub_mass
 from beamchain.fitting.spec import Spec
 from beamchain.ports.compose import model_in_space
@@ -107,14 +108,9 @@ def reduced_to_kept(
 
     `points`: numbers of the appendage's further points in `tip`.
     """
-    if not count:
-        return full.truncated(0)
-    if points:
-        m = full.motions
-        return full.attached(count, [m * c + i for c in points for i in range(m)])
     hub = fit.spec.root.hub
     mass = None if hub is None else port_hub_mass(hub.mass_matrix(), port)
-    return full.for_target(fit.kept_for, count, mass)
+    return reduced_port(full, fit.kept_for, count, hub=mass, points=points)
 
 
 def _normal_modes(target: PortModel, exact: PortModel) -> int:

@@ -14,7 +14,7 @@ from beamchain.fitting.body import Body
 from beamchain.fitting.hub import default_hub, port_hub_mass
 from beamchain.fitting.needs import Choice, LeftOut
 from beamchain.fitting.options import Scene
-from beamchain.fitting.realise import carrier, why
+from beamchain.fitting.realise import kept_in_space, why
 from beamchain.fitting.result import Fit, InSpace
 from beamchain.fitting.select import Kept
 from beamchain.fitting.slosh import heavy, weightless
@@ -79,9 +79,7 @@ def assess_fit(
     return Fit(
         spec=spec,
         chain=built.chain,
-        full=dict(body.ports)
-        if body.data is None
-        else {port: body.view(port) for port in built.targets},
+        full={p: body.view(p) for p in (body.ports if body.data is None else built.targets)},
         target=built.targets,
         achieved={port: measured.ports[port] for port in built.targets},
         readback_error=error,
@@ -106,17 +104,12 @@ def assess_fit(
 def _in_space(body: Body, kept: Kept, measured: Measured) -> InSpace:
     """The comparison in all motions at once, where modes may couple ports."""
     assert body.data is not None
-    assert kept.data is not None
-    live = np.ix_(body.live, body.live)
-    full = body.data.space()
-    target = kept.data.space()
-    if kept.target != "clamped" and target.modes:
-        target = full.reduced(target.modes, carrier(body, kept)[live])
+    full, target = body.data.space(), kept_in_space(body, kept)
     scene = body.spec.scene or Scene()
     in_band = in_band_error(
         measured.damped_motion,
         full,
-        None if body.hub is None else body.hub[live],
+        None if body.hub is None else body.hub[np.ix_(body.live, body.live)],
         scene.bandwidth or float(target.frequencies[-1]),
         undamped=body.spec.undamped_ratio,
     )

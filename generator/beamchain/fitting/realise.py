@@ -82,6 +82,18 @@ def carrier(body: Body, kept: Kept) -> Array:
     return np.zeros((6, 6)) if body.hub is None or kept.target == "free" else body.hub
 
 
+def kept_in_space(body: Body, kept: Kept) -> PortModel:
+    """The kept modes of a file in its live motions: themselves, or for another target than the
+    clamped one as many modes of all on the hub of that target."""
+    assert body.data is not None
+    assert kept.data is not None
+    own = kept.data.space()
+    if kept.target == "clamped" or not own.modes:
+        return own
+    hub = carrier(body, kept)[np.ix_(body.live, body.live)]
+    return body.data.space().reduced(own.modes, hub)
+
+
 def _pendulums(body: Body, kept: Kept) -> tuple[Built, MassLine]:
     """Pendulums that swing in both planes, and the fixed mass."""
     liquid = body.spec.slosh
@@ -289,12 +301,10 @@ def _couple_ports(body: Body, kept: Kept, line: MassLine, most_added: int) -> Bu
         )
     _check_body(modes)
     if kept.target != "clamped":
-        live = list(modes.live)
-        hub = carrier(body, kept)[np.ix_(live, live)]
-        reduced = body.data.space().reduced(modes.modes, hub)
+        reduced = kept_in_space(body, kept)
         with_modes(reduced, modes.modes, " and ".join(kept.coupled_ports))
         rows = np.zeros((modes.modes, 6))
-        rows[:, live] = reduced.participation
+        rows[:, body.live] = reduced.participation
         modes = replace(modes, frequencies=reduced.frequencies, participation=rows, tip=None)
     damping = modes.damping if _damps_modes(body, kept) else np.zeros(modes.modes)
     groups: list[ModeGroup] = []

@@ -129,9 +129,9 @@ def _stated(body: Body) -> Kept:
         lowest = first if kept.coupled_ports else _first(data, kept.counts)
         if kept.numbers != lowest:
             raise InputError(
-                f'imported.modes = {list(kept.numbers)} and root.target = "{target}" do not go '
-                f"together: that target takes the lowest modes, here {list(lowest)}; write those, "
-                'or target = "clamped".'
+                f'modes {list(kept.numbers)} of the file and root.target = "{target}" do not go '
+                f"together: that target takes the lowest modes, here {list(lowest)}; write "
+                f'imported.modes = {list(lowest)}, or target = "clamped".'
             )
     return kept
 
