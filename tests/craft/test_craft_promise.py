@@ -14,7 +14,7 @@ from scipy.linalg import eigh
 
 import beamchain as bc
 import finite_elements as fe
-from beamchain.craft.candidates import candidate
+from beamchain.craft.candidates import Candidate
 from command import call
 from craft_truth import AXES, Pair, Side, compiled, hung
 from mechanics import by_differences
@@ -341,7 +341,7 @@ def test_what_one_port_costs_is_judged_with_all_others_exact():
     )
     spec = bc.Spec(segment=(bc.Segment(length=8.0, section=section),))
     placed = bc.embed(LIGHT, {"place": spec}, retime=False).appendages[0]
-    alone = candidate(placed).alone("xy")
+    alone = Candidate.of(placed).without("xy")
     speeds = np.sqrt([1e3 / 0.05, 1e6 / 0.5])  # of waves in a rod, torsional and axial
     rod = np.concatenate([np.pi / 16.0 * np.array([1.0, 3.0]) * speed for speed in speeds])
     apart = np.abs(alone.frequencies[:, None] / rod - 1.0)

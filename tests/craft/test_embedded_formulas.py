@@ -1,6 +1,7 @@
 """What an embedded spacecraft says of itself, beside numbers put in by hand; its places, and the
 hubs of its appendages: two booms on a bus, one of them behind a drive."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import mujoco
@@ -10,8 +11,10 @@ import pytest
 import beamchain as bc
 from beamchain.craft.fits import Fits, _same_hub
 from formulas import (
+    Body,
     CraftError,
     Embedded,
+    Kept,
     SampledError,
     Setting,
     carried_by_craft,
@@ -200,26 +203,37 @@ def test_only_a_loose_joint_makes_a_hub_another_than_what_is_rigidly_behind(mass
 @pytest.mark.parametrize("size", [1e-3, 1.0, 1e4])
 def test_a_hub_is_the_same_to_rounding_of_its_own_size(size):
     hub = bc.Hub(mass=3.0 * size, inertia=(2.0 * size, 2.5 * size, 1.5 * size))
-    made = SimpleNamespace(hub_mass=hub.mass_matrix())
     for change, same in ((1e-13, True), (1e-11, False)):
         for other in (
             bc.Hub(mass=hub.mass * (1.0 + change), inertia=hub.inertia),
             bc.Hub(mass=hub.mass, inertia=(2.0 * size, 2.5 * size * (1.0 + change), 1.5 * size)),
         ):
-            assert _same_hub(made, other) is same
-    assert not _same_hub(SimpleNamespace(hub_mass=None), hub)
+            assert _same_hub(hub.mass_matrix(), other) is same
+    assert not _same_hub(None, hub)
+
+
+def fits_of(monkeypatch, **given):
+    """Fits whose choices and chains are counted."""
+    chosen, made = [], []
+
+    def choose(spec, data):
+        chosen.append((spec.root.target, data))
+        return Body(spec, {}, data), Kept("clamped", {"xy": 1})
+
+    def fitted(body, kept):
+        made.append((body.spec, body.data, kept))
+        return SimpleNamespace(hub_mass=body.hub, number=len(made))
+
+    monkeypatch.setattr("beamchain.craft.fits.body_and_kept", choose)
+    monkeypatch.setattr("beamchain.craft.fits.fit_kept", fitted)
+    return Fits(**given), chosen, made
+
+
+HUBS = [bc.Hub(mass=mass, inertia=(2.0, 2.5, 1.5)) for mass in (3.0, 4.0)]
 
 
 def test_a_boom_is_fitted_once_for_a_hub_a_target_and_its_data(monkeypatch):
-    made = []
-
-    def fitted(spec, data):
-        made.append((spec.name, spec.root.target, data))
-        return SimpleNamespace(hub_mass=spec.root.hub.mass_matrix(), number=len(made))
-
-    monkeypatch.setattr("beamchain.craft.fits.fit_spec", fitted)
-    hubs = [bc.Hub(mass=mass, inertia=(2.0, 2.5, 1.5)) for mass in (3.0, 4.0)]
-    fits = Fits(held={"c": "modes"})
+    fits, chosen, made = fits_of(monkeypatch, held={"c": "modes"})
     one, other = boom(), boom(stiff=3e3)
     asked = [
         ("a", one, "hub", 0, 1), ("b", one, "hub", 0, 1), ("b", other, "hub", 0, 2),
@@ -227,9 +241,58 @@ def test_a_boom_is_fitted_once_for_a_hub_a_target_and_its_data(monkeypatch):
         ("c", one, "hub", 0, 5), ("a", one, "hub", 0, 1),
     ]  # fmt: skip
     for at, spec, target, hub, number in asked:
-        root = bc.spec.Root(target=target, hub=hubs[hub])
-        assert fits(at, spec, root).number == number
-    assert [data for *_, data in made] == [None] * 4 + ["modes"]
+        root = bc.spec.Root(target=target)
+        item = fits.candidate(at, f"mount of {at}", ("load",), spec.replace(root=root), HUBS[hub])
+        assert (item.at, item.mount, item.loads) == (at, f"mount of {at}", ("load",))
+        assert (item.body.spec.root.target, item.fit) == (target, None)
+        assert item.body.hub.tolist() == HUBS[hub].mass_matrix().tolist()
+        assert fits(item).number == number
+    assert [data for _, data in chosen] == [None] * 4 + ["modes"]
+    assert [data for _, data, _ in made] == [None] * 4 + ["modes"]
+
+
+def test_a_chain_with_more_modes_is_made_once_for_their_numbers(monkeypatch):
+    fits, chosen, made = fits_of(monkeypatch)
+    first, second = (fits.candidate(at, "mount", (), boom(), HUBS[0]) for at in "ab")
+    assert len(chosen) == 1
+
+    def grown(item, **counts):
+        return replace(item, kept=Kept("clamped", counts), added="one more")
+
+    asked = [
+        (first, 1), (grown(first, xy=2), 2), (grown(second, xy=2), 2),
+        (grown(second, xy=1, torsion=1), 3), (grown(first, xy=2), 2), (second, 1),
+    ]  # fmt: skip
+    for item, number in asked:
+        assert fits(item).number == number
+    assert [kept.counts for *_, kept in made] == [{"xy": 1}, {"xy": 2}, {"xy": 1, "torsion": 1}]
+    assert [spec.modes for spec, *_ in made] == [
+        bc.Modes(xy=1),
+        bc.Modes(xy=2, xz=0, torsion=0, axial=0),
+        bc.Modes(xy=1, xz=0, torsion=1, axial=0),
+    ]
+    done = SimpleNamespace(number=9)
+    assert fits(replace(grown(first, xy=5), fit=done)) is done
+    assert len(made) == 3
+
+
+@pytest.mark.parametrize(("mass", "ready"), [(3.0, True), (3.1, False)])
+def test_a_fit_at_hand_is_taken_for_its_hub_alone(monkeypatch, mass, ready):
+    hub = bc.Hub(mass=mass, inertia=(2.0, 2.5, 1.5))
+    body = Body(boom(root=bc.spec.Root(hub=HUBS[0])), {})
+    kept = Kept("clamped", {"xy": 3})
+    spec = body.spec.replace(name="renamed")
+    made = SimpleNamespace(hub_mass=HUBS[0].mass_matrix(), body=body, kept=kept, spec=spec)
+    fits, chosen, _ = fits_of(monkeypatch, ready={"a": made})
+    found = fits.candidate("a", "mount", (), boom(), hub)
+    assert len(chosen) == (not ready)
+    if ready:
+        assert (found.fit, found.body.spec, found.kept) == (made, spec, kept)
+        assert fits(found) is made
+    else:
+        assert found.fit is None
+        assert found.body.hub[0, 0] == mass
+    assert fits.candidate("b", "mount", (), boom(), HUBS[0]).fit is None
 
 
 def test_equal_booms_on_unequal_hubs_have_fits_of_their_own():
@@ -273,15 +336,14 @@ def test_a_loaded_craft_is_assembled_about_its_loaded_pose_of_rest(monkeypatch, 
 
 
 @pytest.mark.parametrize(("bandwidth", "band"), [(None, 2.0), (7.0, 7.0), ("no scene", 2.0)])
-def test_a_rigid_body_is_compared_up_to_what_its_scene_asks_for(monkeypatch, bandwidth, band):
+def test_a_rigid_body_is_compared_up_to_what_its_scene_asks_for(bandwidth, band):
     """Else up to its first mode."""
     whole = bc.PortModel(np.diag([4.0] * 6), np.array([2.0, 3.0]), np.eye(6)[:2])
     exact = SimpleNamespace(model=whole, kept=np.zeros(2, bool), band={})
-    monkeypatch.setattr("beamchain.craft.appendage.exact_appendage", lambda _: exact)
     scene = None if bandwidth == "no scene" else SimpleNamespace(bandwidth=bandwidth)
-    fit = SimpleNamespace(spec=SimpleNamespace(scene=scene, slosh=None), space="imported")
-    spec = SimpleNamespace(undamped_ratio=0.03)
-    given = SimpleNamespace(fit=fit, spec=spec, mount="place", loads=())
+    spec = SimpleNamespace(scene=scene, slosh=None, undamped_ratio=0.03)
+    body = SimpleNamespace(spec=spec, data="imported")
+    given = SimpleNamespace(fit=SimpleNamespace(body=body, exact=exact), mount="place", loads=())
     (found,) = carried_by_craft(None, [given])
     assert found.band == {"rigid": band}
     assert (found.mount, found.whole, found.undamped, found.line) == ("place", whole, 0.03, None)

@@ -206,15 +206,13 @@ TREES = """<mujoco><worldbody><body name="bus"><freejoint/>
 def test_an_appendage_through_the_centre_of_mass_points_inward(origin, length, inward):
     model = mujoco.MjModel.from_xml_string(TREES)
     place = SimpleNamespace(body=1, origin=np.array(origin), axes=np.eye(3))
-    fit = SimpleNamespace(
-        spec=SimpleNamespace(is_beam=True, imported=None), line=SimpleNamespace(length=length)
-    )
+    body = SimpleNamespace(spec=SimpleNamespace(is_beam=True, imported=None), length=length)
     loads = {"mount": (SimpleNamespace(bodies=(3,)),)}
-    assert points_inward(model, place, fit, loads) is inward
+    assert points_inward(model, place, body, loads) is inward
     on_load = SimpleNamespace(body=3, origin=np.array(origin), axes=np.eye(3))
-    assert not points_inward(model, on_load, fit, loads)
-    fit.spec.is_beam = False
-    assert not points_inward(model, place, fit, loads)
+    assert not points_inward(model, on_load, body, loads)
+    body.spec.is_beam = False
+    assert not points_inward(model, place, body, loads)
 
 
 @pytest.mark.parametrize(("mass", "refused"), [(0.9e-10, True), (1.1e-10, False)])
@@ -231,7 +229,7 @@ def test_what_carries_an_appendage_has_mass_beside_what_that_carries(mass, refus
     wanted = {"m": AppendageRequest(spec, "b_", {"end": ("hand",)})}
 
     class Fits(SimpleNamespace):
-        def __call__(self, *_):
+        def candidate(self, *_):
             raise NotImplementedError  # only where there is a hub
 
     said = (bc.InputError, "has no mass beside") if refused else (NotImplementedError, None)

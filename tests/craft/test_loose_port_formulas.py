@@ -113,7 +113,9 @@ def test_the_exact_plant_moves_what_its_modes_carry(loose, monkeypatch):
     ]
     items = []
     for i, (a, root) in enumerate(zip(embedded.appendages, roots, strict=True)):
-        a.fit, a.prefix = wholes[i], f"{a.at}_"
+        measured = SimpleNamespace(rigid_mass=rigid)
+        a.fit = SimpleNamespace(body=wholes[i], kept=None, measured=measured)
+        a.prefix = f"{a.at}_"
         items.append(
             SimpleNamespace(
                 mount=a.mount, loads=root.loads, dofs=[8 + i], band={"xy": 9.0}, whole=wholes[i]
@@ -121,7 +123,7 @@ def test_the_exact_plant_moves_what_its_modes_carry(loose, monkeypatch):
         )
     module = "beamchain.craft.linear_craft"
     monkeypatch.setattr(f"{module}.carried", lambda *_: items)
-    monkeypatch.setattr(f"{module}.exact_appendage", lambda fit, _: SimpleNamespace(model=fit))
+    monkeypatch.setattr(f"{module}.exact_appendage", lambda body, *_: SimpleNamespace(model=body))
     embedded.model, embedded.craft = SimpleNamespace(nv=10), model
     embedded.bare_qpos = lambda qpos: qpos
     point = SimpleNamespace(qpos=data.qpos.copy(), qvel=np.zeros(10))

@@ -74,18 +74,14 @@ class Boom:
     def model(self):
         return self.modes
 
-    @property
-    def a(self):
-        return SimpleNamespace(at=self.at)
-
     added, newest = "one more", 1.0
 
-    def further(self, band):
+    def offers(self, band):
         assert band == 7.0
         return {"xy": Boom(self.at, self.modes + 1)}
 
-    def alone(self, key):
-        assert key == "xy"
+    def without(self, offer):
+        assert offer == "xy"
         return self.at
 
 

@@ -511,8 +511,9 @@ def test_the_exact_plant_has_all_modes_of_the_appendages(monkeypatch, omega, loa
         object.__setattr__(item, "line", lambda band, line=line: (tops.append(band), line)[1])
     tops, bases = [], []
 
-    def exact_appendage(fit, _):
-        return SimpleNamespace(model=SimpleNamespace(condensed=lambda w: (tops.append(w), fit)[1]))
+    def exact_appendage(body, kept, rigid_mass, modes):
+        assert (kept, rigid_mass, modes) == ("kept", "of the chain", 40)
+        return SimpleNamespace(model=SimpleNamespace(condensed=lambda w: (tops.append(w), body)[1]))
 
     def under_load(*given):
         assert given[4] == lines
@@ -523,12 +524,14 @@ def test_the_exact_plant_has_all_modes_of_the_appendages(monkeypatch, omega, loa
     monkeypatch.setattr(f"{module}.exact_appendage", exact_appendage)
     monkeypatch.setattr(f"{module}.LoadedTree", under_load)
     monkeypatch.setattr(f"{module}._load", lambda *_: SimpleNamespace(free=0))
+    measured = SimpleNamespace(rigid_mass="of the chain")
+    fits = [SimpleNamespace(body=whole, kept="kept", measured=measured) for whole in wholes]
     made = SimpleNamespace(
         model=SimpleNamespace(nv=11),
         craft=MODEL,
         appendages=[
-            SimpleNamespace(prefix=f"{place}_", fit=whole)
-            for place, whole in zip(PLACES, wholes, strict=True)
+            SimpleNamespace(prefix=f"{place}_", fit=fit)
+            for place, fit in zip(PLACES, fits, strict=True)
         ],
         bare_qpos=lambda qpos: qpos[:8],
     )

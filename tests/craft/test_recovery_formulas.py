@@ -10,8 +10,10 @@ import pytest
 import beamchain as bc
 from beamchain.craft.recovered_body import SAME
 from formulas import (
+    Body,
     Coordinates,
     History,
+    Kept,
     Recovery,
     RootMotion,
     acceleration_of_sections,
@@ -506,7 +508,7 @@ def test_the_tip_of_a_beam_moves_with_its_mode(length):
             modes=1, frequencies=np.array([frequency]), tip=np.array([[tip, 1.3765 * tip / length]])
         )
     }
-    fit.kept_for = "clamped"
+    fit.body, fit.kept = Body(fit.spec, {}), Kept("clamped", {"xy": 1})
     found = tip_displacement(model, made, "xy")
     assert found == pytest.approx([0.0] * 6 + [0.3 * tip, -0.8 * tip], rel=1e-9)
 
@@ -520,10 +522,11 @@ def test_shapes_of_a_beam_are_those_of_four_modes_more_than_twice_the_kept(rigid
 
     module = "beamchain.craft.recovered_body"
     monkeypatch.setattr(f"{module}.inside_beam", inside)
-    monkeypatch.setattr(f"{module}.kept_counts", lambda _: {"xy": 3, "torsion": 1})
     spec = SimpleNamespace(beam="beam", further={"b": 2.0, "a": 1.0})
     chain = SimpleNamespace(tendons=[SimpleNamespace(label="mode1_xy", stiffness=2.0)])
-    made = SimpleNamespace(fit=SimpleNamespace(spec=spec, chain=chain), rigid=rigid)
+    kept = Kept("clamped", {"xy": 3, "torsion": 1})
+    fit = SimpleNamespace(spec=spec, body=None, kept=kept, chain=chain)
+    made = SimpleNamespace(fit=fit, rigid=rigid)
     found = beam_body(None, made, "stations")
     assert (found.coordinates, found.ports) == ({}, {})
     counts = dict.fromkeys(COLUMNS, 4) | ({} if rigid else {"xy": 10, "torsion": 6})

@@ -21,6 +21,8 @@ from beamchain.fitting.spec_text import spec_toml
 from beamchain.structure.section import SOFT
 from beamchain.warning_codes import Caution
 from formulas import (
+    Body,
+    Kept,
     Promise,
     body_of,
     cure_of,
@@ -29,7 +31,6 @@ from formulas import (
     exact_appendage,
     fewest,
     imported_warnings,
-    normal_modes_of,
     one_mode_more,
     ports_of_beam,
     put_timing,
@@ -201,8 +202,8 @@ FULL = PortModel(
 
 
 def kept_of(count, hub=None, target="clamped"):
-    fit = SimpleNamespace(spec=SimpleNamespace(root=SimpleNamespace(hub=hub)), kept_for=target)
-    return reduced_to_kept(fit, "xy", count, FULL, ())
+    body = Body(boom(root=bc.spec.Root(hub=hub)), {})
+    return reduced_to_kept(body, Kept(target, {"xy": count}), "xy", count, FULL, ())
 
 
 def test_what_a_file_holds_of_all_modes():
@@ -226,22 +227,24 @@ def test_static_responses_of_further_points_are_exact():
     full = PortModel(
         4.0 * np.eye(2), w, random.normal(size=(8, 2)) / 4.0, tip=random.normal(size=(8, 6))
     )
-    fit = SimpleNamespace(spec=SimpleNamespace(root=SimpleNamespace(hub=None)), kept_for="clamped")
-    found = reduced_to_kept(fit, "xy", 2, full, (0, 2))
+    given = Body(boom(), {}), Kept("clamped", {"xy": 2}), "xy", 2, full
+    found = reduced_to_kept(*given, (0, 2))
     assert found.modes == 6
     assert found.frequencies[:2] == pytest.approx([1.0, 2.0])
     flexible, wanted = (of.tip.T @ np.diag(of.frequencies**-2.0) @ of.tip for of in (found, full))
     at = np.ix_([0, 1, 4, 5], [0, 1, 4, 5])
     assert flexible[at] == pytest.approx(wanted[at])
-    assert reduced_to_kept(fit, "xy", 2, full, (0,)).modes == 4
+    assert reduced_to_kept(*given, (0,)).modes == 4
 
 
-def test_modes_that_are_those_of_the_whole():
-    for part, count in ((0.9e-6, 3), (1.1e-6, 1)):
-        w = np.array([1.0, 2.0 * (1.0 + part), 3.0])
-        assert normal_modes_of(FULL.replaced(frequencies=w), FULL) == count
-    assert normal_modes_of(FULL.truncated(2), FULL) == 2
-    assert normal_modes_of(FULL, FULL.truncated(2)) == 2
+def test_what_is_kept_of_a_beam_is_what_its_chain_came_to_have():
+    """Which may be fewer modes; shapes for further points behind them are none."""
+    kept = Kept("hub", {"xy": 3, "xz": 1, "torsion": 2}, choice="choice")
+    found = kept.of_chain({"xy": FULL.truncated(2), "xz": FULL})
+    assert (found.target, found.counts, found.choice) == ("hub", {"xy": 2, "xz": 1}, "choice")
+    assert kept.of_chain(dict.fromkeys(kept.counts, FULL)).counts == kept.counts
+    imported = Kept("clamped", {"xy": 3}, data="modes", numbers=(1, 2, 4))
+    assert imported.of_chain({"xy": FULL.truncated(2)}) is imported
 
 
 def test_all_modes_of_a_beam_are_six_more_than_twice_the_kept_or_those_that_were_fitted():
@@ -255,20 +258,28 @@ def test_all_modes_of_a_beam_are_six_more_than_twice_the_kept_or_those_that_were
         return FULL.truncated(2)
 
     beam = SimpleNamespace(port=port, rigid_mass=lambda: 9.0 * np.eye(6))
-    spec = SimpleNamespace(beam=beam, further={}, with_ratios=lambda _, model: model)
-    fit = SimpleNamespace(
-        space=None,
-        spec=spec,
-        target={"xy": FULL.truncated(2)},
-        full={"xy": FULL, "xz": FULL.truncated(1)},
-        measured=SimpleNamespace(rigid_mass=np.eye(6)),
+    spec = SimpleNamespace(
+        beam=beam, further={}, with_ratios=lambda _, model: model, root=bc.spec.Root()
     )
-    found = exact_appendage(fit)
+    body = Body(spec, {"xy": FULL, "xz": FULL.truncated(1)})
+    kept = Kept("clamped", {"xy": 2})
+    found = exact_appendage(body, kept, np.eye(6))
     assert asked == [("xy", 10, []), ("xz", 6, [])]
     assert [model.modes for model in found.ports.values()] == [3, 2]
     # 1, 1, 2, 2 and 3 rad/s, of xy before xz: two of xy are kept
     assert found.kept.tolist() == [True, False, True, False, False]
     assert found.band == {"xy": 2.0}
+    assert found.model.rigid_mass.tolist() == (9.0 * np.eye(6)).tolist()
+
+
+@pytest.mark.parametrize("count", [1, 8])
+def test_as_many_modes_of_the_exact_appendage_as_are_asked_for_are_those_of_the_beam(count):
+    """Of what a fit has of it, only some more than twice the kept ones are."""
+    body = body_of(boom(modes=bc.Modes(xy=count)))
+    found = exact_appendage(body, Kept("clamped", {"xy": count}), np.eye(6), 40).ports
+    for port, stiffness in (("xy", 400.0), ("xz", 1200.0)):
+        wanted = cantilever(40, stiffness, 1.7, 3.0)
+        assert found[port].frequencies[:40] == pytest.approx(wanted, rel=1e-9)
 
 
 # -- timing ----------------------------------------------------------------------------------------
@@ -364,8 +375,8 @@ def test_one_mode_more_port_by_port():
     spec = bc.Spec(segment=(bc.Segment(length=2.0, section=section),), modes=bc.Modes(xy=2))
     known = ("xy", 5), ("torsion", 1), ("xz", 3), ("axial", 1)
     full = {port: SimpleNamespace(modes=n) for port, n in known}
-    target = {port: SimpleNamespace(modes=n) for port, n in (("xy", 2), ("torsion", 1))}
-    made = SimpleNamespace(spec=spec, space=None, full=full, target=target)
+    counts = Kept("clamped", {"xy": 2, "torsion": 1})
+    made = SimpleNamespace(spec=spec, space=None, full=full, kept=counts)
     found = [one.modes.given() for one in one_mode_more(made)]
     kept = [{port: count for port, count in one.items() if count} for one in found]
     two = {"xy": 2, "torsion": 1}
@@ -497,13 +508,8 @@ def test_auto_is_euler_where_the_whole_turns_as_a_ball(spherical, chosen):
 def test_the_modes_of_a_beam_that_are_kept_stand_among_all_in_their_order():
     one, two = cantilever(3, 400.0, 1.7, 3.0), cantilever(3, 1200.0, 1.7, 3.0)
     spec = boom(modes=bc.Modes(xy=2, xz=1))
-    target = {
-        port: PortModel(9.0 * np.eye(2), w, np.zeros((len(w), 2)))
-        for port, w in (("xy", one[:2]), ("xz", two[:1]))
-    }
-    measured = SimpleNamespace(rigid_mass=np.eye(6))
-    fit = SimpleNamespace(space=None, spec=spec, target=target, full={}, measured=measured)
-    found = exact_appendage(fit, 3)
+    kept = Kept("clamped", {"xy": 2, "xz": 1})
+    found = exact_appendage(body_of(spec), kept, np.eye(6), 3)
     assert len(found.kept) == found.ports["xy"].modes + found.ports["xz"].modes
     both = [(w, k < 2) for k, w in enumerate(one)] + [(w, k < 1) for k, w in enumerate(two)]
     lowest = sorted(both)[:5]
@@ -518,7 +524,7 @@ class Stepped:
     """Off by a hundred times its step, whatever integrates it."""
 
     spec: bc.Spec
-    target: dict = field(default_factory=dict)
+    kept: SimpleNamespace = field(default_factory=lambda: SimpleNamespace(counts={}))
     full: dict = field(default_factory=dict)
     space: None = None
     in_band_error: float | None = None

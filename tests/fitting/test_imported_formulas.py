@@ -23,8 +23,10 @@ from formulas import (
     exact_appendage,
     fillers_above,
     first_of_ports,
+    kept_model,
     line_with_room,
     modes_left_out,
+    numbered,
     same_planes,
     select,
     spread_mass,
@@ -66,6 +68,13 @@ def on_hub(hub, rows, w):
     whole = np.block([[hub + RIGID, rows.T], [rows, np.eye(len(w))]])
     squares = eigh(np.diag([0.0] * 6 + list(w**2)), whole, eigvals_only=True)
     return np.sqrt(squares[6:])
+
+
+def test_a_body_ends_at_its_tip():
+    assert case()[0].length == LENGTH
+    section = bc.Equivalent(bending_stiffness_xy=400.0, linear_mass=1.6)
+    parts = tuple(bc.Segment(length=x, section=section) for x in (1.25, 2.0))
+    assert body_of(bc.Spec(segment=parts, modes=bc.Modes(xy=1))).length == 3.25
 
 
 def test_fillers_stand_above_the_band_and_the_last_kept_mode_on_the_hub():
@@ -365,23 +374,61 @@ def test_hinge_dampers_are_there_once_where_a_step_takes_tendons():
 
 
 def test_the_exact_appendage_of_imported_modes_has_six_motions():
-    live = (1, 5)
-    light, rows = 0.01 * RIGID, 0.1 * ROWS
-    full = PortModel(
-        light[np.ix_(live, live)], W[[0, 2]], rows[np.ix_([0, 2], live)], np.array([0.01, 0.02])
-    )
-    space = SimpleNamespace(
-        live=live, full=full, target=full.picked([1]), numbers=(2,), couples=True
-    )
-    fit = SimpleNamespace(space=space, measured=SimpleNamespace(rigid_mass=3.0 * np.eye(6)))
-    found = exact_appendage(fit)
-    rigid = 3.0 * np.eye(6)  # what the file has not
-    rigid[np.ix_(live, live)] = light[np.ix_(live, live)]
+    light, rows = 0.01 * RIGID, 0.1 * ROWS[[0, 2]]
+    light[3, 3] = 0.0
+    of = data(rigid_mass=light, frequencies=W[[0, 2]], participation=rows, damping=[0.01, 0.02])
+    body, _ = case(of)
+    assert body.live == (0, 1, 2, 4, 5)
+    found = exact_appendage(body, numbered(body, (2,)), 3.0 * np.eye(6))
+    rigid = np.array(light)
+    rigid[3, 3] = 3.0  # what the file has not
     assert np.array_equal(found.model.rigid_mass, rigid)
-    assert np.array_equal(found.model.participation, rows[[0, 2]])
+    assert np.array_equal(found.model.participation, rows)
     assert found.model.damping.tolist() == [0.01, 0.02]
     assert found.kept.tolist() == [False, True]
     assert found.band == {"space": 7.0}
+    # before there is a chain, a trace of the largest inertia
+    rigid[3, 3] = 1e-9 * 0.7
+    assert exact_appendage(body, numbered(body, (2,))).model.rigid_mass == pytest.approx(rigid)
+
+
+def test_what_turns_without_inertia_gets_some_before_there_is_a_chain():
+    """In numbers its mass; a chain knows better."""
+    mass, rows = np.diag([MASS] * 3 + [0.0] * 3), 2.0 * np.eye(6)[:1]
+    of = data(rigid_mass=mass, frequencies=W[:1], participation=rows)
+    body, kept = case(of, numbers=(1,))
+    for found in (exact_appendage(body, kept).model, kept_model(body, kept)):
+        assert found.rigid_mass == pytest.approx(np.diag([MASS] * 6))
+        assert np.array_equal(found.participation, rows)
+    chain = np.diag([1.0, 1.0, 1.0, 0.1, 0.2, 0.3])
+    found = exact_appendage(body, kept, chain).model.rigid_mass
+    assert found == pytest.approx(np.diag([MASS] * 3 + [0.1, 0.2, 0.3]))
+
+
+BALL = bc.Hub(mass=30.0, inertia=(20.0, 25.0, 28.0))  # couples no ports
+
+
+@pytest.mark.parametrize("coupled", [False, True])
+@pytest.mark.parametrize("target", ["clamped", "free", "hub"])
+def test_a_model_of_the_kept_modes_is_exact_for_their_target(target, coupled):
+    """Clamped they are those of the file; else the lowest on the hub are those of all modes, of
+    independent ports in each."""
+    rows = np.array(ROWS)
+    rows[1, 3] = 0.2 * coupled
+    of = data(participation=rows, damping=np.array([0.01, 0.02, 0.03, 0.04]))
+    found = kept_model(*case(of, target=target, hub=BALL))
+    assert found.rigid_mass == pytest.approx(RIGID)
+    if target == "clamped":
+        assert found.frequencies.tolist() == [2.0, 3.0]
+        assert np.array_equal(found.participation, rows[:2])
+        assert found.damping.tolist() == [0.01, 0.02]
+        return
+    hub = BALL.mass_matrix() if target == "hub" else np.zeros((6, 6))
+    if coupled:
+        wanted = on_hub(hub, rows, W)[:2]
+    else:
+        wanted = np.sort([on_hub(hub, rows[own], W[own])[0] for own in ([0, 2], [1])])
+    assert found.with_hub(hub).free_frequencies == pytest.approx(wanted, rel=1e-9)
 
 
 @pytest.mark.parametrize("target", ["clamped", "free"])

@@ -13,7 +13,7 @@ from beamchain import PortModel
 from beamchain.chain.build import Status
 from beamchain.errors import OutputError
 from beamchain.fitting.fit import decide
-from formulas import InSpace, limits_of_chain, look_of, tip_sentence
+from formulas import Body, InSpace, Kept, limits_of_chain, look_of, tip_sentence
 
 LIMITS = SimpleNamespace(largest_step={})
 
@@ -57,9 +57,10 @@ def made(**given):
     measured = SimpleNamespace(rigid_mass=np.eye(6))
     base = {
         "spec": spec,
+        "body": Body(spec, target),
+        "kept": Kept("clamped", {"xy": 2, "xz": 1}),
         "chain": chain,
         "line": None,
-        "full": target,
         "target": target,
         "achieved": achieved,
         "readback_error": errors,
@@ -92,6 +93,25 @@ def test_modes_are_listed_slowest_first_with_what_was_found_of_them():
         ("xy", 2, 5.0, 5.5, 0.022, 0.1, 0.4),
         ("xz", 1, 3.0, 3.3, 0.033, 0.1, 0.2),
     ]
+
+
+def test_all_modes_are_those_of_the_body_and_how_they_were_chosen_is_with_what_is_kept():
+    """Of a file they are what moves the ports of the chain, wherever it belongs."""
+    fit = made()
+    assert fit.full is not fit.target
+    assert {port: model.frequencies.tolist() for port, model in fit.full.items()} == {
+        "xy": [2.0, 5.0],
+        "xz": [3.0],
+    }
+    assert (fit.kept_for, fit.choice) == ("clamped", None)
+    on_hub = made(kept=Kept("hub", {"xy": 1}, choice="choice"))
+    assert (on_hub.kept_for, on_hub.choice) == ("hub", "choice")
+    rows = np.array(ROWS)
+    rows[1, 1] = 0.3  # belongs to xz, and moves xy
+    data = bc.ModalData(RIGID, np.array([2.0, 3.0, 5.0, 7.0, 9.0]), rows)
+    of_file = made(body=Body(fit.spec, {}, data), target={"xy": fit.target["xy"]})
+    assert list(of_file.full) == ["xy"]
+    assert of_file.full["xy"].frequencies.tolist() == [2.0, 3.0, 5.0]
 
 
 def test_the_worst_port_says_the_error():
@@ -265,13 +285,13 @@ def test_the_resonance_that_a_step_shifts_is_blamed_on_the_tendon_it_strains_mos
 
 
 # -- imported modes --------------------------------------------------------------------------------
+RIGID = np.diag([8.0, 8.0, 8.0, 0.5, 30.0, 30.0])
 ROWS = np.zeros((5, 6))
 ROWS[0, 1], ROWS[1, 2], ROWS[2, 1], ROWS[3, 3], ROWS[4, 2] = 1.0, 1.0, 0.5, 0.3, 0.4
 
 
 def in_space(numbers, rows=ROWS):
-    mass = np.diag([8.0, 8.0, 8.0, 0.5, 30.0, 30.0])
-    data = bc.ModalData(mass, np.array([2.0, 3.0, 5.0, 7.0, 9.0]), rows)
+    data = bc.ModalData(RIGID, np.array([2.0, 3.0, 5.0, 7.0, 9.0]), rows)
     return InSpace(data, "", None, None, None, None, (), numbers)
 
 
@@ -322,9 +342,8 @@ def test_surfaces_follow_the_kept_modes_at_their_stations(scene, is_beam, drawn,
         "beam_surfaces": lambda _: ["surface"],
         "stations": lambda _: stated,
         "snapped": lambda _, x: x,
-        "kept_counts": lambda _: {"xy": 2, "xz": 0},
         "sampled_model": lambda _, *given: asked.append(given) or "full",
-        "reduced_to_kept": lambda _, *given: asked.append(given) or kept,
+        "reduced_to_kept": lambda *given: asked.append(given) or kept,
         "mode_motion": lambda _, port, kept, x, columns: (port, kept, columns.tolist()),
         "skins": lambda chain, surfaces, modes: (modes, [0.02]),
     }
@@ -332,12 +351,16 @@ def test_surfaces_follow_the_kept_modes_at_their_stations(scene, is_beam, drawn,
         monkeypatch.setattr(f"beamchain.fitting.look.{name}", made)
     beam = SimpleNamespace(segments=(), joints=(), lumps=())
     spec = SimpleNamespace(scene=scene, is_beam=is_beam, beam=beam, further={"b": 2.5, "a": 1.7})
-    found = look_of(SimpleNamespace(spec=spec, chain="chain"))
+    counts = Kept("clamped", {"xy": 2, "xz": 0})
+    found = look_of(SimpleNamespace(spec=spec, body="body", kept=counts, chain="chain"))
     assert found.drawn == drawn
     if drawn != "skin":
         assert asked == []
         return
-    assert asked == [("xy", 8, (0.0, 1.0, 1.7, 2.5, 4.0)), ("xy", 2, "full", [4, 3])]
+    assert asked == [
+        ("xy", 8, (0.0, 1.0, 1.7, 2.5, 4.0)),
+        ("body", counts, "xy", 2, "full", [4, 3]),
+    ]
     assert found.skins == (("xy", ("kept", 2), [1, 2, 4, 5]),)
     assert found.residual == {"xy": 0.02}
 

@@ -95,10 +95,7 @@ from beamchain.craft.bent_line import BentLine, bent_line, turned_by
 from beamchain.craft.bent_line import _lowest as lowest_modes
 from beamchain.craft.bent_line import _motion as motion_of_modes
 from beamchain.craft.bent_line import _numbers as ranks_of_modes
-from beamchain.craft.candidates import Coupled as CoupledCandidate
-from beamchain.craft.candidates import Liquid as LiquidCandidate
-from beamchain.craft.candidates import PerPort as CandidateOfPorts
-from beamchain.craft.candidates import candidate
+from beamchain.craft.candidates import Candidate
 from beamchain.craft.coupled_modes import Mode as ModeOfCraft
 from beamchain.craft.coupled_modes import _clusters as clusters
 from beamchain.craft.coupled_modes import _holders as holders_of_shape
@@ -315,8 +312,7 @@ from beamchain.fitting.body import _ratios as damping_of_file
 from beamchain.fitting.cure import _one_mode_more as one_mode_more
 from beamchain.fitting.cure import cure_of
 from beamchain.fitting.document import put_timing, safe_step
-from beamchain.fitting.exact import _normal_modes as normal_modes_of
-from beamchain.fitting.exact import exact_appendage, reduced_to_kept
+from beamchain.fitting.exact import exact_appendage, kept_model, reduced_to_kept
 from beamchain.fitting.fewest import fewest
 from beamchain.fitting.fewest import weights as weights_of_modes
 from beamchain.fitting.hub import assumed_hub, default_hub, port_hub_mass
@@ -340,8 +336,7 @@ from beamchain.fitting.realise import _springs as where_springs_stand
 from beamchain.fitting.realise import _visible_modes as visible_modes
 from beamchain.fitting.realise import chain_of, same_planes
 from beamchain.fitting.result import InSpace
-from beamchain.fitting.select import Kept, select
-from beamchain.fitting.select import _first as first_of_ports
+from beamchain.fitting.select import Kept, first_of_ports, numbered, select
 from beamchain.fitting.slosh import heavy, limp_model, pendulum_chain, weightless
 from beamchain.fitting.uncertain import score
 from beamchain.fitting.warnings import (
@@ -555,12 +550,11 @@ __all__ = [
     "Body",
     "Boundary",
     "BuildOptions",
-    "CandidateOfPorts",
+    "Candidate",
     "Candidates",
     "Chain",
     "Composite",
     "Coordinates",
-    "CoupledCandidate",
     "Craft",
     "CraftError",
     "Drawn",
@@ -586,7 +580,6 @@ __all__ = [
     "LargeMotion",
     "LinearModel",
     "Link",
-    "LiquidCandidate",
     "LoadOfPort",
     "LoadedTree",
     "Loading",
@@ -699,7 +692,6 @@ __all__ = [
     "body_mass_matrix",
     "body_of",
     "build_exact",
-    "candidate",
     "cantilever_names",
     "carried_by_craft",
     "carried_load",
@@ -854,6 +846,7 @@ __all__ = [
     "joint_damping",
     "joint_request",
     "judged_part",
+    "kept_model",
     "key_number",
     "lacking_damping",
     "large_limits",
@@ -946,10 +939,10 @@ __all__ = [
     "nominal_fit",
     "norm_ratios",
     "normal_modes",
-    "normal_modes_of",
     "normal_shapes",
     "null_directions",
     "number_of_pole",
+    "numbered",
     "of_moments",
     "off_by",
     "offset_cautions",

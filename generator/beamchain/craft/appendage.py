@@ -25,7 +25,8 @@ from beamchain.engine.model_diff import NAMED, Difference, differences, ids_of, 
 from beamchain.engine.mount import Mount
 from beamchain.engine.operating_point import quiet_copy
 from beamchain.errors import EngineError, InputError
-from beamchain.fitting.exact import ExactAppendage, exact_appendage
+from beamchain.fitting.body import Body
+from beamchain.fitting.exact import ExactAppendage
 from beamchain.fitting.hub import Hub
 from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec
@@ -311,38 +312,37 @@ def carried(model: "mujoco.MjModel | None", appendages: Sequence[Appendage]) -> 
     """The exact appendages; without a model their degrees of freedom are left out."""
     out: list[PlacedBody] = []
     for a in appendages:
-        exact = exact_appendage(a.fit)
-        band = exact.band
-        if not band:  # a rigid body: as far as the scene looks
-            scene = a.fit.spec.scene
-            asked = None if scene is None else scene.bandwidth
-            band = {"rigid": asked or float(exact.model.frequencies[0])}
-        own = {} if model is None else ids_of(model, names([a]))
-        dofs = own.get("dof", [])
-        alone = None if model is None or not a.loads else _mass_alone(model, own["body"], dofs)
-        liquid = a.fit.spec.slosh
-        if liquid is not None:
-            line = partial(_liquid, liquid)
-            springs, slack = springs_at_stated(liquid), SLACK
-        else:
-            line = None if a.fit.space is not None else partial(_line, a, exact)
-            springs, slack = None, 1.0
-        out.append(
-            PlacedBody(
-                a.mount,
-                exact.model,
-                exact.kept,
-                dofs,
-                band,
-                a.loads,
-                alone,
-                line,
-                springs,
-                slack,
-                a.spec.undamped_ratio,
-            )
-        )
+        item = placed_body(a.mount, a.fit.body, a.fit.exact, a.loads)
+        if model is not None:
+            own = ids_of(model, names([a]))
+            dofs = own["dof"]
+            alone = _mass_alone(model, own["body"], dofs) if a.loads else None
+            item = replace(item, dofs=dofs, alone=alone)
+        out.append(item)
     return out
+
+
+def placed_body(
+    mount: Mount, body: Body, exact: ExactAppendage, loads: Sequence[Load] = ()
+) -> PlacedBody:
+    """An exact appendage on the spacecraft, before there is a chain of it."""
+    band, liquid, scene = exact.band, body.spec.slosh, body.spec.scene
+    if not band:  # a rigid body: as far as the scene looks
+        asked = None if scene is None else scene.bandwidth
+        band = {"rigid": asked or float(exact.model.frequencies[0])}
+    item = PlacedBody(
+        mount,
+        exact.model,
+        exact.kept,
+        dofs=[],
+        band=band,
+        loads=tuple(loads),
+        undamped=body.spec.undamped_ratio,
+    )
+    if liquid is not None:
+        springs = springs_at_stated(liquid)
+        return replace(item, line=partial(_liquid, liquid), springs=springs, slack=SLACK)
+    return item if body.data is not None else replace(item, line=partial(_line, body, exact, loads))
 
 
 def _liquid(liquid: Slosh, band: float) -> HangingLiquid:
@@ -351,14 +351,14 @@ def _liquid(liquid: Slosh, band: float) -> HangingLiquid:
     return hanging_liquid(liquid)
 
 
-def _line(a: Appendage, exact: ExactAppendage, band: float) -> BentLine:
+def _line(body: Body, exact: ExactAppendage, loads: Sequence[Load], band: float) -> BentLine:
     """How an appendage bends up to a band [rad/s]."""
     return bent_line(
-        a.fit.spec.beam,
+        body.spec.beam,
         exact.ports,
         exact.model.rigid_mass,
-        stations=[load.x for load in a.loads],
-        columns=[load.column for load in a.loads],
+        stations=[load.x for load in loads],
+        columns=[load.column for load in loads],
         band=band,
     )
 

@@ -1,50 +1,31 @@
-"""What an appendage keeps while modes are added to it, and what it would be with one more."""
+"""An appendage on a spacecraft, what it keeps while modes are added, and what it offers next."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from functools import cached_property
 
-import msgspec
+from msgspec import structs
 
-from beamchain.craft.appendage import Appendage, carried
+from beamchain.craft.appendage import Appendage, placed_body
+from beamchain.craft.error import PlacedBody
+from beamchain.craft.loads import Load
+from beamchain.engine.mount import Mount
 from beamchain.errors import InputError
 from beamchain.fitting.body import Body
-from beamchain.fitting.exact import exact_appendage, kept_counts
+from beamchain.fitting.exact import ExactAppendage, exact_appendage, kept_model
 from beamchain.fitting.fewest import weights
 from beamchain.fitting.options import Modes
+from beamchain.fitting.result import Fit
+from beamchain.fitting.select import Kept, first_of_ports, numbered
 from beamchain.fitting.spec import Spec
 from beamchain.ports.compare import with_damping
 from beamchain.ports.compose import model_in_space
 from beamchain.ports.model import PortModel
-from beamchain.ports.motions import PORTS, Array
+from beamchain.ports.motions import PORTS
 from beamchain.structure.readers.imported import MOST_MODES as MOST_NAMED
-from beamchain.structure.slosh import MOST, Slosh
+from beamchain.structure.slosh import MOST
 
 TRIED = 16  # modes of an imported appendage that are tried at a time: those that move the hub most
-
-
-def candidate(a: Appendage) -> "Candidate":
-    """An appendage as it was fitted."""
-    if a.fit.spec.slosh is not None:
-        return Liquid(a, a.fit.spec.slosh.kept)
-    if a.fit.space is not None and any(len(ports) > 1 for ports in a.fit.space.data.groups):
-        return Coupled(a, a.fit.space.numbers)
-    return PerPort(a, kept_counts(a.fit))
-
-
-def model_of(a: Appendage) -> PortModel:
-    """An appendage in six motions as MuJoCo has it; one that carries, as its chain was asked to
-    be, with the motion of its ports."""
-    if not a.loads:
-        return a.fit.measured.space
-    return model_in_space(_kept(a), a.fit.measured.rigid_mass)
-
-
-def _kept(a: Appendage) -> Mapping[str, PortModel]:
-    """The model of every port that the chain keeps."""
-    if not a.loads:
-        return a.fit.achieved
-    return {port: a.spec.with_ratios(port, model) for port, model in a.fit.target.items()}
 
 
 def free_ports(spec: Spec) -> tuple[str, ...]:
@@ -61,245 +42,144 @@ def free_ports(spec: Spec) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True, eq=False)
-class PerPort:
-    """An appendage whose ports are independent: a beam, or imported modes that keep to their ports.
+class Candidate:
+    """An appendage and the modes that it would keep.
 
-    `changed`: models of the ports that differ from the fit's; `last`:
-    port that the last mode was added to.
+    Args:
+        at: site or body.
+        mount: the place in the bare spacecraft.
+        loads: what its ports carry.
+        body: every mode of it; its specification is the user's, on the hub that it meets.
+        kept: the modes that it would keep.
+        fit: the chain that has these modes, where there is one.
+        added: the mode that was added last, in words; empty where none was.
+        newest: frequency of that mode [rad/s].
     """
 
-    a: Appendage
-    counts: dict[str, int]
-    changed: dict[str, PortModel] = field(default_factory=dict)
-    last: str = ""
+    at: str
+    mount: Mount
+    loads: tuple[Load, ...]
+    body: Body
+    kept: Kept
+    fit: Fit | None = None
+    added: str = ""
+    newest: float = 0.0
+
+    @classmethod
+    def of(cls, a: Appendage, spec: Spec | None = None) -> "Candidate":
+        """An appendage as it was fitted; `spec`: in place of its own."""
+        root = structs.replace((spec or a.spec).root, hub=a.hub)
+        body = replace(a.fit.body, spec=structs.replace(spec or a.spec, root=root))
+        return cls(a.at, a.mount, a.loads, body, a.fit.kept, a.fit)
 
     @property
     def modes(self) -> int:
         """How many it would keep."""
-        return sum(self.counts.values())
+        return sum(self.kept.counts.values())
 
     @property
-    def grown(self) -> bool:
-        """Whether that is more than its fit keeps."""
-        return bool(self.changed)
-
-    @property
-    def newest(self) -> float:
-        """Frequency of the mode that was added last [rad/s]."""
-        return float(self.changed[self.last].frequencies[-1])
-
-    @property
-    def added(self) -> str:
-        """The mode that was added last, in words."""
-        return f"mode {self.counts[self.last]} in {self.last}"
+    def stated(self) -> Spec:
+        """A specification that states these modes."""
+        spec, root = self.body.spec, structs.replace(self.body.spec.root, target=self.kept.target)
+        if spec.slosh is not None:
+            liquid = structs.replace(spec.slosh, modes=self.modes // 2)
+            return structs.replace(spec, slosh=liquid, root=root)
+        if self.body.couples:
+            assert spec.imported is not None
+            imported = structs.replace(spec.imported, modes=self.kept.numbers)
+            return structs.replace(spec, imported=imported, modes=None, root=root)
+        counts = {port: self.kept.counts.get(port, 0) for port in PORTS}
+        return structs.replace(spec, modes=Modes(**counts), root=root)
 
     @cached_property
     def model(self) -> PortModel:
-        """The appendage in six motions, as MuJoCo has it or would."""
-        if not self.changed:
-            return model_of(self.a)
-        return model_in_space({**_kept(self.a), **self.changed}, self._rigid_mass)
+        """The appendage in six motions, as MuJoCo has it or would; one that carries, as its chain
+        was asked to be, with the motion of its ports."""
+        if self.fit is not None and not self.loads:
+            return self.fit.measured.space
+        return kept_model(self.body, self.kept)
 
     @property
-    def spec(self) -> Spec:
-        """What asks for these modes."""
-        modes = Modes(**{port: self.counts.get(port, 0) for port in PORTS})
-        return msgspec.structs.replace(self.a.spec, modes=modes)
+    def placed(self) -> PlacedBody:
+        """All its modes, on the spacecraft."""
+        return placed_body(self.mount, self.body, self.exact, self.loads)
 
-    def further(self, band: float) -> dict[str, "Candidate"]:
-        """By port, the same with one mode more; empty where none may be added.
-        `band` as of `Coupled.further`."""
-        del band
-        out: dict[str, Candidate] = {}
-        root = msgspec.structs.replace(self.a.spec.root, hub=self.a.hub)
-        spec = msgspec.structs.replace(self.a.spec, root=root)
-        for port in free_ports(spec):
-            count = self.counts.get(port, 0) + 1
-            full = self._whole(port, count)
-            if full is None or count > full.modes:
+    @cached_property
+    def exact(self) -> ExactAppendage:
+        """All its modes."""
+        return exact_appendage(self.body, self.kept)
+
+    def offers(self, band: float) -> "dict[str, Candidate]":
+        """The same with one mode more, by what it is called in `without`: of the next modes of all
+        ports whose number was not typed; of modes that move several ports, those that move the hub
+        most up to `band` [rad/s]; of a liquid a pendulum in both planes."""
+        if self.body.spec.slosh is not None:
+            return self._pendulum()
+        return dict(self._by_number(band) if self.body.couples else self._by_port())
+
+    def without(self, offer: str) -> PortModel:
+        """The exact appendage but for what an offer adds to, which stays as it is."""
+        exact = self.exact
+        if self.body.spec.slosh is not None:
+            return self.model
+        if self.body.couples:
+            return exact.model.picked([k for k in range(exact.model.modes) if k + 1 != int(offer)])
+        ports = dict(exact.ports if self.body.data is None else self.body.ports)
+        ports.pop(offer, None)
+        if count := self.kept.counts.get(offer):
+            ports[offer] = self.body.reduced(self.kept.target, offer, count)
+        return model_in_space(ports, exact.model.rigid_mass)
+
+    def _pendulum(self) -> "dict[str, Candidate]":
+        given, data, count = self.body.spec.slosh, self.body.data, self.modes // 2 + 1
+        assert given is not None
+        assert data is not None
+        if given.modes is not None or count > MOST:
+            return {}
+        kept = numbered(self.body, range(1, 2 * count + 1))
+        return {"pendulum": self._with(kept, f"pendulum {count}", data.frequencies[2 * count - 1])}
+
+    def _by_port(self) -> "Iterator[tuple[str, Candidate]]":
+        target = self.kept.target
+        for port in free_ports(self.body.spec):
+            count = self.kept.counts.get(port, 0) + 1
+            counts = {**self.kept.counts, port: count}
+            whole = self._whole(port, count)
+            if whole is None or count > whole.modes:
                 continue
-            model = Body(spec, {port: full}).reduced(self.a.fit.kept_for, port, count)
-            counts = {**self.counts, port: count}
-            changed = {**self.changed, port: model}
-            out[port] = replace(self, counts=counts, changed=changed, last=port)
-        return out
+            body = replace(self.body, ports={**self.body.ports, port: whole})
+            kept = Kept(target, counts)
+            if body.data is not None:
+                kept = numbered(body, first_of_ports(body.data, counts), target)
+            newest = body.reduced(target, port, count).frequencies[-1]
+            yield port, replace(self._with(kept, f"mode {count} in {port}", newest), body=body)
 
-    def alone(self, key: str) -> PortModel:
-        """The exact appendage, but for one port, which stays as it is."""
-        ports = dict(self._exact)
-        ports.pop(key, None)
-        if (now := self.changed.get(key, _kept(self.a).get(key))) is not None:
-            ports[key] = now
-        return model_in_space(ports, self._rigid_mass)
+    def _by_number(self, band: float) -> "Iterator[tuple[str, Candidate]]":
+        numbers, data, hub = self.kept.numbers, self.body.data, self.body.hub
+        assert data is not None
+        assert hub is not None
+        if len(numbers) >= MOST_NAMED:
+            return
+        free = free_ports(self.body.spec)
+        left = [k for k in range(data.modes) if k + 1 not in numbers and data.belongs[k] in free]
+        exact = with_damping(self.exact.model, self.body.spec.undamped_ratio)
+        heavy = weights(exact, hub, band)
+        for k in sorted(left, key=lambda k: -heavy[k])[:TRIED]:
+            kept = numbered(self.body, tuple(sorted((*numbers, k + 1))), self.kept.target)
+            w = data.frequencies[k]
+            yield str(k + 1), self._with(kept, f"mode {k + 1} of the file ({w:.4g} rad/s)", w)
 
-    @property
-    def _rigid_mass(self) -> Array:
-        """`(6, 6)` a chain of few ports may miss that of imported modes in the others."""
-        fit = self.a.fit
-        if fit.space is None:
-            return fit.measured.rigid_mass
-        return carried(None, [self.a])[0].whole.rigid_mass
+    def _with(self, kept: Kept, added: str, newest: float) -> "Candidate":
+        return replace(self, kept=kept, fit=None, added=added, newest=float(newest))
 
     def _whole(self, port: str, count: int) -> PortModel | None:
-        """All modes of a port, at least some more than `count` of a beam;
+        """All modes of a port, of a beam at least some more than `count`;
         None where it is rigid."""
-        fit = self.a.fit
-        if fit.space is not None:
-            return fit.space.data.port(port, own=True) if port in fit.space.data.belongs else None
-        if port in fit.full:
-            return fit.full[port]
+        if self.body.data is not None or port in self.body.ports:
+            return self.body.ports.get(port)
+        spec = self.body.spec
         try:
-            model = self.a.spec.beam.port(port, 2 * count + 4, list(self.a.spec.further.values()))
+            model = spec.beam.port(port, 2 * count + 4, list(spec.further.values()))
         except InputError:
             return None
-        return self.a.spec.with_ratios(port, model)
-
-    @cached_property
-    def _exact(self) -> Mapping[str, PortModel]:
-        """Every mode, damped, of each port that is not rigid."""
-        fit = self.a.fit
-        if fit.space is None:
-            return exact_appendage(fit).ports
-        return {
-            port: fit.space.data.port(port, own=True)
-            for port in dict.fromkeys(fit.space.data.belongs)
-        }
-
-
-@dataclass(frozen=True, eq=False)
-class Coupled:
-    """Imported modes that move in several ports at once, kept by their `numbers` in the file;
-    `last`: added last."""
-
-    a: Appendage
-    numbers: tuple[int, ...]
-    last: int = 0
-
-    @property
-    def modes(self) -> int:
-        """How many it would keep."""
-        return len(self.numbers)
-
-    @property
-    def grown(self) -> bool:
-        """Whether that is more than its fit keeps."""
-        return bool(self.last)
-
-    @property
-    def newest(self) -> float:
-        """Frequency of the mode that was added last [rad/s]."""
-        return float(self._exact.frequencies[self.last - 1])
-
-    @property
-    def added(self) -> str:
-        """The mode that was added last, in words."""
-        return f"mode {self.last} of the file ({self.newest:.4g} rad/s)"
-
-    @cached_property
-    def model(self) -> PortModel:
-        """The appendage in six motions, as MuJoCo has it or would."""
-        return self._only(self.numbers) if self.last else self.a.fit.measured.space
-
-    @property
-    def spec(self) -> Spec:
-        """What asks for these modes."""
-        imported = self.a.spec.imported
-        assert imported is not None
-        imported = msgspec.structs.replace(imported, modes=self.numbers)
-        return msgspec.structs.replace(self.a.spec, imported=imported, modes=None)
-
-    def further(self, band: float) -> dict[str, "Candidate"]:
-        """By number, the same with one mode more:
-        of those that move the hub most up to `band` [rad/s]."""
-        space = self.a.fit.space
-        free = free_ports(self.a.spec)
-        if space is None or len(self.numbers) >= MOST_NAMED:
-            return {}
-        left = [
-            k
-            for k, port in enumerate(space.data.belongs, 1)
-            if k not in self.numbers and port in free
-        ]
-        exact = with_damping(self._exact, self.a.spec.undamped_ratio)
-        heavy = weights(exact, self.a.hub.mass_matrix(), band)
-        left.sort(key=lambda k: -heavy[k - 1])
-        return {
-            str(k): replace(self, numbers=tuple(sorted((*self.numbers, k))), last=k)
-            for k in left[:TRIED]
-        }
-
-    def alone(self, key: str) -> PortModel:
-        """The exact appendage without one of its modes."""
-        return self._only([k for k in range(1, self._exact.modes + 1) if k != int(key)])
-
-    @cached_property
-    def _exact(self) -> PortModel:
-        return carried(None, [self.a])[0].whole
-
-    def _only(self, numbers: "tuple[int, ...] | list[int]") -> PortModel:
-        return self._exact.picked([k - 1 for k in numbers])
-
-
-@dataclass(frozen=True, eq=False)
-class Liquid:
-    """The liquid of a tank, of which `count` lateral modes of each plane are pendulums."""
-
-    a: Appendage
-    count: int
-
-    @property
-    def modes(self) -> int:
-        """How many it would keep."""
-        return 2 * self.count
-
-    @property
-    def grown(self) -> bool:
-        """Whether that is more than its fit keeps."""
-        return self.count > self._liquid.kept
-
-    @property
-    def newest(self) -> float:
-        """Frequency of the modes that were added last [rad/s]."""
-        return float(self._exact.frequencies[2 * self.count - 1])
-
-    @property
-    def added(self) -> str:
-        """The modes that were added last, in words."""
-        return f"pendulum {self.count}"
-
-    @cached_property
-    def model(self) -> PortModel:
-        """The liquid in six motions, as MuJoCo has it or would."""
-        return self._exact.picked(list(range(2 * self.count))) if self.grown else model_of(self.a)
-
-    @property
-    def spec(self) -> Spec:
-        """What asks for these modes."""
-        liquid = msgspec.structs.replace(self._liquid, modes=self.count)
-        return msgspec.structs.replace(self.a.spec, slosh=liquid)
-
-    def further(self, band: float) -> dict[str, "Candidate"]:
-        """The same with a pendulum more, where their number was not typed."""
-        del band
-        given = self.a.spec.slosh
-        if given is None or given.modes is not None or self.count >= MOST:
-            return {}
-        return {"pendulum": replace(self, count=self.count + 1)}
-
-    def alone(self, key: str) -> PortModel:
-        """The liquid as it is: nothing of it is exact but its pendulums."""
-        del key
-        return self.model
-
-    @property
-    def _liquid(self) -> Slosh:
-        assert self.a.fit.spec.slosh is not None
-        return self.a.fit.spec.slosh
-
-    @cached_property
-    def _exact(self) -> PortModel:
-        return carried(None, [self.a])[0].whole
-
-
-#: An appendage and the modes it would keep.
-Candidate = PerPort | Coupled | Liquid
+        return spec.with_ratios(port, model)

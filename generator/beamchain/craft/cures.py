@@ -5,8 +5,10 @@ import copy
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
+from msgspec import structs
+
 from beamchain.craft.appendage import Appendage
-from beamchain.craft.candidates import candidate, free_ports, model_of
+from beamchain.craft.candidates import Candidate, free_ports
 from beamchain.craft.error import Pose
 from beamchain.craft.promise import joint_request
 from beamchain.craft.timing import decide_timing, fit_on_tendons, with_timing
@@ -43,15 +45,18 @@ def changes_of(
             }
     poses = [pose for several in exact.values() for pose in several]
     band = max(pose.band for pose in poses)
-    models = [model_of(a) for a in appendages]
+    models = [Candidate.of(a).model for a in appendages]
     free = [with_free_modes(a.spec) for a in appendages]
     found: list[tuple[float, str, dict[str, Spec]]] = []
     for group in groups:
-        longer = [candidate(replace(appendages[i], spec=free[i])).further(band) for i in group]
+        longer = [Candidate.of(appendages[i], free[i]).offers(band) for i in group]
         for key in longer[0]:
             wished = {i: one[key] for i, one in zip(group, longer, strict=True) if key in one}
             ours = [wished[i].model if i in wished else m for i, m in enumerate(models)]
-            specs = {appendages[i].at: one.spec for i, one in wished.items()}
+            specs = {
+                appendages[i].at: structs.replace(one.stated, root=free[i].root)
+                for i, one in wished.items()
+            }
             said = f"keep one mode more ({kept_words(next(iter(specs.values())))})"
             left = max(pose.of_models(ours) for pose in poses)
             found.append((left, _words(said, appendages, group), specs))
@@ -67,7 +72,7 @@ def changes_of(
 
 def more_modes(appendages: Sequence[Appendage], most: int) -> dict[str, int]:
     """A larger number of modes to allow an appendage, in words, where one has as many as `most`."""
-    full = any(free_ports(a.spec) and candidate(a).modes >= most for a in appendages)
+    full = any(free_ports(a.spec) and Candidate.of(a).modes >= most for a in appendages)
     return {f"allow {2 * most} modes an appendage (max-modes)": 2 * most} if full and most else {}
 
 

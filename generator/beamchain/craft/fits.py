@@ -2,26 +2,30 @@
 with the modes that the promise needs."""
 
 from collections.abc import Iterator, Mapping
-from typing import cast
+from dataclasses import replace
 
 import msgspec
 import numpy as np
 
 from beamchain.craft.appendage import Appendage, rigid_mass
+from beamchain.craft.candidates import Candidate
 from beamchain.craft.documents import AppendageRequest
 from beamchain.craft.loads import Item, Load, hanging_notes, loads_of
-from beamchain.craft.promise import keep_promise
+from beamchain.craft.promise import fits_that_keep
 from beamchain.engine import mount as mounting
 from beamchain.engine.bench import composite
 from beamchain.engine.library import mujoco, one_thread, rest
 from beamchain.errors import InputError
-from beamchain.fitting.fit import fit_spec
+from beamchain.fitting.body import Body
+from beamchain.fitting.fit import body_and_kept, fit_kept
 from beamchain.fitting.hub import Hub
-from beamchain.fitting.options import Root, Target
+from beamchain.fitting.options import Root
 from beamchain.fitting.result import Fit
+from beamchain.fitting.select import Kept
 from beamchain.fitting.slosh import heavy
 from beamchain.fitting.spec import Spec
 from beamchain.fitting.warnings import doubtful, rigid_plane
+from beamchain.ports.motions import Array
 from beamchain.structure.modal_data import ModalData
 from beamchain.warning_codes import Caution
 from beamchain.warning_codes import at as said_of
@@ -67,9 +71,10 @@ def fit_all(
     }
     behind = mounting.rigid_hubs(model, places, frozen, riding)
     felt = mounting.apparent_hubs(model, places, frozen)
-    out: list[Appendage] = []
+    out: list[Candidate] = []
+    hubs: dict[str, Hub] = {}
     warnings: list[str] = []
-    for name, (spec, prefix, carries) in wanted.items():
+    for name, (spec, _, carries) in wanted.items():
         place = mounts[name]
         if behind[name][0, 0] <= MASSLESS * place.hub[0, 0]:
             raise InputError(
@@ -89,11 +94,9 @@ def fit_all(
         warnings += hanging
         # what stands at its end and was forgotten is no mass to point away from
         forgotten = any(isinstance(w, Caution) and w.code == "not-carried" for w in hanging)
-        result = fits.ready.get(name)
-        if result is None or not _same_hub(result, hub):
-            result = fits(name, spec, Root(target=spec.root.target, hub=hub))
+        chosen = fits.candidate(name, place, loads[name], spec, hub)
         known = bool(carries) or forgotten
-        if ":" not in name and not known and _points_inward(model, place, result, loads):
+        if ":" not in name and not known and _points_inward(model, place, chosen.body, loads):
             text = (
                 f"the appendage at {name} runs to the other side of the spacecraft's centre of "
                 f"mass: does the x axis of {name} point outwards?"
@@ -101,27 +104,29 @@ def fit_all(
             warnings.append(Caution("points-inward", text))
         if ":" not in name:
             warnings += _far(model, name, place)
-        out.append(
-            Appendage(
-                name,
-                prefix,
-                place,
-                hub,
-                spec,
-                result,
-                rigid=rigid,
-                carries=carries,
-                loads=loads[name],
-            )
-        )
-
-    def again(a: Appendage, wished: Spec) -> Fit:
-        return fits(a.at, wished, Root(target=cast("Target", a.fit.kept_for), hub=a.hub))
-
+        out.append(chosen)
+        hubs[name] = hub
     if rigid:
-        return tuple(out), warnings, ()
-    with one_thread():
-        appendages, steps = keep_promise(model, tuple(out), most, again)
+        made, steps = [fits(item) for item in out], ()
+    else:
+        with one_thread():
+            made, steps = fits_that_keep(model, out, most, fits)
+    appendages = tuple(
+        Appendage(
+            item.at,
+            wanted[item.at].prefix,
+            item.mount,
+            hubs[item.at],
+            wanted[item.at].spec,
+            fit,
+            rigid=rigid,
+            carries=wanted[item.at].carries,
+            loads=item.loads,
+        )
+        for item, fit in zip(out, made, strict=True)
+    )
+    if rigid:
+        return appendages, warnings, ()
     for a in appendages:
         if not a.fit.status.ok:
             warnings.append(Caution("fit-missed", f"{a.at}: {a.fit.status.message}"))
@@ -140,19 +145,19 @@ def fit_all(
 def _points_inward(
     model: "mujoco.MjModel",
     place: mounting.Mount,
-    fit: Fit,
+    appendage: Body,
     loads: "Mapping[str, tuple[Load, ...]]",
 ) -> bool:
     """Whether an appendage starts towards the centre of mass of what it stands on, what ports
     carry left out, passes it closely, and ends behind it."""
-    is_long = fit.spec.is_beam or fit.spec.imported is not None
+    is_long = appendage.spec.is_beam or appendage.spec.imported is not None
     top = int(model.body_rootid[place.body])
     if not is_long or not top:
         return False
     carried = {body for those in loads.values() for load in those for body in load.bodies}
     if place.body in carried:
         return False
-    length = fit.line.length
+    length = appendage.length
     own = [i for i in np.flatnonzero(np.asarray(model.body_rootid) == top) if i not in carried]
     mass = np.asarray(model.body_mass)[own]
     centre = mass @ np.asarray(rest(model).xipos)[own] / max(float(np.sum(mass)), 1e-300)
@@ -218,7 +223,8 @@ def _notes(name: str, spec: Spec, place: mounting.Mount, hub: Hub) -> Iterator[s
 
 
 class Fits:
-    """Fits that were made already: equal appendages on equal hubs are fitted once.
+    """Fits that were made already: of equal appendages on equal hubs, modes are chosen and chains
+    made once.
 
     `ready`: fits, `held`: imported modes that were handed over, by place.
     """
@@ -228,23 +234,41 @@ class Fits:
     ) -> None:
         self.ready: Mapping[str, Fit] = ready or {}
         self.held: Mapping[str, ModalData] = held or {}
-        self._made: list[tuple[Spec, Root, ModalData | None, Fit]] = []
+        self._chosen: list[tuple[Spec, ModalData | None, Body, Kept]] = []
+        self._made: list[tuple[Spec, ModalData | None, Fit]] = []
 
-    def __call__(self, at: str, spec: Spec, root: Root) -> Fit:
-        """The fit of a specification on a root, at a place of the spacecraft."""
+    def candidate(
+        self, at: str, place: mounting.Mount, loads: tuple[Load, ...], spec: Spec, hub: Hub
+    ) -> Candidate:
+        """An appendage on its hub, with the modes that it needs by itself."""
+        ready = self.ready.get(at)
+        if ready is not None and _same_hub(ready.hub_mass, hub):
+            body = replace(ready.body, spec=ready.spec)
+            return Candidate(at, place, loads, body, ready.kept, ready)
         data = self.held.get(at)
-        for known, there, own, made in self._made:
-            same = known == spec and own is data and there.target == root.target
-            if same and root.hub is not None and _same_hub(made, root.hub):
+        for known, held, body, kept in self._chosen:
+            if held is data and known == spec and _same_hub(body.hub, hub):
+                return Candidate(at, place, loads, body, kept)
+        root = Root(target=spec.root.target, hub=hub)
+        body, kept = body_and_kept(msgspec.structs.replace(spec, root=root), data)
+        self._chosen.append((spec, data, body, kept))
+        return Candidate(at, place, loads, body, kept)
+
+    def __call__(self, wanted: Candidate) -> Fit:
+        """The chain of a candidate."""
+        if wanted.fit is not None:
+            return wanted.fit
+        body, spec = wanted.body, wanted.stated if wanted.added else wanted.body.spec
+        for known, data, made in self._made:
+            if known == spec and data is body.data:
                 return made
-        made = fit_spec(msgspec.structs.replace(spec, root=root), data)
-        self._made.append((spec, root, data, made))
+        made = fit_kept(replace(body, spec=spec), wanted.kept)
+        self._made.append((spec, body.data, made))
         return made
 
 
-def _same_hub(made: Fit, hub: Hub) -> bool:
-    """Whether a fit was made for this hub."""
-    known = made.hub_mass
+def _same_hub(known: Array | None, hub: Hub) -> bool:
+    """Whether a mass matrix `(6, 6)` is that of a hub."""
     here = hub.mass_matrix()
     if known is None:
         return False

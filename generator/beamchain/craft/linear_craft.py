@@ -255,4 +255,6 @@ def _whole(a: Appendage, item: PlacedBody, omega: float) -> PortModel:
     """An appendage in six motions; beyond the band its modes are gathered,
     their static response kept."""
     top = FAR * max(omega, *item.band.values())
-    return exact_appendage(a.fit, MODES).model.condensed(top)
+    fit = a.fit
+    exact = exact_appendage(fit.body, fit.kept, fit.measured.rigid_mass, MODES)
+    return exact.model.condensed(top)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from beamchain.craft.appendage import Appendage, carried
-from beamchain.craft.candidates import Candidate, candidate, model_of
+from beamchain.craft.candidates import Candidate
 from beamchain.craft.error import Pose, by_base, craft_poses
 from beamchain.engine.library import mujoco
 from beamchain.errors import RealisationError
@@ -54,66 +54,65 @@ def kept_band(appendages: Sequence[Appendage]) -> float:
     return min(w for item in carried(None, appendages) for w in item.band.values())
 
 
-def keep_promise(
+def fits_that_keep(
     craft: "mujoco.MjModel",
-    appendages: tuple[Appendage, ...],
+    candidates: Sequence[Candidate],
     most: int,
-    refit: Callable[[Appendage, Spec], Fit],
-) -> tuple[tuple[Appendage, ...], tuple[str, ...]]:
-    """The appendages with as many modes as the craft's promise needs, and the steps taken;
-    counts that were typed stay.
+    fit: Callable[[Candidate], Fit],
+) -> tuple[list[Fit], tuple[str, ...]]:
+    """The chains of all appendages, with as many modes as the craft's promise needs, and the steps
+    taken; counts that were typed stay.
 
-    `most`: modes of an appendage; `refit` fits an appendage anew with the modes
-    that a spec asks for.
+    `candidates`: with the modes that each needs by itself; `most`: modes of an appendage;
+    `fit` makes the chain of a candidate.
     """
-    want = joint_request([a.spec for a in appendages])
+    want = joint_request([item.body.spec for item in candidates])
     if want.band is None or want.tolerance is None:
-        return appendages, ()
-    kept = list(appendages)
+        return [fit(item) for item in candidates], ()
+    made: dict[int, Fit] = {}
     steps = list[str]()
-    for members in by_base(craft, [a.mount for a in appendages]).values():
-        group = [appendages[i] for i in members]
-        for i, a in zip(
-            members, _keep_on_base(craft, group, want, most, refit, steps), strict=True
-        ):
-            kept[i] = a
-    return tuple(kept), tuple(steps)
+    for members in by_base(craft, [item.mount for item in candidates]).values():
+        group = [candidates[i] for i in members]
+        made |= zip(members, _keep_on_base(craft, group, want, most, fit, steps), strict=True)
+    return [made[i] for i in range(len(candidates))], tuple(steps)
 
 
 def _keep_on_base(
     craft: "mujoco.MjModel",
-    appendages: Sequence[Appendage],
+    candidates: Sequence[Candidate],
     want: JointRequest,
     most: int,
-    refit: Callable[[Appendage, Spec], Fit],
+    fit: Callable[[Candidate], Fit],
     steps: list[str],
-) -> Sequence[Appendage]:
-    """`keep_promise` for the appendages of one base body; `steps` gets a line for each."""
+) -> list[Fit]:
+    """`fits_that_keep` for the appendages of one base body; `steps` gets a line for each."""
     assert want.band is not None
     assert want.tolerance is not None
-    found = craft_poses(craft, carried(None, appendages), want.band, want.motions)
-    flat = {name: several[0] for name, several in found.items()}
-    best = appendages
-    least = _worst(flat, [model_of(a) for a in appendages])[0]
-    ours = list(appendages)
+    found = craft_poses(craft, [item.placed for item in candidates], want.band, want.motions)
+    poses = {name: several[0] for name, several in found.items()}
+    ours, best = list(candidates), list[Fit]()
     barred = set[int]()
+    least = np.inf
     for _ in range(ROUNDS):
+        wanted = _grow(poses, ours, want.tolerance, most, barred, steps)
+        if best and all(new is old for new, old in zip(wanted, ours, strict=True)):
+            break
+        for i, item in enumerate(wanted):
+            try:
+                made = fit(item)
+            except RealisationError as error:
+                if item is ours[i]:
+                    raise
+                barred.add(i)
+                steps.append(f"{item.at}: no chain has {item.modes} modes: {error}")
+                made = fit(ours[i])
+            ours[i] = replace(item, kept=made.kept, fit=made)
+        error, _ = _worst(poses, [item.model for item in ours])
+        if error < least or not best:
+            best = [item.fit for item in ours if item.fit is not None]
+            least = error
         if keeps_tolerance(least, want.tolerance):
             break
-        wanted = _grow(flat, [candidate(a) for a in ours], want.tolerance, most, barred, steps)
-        changed = [i for i, item in enumerate(wanted) if item.grown]
-        if not changed:
-            break
-        for i in changed:
-            try:
-                ours[i] = replace(ours[i], fit=refit(ours[i], wanted[i].spec))
-            except RealisationError as error:
-                barred.add(i)
-                steps.append(f"{ours[i].at}: no chain has {wanted[i].modes} modes: {error}")
-        error, _ = _worst(flat, [model_of(a) for a in ours])
-        if error < least:
-            best = tuple(ours)
-            least = error
     return best
 
 
@@ -141,7 +140,7 @@ def _grow(
             (i, key): longer
             for i, item in enumerate(ours)
             if i not in barred and item.modes < most
-            for key, longer in item.further(worst.band).items()
+            for key, longer in item.offers(worst.band).items()
         }
         if not further:
             break
@@ -149,7 +148,7 @@ def _grow(
         if found is None:  # it takes several: the one that costs most
             for i, key in further:
                 if (name, i, key) not in lacks:
-                    lacks[name, i, key] = worst.of_exchange(i, ours[i].alone(key))
+                    lacks[name, i, key] = worst.of_exchange(i, ours[i].without(key))
             found = max(further, key=lambda k: lacks[name, *k])
             if lacks[name, *found] < IDLE * error:
                 break  # nothing that modes could mend
@@ -160,7 +159,7 @@ def _grow(
         before = error
         error, name = _worst(poses, [item.model for item in ours])
         steps.append(
-            f"{ours[i].a.at}: {ours[i].added}: error of the craft {before:.2e} -> {error:.2e}"
+            f"{ours[i].at}: {ours[i].added}: error of the craft {before:.2e} -> {error:.2e}"
         )
     return ours
 

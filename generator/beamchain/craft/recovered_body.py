@@ -20,7 +20,7 @@ from beamchain.engine.library import mujoco
 from beamchain.engine.root_motion import Root
 from beamchain.errors import InputError
 from beamchain.fitting.body import further_columns
-from beamchain.fitting.exact import SHAPED, kept_counts, reduced_to_kept
+from beamchain.fitting.exact import SHAPED, reduced_to_kept
 from beamchain.fitting.hub import port_hub_mass
 from beamchain.fitting.result import InSpace
 from beamchain.mjcf.write import joint_name
@@ -185,14 +185,14 @@ def beam_body(model: "mujoco.MjModel", appendage: Appendage, stations: Array) ->
     by_label = {tendon.label: tendon for tendon in chain.tendons if tendon.stiffness > 0.0}
     coordinates: dict[str, Coordinates] = {}
     ports: dict[str, Inside] = {}
-    counts = {} if appendage.rigid else kept_counts(fit)
+    counts = {} if appendage.rigid else fit.kept.counts
     for port in PORTS:
         count = counts.get(port, 0)
         inside = inside_beam(
             fit.spec.beam,
             port,
             2 * count + SHAPED,
-            partial(reduced_to_kept, fit, port, count),
+            partial(reduced_to_kept, fit.body, fit.kept, port, count),
             stations,
             tuple(fit.spec.further.values()),
         )

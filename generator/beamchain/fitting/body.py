@@ -50,6 +50,11 @@ class Body:
         return self.spec.beam.rigid_mass() if self.data is None else self.data.rigid_mass
 
     @property
+    def length(self) -> float:
+        """From the root to the tip [m]."""
+        return self.spec.beam.length if self.data is None else self.data.line().length
+
+    @property
     def live(self) -> tuple[int, ...]:
         """Motions in which the appendage has inertia (0 to 5); a beam's chain has some in all."""
         return tuple(range(6)) if self.data is None else tuple(self.data.live)

@@ -6,7 +6,6 @@ from dataclasses import replace
 from msgspec import structs
 
 from beamchain.errors import BeamchainError
-from beamchain.fitting.exact import kept_counts
 from beamchain.fitting.options import Modes, Scene
 from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec
@@ -89,7 +88,7 @@ def _one_mode_more(made: Fit) -> list[Spec]:
     of a liquid, or where no more are known."""
     if made.spec.slosh is not None or (made.space is not None and made.space.couples):
         return []
-    counts = kept_counts(made)
+    counts = made.kept.counts
     spec = with_free_modes(made.spec)
     return [
         structs.replace(spec, modes=Modes(**{p: counts.get(p, 0) + (p == port) for p in PORTS}))

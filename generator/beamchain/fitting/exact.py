@@ -1,16 +1,16 @@
-"""The exact appendage behind a fit, in six motions: every mode of the beam,
-or of what was imported."""
+"""The exact appendage in six motions: every mode of the beam, or of what was imported."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from beamchain.errors import InputError
-from beamchain.fitting.body import reduced_port
+from beamchain.fitting.body import Body, reduced_port
 from beamchain.fitting.hub import port_hub_mass
-from beamchain.fitting.spec import Spec
+from beamchain.fitting.needs import with_polar_inertia
+from beamchain.fitting.select import Kept
 from beamchain.ports.compose import model_in_space
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORTS, Array
@@ -19,42 +19,8 @@ SHAPED = 4  # beyond twice the kept ones, that are converged where shapes of the
 EXTRA_MODES = 6  # of each port beyond the kept ones that the reference is converged for
 
 
-class Fitted(Protocol):
-    """What of a fit the exact appendage follows from."""
-
-    @property
-    def spec(self) -> Spec:
-        """The specification."""
-        ...
-
-    @property
-    def target(self) -> Mapping[str, PortModel]:
-        """Per port, the modes that were kept."""
-        ...
-
-    @property
-    def full(self) -> Mapping[str, PortModel]:
-        """Per port, all modes that were computed."""
-        ...
-
-    @property
-    def kept_for(self) -> str:
-        """The target whose modes are kept: "clamped", "free" or "hub"."""
-        ...
-
-    @property
-    def measured(self) -> Any:
-        """Results of the test bench: `rigid_mass`."""
-        ...
-
-    @property
-    def space(self) -> Any:
-        """`full`, `target`, `live` and `numbers` of imported modes; None for a beam."""
-        ...
-
-
 class ExactAppendage(NamedTuple):
-    """The exact appendage behind a fit.
+    """The exact appendage.
 
     Args:
         model: every mode, in six motions of the root, damped as asked for.
@@ -70,95 +36,105 @@ class ExactAppendage(NamedTuple):
     ports: Mapping[str, PortModel]
 
 
-def exact_appendage(fit: Fitted, modes: int | None = None) -> ExactAppendage:
-    """The exact appendage of a fit; `modes`: of each port of a beam, where left out some more than
-    twice those that are kept."""
-    if fit.space is not None:
-        return _of_imported(fit)
-    ports = _ports_of_beam(fit, modes)
-    rigid_mass = _with_inertia(fit, fit.spec.beam.rigid_mass())
-    counts = kept_counts(fit)
-    numbers = [np.arange(model.modes) < counts.get(port, 0) for port, model in ports.items()]
+def exact_appendage(
+    body: Body, kept: Kept, rigid_mass: Array | None = None, modes: int | None = None
+) -> ExactAppendage:
+    """The exact appendage of which some modes are `kept`.
+
+    `rigid_mass`: `(6, 6)` of its chain, for what the appendage states no inertia of; `modes`: of
+    each port of a beam, where left out some more than twice those that are kept.
+    """
+    if body.data is not None:
+        return _of_imported(body, kept, rigid_mass)
+    asked = {port: body.reduced(kept.target, port, kept.counts[port]) for port in kept.counts}
+    ports = {
+        port: model
+        for port in PORTS
+        if (model := _port_of_beam(body, port, modes or _converged(asked.get(port)))) is not None
+    }
+    numbers = [np.arange(model.modes) < kept.counts.get(port, 0) for port, model in ports.items()]
     frequencies = [model.frequencies for model in ports.values()]
     ascending = np.argsort(np.concatenate([np.zeros(0), *frequencies]), kind="stable")
     return ExactAppendage(
-        model=model_in_space(ports, rigid_mass),
+        model=model_in_space(ports, _with_inertia(body.rigid_mass, rigid_mass)),
         kept=np.concatenate([np.zeros(0, np.bool_), *numbers])[ascending],
         band={
-            port: float(fit.target[port].frequencies[count - 1])
-            for port, count in counts.items()
+            port: float(asked[port].frequencies[count - 1])
+            for port, count in kept.counts.items()
             if count
         },
         ports=ports,
     )
 
 
-def kept_counts(fit: Fitted) -> dict[str, int]:
-    """How many modes of the appendage are kept per port; static shapes of loads on further points
-    stand behind them."""
-    if not fit.spec.further:
-        return {port: target.modes for port, target in fit.target.items()}
-    return {port: _normal_modes(target, fit.full[port]) for port, target in fit.target.items()}
+def kept_model(body: Body, kept: Kept) -> PortModel:
+    """The modes that are kept, in six motions of the root, damped as asked for."""
+    if body.data is not None and kept.target == "clamped":
+        return _of_imported(body, kept, None).model.picked([k - 1 for k in kept.numbers])
+    mass = _with_inertia(body.rigid_mass)
+    if kept.coupled_ports:
+        return _in_six_motions(body, kept.in_space(body), mass)
+    counts = {port: count for port, count in kept.counts.items() if count}
+    ports = {port: body.reduced(kept.target, port, count) for port, count in counts.items()}
+    return model_in_space(ports, mass)
 
 
 def reduced_to_kept(
-    fit: Fitted, port: str, count: int, full: PortModel, points: Sequence[int]
+    body: Body, kept: Kept, port: str, count: int, full: PortModel, points: Sequence[int]
 ) -> PortModel:
     """From all modes of a beam in a port to those that its file holds, of which `count` are modes.
 
     `points`: numbers of the appendage's further points in `tip`.
     """
-    hub = fit.spec.root.hub
-    mass = None if hub is None else port_hub_mass(hub.mass_matrix(), port)
-    return reduced_port(full, fit.kept_for, count, hub=mass, points=points)
+    hub = None if body.hub is None else port_hub_mass(body.hub, port)
+    return reduced_port(full, kept.target, count, hub=hub, points=points)
 
 
-def _normal_modes(target: PortModel, exact: PortModel) -> int:
-    k = min(target.modes, exact.modes)
-    same = np.isclose(target.frequencies[:k], exact.frequencies[:k], rtol=1e-6)
-    return int(np.argmin(same)) if not np.all(same) else k
-
-
-def _of_imported(fit: Fitted) -> ExactAppendage:
-    """Of imported modes, which have the motions `fit.space.live`."""
-    space = fit.space
-    live = list(space.live)
-    rigid_mass = np.zeros((6, 6))
-    rigid_mass[np.ix_(live, live)] = space.full.rigid_mass
-    rows = np.zeros((space.full.modes, 6))
-    rows[:, live] = space.full.participation
-    model = PortModel(
-        _with_inertia(fit, rigid_mass), space.full.frequencies, rows, space.full.damping
-    )
-    target = space.target.frequencies
+def _of_imported(body: Body, kept: Kept, rigid_mass: Array | None) -> ExactAppendage:
+    """Of imported modes, or those of a liquid."""
+    assert body.data is not None
+    full = body.data.space()
+    model = _in_six_motions(body, full, _with_inertia(body.rigid_mass, rigid_mass))
+    frequencies = kept.in_space(body).frequencies
     return ExactAppendage(
         model=model,
-        kept=np.isin(np.arange(1, model.modes + 1), space.numbers),
-        band={"space": float(target[-1])} if target.size else {},
+        kept=np.isin(np.arange(1, model.modes + 1), kept.numbers),
+        band={"space": float(frequencies[-1])} if frequencies.size else {},
         ports={},
     )
 
 
-def _ports_of_beam(fit: Fitted, modes: int | None) -> dict[str, PortModel]:
-    """Per port all modes of the beam that the reference has, damped;
-    ports in which it is rigid are left out."""
-    spec = fit.spec
-    ports: dict[str, PortModel] = {}
-    for port in PORTS:
-        kept = fit.target[port].modes if port in fit.target else 0
-        try:
-            stations = list(spec.further.values())
-            model = spec.beam.port(port, modes or 2 * kept + EXTRA_MODES, stations)
-        except InputError:
-            continue  # rigid there
-        known = fit.full.get(port)
-        if known is not None and known.modes > model.modes:
-            model = known
-        ports[port] = spec.with_ratios(port, model)
-    return ports
+def _in_six_motions(body: Body, model: PortModel, rigid_mass: Array) -> PortModel:
+    """A model in the live motions of a body, in all six."""
+    rows = np.zeros((model.modes, 6))
+    rows[:, body.live] = model.participation
+    return PortModel(rigid_mass, model.frequencies, rows, model.damping)
 
 
-def _with_inertia(fit: Fitted, rigid_mass: Array) -> Array:
-    """A rod without polar inertia gets the little that MuJoCo needs."""
-    missing = np.where(np.diag(rigid_mass) > 0.0, 0.0, np.diag(fit.measured.rigid_mass))
-    return rigid_mass + np.diag(missing)
+def _converged(asked: PortModel | None) -> int:
+    """How many modes of a port the reference is converged for, of which some are asked for."""
+    return 2 * (0 if asked is None else asked.modes) + EXTRA_MODES
+
+
+def _port_of_beam(body: Body, port: str, modes: int) -> PortModel | None:
+    """So many modes of a port, or more that are known, damped; None where the beam is rigid
+    there."""
+    spec, known = body.spec, body.ports.get(port)
+    try:
+        model = spec.beam.port(port, modes, list(spec.further.values()))
+    except InputError:
+        return None
+    if known is not None and known.modes > model.modes:
+        return known
+    return spec.with_ratios(port, model)
+
+
+def _with_inertia(mass: Array, of_chain: Array | None = None) -> Array:
+    """`(6, 6)` with what an appendage states none of: the chain's, or before there is one that of
+    its other motions and a trace of polar inertia."""
+    lacking = np.diag(mass) <= 0.0
+    if of_chain is None:
+        mass = with_polar_inertia(mass)
+        of_chain = np.max(np.diag(mass)[:3]) * np.eye(6)
+        lacking = np.diag(mass) <= 0.0
+    return mass + np.diag(np.where(lacking, np.diag(of_chain), 0.0))

@@ -136,34 +136,36 @@ def _at_its_step(made: Fit) -> str:
     return f"{said} {made.blamed}".rstrip()
 
 
-@one_thread()
 def fit_spec(spec: Spec, data: ModalData | None = None) -> Fit:
     """What `fit` does with a whole specification; `data`: its imported modes,
     else read from its file."""
+    began = time.perf_counter()
+    return fit_kept(*body_and_kept(spec, data), began)
+
+
+@one_thread()
+def body_and_kept(spec: Spec, data: ModalData | None = None) -> tuple[Body, Kept]:
+    """The appendage of a specification, and what is kept of it; `data`: its imported modes,
+    else read from its file."""
     imported = spec.imported
-    if imported is None:
-        return _fit(spec)
-    data = imported.read() if data is None else data
-    if spec.uncertain is None and data.uncertain:
-        uncertain = uncertain_from(data.uncertain, data.source)
-        spec = structs.replace(spec, uncertain=uncertain)
-    if imported.recovery is not None:
-        read_recovery(imported.recovery).check_columns(data.in_file.shape[1])
-    try:
-        return _fit(spec, data)
-    except EngineError as error:
-        units = imported.units
-        cure = "Check imported.units (length = {:g}, mass = {:g}).".format(*units.si)
-        raise EngineError(str(error).replace(UNITS, cure)) from None
-
-
-def _fit(spec: Spec, data: ModalData | None = None) -> Fit:
-    """An appendage chosen, realised, written, read back through MuJoCo, and compared."""
-    clock = [time.perf_counter()]
+    if imported is not None:
+        data = imported.read() if data is None else data
+        if spec.uncertain is None and data.uncertain:
+            uncertain = uncertain_from(data.uncertain, data.source)
+            spec = structs.replace(spec, uncertain=uncertain)
+        if imported.recovery is not None:
+            read_recovery(imported.recovery).check_columns(data.in_file.shape[1])
     body = body_of(spec, data)
     body = replace(body, spec=_with_integrator(spec, body.rigid_mass))
-    kept = select(body)
-    clock.append(time.perf_counter())
+    return body, select(body)
+
+
+@one_thread()
+def fit_kept(body: Body, kept: Kept, began: float | None = None) -> Fit:
+    """Modes realised, written, read back through MuJoCo, and compared; `began`: when the appendage
+    was read, by `time.perf_counter` [s]."""
+    clock = [time.perf_counter()]
+    clock.insert(0, began or clock[0])
     kept, built, line = _realise(body, kept)
     chain, note = raise_polar_inertia(built.chain, LEAST_INERTIA)
     built = replace(built, chain=chain)
@@ -172,14 +174,21 @@ def _fit(spec: Spec, data: ModalData | None = None) -> Fit:
     if chain.hung:
         tree = sprung_by_acceleration(tree, chain.acceleration)
     clock.append(time.perf_counter())
-    measured = measure(
-        tree,
-        kept.blocks,
-        timestep=(body.spec.scene or Scene()).step,
-        integrator=body.spec.integrator,
-        ballast=root_body(chain),
-        live=body.live,
-    )
+    try:
+        measured = measure(
+            tree,
+            kept.blocks,
+            timestep=(body.spec.scene or Scene()).step,
+            integrator=body.spec.integrator,
+            ballast=root_body(chain),
+            live=body.live,
+        )
+    except EngineError as error:
+        if body.spec.imported is None:
+            raise
+        units = body.spec.imported.units
+        cure = "Check imported.units (length = {:g}, mass = {:g}).".format(*units.si)
+        raise EngineError(str(error).replace(UNITS, cure)) from None
     fitted = assess_fit(body, kept, built, line, measured, clock)
     if not note:
         return fitted

@@ -6,8 +6,11 @@ from typing import Protocol
 import numpy as np
 
 from beamchain.chain.chain import Chain
-from beamchain.fitting.exact import SHAPED, Fitted, kept_counts, reduced_to_kept
+from beamchain.fitting.body import Body
+from beamchain.fitting.exact import SHAPED, reduced_to_kept
 from beamchain.fitting.options import Scene
+from beamchain.fitting.select import Kept
+from beamchain.fitting.spec import Spec
 from beamchain.mjcf.skin import ModeMotion, Skin, mode_motion, skins
 from beamchain.mjcf.surfaces import beam_surfaces, stations
 from beamchain.ports.motions import Array
@@ -15,8 +18,23 @@ from beamchain.structure.discretise import Parts, sampled_model
 from beamchain.structure.section_loads import snapped
 
 
-class Chained(Fitted, Protocol):
-    """A fit, and its chain."""
+class Chained(Protocol):
+    """What of a fit is drawn: its appendage, the modes that are kept, and its chain."""
+
+    @property
+    def spec(self) -> Spec:
+        """The specification."""
+        ...
+
+    @property
+    def body(self) -> Body:
+        """Every mode that is known of it."""
+        ...
+
+    @property
+    def kept(self) -> Kept:
+        """The modes that are kept."""
+        ...
 
     @property
     def chain(self) -> Chain:
@@ -65,12 +83,14 @@ def look_of(fit: Chained) -> Look:
     places = np.unique(np.concatenate([at, further]))
     columns = 1 + np.searchsorted(places, at)
     points = 1 + np.searchsorted(places, further)
-    counts = {port: count for port, count in kept_counts(fit).items() if count}
+    counts = {port: count for port, count in fit.kept.counts.items() if count}
     parts = Parts(beam.segments, beam.joints, beam.lumps)
     modes: list[ModeMotion] = []
     for port, count in counts.items():
         full = sampled_model(parts, port, 2 * count + SHAPED, tuple(places.tolist()))
-        kept = reduced_to_kept(fit, port, count, full, points.tolist()).truncated(count)
+        kept = reduced_to_kept(fit.body, fit.kept, port, count, full, points.tolist()).truncated(
+            count
+        )
         modes.append(mode_motion(fit.chain, port, kept, x, columns))
     made, missed = skins(fit.chain, surfaces, modes)
     return Look("skin", tuple(made), dict(zip(counts, missed, strict=True)))

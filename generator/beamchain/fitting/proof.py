@@ -14,7 +14,7 @@ from beamchain.fitting.body import Body
 from beamchain.fitting.hub import default_hub, port_hub_mass
 from beamchain.fitting.needs import Choice, LeftOut
 from beamchain.fitting.options import Scene
-from beamchain.fitting.realise import kept_in_space, why
+from beamchain.fitting.realise import why
 from beamchain.fitting.result import Fit, InSpace
 from beamchain.fitting.select import Kept
 from beamchain.fitting.slosh import heavy, weightless
@@ -79,7 +79,8 @@ def assess_fit(
     return Fit(
         spec=spec,
         chain=built.chain,
-        full={p: body.view(p) for p in (body.ports if body.data is None else built.targets)},
+        body=body,
+        kept=kept.of_chain(built.targets),
         target=built.targets,
         achieved={port: measured.ports[port] for port in built.targets},
         readback_error=error,
@@ -90,8 +91,6 @@ def assess_fit(
             zip(("model", "realise", "write", "verify"), np.diff(clock).tolist(), strict=True)
         ),
         bandwidth=bandwidth,
-        kept_for=kept.target,
-        choice=kept.choice,
         promise=promise,
         cut=built.cut,
         left_out=_omissions(spec, kept.choice, bool(built.chain.tendons)),
@@ -104,7 +103,7 @@ def assess_fit(
 def _in_space(body: Body, kept: Kept, measured: Measured) -> InSpace:
     """The comparison in all motions at once, where modes may couple ports."""
     assert body.data is not None
-    full, target = body.data.space(), kept_in_space(body, kept)
+    full, target = body.data.space(), kept.in_space(body)
     scene = body.spec.scene or Scene()
     in_band = in_band_error(
         measured.damped_motion,

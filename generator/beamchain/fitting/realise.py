@@ -25,7 +25,7 @@ from beamchain.fitting.select import Kept
 from beamchain.fitting.slosh import pendulum_chain
 from beamchain.fitting.spec import Spec
 from beamchain.ports.model import PortModel
-from beamchain.ports.motions import PORT_MOTION, PORTS, Array
+from beamchain.ports.motions import PORT_MOTION, PORTS
 from beamchain.steps.integrators import SCHEMES
 from beamchain.structure import settle_modes
 from beamchain.structure.mass_line import MassLine
@@ -74,24 +74,6 @@ def why(kept: Kept) -> str:
     worst = float(np.max(kept.data.leaks))
     names = " and ".join(kept.coupled_ports)
     return f"modes or mass couple {names} (up to {worst:.2g} of a mode's participation)"
-
-
-def carrier(body: Body, kept: Kept) -> Array:
-    """`(6, 6)` the hub on which a free or hub target is exact, about the root: a free one's has no
-    mass."""
-    return np.zeros((6, 6)) if body.hub is None or kept.target == "free" else body.hub
-
-
-def kept_in_space(body: Body, kept: Kept) -> PortModel:
-    """The kept modes of a file in its live motions: themselves, or for another target than the
-    clamped one as many modes of all on the hub of that target."""
-    assert body.data is not None
-    assert kept.data is not None
-    own = kept.data.space()
-    if kept.target == "clamped" or not own.modes:
-        return own
-    hub = carrier(body, kept)[np.ix_(body.live, body.live)]
-    return body.data.space().reduced(own.modes, hub)
 
 
 def _pendulums(body: Body, kept: Kept) -> tuple[Built, MassLine]:
@@ -172,7 +154,7 @@ def _band(body: Body, kept: Kept) -> float:
     bandwidth = (body.spec.scene or Scene()).bandwidth or 0.0
     if body.hub is None and kept.target != "free":
         return bandwidth
-    hub = carrier(body, kept)
+    hub = kept.hub(body)
     if kept.data is not None:
         live = np.ix_(body.live, body.live)
         return max(bandwidth, kept.data.space().last_on_hub(hub[live]))
@@ -301,7 +283,7 @@ def _couple_ports(body: Body, kept: Kept, line: MassLine, most_added: int) -> Bu
         )
     _check_body(modes)
     if kept.target != "clamped":
-        reduced = kept_in_space(body, kept)
+        reduced = kept.in_space(body)
         with_modes(reduced, modes.modes, " and ".join(kept.coupled_ports))
         rows = np.zeros((modes.modes, 6))
         rows[:, body.live] = reduced.participation

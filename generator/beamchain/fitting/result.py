@@ -23,12 +23,14 @@ from beamchain.engine.linearise import compile_model
 from beamchain.engine.mount import motion
 from beamchain.errors import InputError
 from beamchain.files import check_outputs, to_json, write_files
+from beamchain.fitting.body import Body
 from beamchain.fitting.document import appendage_tree, put_timing, scene_step
-from beamchain.fitting.exact import exact_appendage
+from beamchain.fitting.exact import ExactAppendage, exact_appendage
 from beamchain.fitting.hub import Hub, default_hub
 from beamchain.fitting.look import Look, look_of
 from beamchain.fitting.needs import AXES, Choice, LeftOut
 from beamchain.fitting.options import Scene
+from beamchain.fitting.select import Kept
 from beamchain.fitting.spec import Spec
 from beamchain.fitting.warnings import step_warnings, turn_warning
 from beamchain.mjcf import write
@@ -142,9 +144,10 @@ class Fit:
 
     Args:
         spec: the specification.
+        body: the appendage with every mode that is known of it, which is the reference.
+        kept: which of them the chain has, and how a scene chose them.
         chain: the fitted chain.
         line: how the appendage's mass lies along x.
-        full: per port, all modes of the beam's discretisation, which are the reference.
         target: per port, the reduced model the chain was made for.
         achieved: per port, read back through `mjd_transitionFD`.
         readback_error: per port, achieved against target: the error of the file, not of the model;
@@ -154,8 +157,6 @@ class Fit:
         status: ok, message, history.
         seconds: times to model, realise, write and verify [s].
         bandwidth: per port, of the in-band error [rad/s].
-        kept_for: the target whose modes are kept: "clamped", "free" or "hub".
-        choice: how the modes were chosen for the scene; None where the spec states them.
         promise: in-band error of the achieved model on the hub, in the motions of the scene;
             None without a bandwidth.
         left_out: what the chain leaves out, why, and the error that this causes.
@@ -176,9 +177,10 @@ class Fit:
     """
 
     spec: Spec
+    body: Body
+    kept: Kept
     chain: Chain
     line: MassLine
-    full: dict[str, PortModel]
     target: dict[str, PortModel]
     achieved: dict[str, PortModel]
     readback_error: dict[str, Comparison]
@@ -187,8 +189,6 @@ class Fit:
     status: Status
     seconds: dict[str, float]
     bandwidth: dict[str, float]
-    kept_for: str = "clamped"
-    choice: Choice | None = None
     promise: float | None = None
     left_out: tuple[LeftOut, ...] = ()
     cautions: tuple[str, ...] = ()
@@ -201,6 +201,27 @@ class Fit:
 
     def _repr_html_(self) -> str:
         return report.fit_html(self)
+
+    @property
+    def full(self) -> dict[str, PortModel]:
+        """Per port, all modes that are known of it."""
+        ports = self.body.ports if self.body.data is None else self.target
+        return {port: self.body.view(port) for port in ports}
+
+    @property
+    def kept_for(self) -> str:
+        """The target whose modes are kept: "clamped", "free" or "hub"."""
+        return self.kept.target
+
+    @property
+    def choice(self) -> Choice | None:
+        """How the modes were chosen for the scene; None where the spec states them."""
+        return self.kept.choice
+
+    @cached_property
+    def exact(self) -> ExactAppendage:
+        """The exact appendage in six motions."""
+        return exact_appendage(self.body, self.kept, self.measured.rigid_mass)
 
     @property
     def beam(self) -> Beam | None:
@@ -450,7 +471,7 @@ class Fit:
         band = (scene.bandwidth if scene else None) or min(self.bandwidth.values())
         model = self._scenes[0]
         hub = self.hub.mass_matrix()
-        whole = exact_appendage(self).model
+        whole = self.exact.model
         if scene is None or scene.bandwidth is None:  # as `in_band_error`: ports with modes
             moved = np.any(group_motion(list(self.bandwidth)), axis=1)
             keep = np.flatnonzero(moved).tolist()

@@ -1,7 +1,7 @@
 """What is kept of an appendage: the modes that are stated, or the fewest that its scene needs."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from msgspec import structs
@@ -13,7 +13,8 @@ from beamchain.fitting.needs import Candidates, Choice, choose
 from beamchain.fitting.options import Modes
 from beamchain.fitting.spec import Spec
 from beamchain.ports.compare import with_damping
-from beamchain.ports.motions import PORTS
+from beamchain.ports.model import PortModel
+from beamchain.ports.motions import PORTS, Array
 from beamchain.structure.modal_data import ModalData
 
 
@@ -43,6 +44,29 @@ class Kept:
             return self.data.blocks
         return (("xy",),) if tuple(self.counts) == ("xy",) else tuple((port,) for port in PORTS)
 
+    def of_chain(self, targets: Mapping[str, PortModel]) -> "Kept":
+        """The modes of a beam that its chain came to have, by the models of its ports."""
+        if self.data is not None:
+            return self
+        counts = {p: min(n, targets[p].modes) for p, n in self.counts.items() if p in targets}
+        return replace(self, counts=counts)
+
+    def hub(self, body: Body) -> Array:
+        """`(6, 6)` the hub on which a free or hub target is exact, about the root: a free one's has
+        no mass."""
+        return np.zeros((6, 6)) if body.hub is None or self.target == "free" else body.hub
+
+    def in_space(self, body: Body) -> PortModel:
+        """The kept modes of a file in its live motions: themselves, or for another target than the
+        clamped one as many modes of all on the hub of that target."""
+        assert body.data is not None
+        assert self.data is not None
+        own = self.data.space()
+        if self.target == "clamped" or not own.modes:
+            return own
+        hub = self.hub(body)[np.ix_(body.live, body.live)]
+        return body.data.space().reduced(own.modes, hub)
+
     @property
     def coupled_ports(self) -> tuple[str, ...]:
         """The first ports that kept modes couple; empty where all are independent."""
@@ -55,7 +79,7 @@ def select(body: Body, target: str | None = None) -> Kept:
     of the specification's."""
     spec = body.spec
     if spec.slosh is not None:
-        return _numbered(body, range(1, 2 * spec.slosh.kept + 1))
+        return numbered(body, range(1, 2 * spec.slosh.kept + 1))
     named = None if spec.imported is None else spec.imported.modes
     if named is not None and spec.modes is not None:
         raise InputError(
@@ -69,7 +93,7 @@ def select(body: Body, target: str | None = None) -> Kept:
         assert body.data is not None
         assert body.promise is not None
         assert spec.scene is not None
-        _first(body.data, fixed)  # refuses more than there are
+        first_of_ports(body.data, fixed)  # refuses more than there are
         numbers, choice = fewest(
             body.promise,
             with_damping(body.data.space(), spec.undamped_ratio),
@@ -78,12 +102,12 @@ def select(body: Body, target: str | None = None) -> Kept:
             fixed,
             spec.scene.tip,
         )
-        return _numbered(body, numbers, choice=choice)
+        return numbered(body, numbers, choice=choice)
     choice = _chosen(body, fixed, target or spec.root.target)
     counts = {port: count for port, count in choice.modes.items() if count}
     if body.data is None:
         return Kept(choice.target, counts, choice=choice)
-    return _numbered(body, _first(body.data, counts), choice.target, choice)
+    return numbered(body, first_of_ports(body.data, counts), choice.target, choice)
 
 
 def everything(spec: Spec) -> Spec:
@@ -122,11 +146,11 @@ def _stated(body: Body) -> Kept:
         return Kept(target, dict(spec.kept))
     numbers = None if spec.imported is None else spec.imported.modes
     if numbers is None and spec.modes is not None:
-        numbers = _first(data, spec.modes.counts())
-    kept = _numbered(body, range(1, data.modes + 1) if numbers is None else numbers, target)
+        numbers = first_of_ports(data, spec.modes.counts())
+    kept = numbered(body, range(1, data.modes + 1) if numbers is None else numbers, target)
     if target != "clamped":
         first = tuple(range(1, len(kept.numbers) + 1))
-        lowest = first if kept.coupled_ports else _first(data, kept.counts)
+        lowest = first if kept.coupled_ports else first_of_ports(data, kept.counts)
         if kept.numbers != lowest:
             raise InputError(
                 f'modes {list(kept.numbers)} of the file and root.target = "{target}" do not go '
@@ -136,7 +160,7 @@ def _stated(body: Body) -> Kept:
     return kept
 
 
-def _numbered(
+def numbered(
     body: Body,
     numbers: "tuple[int, ...] | range",
     target: str = "clamped",
@@ -181,7 +205,7 @@ def _check_counts(body: Body) -> None:
             )
 
 
-def _first(data: ModalData, counts: Mapping[str, int]) -> tuple[int, ...]:
+def first_of_ports(data: ModalData, counts: Mapping[str, int]) -> tuple[int, ...]:
     """Numbers of the first modes of each port."""
     numbers: list[int] = []
     for port, count in counts.items():

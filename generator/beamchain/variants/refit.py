@@ -15,7 +15,6 @@ from beamchain.engine.library import mujoco
 from beamchain.engine.model_rows import wraps
 from beamchain.errors import RealisationError
 from beamchain.fitting.body import body_of
-from beamchain.fitting.exact import kept_counts
 from beamchain.fitting.fit import LEAST_INERTIA
 from beamchain.fitting.options import Modes
 from beamchain.fitting.realise import chain_of
@@ -54,11 +53,10 @@ class Refit:
     @classmethod
     def of(cls, prefix: str, fit: Fit, owner: str) -> "Refit":
         """The refit of a nominal fit: its modes are no longer chosen."""
-        counts = kept_counts(fit)
         root = structs.replace(fit.spec.root, target=fit.kept_for)
         return cls(
             prefix,
-            replace(fit, spec=structs.replace(fit.spec, modes=Modes(**counts), root=root)),
+            replace(fit, spec=structs.replace(fit.spec, modes=Modes(**fit.kept.counts), root=root)),
             owner,
         )
 
