@@ -122,8 +122,8 @@ PARTS = {
     "Plant": ("engine.allocation.Allocated",),
     "Recorder": ("engine.root_motion.Run",),
     "Recovery": (
-        "craft.recovery.Extreme",
-        "craft.recovery.History",
+        "craft.histories.Extreme",
+        "craft.histories.History",
         "structure.sections_at.Sections",
     ),
     "Pointing": (

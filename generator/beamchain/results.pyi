@@ -4,8 +4,8 @@ from .control.margins import Margins as Margins
 from .control.realisation import Plant as Plant
 from .control.scheduled import ScheduledPlant as ScheduledPlant
 from .craft.embedded import Embedded as Embedded
-from .craft.recovery import Recorder as Recorder
-from .craft.recovery import Recovery as Recovery
+from .craft.histories import Recovery as Recovery
+from .craft.recording import Recorder as Recorder
 from .craft.stability import StabilityStudy as StabilityStudy
 from .engine.allocation import Allocation as Allocation
 from .engine.combinations import Alignment as Alignment

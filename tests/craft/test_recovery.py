@@ -615,6 +615,9 @@ def test_rows_over_imported_modes(tmp_path, turn, units, kind):
     assert extreme.largest == np.max(found.rows[:, 1])
     assert all(history.x.size == 0 for history in found.histories.values())
     assert extreme.largest_from == "mode1_xy"
+    # on the root as well, over whatever freedoms the file has its modes: its motion is in a plane
+    at_root = next(e for e in found.extremes if e.quantity == "root moment z")
+    assert at_root.largest_from == "mode1_xy"
 
 
 # -- what a result shows ---------------------------------------------------------------------------

@@ -11,32 +11,33 @@ import beamchain as bc
 from beamchain.craft.recovered_body import SAME
 from formulas import (
     Body,
-    Coordinates,
     History,
+    Inside,
     Kept,
+    OutputMatrices,
+    RecoveredBody,
     Recovery,
     RootMotion,
-    acceleration_of_sections,
+    Shapes,
     appendage_at,
-    attachment_turn,
-    beam_body,
-    carried_load,
     check_same_modes,
-    felt_by_modes,
-    imported_body,
-    load_of_modes_left_out,
+    crossed,
+    delivered_outputs,
+    drives_of_modes,
+    histories_of_values,
     participation_of_tendon,
-    place_of,
-    recover_inside,
-    recovery_of_beam,
-    recovery_of_imported,
+    recovered_beam,
+    recovered_delivery,
     rigid_load,
-    root_factors,
+    root_of,
     run_of_data,
+    section_outputs,
     sections_at,
     stations_of,
     tip_displacement,
-    wrench_on_ports,
+    turn_into_modes,
+    values_of_outputs,
+    wrenches_on_points,
 )
 
 RNG = np.random.default_rng(9)
@@ -48,6 +49,14 @@ def root(count=2, carried=0):
         one, *(RNG.standard_normal((count, 3)) for _ in range(2)), np.zeros((count, 6)),
         RNG.standard_normal((count, carried, 6)),
     )  # fmt: skip
+
+
+def drives(moved, carried=None):
+    """`(t, 15 + 6 c)`: acceleration against free fall, products of the spin, wrenches on points."""
+    felt = moved.acceleration - np.hstack([moved.gravity, np.zeros((len(moved.gravity), 3))])
+    products = [np.outer(spin, spin).ravel() for spin in moved.spin]
+    wrenches = np.zeros((len(felt), 0)) if carried is None else carried.reshape(len(felt), -1)
+    return np.hstack([felt, products, wrenches])
 
 
 # -- loads -----------------------------------------------------------------------------------------
@@ -64,7 +73,7 @@ def test_load_of_a_rigid_beam_is_newton_s_and_euler_s():
     )
     moved = root()
     stations = np.array([0.0, 1.3, 2.0, 3.9])
-    found = rigid_load(beam, moved, stations)
+    found = np.einsum("sid,td->tsi", rigid_load(beam, stations, ()), drives(moved))
     for t in range(2):
         a, turn = moved.acceleration[t, :3] - moved.gravity[t], moved.acceleration[t, 3:]
         w = moved.spin[t]
@@ -86,7 +95,8 @@ def test_wrenches_on_points_load_what_lies_before_them():
     """A point at the station itself is not beyond it."""
     carried, places = RNG.standard_normal((2, 2, 6)), (2.0, 3.5)
     stations = np.array([0.0, 1.9, 2.0, 3.0, 3.5, 3.6])
-    found = carried_load(stations, places, carried)
+    per_drive = rigid_load(beam_of(4.0).fit.spec.beam, stations, places)[:, :, 15:]
+    found = np.einsum("sid,td->tsi", per_drive, carried.reshape(2, 12))
     for t in range(2):
         for s, station in enumerate(stations):
             wanted = np.zeros(6)
@@ -100,7 +110,7 @@ def test_wrenches_on_points_load_what_lies_before_them():
 
 def test_several_bodies_may_stand_on_a_port():
     moved = root(carried=3)
-    found = wrench_on_ports(moved, SimpleNamespace(ports=(1, 0, 1)), 3)
+    found = wrenches_on_points(moved, ["b", "a", "b"], ["a", "b", "c"])
     np.testing.assert_allclose(found[:, 0], moved.carried[:, 1])
     np.testing.assert_allclose(found[:, 1], moved.carried[:, 0] + moved.carried[:, 2])
     assert np.all(found[:, 2] == 0.0)
@@ -110,50 +120,117 @@ COLUMNS = {"xy": [1, 5], "xz": [2, 4], "torsion": [3], "axial": [0]}
 
 
 @pytest.mark.parametrize("port", ["xy", "xz", "torsion", "axial"])
-def test_load_of_modes_left_out_is_that_of_all_less_the_kept(port):
-    """Each kept mode's part, tau f - L a, is taken off; the motions are those of static shapes."""
-    columns = COLUMNS[port]
-    m, driven = len(columns), len(columns) + (port == "axial")
-    inside = SimpleNamespace(
-        drive=RNG.standard_normal((2, driven)),
-        drive_carried=RNG.standard_normal((2, 2 * m)),
-        momentum=RNG.standard_normal((2, 3, m)),
-        left_out=RNG.standard_normal((3, m, driven)),
-        left_out_carried=RNG.standard_normal((3, m, 2 * m)),
+def test_what_drives_a_mode_is_what_moves_its_masses(port):
+    """Of point masses on the axis: -m u (a + turn x r + w x (w x r)) of each, and what pulls at
+    points that move with the mode. Where they turn, w x (w x r) acts along the axis alone."""
+    columns, n = COLUMNS[port], 3
+    x, mass = np.array([0.7, 1.9, 3.2]), np.array([2.0, 0.5, 1.1])
+    moved_by_mode = RNG.standard_normal((n, 3))  # of each mass, in or about the port's own axis
+    along_port = np.array([1.0, -1.0]) if port == "xz" else np.ones(len(columns))
+    tip = RNG.standard_normal((n, 3 * len(columns)))
+    participation = np.column_stack(
+        [moved_by_mode @ mass, *([moved_by_mode @ (mass * x)] if len(columns) == 2 else [])]
     )
-    felt, spin = RNG.standard_normal((4, 6)), RNG.standard_normal((4, 3))
-    carried = RNG.standard_normal((4, 2, 6))
-    load, shift = load_of_modes_left_out(port, inside, felt, spin, carried)
-    # along or about the motion of a port, xz turns about -y
-    sign = np.array([1.0, -1.0]) if port == "xz" else np.ones(m)
-    for t in range(4):
-        a = felt[t, columns] * sign
-        if port == "axial":
-            a = np.append(a, -(spin[t, 1] ** 2) - spin[t, 2] ** 2)
-        f = (carried[t][:, columns] * sign).ravel()
-        for s in range(3):
-            taken = sum(
-                (inside.drive_carried[k] @ f - inside.drive[k] @ a) * inside.momentum[k, s]
-                for k in range(2)
-            )
-            np.testing.assert_allclose(load[t, s], -taken, atol=1e-12)
-            moved = inside.left_out[s] @ a + inside.left_out_carried[s] @ f
-            np.testing.assert_allclose(shift[t, s], moved, atol=1e-12)
+    shapes = Shapes(
+        x, np.sqrt(mass), np.zeros(3), moved_by_mode * np.sqrt(mass), bending=len(columns) == 2
+    )
+    model = SimpleNamespace(
+        participation=participation, tip=tip, shapes=shapes, modes=n, motions=len(columns)
+    )
+    moved, carried = root(), RNG.standard_normal((2, 2, 6))
+    found = drives(moved, carried) @ drives_of_modes(model, port, [2, 1]).T
+    for t in range(2):
+        felt, turn, w = moved.acceleration[t, :3], moved.acceleration[t, 3:], moved.spin[t]
+        felt = felt - moved.gravity[t]
+        wanted = np.zeros(n)
+        for i in range(3):
+            r = np.array([x[i], 0.0, 0.0])
+            point = np.append(felt + np.cross(turn, r) + np.cross(w, np.cross(w, r)), turn)
+            wanted -= mass[i] * moved_by_mode[:, i] * point[columns[0]]
+        for k, point in enumerate((2, 1)):
+            own = tip.reshape(n, 3, len(columns))[:, point] * along_port
+            wanted += own @ carried[t, k, columns]
+        np.testing.assert_allclose(found[t], wanted, atol=1e-12)
+
+
+def outputs_of(s, k, n, d, **more):
+    """Random output matrices."""
+    return OutputMatrices(
+        **{
+            "quantities": (),
+            "frequencies": RNG.uniform(1.0, 9.0, n),
+            "drives": RNG.standard_normal((n, d)),
+            "modes": RNG.standard_normal((s, k, n)),
+            "accelerations": RNG.standard_normal((s, k, n)),
+            "root": RNG.standard_normal((s, k, 6)),
+            "spin": RNG.standard_normal((s, k, 3, 3 + n)),
+            "static": RNG.standard_normal((s, k, d)),
+            **more,
+        }
+    )
+
+
+def run_in_modes(moved, n, **more):
+    """A run in coordinates of n modes."""
+    arrays = {name: RNG.standard_normal((len(moved.spin), n)) for name in ("qpos", "qvel", "qacc")}
+    return SimpleNamespace(**{**arrays, "roots": (moved,), **more})
+
+
+@pytest.mark.parametrize("static", [True, False])
+def test_values_are_sums_over_the_motion(static):
+    """Row by row; of the modes left out the whole less each kept mode, `eta = D d / W^2`."""
+    moved, carried = root(), RNG.standard_normal((2, 1, 6))
+    given = outputs_of(2, 3, 4, 21)
+    modal = run_in_modes(moved, 4)
+    found = values_of_outputs(given, modal, carried, static=static)
+    driven = drives(moved, carried)
+    for t in range(2):
+        others = np.append(moved.spin[t], modal.qvel[t])
+        yielded = given.drives @ driven[t] / given.frequencies**2
+        for s in range(2):
+            for k in range(3):
+                wanted = given.modes[s, k] @ modal.qpos[t]
+                wanted += given.accelerations[s, k] @ modal.qacc[t]
+                wanted += given.root[s, k] @ moved.acceleration[t]
+                wanted += sum(moved.spin[t, j] * given.spin[s, k, j] @ others for j in range(3))
+                if static:
+                    wanted += given.static[s, k] @ driven[t] - given.modes[s, k] @ yielded
+                assert found[t, s, k] == pytest.approx(wanted, rel=1e-12)
+
+
+def test_both_halves_are_crossed():
+    motion, w, v = RNG.standard_normal((2, 6, 4)), RNG.standard_normal(3), RNG.standard_normal(4)
+    found = np.einsum("sijm,j,m->si", crossed(motion), w, v)
+    for s in range(2):
+        linear, about = np.split(motion[s] @ v, 2)
+        wanted = [*np.cross(w, linear), *np.cross(w, about)]
+        np.testing.assert_allclose(found[s], wanted, atol=1e-14)
+
+
+def inside_of(frequencies, stations, points=0):
+    """Random modes of a port at stations."""
+    n, d = len(frequencies), 15 + 6 * points
+    return Inside(
+        np.array(frequencies),
+        RNG.standard_normal((n, d)),
+        *RNG.standard_normal((2, stations, 6, n)),
+        RNG.standard_normal((stations, 6, d)),
+    )
 
 
 def test_sections_accelerate_as_points_of_a_turning_frame():
     moved, stations = root(), np.array([0.5, 2.0])
-    factors = RNG.standard_normal((2, 6, 3))
-    modes = SimpleNamespace(
-        rates=RNG.standard_normal((2, 3)), accelerations=RNG.standard_normal((2, 3))
-    )
-    found = acceleration_of_sections(moved, stations, factors, modes)
+    ports = [inside_of([2.0, 3.0], 2), inside_of([7.0], 2)]
+    given = section_outputs(beam_of(4.0).fit.spec.beam, ports, stations, ())
+    modal = run_in_modes(moved, 3)
+    found = values_of_outputs(given, modal, np.zeros((2, 0, 6)), static=True)[:, :, 12:]
+    factors = np.concatenate([inside.motion for inside in ports], axis=2)
     for t in range(2):
         w, turn = moved.spin[t], moved.acceleration[t, 3:]
         for s, x in enumerate(stations):
             place = np.array([x, 0.0, 0.0])
-            speed, bend = np.split(factors[s] @ modes.rates[t], 2)
-            along, about = np.split(factors[s] @ modes.accelerations[t], 2)
+            speed, bend = np.split(factors[s] @ modal.qvel[t], 2)
+            along, about = np.split(factors[s] @ modal.qacc[t], 2)
             linear = moved.acceleration[t, :3] + np.cross(turn, place)
             linear += np.cross(w, np.cross(w, place)) + 2.0 * np.cross(w, speed) + along
             np.testing.assert_allclose(found[t, s, :3], linear, atol=1e-12)
@@ -162,66 +239,37 @@ def test_sections_accelerate_as_points_of_a_turning_frame():
             )
 
 
-def test_modes_feel_the_root_against_free_fall_and_what_a_spin_adds():
-    """A point at x e_x is accelerated by a - g + x (turn x e_x + w (w e_x) - w^2 e_x)."""
-    moved = root()
-    found = felt_by_modes(moved)
-    for t in range(2):
-        w, turn = moved.spin[t], moved.acceleration[t, 3:]
-        np.testing.assert_allclose(found[t, :3], moved.acceleration[t, :3] - moved.gravity[t])
-        ahead = np.array([1.0, 0.0, 0.0])
-        whole = np.cross(turn, ahead) + np.cross(w, np.cross(w, ahead))
-        across = np.cross(found[t, 3:], ahead)
-        np.testing.assert_allclose(across[1:], whole[1:], atol=1e-14)
-        assert found[t, 3] == turn[0]
-
-
-def test_load_on_the_root_per_unit_of_a_mode():
-    """L W^2, with the sign that the shapes of the whole beam have."""
-    ports = {
-        port: SimpleNamespace(
-            frequencies=RNG.uniform(1.0, 9.0, 2),
-            drive=RNG.standard_normal((2, len(columns) + (port == "axial"))),
-        )
-        for port, columns in COLUMNS.items()
-    }
-    signs = {port: np.array([[1.0], [-1.0]]) for port in ports}
-    target = {
-        port: SimpleNamespace(participation=signs[port] * 0.9 * one.drive[:, : len(COLUMNS[port])])
-        for port, one in ports.items()
-    }
-    columns = {port: slice(2 * i, 2 * i + 2) for i, port in enumerate(ports)}
-    modes = SimpleNamespace(names=tuple("abcdefgh"), columns=columns)
-    appendage = SimpleNamespace(fit=SimpleNamespace(target=target))
-    found = root_factors(appendage, SimpleNamespace(ports=ports), modes)
-    for port, one in ports.items():
-        turned = np.array([1.0, -1.0]) if port == "xz" else np.ones(len(COLUMNS[port]))
-        for k in range(2):
-            wanted = np.zeros(6)
-            drive = one.drive[k, : len(COLUMNS[port])]
-            wanted[COLUMNS[port]] = 0.9 * drive * turned * one.frequencies[k] ** 2
-            np.testing.assert_allclose(found[:, columns[port]][:, k], wanted, atol=1e-12)
-
-
 # -- modal coordinates -----------------------------------------------------------------------------
 def test_amplitudes_follow_from_the_force_of_the_tendons():
     """W^2 eta = T K b q, with the stiffness that the model has for those of its tendons."""
     model = mujoco.MjModel.from_xml_string(
-        """<mujoco><worldbody><body><joint name="a"/><geom size="1"/><body><joint name="b"/>
-        <geom size="1"/></body></body></worldbody><tendon><fixed name="arm_mode2" stiffness="35">
-        <joint joint="a" coef="1"/></fixed></tendon></mujoco>"""
+        """<mujoco><worldbody><body><freejoint/><geom size="1"/><body>
+        <joint name="arm_hinge1_xy"/><geom size="1"/><body><joint name="arm_hinge2_xy"/>
+        <geom size="1"/></body></body></body></worldbody>
+        <tendon><fixed name="arm_mode2_xy" stiffness="35">
+        <joint joint="arm_hinge1_xy" coef="1"/></fixed></tendon></mujoco>"""
     )
     rows, turn = RNG.standard_normal((2, 2)), RNG.standard_normal((2, 2))
     w = np.array([3.0, 5.5])
-    at, dofs = np.array([4, 1]), np.array([2, 0])
-    made = Coordinates(
-        ("one", "two"), rows, np.array([9.5, 31.0]), ("arm_mode1", "arm_mode2"), at, dofs, turn, w
+    freedoms = ((0, "xy"), (1, "xy"))
+    tendons = tuple(
+        SimpleNamespace(label=f"mode{k + 1}_xy", stiffness=k_, freedoms=of, coefficients=row)
+        for k, (k_, of, row) in enumerate(
+            ((9.5, freedoms, rows[0]), (31.0, freedoms[::-1], rows[1, ::-1]))
+        )
     )
-    qpos, rates = RNG.standard_normal((3, 5)), RNG.standard_normal((3, 4))
+    body = RecoveredBody(tendons, turn, SimpleNamespace(frequencies=w))
+    arm = SimpleNamespace(prefix="arm_", spec=SimpleNamespace(name="boom"))
+    coordinates = body.coordinates(model, arm)
+    qpos, qvel, qacc = (RNG.standard_normal((3, size)) for size in (9, 8, 8))
+    motion = SimpleNamespace(qpos=qpos, qvel=qvel, qacc=qacc, roots="roots")
+    found = coordinates.along(motion)
     for t in range(3):
-        force = np.array([9.5, 35.0]) * (rows @ qpos[t, at])
-        assert made.amplitudes(model, qpos)[t] == pytest.approx(turn @ force / w**2)
-        assert made.rates(rates)[t] == pytest.approx(turn @ rows @ rates[t, dofs])
+        force = np.array([9.5, 35.0]) * (rows @ qpos[t, 7:])
+        assert found.qpos[t] == pytest.approx(turn @ force / w**2)
+        assert found.qvel[t] == pytest.approx(turn @ rows @ qvel[t, 6:])
+        assert found.qacc[t] == pytest.approx(turn @ rows @ qacc[t, 6:])
+    assert found.roots == "roots"
 
 
 # -- what is given ---------------------------------------------------------------------------------
@@ -363,71 +411,45 @@ def test_stress_is_largest_in_the_corner_that_both_moments_pull():
         assert (row.smallest_at, row.largest_at) == (1.0, 2.0)
         first, second = bends[1][s]
         assert row.smallest_from == ("one" if first > second else "two")
-        assert row.largest_from == "modes left out"
+        assert row.largest_from == "rest"
 
 
 # -- histories -------------------------------------------------------------------------------------
 def test_loads_and_motions_of_the_modes_of_a_beam_by_force_and_moment():
-    """One mode of xy and one of torsion at two stations, of a root that stands still."""
-    inside = {
-        port: SimpleNamespace(
-            frequencies=np.array([w]),
-            momentum=RNG.standard_normal((1, 2, len(COLUMNS[port]))),
-            motion=RNG.standard_normal((1, 2, len(COLUMNS[port]))),
-            drive=RNG.standard_normal((1, len(COLUMNS[port]))),
-        )
-        for port, w in (("xy", 3.0), ("torsion", 7.0))
-    }
-    target = {port: SimpleNamespace(participation=one.drive) for port, one in inside.items()}
-    held = beam_of(4.0)
-    held.fit.spec.further = {}
-    held.fit.target = target
+    """`P W^2` and `u` of each mode, at two stations, of a root that stands still; on the root
+    `L W^2`."""
+    stations = np.array([0.5, 2.0])
+    ports = [inside_of([3.0], 2), inside_of([7.0], 2)]
+    given = section_outputs(beam_of(4.0).fit.spec.beam, ports, stations, ())
     still, none = np.zeros((3, 6)), np.zeros((3, 3))
-    motion = SimpleNamespace(roots=(RootMotion(still, none, none, still, np.zeros((3, 0, 6))),))
-    amplitudes, accelerations = RNG.standard_normal((2, 3, 2))
-    modes = SimpleNamespace(
-        names=("one", "two"),
-        columns={"xy": slice(0, 1), "torsion": slice(1, 2)},
-        amplitudes=amplitudes,
-        rates=np.zeros((3, 2)),
-        accelerations=accelerations,
-    )
-    found = recovery_of_beam(
-        held,
-        SimpleNamespace(ports=()),
-        SimpleNamespace(ports=inside),
-        SimpleNamespace(time=np.arange(3.0)),
-        motion,
-        modes,
-        stations=np.array([0.5, 2.0]),
-        static=False,
-    ).histories
-    bends, twists = inside["xy"], inside["torsion"]
+    moved = RootMotion(still, none, none, RNG.standard_normal((3, 6)), np.zeros((3, 0, 6)))
+    modal = run_in_modes(moved, 2, qvel=np.zeros((3, 2)))
+    values = values_of_outputs(given, modal, np.zeros((3, 0, 6)), static=False)
+    found = histories_of_values(given, values, moved.load, stations)
+    loads = np.concatenate([9.0 * ports[0].momentum, 49.0 * ports[1].momentum], axis=2)
+    motions = np.concatenate([inside.motion for inside in ports], axis=2)
     wanted = {
-        "root force": [(1, 0, 9.0 * bends.drive[0, 0])],
-        "root moment": [(2, 0, 9.0 * bends.drive[0, 1]), (0, 1, 49.0 * twists.drive[0, 0])],
-        "force": [(1, 0, 9.0 * bends.momentum[0, :, 0])],
-        "moment": [
-            (2, 0, 9.0 * bends.momentum[0, :, 1]), (0, 1, 49.0 * twists.momentum[0, :, 0]),
-        ],
-        "displacement": [(1, 0, bends.motion[0, :, 0])],
-        "rotation": [(2, 0, bends.motion[0, :, 1]), (0, 1, twists.motion[0, :, 0])],
+        "force": (loads[:, :3], modal.qpos), "moment": (loads[:, 3:], modal.qpos),
+        "displacement": (motions[:, :3], modal.qpos), "rotation": (motions[:, 3:], modal.qpos),
+        "acceleration": (motions[:, :3], modal.qacc),
+        "angular acceleration": (motions[:, 3:], modal.qacc),
     }  # fmt: skip
-    wanted["acceleration"], wanted["angular acceleration"] = (
-        wanted["displacement"], wanted["rotation"],
-    )  # fmt: skip
-    for name, entries in wanted.items():
-        factors = np.zeros((1 if "root" in name else 2, 3, 2))
-        for axis, mode, values in entries:
-            factors[:, axis, mode] = values
+    for name, (factors, by) in wanted.items():
         one = found[name]
         np.testing.assert_allclose(one.factors, factors, atol=1e-12, err_msg=name)
-        if "root" not in name:
-            by = accelerations if "acceleration" in name else amplitudes
-            np.testing.assert_allclose(
-                one.values, np.einsum("sin,tn->tsi", factors, by), atol=1e-12, err_msg=name
-            )
-        assert len(one.units) == len(one.parts) == 3
+        np.testing.assert_allclose(one.values, np.einsum("sin,tn->tsi", factors, by), atol=1e-12)
+        assert one.x is stations
+    on_root = -np.array([9.0, 49.0]) * np.vstack([inside.drives[0, :6] for inside in ports]).T
+    for name, part in (("root force", slice(3)), ("root moment", slice(3, 6))):
+        np.testing.assert_allclose(found[name].factors, on_root[None, part], atol=1e-12)
+        np.testing.assert_array_equal(found[name].values[:, 0], moved.load[:, part])
+        assert found[name].x.size == 0
+    assert list(found) == ["root force", "root moment", *wanted]
+    assert {len(one.units) for one in found.values()} == {3}
+    follows = {name: (one.follows, one.rest) for name, one in found.items()}
+    assert follows["moment"] == follows["displacement"] == ("amplitudes", "modes left out")
+    assert follows["acceleration"] == ("accelerations", "motion of the root")
+    assert follows["root force"] == ("amplitudes", "rigid motion and modes left out")
 
 
 def test_a_mode_takes_part_by_the_masses_that_its_tendon_moves():
@@ -463,14 +485,20 @@ def test_an_appendage_carries_what_stands_on_its_port():
     fit = SimpleNamespace(spec=spec, chain=SimpleNamespace(links=(None, None)))
     arm = SimpleNamespace(at="mount", prefix="arm_", carries={"elbow": ("camera",)}, fit=fit)
     hand = SimpleNamespace(at="mount:end", prefix="hand_")
-    found = place_of(model, arm, [arm, hand])
+    found = root_of(model, arm, [arm, hand])
     at = {name: model.body(name).id for name in ("arm_link1", "hand_link1", "camera")}
-    assert found.root.body == at["arm_link1"]
-    carried = dict(zip(found.root.carried, found.ports, strict=True))
-    assert carried == {
-        (at["hand_link1"], model.site("arm_end").id): 1,
-        (at["camera"], model.site("arm_elbow").id): 0,
+    assert found.body == at["arm_link1"]
+    assert set(found.carried) == {
+        (at["hand_link1"], model.site("arm_end").id),
+        (at["camera"], model.site("arm_elbow").id),
     }
+
+
+class Same(SimpleNamespace):
+    """Equal to itself alone."""
+
+    __hash__ = object.__hash__
+    __eq__ = object.__eq__
 
 
 def with_tendon(frequency, coefficients, **more):
@@ -480,7 +508,7 @@ def with_tendon(frequency, coefficients, **more):
         label="mode1_xy",
         stiffness=frequency**2,
         freedoms=freedoms,
-        coefficients=coefficients,
+        coefficients=np.array(coefficients),
         is_mode=True,
     )
     spec = SimpleNamespace(name="arm", further={}, **more)
@@ -490,7 +518,7 @@ def with_tendon(frequency, coefficients, **more):
         <joint name="arm_hinge1_xy"/><geom size="1"/><body><joint name="arm_hinge2_xy"/>
         <geom size="1"/></body></body></body></worldbody></mujoco>"""
     )
-    made = SimpleNamespace(at="mount", prefix="arm_", rigid=False, spec=spec, fit=fit)
+    made = Same(at="mount", prefix="arm_", rigid=False, spec=spec, fit=fit)
     return model, made, fit
 
 
@@ -508,65 +536,48 @@ def test_the_tip_of_a_beam_moves_with_its_mode(length):
             modes=1, frequencies=np.array([frequency]), tip=np.array([[tip, 1.3765 * tip / length]])
         )
     }
-    fit.body, fit.kept = Body(fit.spec, {}), Kept("clamped", {"xy": 1})
+    fit.kept, fit.body = Kept("clamped", {"xy": 1}), Body(fit.spec, {})
     found = tip_displacement(model, made, "xy")
     assert found == pytest.approx([0.0] * 6 + [0.3 * tip, -0.8 * tip], rel=1e-9)
 
 
 @pytest.mark.parametrize("rigid", [False, True])
 def test_shapes_of_a_beam_are_those_of_four_modes_more_than_twice_the_kept(rigid, monkeypatch):
+    """Known for the next call at the same stations."""
     asked = []
 
     def inside(beam, port, count, reduced, stations, further):
-        asked.append((beam, port, count, stations, further))
+        asked.append((beam, port, count, stations.tolist(), further))
+        return port
+
+    def outputs(beam, ports, stations, further):
+        assert (beam, ports) == ("beam", list(COLUMNS))
+        return SimpleNamespace(frequencies=np.zeros(0) if rigid else np.array([1.0, 2.0, 3.0, 9.0]))
 
     module = "beamchain.craft.recovered_body"
     monkeypatch.setattr(f"{module}.inside_beam", inside)
+    monkeypatch.setattr(f"{module}.section_outputs", outputs)
     spec = SimpleNamespace(beam="beam", further={"b": 2.0, "a": 1.0})
-    chain = SimpleNamespace(tendons=[SimpleNamespace(label="mode1_xy", stiffness=2.0)])
-    kept = Kept("clamped", {"xy": 3, "torsion": 1})
-    fit = SimpleNamespace(spec=spec, body=None, kept=kept, chain=chain)
-    made = SimpleNamespace(fit=fit, rigid=rigid)
-    found = beam_body(None, made, "stations")
-    assert (found.coordinates, found.ports) == ({}, {})
+    labels = ["mode1_torsion", "mode3_xy", "mode2_xy", "mode1_xy", "mode4_xy"]
+    chain = SimpleNamespace(tendons=[SimpleNamespace(label=w, stiffness=2.0) for w in labels])
+    target = {
+        port: SimpleNamespace(modes=len(w), frequencies=np.array(w))
+        for port, w in (("torsion", [9.0]), ("xy", [1.0, 2.0, 3.0]))
+    }
+    kept = Kept("clamped", {"torsion": 1, "xy": 3})
+    fit = SimpleNamespace(spec=spec, body=None, kept=kept, chain=chain, target=target)
+    made = Same(fit=fit, rigid=rigid)
+    found = recovered_beam(made, (0.5, 2.0))
+    kept = [] if rigid else ["mode1_xy", "mode2_xy", "mode3_xy", "mode1_torsion"]
+    assert [tendon.label for tendon in found.tendons] == kept
+    np.testing.assert_array_equal(found.turn, np.eye(len(kept)))
     counts = dict.fromkeys(COLUMNS, 4) | ({} if rigid else {"xy": 10, "torsion": 6})
     assert sorted(asked) == sorted(
-        ("beam", port, count, "stations", (2.0, 1.0)) for port, count in counts.items()
+        ("beam", port, count, [0.5, 2.0], (2.0, 1.0)) for port, count in counts.items()
     )
-
-
-@pytest.mark.parametrize(("before", "after"), [(14, 15), (15, 16), (16, 1), (17, 1)])
-def test_beams_at_their_stations_are_kept_for_the_next_call(before, after, monkeypatch):
-    """Sixteen; one that is known is not made again."""
-    made = []
-    replaced = {
-        "appendage_at": lambda appendages, _: appendages[0],
-        "place_of": lambda *_: SimpleNamespace(root="root"),
-        "_rows_of": lambda *_: None,
-        "_stations": lambda *_: np.array([0.5]),
-        "run_of": lambda *_: "run",
-        "_moved_by": lambda _: ("moved", []),
-        "motion_of": lambda *_: "motion",
-        "beam_body": lambda *_: made.append(1) or SimpleNamespace(coordinates="coordinates"),
-        "_modes_in": lambda *_: "modes",
-        "_of_beam": lambda *given, **_: given[2],
-    }
-    for name, other in replaced.items():
-        monkeypatch.setattr(f"beamchain.craft.recovery.{name}", other)
-    arm = SimpleNamespace(
-        at="arm", spec=SimpleNamespace(slosh=None), fit=SimpleNamespace(space=None)
-    )
-    known = {("arm", bytes([k])): None for k in range(before)}
-
-    def found():
-        return recover_inside(
-            None, [arm], None, place="arm", x=None, static=True, rows=None, known=known
-        )
-
-    first = found()
-    assert len(known) == after
-    assert found() is first
-    assert made == [1]
+    assert recovered_beam(made, (0.5, 2.0)) is found
+    assert recovered_beam(made, (0.5,)) is not found
+    assert len(asked) == 8
 
 
 @pytest.mark.parametrize("part", [-1.1, -0.9, 0.9, 1.1])
@@ -602,30 +613,27 @@ def test_a_slow_imported_mode_is_told_by_its_tendon(sign):
     data = bc.ModalData(
         rigid_mass=np.diag([9.0] * 6), frequencies=np.array([0.2, 5.0]), participation=rows
     )
-    fit.space = SimpleNamespace(data=data, numbers=(1,))
-    found = imported_body(model, made)
-    np.testing.assert_allclose(found.kept, [[sign, 0.0]], atol=1e-12)
-    np.testing.assert_allclose(found.static, [np.zeros(6), -rows[1] / 25.0], atol=1e-12)
-    assert found.coordinates.frequencies == pytest.approx([0.2])
-    np.testing.assert_allclose(found.coordinates.rows, [[0.3, -0.8]])
-    assert found.coordinates.dofs.tolist() == [6, 7]
+    fit.space = SimpleNamespace(data=data, numbers=(1,), in_file={"mode1": 1}.get)
+    fit.spec.imported = SimpleNamespace(units=SimpleNamespace(si=(1.0, 1.0)))
+    each = bc.spec.RecoveryRows(names=("first", "second"), modes=np.eye(2))
+    found = recovered_delivery(made, each)
+    np.testing.assert_allclose(found.outputs.modes, [[[sign], [0.0]]], atol=1e-12)
+    np.testing.assert_allclose(found.outputs.drives[:, :6], -sign * rows[:1], atol=1e-12)
+    still = np.zeros((2, 15))
+    still[1, :6] = -rows[1] / 25.0
+    np.testing.assert_allclose(found.outputs.left_out, [still], atol=1e-12)
+    assert found.outputs.frequencies == pytest.approx([0.2])
+    rates = found.coordinates(model, made).rates
+    np.testing.assert_allclose(rates, [[0.0] * 6 + [0.3, -0.8]])
 
 
-def test_rows_over_imported_modes_are_in_the_units_of_their_file(monkeypatch):
+def test_rows_over_imported_modes_are_in_the_units_of_their_file():
     """mm and t: a coordinate of unit energy is 1e-3 sqrt(1e3) of one in SI. One row follows the
-    amplitudes, another, of a point, the accelerations and w x (w x r)."""
-    kept, static = RNG.standard_normal((2, 3)), RNG.standard_normal((3, 6))
-    frequencies, participation = np.array([2.0, 5.0]), RNG.standard_normal((3, 6))
-    in_file = np.linalg.qr(RNG.standard_normal((3, 3)))[0]
-    amplitudes, accelerations = RNG.standard_normal((2, 4, 2))
-    coordinates = SimpleNamespace(
-        labels=("mode1", "mode4"),
-        frequencies=frequencies,
-        amplitudes=lambda _, qpos: amplitudes,
-        rates=lambda values: values,
-    )
-    body = SimpleNamespace(coordinates=coordinates, kept=kept, static=static)
-    monkeypatch.setattr("beamchain.craft.recovery.imported_body", lambda *_: body)
+    amplitudes, another, of a point, the accelerations and w x (w x r). The kept modes are
+    combinations of three, which the file has over freedoms that mix them."""
+    kept, participation = RNG.standard_normal((2, 3)), RNG.standard_normal((3, 6))
+    every = np.array([2.0, 5.0, 11.0])
+    in_file = RNG.standard_normal((3, 3))
     given = bc.spec.RecoveryRows(
         names=("hinge", "eye"),
         modes=[RNG.standard_normal(3), np.zeros(3)],
@@ -634,44 +642,55 @@ def test_rows_over_imported_modes_are_in_the_units_of_their_file(monkeypatch):
         points=[np.zeros(3), [0.4, -1.2, 0.7]],
         units=("N m", "m/s^2"),
     )
+    data = SimpleNamespace(in_file=in_file, participation=participation, frequencies=every)
+    frequencies = np.array([2.0, 7.0])
     moved = root(4)
-    motion = SimpleNamespace(
-        roots=(moved,), qpos=amplitudes, qvel=0.0 * amplitudes, qacc=accelerations
-    )
-    space = SimpleNamespace(
-        data=SimpleNamespace(in_file=in_file, participation=participation),
-        in_file={"mode1": 2, "mode4": 7}.get,
-    )
-    imported = SimpleNamespace(units=SimpleNamespace(si=(1e-3, 1e3)))
-    fit = SimpleNamespace(spec=SimpleNamespace(imported=imported), space=space, kept_for="clamped")
-    made = SimpleNamespace(at="mount", fit=fit)
-    run = SimpleNamespace(time=np.arange(4.0))
-    found = recovery_of_imported(None, made, run, motion, rows=given, static=True)
-    assert found.in_file == (2, 7)
+    modal = run_in_modes(moved, 2)
+    outputs = delivered_outputs(data, kept, frequencies, given, (1e-3, 1e3))
+    values = values_of_outputs(outputs, modal, np.zeros((4, 0, 6)), static=True)
     # one unit of the file's coordinate is so many of those in SI
     size = 1.0 / (1e-3 * np.sqrt(1e3))
     felt = moved.acceleration - np.hstack([moved.gravity, np.zeros((4, 3))])
-    hinge = size * (amplitudes @ kept + felt @ static.T) @ np.array(given.modes[0])
-    np.testing.assert_allclose(found.rows[:, 0], hinge, rtol=1e-12)
-    eye = size * accelerations @ kept @ np.array(given.accelerations[1])
+    moment = size * in_file @ np.array(given.modes[0])  # of each of the three modes
+    # W^2 eta = -L a, of all less of the kept
+    hinge = modal.qpos @ kept @ moment - felt @ (participation.T / every**2) @ moment
+    hinge += felt @ ((kept @ participation).T / frequencies**2) @ kept @ moment
+    np.testing.assert_allclose(values[:, 0, 0], hinge, rtol=1e-11)
+    eye = size * modal.qacc @ kept @ in_file @ np.array(given.accelerations[1])
     eye += moved.acceleration @ np.array(given.root[1])
     for t, spin in enumerate(moved.spin):
         eye[t] += given.root[1][:3] @ np.cross(spin, np.cross(spin, given.points[1]))
-    np.testing.assert_allclose(found.rows[:, 1], eye, rtol=1e-12)
-    histories = found.histories
+    np.testing.assert_allclose(values[:, 0, 1], eye, rtol=1e-12)
+    histories = histories_of_values(outputs, values, moved.load, np.zeros(0))
     follows = {name: (histories[name].follows, histories[name].rest) for name in given.names}
     assert follows == {
         "hinge": ("amplitudes", "modes left out"),
         "eye": ("accelerations", "motion of the root"),
     }
+    assert [histories[name].units for name in given.names] == [("N m",), ("m/s^2",)]
     np.testing.assert_allclose(histories["eye"].values[:, 0, 0], eye)
-    wanted = size * kept @ np.array(given.modes[0])
-    np.testing.assert_allclose(histories["hinge"].factors, wanted[None, None])
-    wanted = (kept @ in_file.T @ participation).T * frequencies**2
+    np.testing.assert_allclose(histories["hinge"].factors, (kept @ moment)[None, None])
+    wanted = (kept @ participation).T * frequencies**2
     np.testing.assert_allclose(histories["root force"].factors, wanted[None, :3])
     np.testing.assert_allclose(histories["root moment"].factors, wanted[None, 3:])
-    less = recovery_of_imported(None, made, run, motion, rows=given, static=False).rows[:, 0]
-    np.testing.assert_allclose(less, size * amplitudes @ kept @ np.array(given.modes[0]))
+    less = values_of_outputs(outputs, modal, np.zeros((4, 0, 6)), static=False)[:, 0]
+    np.testing.assert_allclose(less[:, 0], modal.qpos @ kept @ moment)
+    np.testing.assert_allclose(less[:, 1], eye)
+
+
+def test_without_rows_a_delivery_is_known_at_its_root():
+    data = bc.ModalData(
+        rigid_mass=np.diag([9.0] * 6),
+        frequencies=np.array([2.0, 5.0]),
+        participation=RNG.uniform(0.1, 0.3, (2, 6)),
+    )
+    outputs = delivered_outputs(data, np.eye(2)[:1], np.array([2.0]), None, (1.0, 1.0))
+    moved = root(4)
+    values = values_of_outputs(outputs, run_in_modes(moved, 1), np.zeros((4, 0, 6)), static=True)
+    found = histories_of_values(outputs, values, moved.load, np.zeros(0))
+    assert list(found) == ["root force", "root moment"]
+    wanted = 4.0 * data.participation[0]
+    np.testing.assert_allclose(found["root force"].factors, wanted[None, :3, None])
 
 
 def test_combined_tendons_of_loads_are_turned_into_their_modes(monkeypatch):
@@ -695,5 +714,8 @@ def test_combined_tendons_of_loads_are_turned_into_their_modes(monkeypatch):
     chain = SimpleNamespace(tendons=[limp, *tendons, wrong], freedoms=lambda _: [])
     target = {"xy": SimpleNamespace(modes=3, tip=tip, motions=2)}
     spec = SimpleNamespace(further={"mid": 1.5, "end": 2.5})
-    made = SimpleNamespace(fit=SimpleNamespace(target=target, spec=spec))
-    np.testing.assert_allclose(attachment_turn(made, chain, "xy", 1), turn, atol=1e-12)
+    made = SimpleNamespace(target=target, spec=spec)
+    found = turn_into_modes(made, chain, "xy", 1)
+    np.testing.assert_allclose(found[1:, 1:], turn, atol=1e-12)
+    assert found[0].tolist() == found[:, 0].tolist() == [1.0, 0.0, 0.0]
+    np.testing.assert_array_equal(turn_into_modes(made, chain, "xy", 3), np.eye(3))

@@ -11,6 +11,7 @@ import beamchain as bc
 from beamchain.structure.section_loads import inside_beam, snapped
 
 EXACT = 1e-12
+COLUMNS = {"xy": [1, 5], "torsion": [3], "axial": [0]}
 STRAIN = 1e-3
 MATERIAL = bc.Material(youngs_modulus=7e10, density=2700.0)
 
@@ -57,13 +58,15 @@ def test_at_the_root_all_and_at_the_tip_nothing(beam, port):
     x = snapped(beam, np.array([0.0, beam.length]))
     found = inside_beam(beam, port, 8, lambda model, _: model.truncated(3), x)
     wanted = beam.port(port, 8).truncated(3)
+    to_space = np.eye(6)[:, COLUMNS[port]]
     size = np.max(np.abs(wanted.participation))
     assert np.max(np.abs(found.frequencies / wanted.frequencies - 1.0)) < EXACT
-    assert np.max(np.abs(found.momentum[:, 0] - wanted.participation)) < EXACT * size
-    assert np.max(np.abs(found.momentum[:, 1])) < EXACT * size
-    assert np.max(np.abs(found.motion[:, 0])) == 0.0
+    taken = to_space @ wanted.participation.T
+    assert np.max(np.abs(found.momentum[0] - taken)) < EXACT * size
+    assert np.max(np.abs(found.momentum[1])) < EXACT * size
+    assert np.max(np.abs(found.motion[0])) == 0.0
     tip = wanted.tip.reshape(3, -1, wanted.motions)[:, 0]
-    assert np.max(np.abs(found.motion[:, 1] - tip)) < 1e-8 * np.max(np.abs(tip))
+    assert np.max(np.abs(found.motion[1] - to_space @ tip.T)) < 1e-8 * np.max(np.abs(tip))
 
 
 UNIFORM = bc.Beam(
@@ -86,9 +89,9 @@ def test_momentum_is_what_strain_gives(beam, x, stiffness):
     h = 4e-3 * beam.length
     stations = np.array([x - h, x, x + h])
     found = inside_beam(beam, "xy", 8, lambda model, _: model.truncated(2), stations)
-    turn = found.motion[:, :, 1]
-    curvature = (turn[:, 2] - turn[:, 0]) / (2.0 * h)
-    moment = found.momentum[:, 1, 1] * found.frequencies**2
+    turn = found.motion[:, 5]
+    curvature = (turn[2] - turn[0]) / (2.0 * h)
+    moment = found.momentum[1, 5] * found.frequencies**2
     assert stiffness * curvature == pytest.approx(moment, rel=STRAIN)
 
 
@@ -107,21 +110,37 @@ def test_constant_loads_bend_and_stretch_a_uniform_beam_as_in_the_textbook(port)
     beam = bc.Beam(segments=[bc.Segment(length=length, section=ROD)])
     s = np.array([1.0, 3.0, 5.0])
     found = inside_beam(beam, port, 4, lambda model, _: model.truncated(2), s, [at])
+    carried = found.static[:, :, 15:]
     low = np.minimum(s, at)
     if port == "axial":
-        # N = m (L - s), and m (L^2 - s^2) / 2 of a pull that grows with x
-        wanted = [length * s - s**2 / 2.0, length**2 * s / 2.0 - s**3 / 6.0]
-        assert found.static[:, 0] == pytest.approx(-m / 70.0 * np.transpose(wanted), rel=1e-9)
-        assert found.static_carried[:, 0, 0] == pytest.approx(low / 70.0, rel=1e-9)
+        # N = m (L - s), and m (L^2 - s^2) / 2 of a pull that grows with x, -(w_y^2 + w_z^2) x
+        even, growing = length * s - s**2 / 2.0, length**2 * s / 2.0 - s**3 / 6.0
+        assert found.static[:, 0, 0] == pytest.approx(-m / 70.0 * even, rel=1e-9)
+        products = found.static[:, 0, 6:15].reshape(3, 3, 3)
+        for i, j in np.ndindex(3, 3):
+            wanted = m / 70.0 * growing if i == j > 0 else 0.0 * growing
+            assert products[:, i, j] == pytest.approx(wanted, rel=1e-9)
+        assert carried[:, 0, 0] == pytest.approx(low / 70.0, rel=1e-9)
         return
     # of m per length, and of m x
-    wanted = [
-        s**2 * (6.0 * length**2 - 4.0 * length * s + s**2) / 24.0,
-        s**2 * (20.0 * length**3 - 10.0 * length**2 * s + s**3) / 120.0,
-    ]
-    assert found.static[:, 0] == pytest.approx(-m / 300.0 * np.transpose(wanted), rel=1e-9)
+    even = s**2 * (6.0 * length**2 - 4.0 * length * s + s**2) / 24.0
+    growing = s**2 * (20.0 * length**3 - 10.0 * length**2 * s + s**3) / 120.0
+    assert found.static[:, 1, 1] == pytest.approx(-m / 300.0 * even, rel=1e-9)
+    assert found.static[:, 1, 5] == pytest.approx(-m / 300.0 * growing, rel=1e-9)
+    # a spin about x and y moves a point at x by w_x w_y x
+    products = found.static[:, 1, 6:15].reshape(3, 3, 3)
+    spun = products[:, 0, 1] + products[:, 1, 0]
+    assert spun == pytest.approx(-m / 300.0 * growing, rel=1e-9)
     moved = np.where(s <= at, s**2 * (3.0 * at - s), at**2 * (3.0 * s - at)) / 6.0
     turned = np.where(s <= at, s * (at - s / 2.0), at**2 / 2.0)
-    assert found.static_carried[:, 0, 0] == pytest.approx(moved / 300.0, rel=1e-9)
-    assert found.static_carried[:, 1, 0] == pytest.approx(turned / 300.0, rel=1e-9)
-    assert found.static_carried[:, 1, 1] == pytest.approx(low / 300.0, rel=1e-9)
+    assert carried[:, 1, 1] == pytest.approx(moved / 300.0, rel=1e-9)
+    assert carried[:, 5, 1] == pytest.approx(turned / 300.0, rel=1e-9)
+    assert carried[:, 5, 5] == pytest.approx(low / 300.0, rel=1e-9)
+
+
+def test_a_beam_that_is_rigid_in_a_port_does_nothing_there():
+    stations = np.array([0.0, 1.0, 5.0])
+    found = inside_beam(UNIFORM, "torsion", 4, lambda model, _: model, stations, [5.0])
+    assert found.frequencies.size == found.motion.size == found.momentum.size == 0
+    assert found.drives.shape == (0, 21)
+    np.testing.assert_array_equal(found.static, np.zeros((3, 6, 21)))

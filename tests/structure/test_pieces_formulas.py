@@ -21,7 +21,6 @@ from beamchain.spec import RecoveryRows
 from beamchain.structure.discretise import converged_model
 from beamchain.structure.readers.imported import Imported, Units
 from formulas import (
-    Inside,
     Parts,
     Shapes,
     body_in_port,
@@ -29,7 +28,6 @@ from formulas import (
     change_of_lowest,
     check_outwards,
     edges_of_pieces,
-    flat_points,
     joined_neighbours,
     momentum_beyond,
     pieces_of_beam,
@@ -167,27 +165,6 @@ def test_momentum_beyond_stations_is_of_what_hangs_behind():
     plain = momentum_beyond(Shapes(x, moved, turned, values, bending=False), stations, 1e-9)
     assert plain[:, :, 0] == pytest.approx(found[:, :, 0])
     assert plain.shape == (2, 4, 1)
-
-
-def test_what_the_modes_kept_leave_of_a_static_motion():
-    """`-sum u L / W^2` of accelerations, `+ sum u f / W^2` of forces."""
-    random = np.random.default_rng(0)
-    w = np.array([2.0, 3.0])
-    motion, momentum = random.normal(size=(2, 2, 3, 2))
-    drive, carried = random.normal(size=(2, 2)), random.normal(size=(2, 4))
-    static, static_carried = random.normal(size=(3, 2, 2)), random.normal(size=(3, 2, 4))
-    inside = Inside(w, motion, momentum, drive, carried, static, static_carried)
-    for s in range(3):
-        for m in range(2):
-            sums = [
-                sum(motion[n, s, m] * g[n] / w[n] ** 2 for n in (0, 1)) for g in (drive, carried)
-            ]
-            assert inside.left_out[s, m] == pytest.approx(static[s, m] + sums[0])
-            assert inside.left_out_carried[s, m] == pytest.approx(static_carried[s, m] - sums[1])
-    both = inside.joined(inside)
-    assert both.motion.shape == both.momentum.shape == (2, 6, 2)
-    assert both.left_out == pytest.approx(np.concatenate([inside.left_out] * 2))
-    assert flat_points(motion).tolist() == [[*of.ravel()] for of in motion]
 
 
 # -- which way a body points -----------------------------------------------------------------------

@@ -136,6 +136,7 @@ from beamchain.craft.fits import _far as far_mount
 from beamchain.craft.fits import _points_inward as points_inward
 from beamchain.craft.fits import fit_all
 from beamchain.craft.hanging_liquid import hanging_liquid, springs_at_stated
+from beamchain.craft.histories import History, Recovery
 from beamchain.craft.inspect import energy_words, inspect_model
 from beamchain.craft.linear_craft import _load as load_on_exact
 from beamchain.craft.linear_craft import _names as names_of_models
@@ -169,29 +170,22 @@ from beamchain.craft.proof import _elements as elements_of_file
 from beamchain.craft.proof import _with_poses_of as bare_at_poses_of
 from beamchain.craft.quantities import Quantity, draws, inertia_matrix, quantities
 from beamchain.craft.quantities import _check_inertia as check_inertia
+from beamchain.craft.recording import run_of as run_of_data
 from beamchain.craft.recovered_body import (
-    Coordinates,
-    beam_body,
-    imported_body,
-    place_of,
+    RecoveredBody,
+    recovered_beam,
+    recovered_delivery,
+    root_of,
     tip_displacement,
 )
-from beamchain.craft.recovered_body import _attachment_turn as attachment_turn
 from beamchain.craft.recovered_body import _check_same as check_same_modes
 from beamchain.craft.recovered_body import _participation as participation_of_tendon
-from beamchain.craft.recovery import History, Recovery, appendage_at
-from beamchain.craft.recovery import _acceleration as acceleration_of_sections
-from beamchain.craft.recovery import _carried_load as carried_load
-from beamchain.craft.recovery import _felt as felt_by_modes
-from beamchain.craft.recovery import _left_out as load_of_modes_left_out
-from beamchain.craft.recovery import _of_beam as recovery_of_beam
-from beamchain.craft.recovery import _of_imported as recovery_of_imported
-from beamchain.craft.recovery import _on_ports as wrench_on_ports
-from beamchain.craft.recovery import _rigid_load as rigid_load
-from beamchain.craft.recovery import _root_factors as root_factors
+from beamchain.craft.recovered_body import _turn as turn_into_modes
+from beamchain.craft.recovery import _histories as histories_of_values
 from beamchain.craft.recovery import _stations as stations_of
-from beamchain.craft.recovery import recover as recover_inside
-from beamchain.craft.recovery import run_of as run_of_data
+from beamchain.craft.recovery import _values as values_of_outputs
+from beamchain.craft.recovery import _wrenches as wrenches_on_points
+from beamchain.craft.recovery import appendage_at
 from beamchain.craft.retiming import RetimedCraft, retime_craft
 from beamchain.craft.slews import SlewBody, SlewRow
 from beamchain.craft.slews import _apart as apart
@@ -505,6 +499,11 @@ from beamchain.structure.readers.nastran_op4 import _text_header as header_of_te
 from beamchain.structure.readers.nastran_op4 import read_op4
 from beamchain.structure.readers.own_format import _digits as digits_of_numbers
 from beamchain.structure.readers.recovery_file import read_recovery
+from beamchain.structure.recovery_rows import (
+    OutputMatrices,
+    crossed,
+    delivered_outputs,
+)
 from beamchain.structure.rigid_body import (
     body_departure,
     independent_parts,
@@ -514,9 +513,10 @@ from beamchain.structure.rigid_body import (
     within_body,
 )
 from beamchain.structure.section import soft_modulus
-from beamchain.structure.section_loads import Inside, snapped
-from beamchain.structure.section_loads import _flat as flat_points
+from beamchain.structure.section_loads import Inside, section_outputs, snapped
+from beamchain.structure.section_loads import _drives as drives_of_modes
 from beamchain.structure.section_loads import _momentum as momentum_beyond
+from beamchain.structure.section_loads import _rigid_load as rigid_load
 from beamchain.structure.sections_at import Sections, sections_at
 from beamchain.structure.settle_modes import (
     near_groups,
@@ -554,7 +554,6 @@ __all__ = [
     "Candidates",
     "Chain",
     "Composite",
-    "Coordinates",
     "Craft",
     "CraftError",
     "Drawn",
@@ -601,6 +600,7 @@ __all__ = [
     "Nodes",
     "NormalModes",
     "OperatingPoint",
+    "OutputMatrices",
     "Outputs",
     "PartialFractions",
     "Parts",
@@ -615,6 +615,7 @@ __all__ = [
     "Promise",
     "Properties",
     "Quantity",
+    "RecoveredBody",
     "Recovery",
     "Reference",
     "Refit",
@@ -652,7 +653,6 @@ __all__ = [
     "Turn",
     "VariantMaker",
     "Way",
-    "acceleration_of_sections",
     "acting",
     "activation_names",
     "allocated",
@@ -674,14 +674,12 @@ __all__ = [
     "assembly_at_rest",
     "assigned_poles",
     "assumed_hub",
-    "attachment_turn",
     "balanced_bounds",
     "ballast_for",
     "band_grid",
     "bare_at_poses_of",
     "base",
     "base_place",
-    "beam_body",
     "bent_keyframes",
     "bent_line",
     "best_cut",
@@ -694,7 +692,6 @@ __all__ = [
     "build_exact",
     "cantilever_names",
     "carried_by_craft",
-    "carried_load",
     "carriers",
     "carries_of",
     "carrying_of",
@@ -740,6 +737,7 @@ __all__ = [
     "coupled_modes",
     "craft_error",
     "craft_from_text",
+    "crossed",
     "crossing_of_zero",
     "crossings_between",
     "crossings_of_size_one",
@@ -754,6 +752,7 @@ __all__ = [
     "decide_timing",
     "default_hub",
     "default_length",
+    "delivered_outputs",
     "departs",
     "digits_of_numbers",
     "distance",
@@ -769,6 +768,7 @@ __all__ = [
     "drive_on_hub",
     "driven",
     "drives_of_craft",
+    "drives_of_modes",
     "edges_of_pieces",
     "elements_of_file",
     "elements_of_step",
@@ -782,7 +782,6 @@ __all__ = [
     "exact_response",
     "extra_damping",
     "far_mount",
-    "felt_by_modes",
     "fewest",
     "fewest_hinges",
     "fields_of_tree",
@@ -794,7 +793,6 @@ __all__ = [
     "first_of_ports",
     "fit_all",
     "fit_warnings",
-    "flat_points",
     "follow_modes",
     "form2",
     "form2_many",
@@ -822,9 +820,9 @@ __all__ = [
     "hinge_armature",
     "hinge_counts",
     "hinge_to_turn",
+    "histories_of_values",
     "holders_of_shape",
     "implicit_stiffness",
-    "imported_body",
     "imported_warnings",
     "impulse",
     "impulse_of_halves",
@@ -872,7 +870,6 @@ __all__ = [
     "liquid_cautions",
     "liquid_prefixes",
     "load_at",
-    "load_of_modes_left_out",
     "load_on_exact",
     "loaded_linear",
     "loading_at",
@@ -967,7 +964,6 @@ __all__ = [
     "phase_limit",
     "phase_of_two",
     "pieces_of_beam",
-    "place_of",
     "place_poles",
     "plane_of_chain",
     "points_inward",
@@ -1000,9 +996,8 @@ __all__ = [
     "realise",
     "realise_controller",
     "realise_fraction",
-    "recover_inside",
-    "recovery_of_beam",
-    "recovery_of_imported",
+    "recovered_beam",
+    "recovered_delivery",
     "reduced_to_kept",
     "refined_bounds",
     "relative_error",
@@ -1023,8 +1018,8 @@ __all__ = [
     "rigid_plane",
     "rk4_words",
     "root_body",
-    "root_factors",
     "root_frame",
+    "root_of",
     "rotation_vectors",
     "round_down",
     "rounded_up",
@@ -1045,6 +1040,7 @@ __all__ = [
     "scaled_participation",
     "score",
     "seconds_of",
+    "section_outputs",
     "sections_at",
     "seen",
     "select",
@@ -1115,6 +1111,7 @@ __all__ = [
     "turn",
     "turn_along",
     "turn_error",
+    "turn_into_modes",
     "turn_into_planes",
     "turn_warning",
     "turned_by",
@@ -1126,6 +1123,7 @@ __all__ = [
     "unresolved_peaks",
     "unstable_count",
     "usual_gain",
+    "values_of_outputs",
     "varied_fields",
     "vary_samples",
     "visible_modes",
@@ -1144,7 +1142,7 @@ __all__ = [
     "within_body",
     "without_actuators",
     "without_rounding",
-    "wrench_on_ports",
+    "wrenches_on_points",
     "write_values",
     "zero_pole_product",
 ]

@@ -24,9 +24,10 @@ from beamchain.craft.error import (
     craft_error,
     craft_poses,
 )
+from beamchain.craft.histories import Recovery
 from beamchain.craft.promise import MOST_MODES, JointRequest, joint_request, kept_band
-from beamchain.craft.recovered_body import BeamBody
-from beamchain.craft.recovery import Recorder, Recovery, recover
+from beamchain.craft.recording import Recorder
+from beamchain.craft.recovery import recover
 from beamchain.craft.sampled import craft_sampled_error
 from beamchain.craft.timing import craft_time_error, is_worth_timing
 from beamchain.engine.bench import Composite, composite
@@ -555,13 +556,7 @@ class Embedded:
             x=x,
             static=true_or_false("static", static),
             rows=rows,
-            known=self._insides,
         )
-
-    @cached_property
-    def _insides(self) -> dict[tuple[str, bytes], BeamBody]:
-        """Beams whose sections were looked at, by place and stations."""
-        return {}
 
     @one_thread()
     def as_dict(self) -> dict[str, Any]:

@@ -4,90 +4,94 @@ what happens inside it, as matrices.
 Theory: docs/theory.md, section 10.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from beamchain.chain.chain import Chain, Tendon
 from beamchain.chain.tendons import group_motion, port_rows, springs_as_modes
 from beamchain.craft.appendage import Appendage
 from beamchain.craft.loads import split_port
 from beamchain.engine.library import mujoco
-from beamchain.engine.root_motion import Root
+from beamchain.engine.root_motion import Motion, Root
 from beamchain.errors import InputError
 from beamchain.fitting.body import further_columns
 from beamchain.fitting.exact import SHAPED, reduced_to_kept
-from beamchain.fitting.hub import port_hub_mass
-from beamchain.fitting.result import InSpace
+from beamchain.fitting.result import Fit
 from beamchain.mjcf.write import joint_name
-from beamchain.ports.model import PortModel
-from beamchain.ports.motions import PORTS, Array, point_columns
-from beamchain.structure.section_loads import Inside, inside_beam
+from beamchain.ports.motions import PORT_MOTION, PORTS, Array, point_columns
+from beamchain.structure.recovery_rows import OutputMatrices, RecoveryRows, delivered_outputs
+from beamchain.structure.section_loads import MOTION, inside_beam, section_outputs
 
 SAME = 1e-5  # relative: frequencies of the modes as kept, and as found again
+MOST_KNOWN = 16  # beams at their stations that are kept for further calls
+
+
+class Coordinates(NamedTuple):
+    """The coordinates of the kept modes per motion of the model.
+
+    Args:
+        amplitudes: `(n, nq)` per position.
+        rates: `(n, nv)` per rate, or of their rates per acceleration.
+    """
+
+    amplitudes: Array
+    rates: Array
+
+    def along(self, motion: Motion) -> Motion:
+        """A run in these coordinates."""
+        return Motion(
+            motion.qpos @ self.amplitudes.T,
+            motion.qvel @ self.rates.T,
+            motion.qacc @ self.rates.T,
+            motion.roots,
+        )
 
 
 @dataclass(frozen=True, eq=False)
-class Coordinates:
-    """The modes of an appendage as its file has them.
+class RecoveredBody:
+    """An appendage whose inside is recovered.
 
     Args:
-        labels: of the modes.
-        rows: `(n, f)` lengths of the modes' tendons per hinge coordinate.
-        squares: `(n,)` their stiffness as fitted, frequency squared [1/s^2].
-        tendons: names of the modes' tendons; where springs stand on hinges the file has none.
-        qpos, dofs: `(f,)` places of the hinge coordinates in the model's.
+        tendons: `(n,)` of the kept modes; in the file, springs may stand on hinges instead.
         turn: `(n, n)` of the tendons' coordinates into those of the modes that were kept.
-        frequencies: `(n,)` of the modes that were kept [rad/s].
+        outputs: what happens inside it, over the kept modes.
     """
 
-    labels: tuple[str, ...]
-    rows: Array
-    squares: Array
-    tendons: tuple[str, ...]
-    qpos: NDArray[np.intp]
-    dofs: NDArray[np.intp]
+    tendons: tuple[Tendon, ...]
     turn: Array
-    frequencies: Array
+    outputs: OutputMatrices
 
-    def amplitudes(self, model: "mujoco.MjModel", qpos: Array) -> Array:
-        """`(t, n)` modal coordinates, by the force that strain makes, for positions `(t, nq)`.
+    def coordinates(self, model: "mujoco.MjModel", appendage: Appendage) -> Coordinates:
+        """The modal coordinates of the appendage in a model, by the force that strain makes.
 
         The force is that of the stiffness with which `model` was stepped: timing of a tree
         changes it.
         """
-        stiffness = self.squares.copy()
-        numbers = {str(model.tendon(i).name): i for i in range(model.ntendon)}
-        for k, name in enumerate(self.tendons):
-            if name in numbers:
-                stiffness[k] = model.tendon_stiffness[numbers[name]]
-        force = qpos[:, self.qpos] @ self.rows.T * stiffness
-        return force @ self.turn.T / self.frequencies**2
-
-    def rates(self, values: Array) -> Array:
-        """`(t, n)` rates or accelerations of the modes, of those of the model `(t, nv)`."""
-        return values[:, self.dofs] @ self.rows.T @ self.turn.T
-
-
-class Place(NamedTuple):
-    """An appendage in the model.
-
-    Args:
-        root: its first link and what its ports carry there.
-        ports: number among the further points of the port that carries each of these.
-    """
-
-    root: Root
-    ports: tuple[int, ...]
+        name, prefix = appendage.spec.name, appendage.prefix
+        joints = {
+            (i, port): int(model.joint(prefix + joint_name(name, i + 1, port)[len(name) + 1 :]).id)
+            for i, port in dict.fromkeys(f for tendon in self.tendons for f in tendon.freedoms)
+        }
+        forces = np.zeros((len(self.tendons), model.nq))
+        lengths = np.zeros((len(self.tendons), model.nv))
+        for k, tendon in enumerate(self.tendons):
+            kind = mujoco.mjtObj.mjOBJ_TENDON
+            number = mujoco.mj_name2id(model, kind, prefix + tendon.label)
+            stiffness = tendon.stiffness if number < 0 else model.tendon_stiffness[number]
+            over = [joints[f] for f in tendon.freedoms]
+            forces[k, model.jnt_qposadr[over]] = stiffness * tendon.coefficients
+            lengths[k, model.jnt_dofadr[over]] = tendon.coefficients
+        # W^2 eta = T K b q
+        amplitudes = self.turn @ forces / self.outputs.frequencies[:, None] ** 2
+        return Coordinates(amplitudes, self.turn @ lengths)
 
 
-def place_of(
-    model: "mujoco.MjModel", appendage: Appendage, appendages: Sequence[Appendage]
-) -> Place:
+def root_of(model: "mujoco.MjModel", appendage: Appendage, appendages: Sequence[Appendage]) -> Root:
     """Where an appendage stands in the model, and what its ports carry."""
     prefix = appendage.prefix
     top = int(model.body(f"{prefix}link1").id)
@@ -103,8 +107,6 @@ def place_of(
     count = len(appendage.fit.chain.links)
     names = {f"{prefix}link{i + 1}" for i in range(count)}
     carried: list[tuple[int, int]] = []
-    ports: list[int] = []
-    further = list(appendage.fit.spec.further)
     for body in range(top + 1, model.nbody):
         if int(model.body_parentid[body]) not in links:
             continue
@@ -112,52 +114,22 @@ def place_of(
         if name in names:
             links.add(body)
         elif name in port_of:
-            port = port_of[name]
-            carried.append((body, int(model.site(f"{prefix}{port}").id)))
-            ports.append(further.index(port))
+            carried.append((body, int(model.site(f"{prefix}{port_of[name]}").id)))
         else:
             raise InputError(
                 f"body {name or body!r} hangs on the appendage at {appendage.at}, and on none of "
                 "its ports, so that loads inside the appendage cannot be recovered; hang it on a "
                 "port (embed --carry)."
             )
-    return Place(Root(top, tuple(carried)), tuple(ports))
+    return Root(top, tuple(carried))
 
 
-# -- modal coordinates -----------------------------------------------------------------------------
+# -- bodies ----------------------------------------------------------------------------------------
 def _on_tendons(chain: Chain) -> Chain:
     """The chain with a tendon per mode, where its springs stand on hinges."""
     if any(tendon.stiffness > 0.0 for tendon in chain.tendons):
         return chain
     return springs_as_modes(chain, {p: np.zeros(chain.port(p).modes) for p in chain.ports})
-
-
-def _coordinates(
-    model: "mujoco.MjModel",
-    appendage: Appendage,
-    tendons: Sequence[Tendon],
-    turn: Array,
-    frequencies: Array,
-) -> Coordinates:
-    freedoms = list(dict.fromkeys(f for tendon in tendons for f in tendon.freedoms))
-    name = appendage.spec.name
-    joints = [
-        int(model.joint(appendage.prefix + joint_name(name, i + 1, port)[len(name) + 1 :]).id)
-        for i, port in freedoms
-    ]
-    rows = np.zeros((len(tendons), len(freedoms)))
-    for row, tendon in zip(rows, tendons, strict=True):
-        row[[freedoms.index(f) for f in tendon.freedoms]] = tendon.coefficients
-    return Coordinates(
-        tuple(tendon.label for tendon in tendons),
-        rows,
-        np.array([tendon.stiffness for tendon in tendons]),
-        tuple(f"{appendage.prefix}{tendon.label}" for tendon in tendons),
-        np.array(model.jnt_qposadr[joints], dtype=np.intp).reshape(-1),
-        np.array(model.jnt_dofadr[joints], dtype=np.intp).reshape(-1),
-        turn,
-        frequencies,
-    )
 
 
 def _check_same(appendage: Appendage, found: Array, kept: Array) -> None:
@@ -169,66 +141,56 @@ def _check_same(appendage: Appendage, found: Array, kept: Array) -> None:
         )
 
 
-# -- beams -----------------------------------------------------------------------------------------
-@dataclass(frozen=True, eq=False)
-class BeamBody:
-    """A beam in the model: per port its modes, and what they do at the stations."""
-
-    coordinates: Mapping[str, Coordinates]
-    ports: Mapping[str, Inside]
-
-
-def beam_body(model: "mujoco.MjModel", appendage: Appendage, stations: Array) -> BeamBody:
-    """The modes of a beam and what they do at stations `(s,)` [m]."""
+@lru_cache(maxsize=MOST_KNOWN)
+def recovered_beam(appendage: Appendage, stations: tuple[float, ...]) -> RecoveredBody:
+    """A beam with loads and motion of its sections at stations [m], as `snapped` leaves them."""
     fit = appendage.fit
-    chain = _on_tendons(fit.chain)
+    beam, chain = fit.spec.beam, _on_tendons(fit.chain)
     by_label = {tendon.label: tendon for tendon in chain.tendons if tendon.stiffness > 0.0}
-    coordinates: dict[str, Coordinates] = {}
-    ports: dict[str, Inside] = {}
-    counts = {} if appendage.rigid else fit.kept.counts
-    for port in PORTS:
-        count = counts.get(port, 0)
-        inside = inside_beam(
-            fit.spec.beam,
+    counts = dict.fromkeys(PORTS, 0) | ({} if appendage.rigid else fit.kept.counts)
+    x, points = np.array(stations), tuple(fit.spec.further.values())
+    ports = [
+        inside_beam(
+            beam,
             port,
-            2 * count + SHAPED,
-            partial(reduced_to_kept, fit.body, fit.kept, port, count),
-            stations,
-            tuple(fit.spec.further.values()),
+            2 * counts[port] + SHAPED,
+            partial(reduced_to_kept, fit.body, fit.kept, port, counts[port]),
+            x,
+            points,
         )
-        if inside is None:
-            continue
-        ports[port] = inside
-        if not count:
-            continue
-        target = fit.target[port]
-        _check_same(appendage, inside.frequencies, target.frequencies)
-        tendons = [by_label[f"mode{k + 1}_{port}"] for k in range(target.modes)]
-        turn = np.eye(target.modes)
-        if target.modes > count:
-            turn[count:, count:] = _attachment_turn(appendage, chain, port, count)
-        coordinates[port] = _coordinates(model, appendage, tendons, turn, inside.frequencies)
-    return BeamBody(coordinates, ports)
+        for port in PORTS
+    ]
+    outputs = section_outputs(beam, ports, x, points)
+    targets = {port: fit.target[port] for port in PORTS if counts[port]}
+    wanted = np.concatenate([np.zeros(0), *(target.frequencies for target in targets.values())])
+    _check_same(appendage, outputs.frequencies, wanted)
+    tendons = [
+        by_label[f"mode{k + 1}_{port}"]
+        for port, target in targets.items()
+        for k in range(target.modes)
+    ]
+    turns = [_turn(fit, chain, port, counts[port]) for port in targets]
+    return RecoveredBody(tuple(tendons), block_diag(np.zeros((0, 0)), *turns), outputs)
 
 
 def tip_displacement(model: "mujoco.MjModel", appendage: Appendage, port: str) -> Array:
     """`(nv,)` displacement of a beam's tip in a port per motion of the model, in its own modes:
     the last link of the chain moves otherwise."""
-    tip = appendage.fit.target[port].tip
-    body = beam_body(model, appendage, np.array([appendage.fit.spec.beam.length]))
-    assert tip is not None
-    modes = body.coordinates[port].rates(np.eye(model.nv))
-    return np.asarray(modes @ tip[:, 0], dtype=np.float64)
+    body = recovered_beam(appendage, (appendage.fit.spec.beam.length,))
+    motion = PORT_MOTION[port][:, 0] @ body.outputs.modes[0, MOTION]
+    return motion @ body.coordinates(model, appendage).rates
 
 
-def _attachment_turn(appendage: Appendage, chain: Chain, port: str, count: int) -> Array:
-    """`(a, a)` from the coordinates of the last a tendons to those of the attachment modes: where
-    there are fillers, the file has combinations of them.
+def _turn(fit: Fit, chain: Chain, port: str, count: int) -> Array:
+    """`(n, n)` from the coordinates of a port's tendons to those of the modes, of which all beyond
+    `count` are attachment modes: where there are fillers, the file has combinations of these.
 
     By the motion of the further points, `tau_tendons = tau_modes turn`.
     """
-    fit = appendage.fit
     target = fit.target[port]
+    turn = np.eye(target.modes)
+    if target.modes == count:
+        return turn
     tendons = [t for t in chain.tendons if t.stiffness > 0.0 and t.label.endswith(f"_{port}")]
     freedoms = chain.freedoms([port])
     shapes = np.linalg.inv(np.array([t.coefficients for t in tendons]))[:, count : target.modes]
@@ -238,89 +200,49 @@ def _attachment_turn(appendage: Appendage, chain: Chain, port: str, count: int) 
     assert target.tip is not None
     columns = point_columns(further_columns(fit.spec), target.motions)
     wanted = target.tip[count:, columns].T
-    return np.asarray(np.linalg.lstsq(wanted, moved, rcond=None)[0], dtype=np.float64)
+    turn[count:, count:] = np.linalg.lstsq(wanted, moved, rcond=None)[0]
+    return turn
 
 
 # -- imported modes --------------------------------------------------------------------------------
-@dataclass(frozen=True, eq=False)
-class ImportedBody:
-    """Imported modes in the model.
-
-    Args:
-        coordinates: of the kept modes; None where the body is rigid.
-        kept: `(k, N)` each kept mode in terms of all N modes of the file.
-        static: `(N, 6)` coordinates of the file's modes per constant acceleration of the root,
-            those that are kept left out.
-    """
-
-    coordinates: Coordinates | None
-    kept: Array
-    static: Array
-
-
-def imported_body(model: "mujoco.MjModel", appendage: Appendage) -> ImportedBody:
-    """The kept modes of an imported body in terms of those of its file, whose coordinates are
-    those of mass-normalised modes in SI."""
-    space = appendage.fit.space
+def recovered_delivery(appendage: Appendage, rows: RecoveryRows | None) -> RecoveredBody:
+    """Imported modes with recovery rows over all modes of their file."""
+    space, imported = appendage.fit.space, appendage.fit.spec.imported
     assert space is not None
+    assert imported is not None
     data = space.data
     chain = _on_tendons(appendage.fit.chain)
-    tendons = [t for t in chain.tendons if t.stiffness > 0.0 and t.is_mode]
-    if appendage.rigid:
-        tendons = []
-    by_word = {word: _kept_modes(appendage, space, word) for word in map(_word, _labels(tendons))}
-    kept = np.zeros((len(tendons), data.modes))
-    frequencies = np.zeros(len(tendons))
+    tendons = [t for t in chain.tendons if t.stiffness > 0.0 and t.is_mode and not appendage.rigid]
+    kept, frequencies = np.zeros((len(tendons), data.modes)), np.zeros(len(tendons))
     for k, tendon in enumerate(tendons):
-        modes = by_word[_word(tendon.label)]
-        number = int(tendon.label.removeprefix("mode").partition("_")[0]) - 1
-        assert modes.tip is not None
-        along = modes.tip[number]
+        along, frequencies[k] = _kept_mode(appendage, tendon.label)
         felt = _participation(chain, tendon) @ (along @ data.participation)
         kept[k] = -along if felt < 0.0 else along
-        frequencies[k] = modes.frequencies[number]
-    # W^-2 L of all modes less that of the kept ones
-    flexible = data.participation / data.frequencies[:, None] ** 2
-    held = kept.T @ ((kept @ data.participation) / frequencies[:, None] ** 2)
-    coordinates = None
-    if tendons:
-        turn = np.eye(len(tendons))
-        coordinates = _coordinates(model, appendage, tendons, turn, frequencies)
-        _check_same(appendage, np.sqrt(coordinates.squares), frequencies)
-    in_file = data.in_file
-    return ImportedBody(coordinates, kept @ in_file, in_file.T @ (held - flexible))
+    _check_same(appendage, np.sqrt([tendon.stiffness for tendon in tendons]), frequencies)
+    outputs = delivered_outputs(data, kept, frequencies, rows, imported.units.si)
+    return RecoveredBody(tuple(tendons), np.eye(len(tendons)), outputs)
 
 
-def _labels(tendons: Sequence[Tendon]) -> list[str]:
-    return [tendon.label for tendon in tendons]
-
-
-def _word(label: str) -> str:
-    """The port of a tendon's mode; empty where it moves several."""
-    return label.partition("_")[2]
-
-
-def _kept_modes(appendage: Appendage, space: InSpace, word: str) -> PortModel:
-    """The modes that tendons of a port have, in the order of their numbers; `tip` holds them in
-    terms of all modes."""
+def _kept_mode(appendage: Appendage, label: str) -> tuple[Array, float]:
+    """`(N,)` the mode of a tendon in terms of all modes, and its frequency [rad/s]."""
+    fit, space = appendage.fit, appendage.fit.space
+    assert space is not None
     data = space.data
-    target = appendage.fit.kept_for
-    if not word:
-        if target != "clamped":
-            raise InputError(
-                f"the modes of the appendage at {appendage.at} couple its ports and are those of a "
-                f'{target} root; rows over the modes of the file need target = "clamped".'
-            )
-        model = data.space()
-        return model.replaced(tip=np.eye(data.modes)).picked([k - 1 for k in space.numbers])
-    belongs = np.flatnonzero([port == word for port in data.belongs])
-    whole = data.port(word, own=True).replaced(tip=np.eye(data.modes)[belongs])
-    chosen = [k for k, mode in enumerate(belongs.tolist()) if mode + 1 in space.numbers]
-    if target == "clamped":
-        return whole.picked(chosen)
-    hub = appendage.fit.spec.root.hub
-    mass = np.zeros((6, 6)) if hub is None or target == "free" else hub.mass_matrix()
-    return whole.reduced(len(chosen), port_hub_mass(mass, word))
+    if fit.kept_for == "clamped":
+        k = space.in_file(label) - 1
+        return np.eye(data.modes)[k], float(data.frequencies[k])
+    number, _, port = label.removeprefix("mode").partition("_")
+    if not port:
+        raise InputError(
+            f"the modes of the appendage at {appendage.at} couple its ports and are those of a "
+            f'{fit.kept_for} root; rows over the modes of the file need target = "clamped".'
+        )
+    belongs = np.flatnonzero([mode_port == port for mode_port in data.belongs])
+    whole = data.port(port, own=True).replaced(tip=np.eye(data.modes)[belongs])
+    count = int(np.sum(np.isin(belongs + 1, space.numbers)))
+    model = reduced_to_kept(fit.body, fit.kept, port, count, whole, ())
+    assert model.tip is not None
+    return model.tip[int(number) - 1], float(model.frequencies[int(number) - 1])
 
 
 def _participation(chain: Chain, tendon: Tendon) -> Array:

@@ -164,8 +164,18 @@ def body_and_kept(spec: Spec, data: ModalData | None = None) -> tuple[Body, Kept
 def fit_kept(body: Body, kept: Kept, began: float | None = None) -> Fit:
     """Modes realised, written, read back through MuJoCo, and compared; `began`: when the appendage
     was read, by `time.perf_counter` [s]."""
-    clock = [time.perf_counter()]
-    clock.insert(0, began or clock[0])
+    now = time.perf_counter()
+    try:
+        return _fit(body, kept, [began or now, now])
+    except EngineError as error:
+        if body.spec.imported is None:
+            raise
+        units = body.spec.imported.units
+        cure = "Check imported.units (length = {:g}, mass = {:g}).".format(*units.si)
+        raise EngineError(str(error).replace(UNITS, cure)) from None
+
+
+def _fit(body: Body, kept: Kept, clock: list[float]) -> Fit:
     kept, built, line = _realise(body, kept)
     chain, note = raise_polar_inertia(built.chain, LEAST_INERTIA)
     built = replace(built, chain=chain)
@@ -174,21 +184,14 @@ def fit_kept(body: Body, kept: Kept, began: float | None = None) -> Fit:
     if chain.hung:
         tree = sprung_by_acceleration(tree, chain.acceleration)
     clock.append(time.perf_counter())
-    try:
-        measured = measure(
-            tree,
-            kept.blocks,
-            timestep=(body.spec.scene or Scene()).step,
-            integrator=body.spec.integrator,
-            ballast=root_body(chain),
-            live=body.live,
-        )
-    except EngineError as error:
-        if body.spec.imported is None:
-            raise
-        units = body.spec.imported.units
-        cure = "Check imported.units (length = {:g}, mass = {:g}).".format(*units.si)
-        raise EngineError(str(error).replace(UNITS, cure)) from None
+    measured = measure(
+        tree,
+        kept.blocks,
+        timestep=(body.spec.scene or Scene()).step,
+        integrator=body.spec.integrator,
+        ballast=root_body(chain),
+        live=body.live,
+    )
     fitted = assess_fit(body, kept, built, line, measured, clock)
     if not note:
         return fitted

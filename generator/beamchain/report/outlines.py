@@ -9,16 +9,16 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from beamchain.craft.appendage import Appendage, names
-from beamchain.craft.recovered_body import beam_body
+from beamchain.craft.recovered_body import recovered_beam
 from beamchain.engine.geometry import CORNERS
 from beamchain.engine.library import mujoco, rotation_matrix
 from beamchain.engine.model_diff import ids_of
 from beamchain.engine.operating_point import base_body
 from beamchain.errors import BeamchainError
 from beamchain.mjcf.visuals import box_squares
-from beamchain.ports.motions import PORT_MOTION, Array
+from beamchain.ports.motions import Array
 from beamchain.structure.beam import Beam
-from beamchain.structure.section_loads import snapped
+from beamchain.structure.section_loads import MOTION, snapped
 
 STATIONS = 12  # of an appendage at which its modes are evaluated, where there are few,
 FEWEST = 4
@@ -175,15 +175,10 @@ def _ribbon(model: "mujoco.MjModel", a: Appendage, stations: int) -> Ribbon:
     ]
     x, where = np.unique(snapped(beam, np.concatenate(coarse)), return_inverse=True)
     try:
-        body = beam_body(model, a, x)
+        body = recovered_beam(a, tuple(x.tolist()))
     except BeamchainError:  # a chain whose modes are not found again, of fewer modes than asked for
         return _ribbon_of_links(model, a, root)
-    motion = np.zeros((x.size, 6, 0))
-    rows = np.zeros((0, model.nq))
-    for port, coordinates in body.coordinates.items():
-        own = np.einsum("im,nsm->sin", PORT_MOTION[port], body.ports[port].motion)
-        motion = np.concatenate([motion, own], axis=2)
-        rows = np.vstack([rows, coordinates.amplitudes(model, np.eye(model.nq)).T])
+    motion = body.outputs.modes[:, MOTION]
     finer: list[Array] = []
     moved: list[Array] = []
     pieces: list[tuple[int, int]] = []
@@ -203,7 +198,7 @@ def _ribbon(model: "mujoco.MjModel", a: Appendage, stations: int) -> Ribbon:
         _sides(depths / 2.0, beam.length),
         tuple(pieces),
         np.concatenate(moved),
-        rows,
+        body.coordinates(model, a).amplitudes,
     )
 
 

@@ -12,7 +12,7 @@ from beamchain.report.plots import drawing, literal, panel
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from beamchain.craft.recovery import Recovery
+    from beamchain.craft.histories import Recovery
     from beamchain.ports.motions import Array
 
 STRESS = ("largest", "smallest")

@@ -1,13 +1,21 @@
-"""Rows that turn modes of a finite-element program into loads, stresses and accelerations."""
+"""Rows over modes that give loads, stresses and accelerations inside an appendage: as a
+finite-element program delivers them, and as they are evaluated.
+
+Theory: docs/theory.md, section 10.
+"""
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
 from beamchain.checks import finite_array, list_of_names
 from beamchain.errors import InputError
-from beamchain.ports.motions import Array, locked
+from beamchain.ports.motions import Array, locked, offset_matrix
+from beamchain.structure.modal_data import ModalData
 
+FELT = np.eye(6, 6 + 9)  # of what drives modes, all that a file knows: nothing of a spin
+CROSS = np.cross(np.eye(3)[:, None], np.eye(3))  # of two unit vectors
 MOST_ROWS = 4000
 LARGEST = 1e50  # of any number given, so that products of several stay finite
 
@@ -125,3 +133,103 @@ class RecoveryRows:
         except InputError as error:
             raise InputError(f"{self.source}: {error}") from None
         return values.reshape(count, -1) if values.size and values.ndim < 2 else values
+
+
+class RecoveredQuantity(NamedTuple):
+    """A recovered quantity: name, names and units of its components, and whether the kept modes
+    make it by their accelerations, not by their amplitudes."""
+
+    name: str
+    parts: tuple[str, ...]
+    units: tuple[str, ...]
+    accelerates: bool
+
+
+@dataclass(frozen=True, eq=False)
+class OutputMatrices:
+    """Output transformation matrices of an appendage: k components at s stations over its motion.
+
+    `y = C_q eta + C_a eta'' + C_r a + C_w (w, (w, eta')) + (C_s - C_q W^-2 D) d`: with eta the n
+    kept modes, a and w acceleration and spin of the root. The last term is the static part of the
+    modes left out: of the whole appendage less that of the kept modes, `W^2 eta = D d`. What drives
+    them is d: the acceleration that the root feels (6), products of its spin (9), and wrenches (6)
+    on every point that may carry something.
+
+    Args:
+        quantities: what the components are, in their order.
+        frequencies: `(n,)` W of the kept modes [rad/s].
+        drives: `(n, d)` D, force on each kept mode; per acceleration `-L`.
+        modes: `(s, k, n)` C_q.
+        accelerations: `(s, k, n)` C_a.
+        root: `(s, k, 6)` C_r.
+        spin: `(s, k, 3, 3 + n)` C_w, per product of a spin with a spin or the rate of a mode.
+        static: `(s, k, d)` C_s, of the whole appendage under constant drives.
+    """
+
+    quantities: tuple[RecoveredQuantity, ...]
+    frequencies: Array
+    drives: Array
+    modes: Array
+    accelerations: Array
+    root: Array
+    spin: Array
+    static: Array
+
+    @property
+    def left_out(self) -> Array:
+        """`(s, k, d)` static part of the modes left out per constant drive."""
+        return self.static - self.modes @ (self.drives / self.frequencies[:, None] ** 2)
+
+
+def crossed(motion: Array) -> Array:
+    """`(s, 6, 3, m)`: `w x v` of both halves v of `motion` `(s, 6, m)`, per component of w."""
+    count, _, width = motion.shape
+    products = np.einsum("jki,shkm->shijm", CROSS, motion.reshape(count, 2, 3, width))
+    return products.reshape(count, 6, 3, width)
+
+
+def delivered_outputs(
+    data: ModalData,
+    kept: Array,
+    frequencies: Array,
+    rows: RecoveryRows | None,
+    units: tuple[float, float],
+) -> OutputMatrices:
+    """Recovery rows of imported modes.
+
+    Args:
+        data: all modes, mass-normalised, in SI.
+        kept: `(n, N)` the kept modes in terms of these.
+        frequencies: `(n,)` of the kept modes [rad/s].
+        rows: over the modes of the file; without any, only what the modes do at the root.
+        units: of the file, metres and kilograms.
+    """
+    count = data.in_file.shape[1]
+    quantities: tuple[RecoveredQuantity, ...] = ()
+    modes = accelerations = np.zeros((0, count))
+    root, points = np.zeros((0, 6)), np.zeros((0, 3))
+    if rows is not None:
+        rows.check_columns(count)
+        quantities = tuple(
+            RecoveredQuantity(name, ("",), (unit,), not np.any(row))
+            for name, unit, row in zip(rows.names, rows.units, rows.modes, strict=True)
+        )
+        # coordinates of the file's own units: energy is M L^2 / T^2 there
+        size = 1.0 / (units[0] * np.sqrt(units[1]))
+        modes, accelerations = size * rows.modes, size * rows.accelerations
+        root, points = rows.root, rows.points
+    # c . (w x (w x r)) of the points, along the motion of each row
+    turning = np.array([offset_matrix(point)[:, 3:] for point in points]).reshape(-1, 6, 3)
+    spin = np.einsum("ri,rijl->rjl", root[:, :3], crossed(turning)[:, :3])
+    over = kept @ data.in_file
+    yielding = data.participation / data.frequencies[:, None] ** 2  # W^-2 L
+    return OutputMatrices(
+        quantities=quantities,
+        frequencies=frequencies,
+        drives=-(kept @ data.participation @ FELT),
+        modes=(modes @ over.T)[None],
+        accelerations=(accelerations @ over.T)[None],
+        root=root[None],
+        spin=np.pad(spin, ((0, 0), (0, 0), (0, len(kept))))[None],
+        static=-(modes @ data.in_file.T @ yielding @ FELT)[None],
+    )

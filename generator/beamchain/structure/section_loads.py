@@ -1,4 +1,5 @@
-"""What the modes of a beam do inside it: motion of its sections, and momentum of what lies beyond.
+"""What the modes of a beam do inside it: motion of its sections, and momentum of what lies beyond;
+from these the output matrices of its sections.
 
 A section carries the rate of change of the momentum beyond it. With P_k the momentum beyond a
 section per rate of mode k, the force that strain makes there is `sum_k P_k W_k^2 eta_k`, as exact
@@ -9,74 +10,53 @@ Theory: docs/theory.md, section 10.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
 from beamchain.errors import InputError
 from beamchain.ports.model import PortModel, Shapes
-from beamchain.ports.motions import Array
+from beamchain.ports.motions import PORT_MOTION, Array, offset_matrix, point_columns
 from beamchain.structure.beam import Beam
 from beamchain.structure.discretise import Parts, converged_model
+from beamchain.structure.recovery_rows import OutputMatrices, RecoveredQuantity, crossed
 
 Reduce = Callable[[PortModel, Sequence[int]], PortModel]
 
 AT_ONCE = 6  # stations that one discretisation is cut at: more would cost it its written rows
 SNAPPED = 1e-6  # of the length: a station so near to a step of the beam is meant to stand there
 BEYOND = 1e-9  # of the length: what hangs at a station itself hangs before it
+AXES = ("x", "y", "z")
+SECTION = tuple(
+    RecoveredQuantity(name, AXES, (unit,) * 3, name.endswith("acceleration"))
+    for name, unit in (
+        ("force", "N"),
+        ("moment", "N m"),
+        ("displacement", "m"),
+        ("rotation", "rad"),
+        ("acceleration", "m/s^2"),
+        ("angular acceleration", "rad/s^2"),
+    )
+)
+MOTION = slice(6, 12)  # displacement and rotation among these components
 
 
 @dataclass(frozen=True, eq=False)
 class Inside:
-    """The kept modes (n) and the static response of a port's m motions at s stations.
-
-    What drives the modes are i accelerations: the m of the root and, in axial motion, that of a
-    spin, which grows with x. Points that carry something (c) drive them by m forces each.
+    """The kept modes (n) and the static response of a port of a beam at s stations, in space.
 
     Args:
         frequencies: `(n,)` of the kept modes [rad/s].
-        motion: `(n, s, m)` of the sections in each kept mode.
-        momentum: `(n, s, m)` beyond each section per rate of each kept mode, about the section.
-        drive: `(n, i)` force on each kept mode per acceleration, turned round: `L_k`.
-        drive_carried: `(n, c m)` force on each kept mode per force on the points.
-        static: `(s, m, i)` motion of the sections per constant acceleration, all modes.
-        static_carried: `(s, m, c m)` motion of the sections per constant force on the points.
+        drives: `(n, d)` force on each kept mode per drive; see `OutputMatrices`.
+        motion: `(s, 6, n)` of the sections in each kept mode.
+        momentum: `(s, 6, n)` beyond each section per rate of each kept mode, about the section.
+        static: `(s, 6, d)` motion of the sections per constant drive, all modes.
     """
 
     frequencies: Array
+    drives: Array
     motion: Array
     momentum: Array
-    drive: Array
-    drive_carried: Array
     static: Array
-    static_carried: Array
-
-    @property
-    def left_out(self) -> Array:
-        """`(s, m, i)` motion of the sections per constant acceleration, the modes left out."""
-        return self.static + _static(self.motion, self.frequencies, self.drive)
-
-    @property
-    def left_out_carried(self) -> Array:
-        """`(s, m, c m)` motion of the sections per constant force, the modes left out."""
-        return self.static_carried - _static(self.motion, self.frequencies, self.drive_carried)
-
-    def joined(self, other: Self) -> "Inside":
-        """The stations of both."""
-        return Inside(
-            self.frequencies,
-            np.concatenate([self.motion, other.motion], axis=1),
-            np.concatenate([self.momentum, other.momentum], axis=1),
-            self.drive,
-            self.drive_carried,
-            np.concatenate([self.static, other.static]),
-            np.concatenate([self.static_carried, other.static_carried]),
-        )
-
-
-def _static(motion: Array, frequencies: Array, force: Array) -> Array:
-    """`(s, m, i)` `sum_k u_k g_k / W_k^2`: motion `(n, s, m)` under constant forces `(n, i)`."""
-    return np.einsum("nsm,n,ni->smi", motion, frequencies**-2.0, force)
 
 
 def snapped(beam: Beam, x: Array) -> Array:
@@ -93,8 +73,8 @@ def inside_beam(
     reduce: Reduce,
     stations: Array,
     carried: Sequence[float] = (),
-) -> Inside | None:
-    """What happens at some stations of a beam in a port; None where the beam is rigid there.
+) -> Inside:
+    """What happens at some stations of a beam in a port; nothing where the beam is rigid there.
 
     Args:
         beam: the appendage.
@@ -106,41 +86,88 @@ def inside_beam(
         carried: x of points that may carry something [m].
     """
     parts = Parts(beam.segments, beam.joints, beam.lumps)
-    every: Inside | None = None
+    pieces: list[Inside] = []
     for some in np.split(stations, range(AT_ONCE, stations.size, AT_ONCE)):
         cuts = sorted({*some.tolist(), *carried})
         try:
             full = converged_model(parts, port, modes, tuple(cuts), shaped=True)
         except InputError:
-            return None
+            still = np.zeros((stations.size, 6, 6 + 9 + 6 * len(carried)))
+            return Inside(np.zeros(0), still[0, :0], still[:, :, :0], still[:, :, :0], still)
         columns = [1 + cuts.index(x) for x in some.tolist()]
         points = [1 + cuts.index(x) for x in carried]
         kept = reduce(full, points)
-        motion, forced = (_points(full, c) for c in (columns, points))
-        own, own_forced = (_points(kept, c) for c in (columns, points))
-        part = Inside(
-            kept.frequencies,
-            own,
-            _momentum(_shapes(kept), some, BEYOND * beam.length),
-            _drive(kept, port),
-            _flat(own_forced),
-            -_static(motion, full.frequencies, _drive(full, port)),
-            _static(motion, full.frequencies, _flat(forced)),
+        momentum = _momentum(_shapes(kept), some, BEYOND * beam.length)
+        # sum_k u_k D_k / W_k^2
+        yielding = _drives(full, port, points) / full.frequencies[:, None] ** 2
+        pieces.append(
+            Inside(
+                kept.frequencies,
+                _drives(kept, port, points),
+                _points(kept, port, columns),
+                PORT_MOTION[port] @ momentum.transpose(1, 2, 0),
+                _points(full, port, columns) @ yielding,
+            )
         )
-        every = part if every is None else every.joined(part)
-    return every
+    return Inside(
+        pieces[0].frequencies,
+        pieces[0].drives,
+        np.concatenate([piece.motion for piece in pieces]),
+        np.concatenate([piece.momentum for piece in pieces]),
+        np.concatenate([piece.static for piece in pieces]),
+    )
 
 
-def _points(model: PortModel, columns: Sequence[int]) -> Array:
-    """`(n, k, m)` motion of some points in each mode."""
+def section_outputs(
+    beam: Beam, ports: Sequence[Inside], stations: Array, carried: Sequence[float]
+) -> OutputMatrices:
+    """Loads and motion of the sections of a beam at stations `(s,)` [m], all its ports together.
+
+    `carried`: x of points that may carry something [m].
+    """
+    frequencies = np.concatenate([inside.frequencies for inside in ports])
+    motion = np.concatenate([inside.motion for inside in ports], axis=2)
+    momentum = np.concatenate([inside.momentum for inside in ports], axis=2)
+    load = momentum * frequencies**2
+    static = np.sum([inside.static for inside in ports], axis=0)
+    root = _offsets(stations)
+    # in space: a + w x (w x r) + 2 w x u' + u'', and as much of its turn
+    coriolis = crossed(motion) * np.repeat([2.0, 1.0], 3)[:, None, None]
+    spin = np.concatenate([crossed(root[:, :, 3:]), coriolis], axis=3)
+    return OutputMatrices(
+        quantities=SECTION,
+        frequencies=frequencies,
+        drives=np.vstack([inside.drives for inside in ports]),
+        modes=np.concatenate([load, motion, 0.0 * motion], axis=1),
+        accelerations=np.concatenate([0.0 * load, 0.0 * motion, motion], axis=1),
+        root=np.pad(root, ((0, 0), (12, 0), (0, 0))),
+        spin=np.pad(spin, ((0, 0), (12, 0), (0, 0), (0, 0))),
+        static=np.concatenate([_rigid_load(beam, stations, carried), static, 0.0 * static], axis=1),
+    )
+
+
+def _offsets(distances: Array) -> Array:
+    """`(s, 6, 6)` motion of points on the axis per motion of one so far before them `(s,)` [m]."""
+    return np.array([offset_matrix(np.array([x, 0.0, 0.0])) for x in distances])
+
+
+def _rigid_load(beam: Beam, stations: Array, carried: Sequence[float]) -> Array:
+    """`(s, 6, d)` load at the stations per drive where the beam is rigid: by Newton and Euler of
+    what lies beyond, and wrenches on points beyond, moved to the station."""
+    mass = beam.line.behind(stations)
+    weight = np.concatenate([mass, crossed(mass[:, :, 3:]).reshape(-1, 6, 9)], axis=2)
+    loads = [-_offsets(-stations).transpose(0, 2, 1) @ weight]
+    for x in carried:
+        beyond = stations < x * (1.0 - BEYOND)
+        loads.append(_offsets(x - stations).transpose(0, 2, 1) * beyond[:, None, None])
+    return np.concatenate(loads, axis=2)
+
+
+def _points(model: PortModel, port: str, columns: Sequence[int]) -> Array:
+    """`(k, 6, n)` motion of some points in each mode."""
     assert model.tip is not None
-    shape = (model.modes, model.tip.shape[1] // model.motions, model.motions)
-    return model.tip.reshape(shape)[:, list(columns)]
-
-
-def _flat(motion: Array) -> Array:
-    """`(n, k m)` of motion `(n, k, m)`."""
-    return motion.reshape(len(motion), motion.shape[1] * motion.shape[2])
+    motion = model.tip[:, point_columns(columns, model.motions)].T
+    return PORT_MOTION[port] @ motion.reshape(len(columns), model.motions, model.modes)
 
 
 def _shapes(model: PortModel) -> Shapes:
@@ -148,12 +175,18 @@ def _shapes(model: PortModel) -> Shapes:
     return model.shapes
 
 
-def _drive(model: PortModel, port: str) -> Array:
-    """`(n, i)` participation, in axial motion that in an acceleration of x per metre as well."""
-    if port != "axial":
-        return model.participation
-    shapes = _shapes(model)
-    return np.column_stack([model.participation, shapes.values @ (shapes.moved * shapes.x)])
+def _drives(model: PortModel, port: str, points: Sequence[int]) -> Array:
+    """`(n, d)` force on each mode: `-L` of the root's acceleration, the motion of the points of
+    wrenches on them."""
+    rows = model.participation @ PORT_MOTION[port].T
+    # w x (w x e_x): across the axis as an angular acceleration does
+    along, across_y, across_z = crossed(_offsets(np.ones(1))[:, :, 3:])[0, :3].reshape(3, 9)
+    spun = np.outer(rows[:, 5], across_y) - np.outer(rows[:, 4], across_z)
+    if port == "axial":
+        shapes = _shapes(model)
+        spun += np.outer(shapes.values @ (shapes.moved * shapes.x), along)
+    motion = _points(model, port, points).reshape(6 * len(points), model.modes)
+    return np.hstack([-rows, -spun, motion.T])
 
 
 def _momentum(shapes: Shapes, stations: Array, edge: float) -> Array:

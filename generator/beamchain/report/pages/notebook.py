@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from beamchain.control.margins import Margins
     from beamchain.craft.embedded import Embedded
-    from beamchain.craft.recovery import Recovery
+    from beamchain.craft.histories import Recovery
     from beamchain.fitting.result import Fit
 
 

@@ -6,7 +6,7 @@ from beamchain.report.formats import digits, number, short
 from beamchain.report.table import Column, Table
 
 if TYPE_CHECKING:
-    from beamchain.craft.recovery import Extreme, Recovery
+    from beamchain.craft.histories import Extreme, Recovery
 
 NOTHING = 1e-9  # of the largest value with the same unit: a component below it is rounding
 
