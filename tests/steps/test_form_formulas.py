@@ -18,6 +18,7 @@ from formulas import (
     tune,
     unit_mass_of_port,
 )
+from motions_made import made_motion
 
 STEP = 0.05
 ROWS = np.array([[1.0, 0.3, -0.4], [0.2, 1.1, 0.5]])
@@ -27,16 +28,20 @@ STIFFNESS, DAMPING, ARMATURE = np.array([35.0, 80.0]), np.array([0.4, 0.2]), np.
 SEMI_IMPLICIT = ("Euler", "implicitfast")
 
 
-def craft():
-    return Craft(SQUARES, JOINTS, OTHERS, ROWS, STIFFNESS, DAMPING)
+def craft(integrator):
+    tendons = ROWS.T @ np.diag(DAMPING) @ ROWS
+    whole = JOINTS + OTHERS + tendons
+    implicit = JOINTS if integrator == "Euler" else whole
+    motion = made_motion(SQUARES, implicit, whole, integrator, STEP)
+    return Craft(motion, ROWS, STIFFNESS, DAMPING)
 
 
 def step_matrix(integrator, armature, damping):
     """Of `(M + h D_i) (v' - v) = -h (K y + D v)`, `y' = y + h v'` over (y, h v)."""
     mass = np.eye(3) + ROWS.T @ np.diag(armature) @ ROWS
     tendons = ROWS.T @ np.diag(damping) @ ROWS
-    late = JOINTS + (tendons if integrator == "implicitfast" else 0.0)
     whole = JOINTS + OTHERS + tendons
+    late = whole if integrator == "implicitfast" else JOINTS
     left = np.linalg.inv(mass + STEP * late)
     pull, keep = STEP**2 * left @ np.diag(SQUARES), np.eye(3) - STEP * left @ whole
     return np.block([[np.eye(3) - pull, keep], [-pull, keep]])
@@ -51,7 +56,7 @@ def test_poles_of_a_step_and_their_slopes(integrator):
     def poles(armature, damping):
         return upper(np.linalg.eigvals(step_matrix(integrator, armature, damping)))
 
-    step = StepOfCraft.of(integrator, craft(), ARMATURE, DAMPING, STEP)
+    step = StepOfCraft.of(craft(integrator), ARMATURE, DAMPING)
     z, y = step.poles()
     order = np.argsort(z.real)
     z, y = z[order], y[:, order]
@@ -81,7 +86,7 @@ def test_poles_are_paired_by_how_far_off_they_are_of_their_own_turn():
 @pytest.mark.parametrize("integrator", SEMI_IMPLICIT)
 def test_tuned_tendons_give_the_step_the_poles_that_are_wanted(integrator):
     wanted = upper(np.linalg.eigvals(step_matrix(integrator, ARMATURE, DAMPING)))
-    found = tune(integrator, [craft()], np.array([0.0, 0.02]), 1.3 * DAMPING, [wanted], STEP)
+    found = tune([craft(integrator)], np.array([0.0, 0.02]), 1.3 * DAMPING, [wanted], STEP)
     assert found.error < 1e-10
     assert found.armature == pytest.approx(ARMATURE, rel=1e-7)
     assert found.damping == pytest.approx(DAMPING, rel=1e-7)
@@ -90,37 +95,36 @@ def test_tuned_tendons_give_the_step_the_poles_that_are_wanted(integrator):
 def test_poles_of_appendages_are_those_whose_energy_is_in_their_tendons():
     # three motions, of which a tendon holds the second and something else the third
     rows = np.array([[0.0, 2.0, 0.0]])
-    made = Craft(
-        np.array([0.0, 36.0, 25.0]), np.zeros((3, 3)), np.diag([0.0, 0.0, 0.1]), rows,
-        np.array([9.0]), np.array([0.05]),
-    )  # fmt: skip
+    squares, damping = np.array([0.0, 36.0, 25.0]), np.diag([0.0, 0.2, 0.1])
+    motion = made_motion(squares, damping, damping, "implicit", STEP)
+    made = Craft(motion, rows, np.array([9.0]), np.array([0.05]))
     (pole,) = made.appendage_poles()
     assert pole == pytest.approx(-0.1 + 1j * np.sqrt(36.0 - 0.01))
 
 
 def test_a_step_grows_where_the_squared_phase_is_above_four():
     """At that limit a pole of the step is -1."""
-    mass, spring, damper = (np.array([[v]]) for v in (0.8, 30.0, 2.0))
+    mass, spring, damper = np.array([[0.8]]), np.array([30.0]), np.array([2.0])
     poses = np.array([[[0.5]], [[0.8]]])  # the lighter is worst
     for integrator, sign in (("Euler", 1.0), ("implicitfast", -1.0)):
-        got = squared_phase(integrator, poses, spring, damper / 4.0, np.array([[0.1]]), STEP)
+        got = squared_phase(integrator, poses, spring, damper / 4.0, np.array([0.1]), STEP)
         assert got == pytest.approx((STEP**2 * 30.0 + sign * STEP) / 0.6)
     h = brentq(lambda h: h**2 * 30.0 + 4.0 * h - 4.0 * 0.8, 0.01, 1.0)
     # z^2 - (2 - c h / m - k h^2 / m) z + 1 - c h / m at z = -1
     assert 1.0 + (2.0 - 2.0 * h / 0.8 - 30.0 * h**2 / 0.8) + 1.0 - 2.0 * h / 0.8 == pytest.approx(
         0.0, abs=1e-12
     )
-    got = squared_phase("Euler", mass[None], spring, damper, np.zeros((1, 1)), h)
+    got = squared_phase("Euler", mass[None], spring, damper, np.zeros(1), h)
     assert got == pytest.approx(4.0)
 
 
 def test_the_squared_phase_of_runge_kutta_is_eight_at_its_limit():
-    mass, spring = np.array([[[0.8]]]), np.array([[30.0]])
-    none = np.zeros((1, 1))
+    mass, spring = np.array([[[0.8]]]), np.array([30.0])
+    none = np.zeros(1)
     assert squared_phase("RK4", mass, spring, none, none, STEP) == pytest.approx(
         STEP**2 * 30.0 / 0.8
     )
-    damper = np.array([[3.0]])
+    damper = np.array([3.0])
     pole = np.roots([0.8, 3.0, 30.0])[0]
 
     def grows(h):
@@ -141,9 +145,8 @@ def test_modes_that_are_too_fast_are_slowed_until_the_step_is_stable(integrator)
     for k in range(2):
         mass = c[0] + np.diag(found.mass[k] - 1.0)
         got = squared_phase(
-            integrator, mass[None], np.diag(stiffness[k]), np.diag(found.damping[k]),
-            np.zeros((2, 2)), STEP,
-        )  # fmt: skip
+            integrator, mass[None], stiffness[k], found.damping[k], np.zeros(2), STEP
+        )
         assert got <= (7.6 if integrator == "RK4" else 3.8) * (1.0 + 1e-6)
     assert found.slowed.tolist() == [[False, True], [False, False]]
 
@@ -236,12 +239,12 @@ def test_what_a_step_shows_of_a_damped_spring(integrator):
 
 
 @pytest.mark.parametrize("integrator", EVERY)
-def test_the_largest_step_is_where_a_pole_leaves_the_unit_circle(integrator):
-    # the springs of tendons, which discrete takes for the position alone, are left out: safe
-    matrices = (np.array([[v]]) for v in (K, D, AT_JOINTS, IN_STEP))
+@pytest.mark.parametrize("of_tendons", [0.0, 3.0])
+def test_the_largest_step_is_where_a_pole_leaves_the_unit_circle(integrator, of_tendons):
+    matrices = (np.array([[v]]) for v in (K, D, AT_JOINTS, IN_STEP, of_tendons))
 
     def grows(h):
-        return np.max(np.abs(np.linalg.eigvals(one_step(integrator, h, 0.0)))) - 1.0
+        return np.max(np.abs(np.linalg.eigvals(one_step(integrator, h, of_tendons)))) - 1.0
 
     found = LinearModel(*matrices).largest_step(integrator)
     assert np.isfinite(found)

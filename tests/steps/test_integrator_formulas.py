@@ -8,7 +8,7 @@ from scipy.linalg import expm
 
 from formulas import (
     apparent_pole,
-    largest_angle,
+    map_modes,
     place_poles,
     runge_kutta_limit,
     start_rate,
@@ -48,14 +48,14 @@ def test_of_two_real_poles_of_a_step_the_larger_modulus(roots):
 @pytest.mark.parametrize("ratio", [0.0, 0.2, 0.9])
 def test_the_largest_angle_of_rk4_puts_its_pole_on_the_unit_circle(ratio):
     pole = complex(-ratio, math.sqrt(1.0 - ratio**2))
-    angle = largest_angle("RK4", ratio)
+    angle = map_modes("RK4", 1.0, 2.0 * ratio, 1.0, 1.0).largest_step()
     assert abs(series(angle * pole)) == pytest.approx(1.0, abs=1e-12)
     assert abs(series(1.001 * angle * pole)) > 1.0 > abs(series(0.999 * angle * pole))
     assert runge_kutta_limit(7.0 * pole) == pytest.approx(angle / 7.0, rel=1e-12)
 
 
 def test_discrete_has_no_largest_angle_and_a_pole_right_of_the_axis_counts_as_undamped():
-    assert largest_angle("discrete", 0.3) == math.inf
+    assert map_modes("discrete", 1.0, 0.6, 1.0, 1.0).largest_step() == math.inf
     assert runge_kutta_limit(1e-9 + 5j) == pytest.approx(math.sqrt(8.0) / 5.0, rel=1e-9)
 
 

@@ -125,6 +125,25 @@ def test_a_pole_that_grows_has_no_step(rate):
         assert grows.largest_step("implicit") == pytest.approx(2.0, rel=1e-4)
 
 
+def test_the_largest_discrete_step_of_springs_of_tendons_beside_others():
+    """The velocity is divided by a mass without the springs of tendons, the position's force by one
+    with them, and part of the stiffness is in neither."""
+    tendons = np.array([[4.0, 2.0], [2.0, 1.0]])
+    joints, rest = np.diag([0.0, 3.0]), np.array([[60.0, -9.0], [-9.0, 40.0]])
+    whole, damping = tendons + joints + rest, np.array([[0.3, 0.1], [0.1, 0.2]])
+
+    def growth(h):
+        left = np.eye(2) + h * damping + h**2 * joints
+        pull = h**2 * np.linalg.solve(left + h**2 * tendons, whole)
+        keep = np.linalg.inv(left)
+        z = np.linalg.eigvals(np.block([[np.eye(2) - pull, keep], [-pull, keep]]))
+        return np.max(np.abs(z)) - 1.0
+
+    found = LinearModel(whole, damping, damping, joints, tendons).largest_step("discrete")
+    assert found == pytest.approx(brentq(growth, 0.2, 0.4), rel=1e-9)
+    assert all(growth(share * found) < 0.0 for share in (0.1, 0.3, 0.6, 0.9, 0.99))
+
+
 # -- of coupled modes ------------------------------------------------------------------------------
 def coupled(damped=1.0):
     """Three modes in coordinates that are not orthogonal, their dampers shared out."""

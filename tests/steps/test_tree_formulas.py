@@ -20,6 +20,7 @@ from formulas import (
     step_length,
     tree_form,
 )
+from motions_made import made_motion
 
 STEP = 0.05
 STIFFNESS = np.array([40.0, 90.0, 60.0])
@@ -62,13 +63,12 @@ def test_bounds_of_the_search():
 def test_tendons_of_the_unknowns(integrator):
     found = room(integrator).tendons(UNKNOWNS)
     c, s, e = UNKNOWNS.reshape(3, 3)
-    late = room(integrator).late
+    late = LATE[integrator]
     assert found.stiffness == pytest.approx((1.0 + s) * STIFFNESS)
     assert found.damping == pytest.approx((1.0 + e) * DAMPING)
     assert found.armature == pytest.approx(
         c * STEP**2 * STIFFNESS + late * (1.0 + e) * STEP * DAMPING / 2.0
     )
-    assert late == LATE[integrator]
 
 
 @pytest.mark.parametrize(("integrator", "limit"), [("Euler", 0.25), ("RK4", 0.125)])
@@ -101,12 +101,13 @@ def test_slopes_by_the_unknowns_are_those_by_the_tendons_they_make(integrator):
 
 
 def test_largest_squared_phase_of_the_appendages_alone():
-    # a pair without coupling, so that each tendon is by itself: h^2 k (1 + s) / (S + c h^2 k)
+    # without coupling, so that each tendon is by itself: (h^2 k' + 2 h d') / (S + c h^2 k + h d'/2)
     apart = (FreeAppendage(np.array([0, 1, 2]), np.eye(3), np.diag([0.9, 0.8, 0.7])),)
     made = Room.of(apart, MODAL, "Euler", STEP, 4.0)
-    c, s, _ = UNKNOWNS.reshape(3, 3)
-    squares = STEP**2 * STIFFNESS
-    wanted = np.max((1.0 + s) * squares / (np.array([0.9, 0.8, 0.7]) + c * squares))
+    c, s, e = UNKNOWNS.reshape(3, 3)
+    squares, damped = STEP**2 * STIFFNESS, STEP * (1.0 + e) * DAMPING
+    mass = np.array([0.9, 0.8, 0.7]) + c * squares + damped / 2.0
+    wanted = np.max(((1.0 + s) * squares + 2.0 * damped) / mass)
     assert made.largest(UNKNOWNS) == pytest.approx(wanted)
 
 
@@ -116,13 +117,8 @@ def response(integrator):
     random = np.random.default_rng(4)
     b = random.normal(size=(3, 3))
     damping = np.diag([0.02, 0.3, 0.4]) + 0.01
-    motion = SimpleNamespace(
-        squares=np.array([0.0, 30.0, 80.0]),
-        damping=damping,
-        implicit=damping if integrator == "implicitfast" else 0.4 * damping,  # Euler: of joints
-        timestep=STEP,
-        integrator=integrator,
-    )
+    implicit = damping if integrator == "implicitfast" else 0.4 * damping  # Euler: of joints
+    motion = made_motion(np.array([0.0, 30.0, 80.0]), implicit, damping, integrator, STEP)
     seen = SeenAtPose(
         motion,
         rows=random.normal(size=(2, 3)),
@@ -354,8 +350,7 @@ def test_the_timing_of_a_tree_gives_its_step_the_pole_of_exact_motion():
     step = np.roots([1.0, pull + lost - 2.0, 1.0 - lost])
     exact = np.exp(STEP * np.roots([0.8, 0.3, 35.0]))
     assert np.sort_complex(step) == pytest.approx(np.sort_complex(exact), abs=2e-5)
-    late = STEP * found.damping[0] / 2.0
-    assert found.lambda_max == pytest.approx(STEP**2 * found.stiffness[0] / (mass - late))
+    assert found.lambda_max == pytest.approx(pull + 2.0 * lost)
     (mode,) = found.modes
     assert (mode.frequency, mode.ratio) == pytest.approx((35.0**0.5, 0.15 / 35.0**0.5))
     left = tree_form(model, modal_tendons(model), "discrete", STEP, joints=np.zeros(2))

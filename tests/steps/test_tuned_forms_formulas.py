@@ -7,6 +7,7 @@ import pytest
 from scipy.linalg import eigh
 
 from formulas import Craft, appendage_poles, form2, form2_many, form4, time_modes, tune
+from motions_made import made_motion
 
 STEP = 0.05
 STIFFNESS, DAMPING = np.array([35.0, 80.0]), np.array([0.04, 0.1])
@@ -108,8 +109,11 @@ def test_discrete_bears_every_craft_as_it_is():
 
 
 # -- a craft ---------------------------------------------------------------------------------------
-def craft():
-    return Craft(SQUARES, JOINTS, OTHERS, ROWS, STIFFNESS, DAMPING)
+def craft(integrator):
+    tendons = ROWS.T @ np.diag(DAMPING) @ ROWS
+    implicit = JOINTS + (tendons if integrator == "implicitfast" else 0.0)
+    motion = made_motion(SQUARES, implicit, JOINTS + OTHERS + tendons, integrator, STEP)
+    return Craft(motion, ROWS, STIFFNESS, DAMPING)
 
 
 def matrix(integrator, armature, damping, h=STEP, rest=JOINTS + OTHERS):
@@ -128,31 +132,27 @@ def upper(values):
     return values[np.argsort(np.abs(values))]
 
 
-def motion(integrator):
+def motion(integrator, h=STEP):
     """As read from a model: shapes of its own, and all of the damping."""
     shapes = np.array([[1.0, 0.2, 0.0], [0.1, 0.9, 0.3], [-0.2, 0.0, 1.1]])
     tendons = ROWS.T @ np.diag(DAMPING) @ ROWS
     rest = JOINTS + (OTHERS if integrator == "Euler" else 0.0)
     whole = rest + tendons
-    made = SimpleNamespace(
-        shapes=shapes,
-        squares=SQUARES,
-        damping=whole,
-        implicit=JOINTS if integrator == "Euler" else whole,
-        integrator=integrator,
-    )
+    implicit = JOINTS if integrator == "Euler" else whole
+    made = made_motion(SQUARES, implicit, whole, integrator, h, shapes)
     modal = SimpleNamespace(**vars(MODAL) | {"rows": ROWS @ np.linalg.inv(shapes)})
     return modal, made, rest
 
 
 @pytest.mark.parametrize("integrator", SEMI_IMPLICIT)
-def test_a_craft_has_the_dampers_of_its_motion_without_those_of_its_tendons(integrator):
+def test_a_craft_has_the_tendons_of_its_motion(integrator):
     modal, made, rest = motion(integrator)
-    found = Craft.of(modal, made)
-    assert found.rows == pytest.approx(ROWS)
-    assert found.implicit == pytest.approx(JOINTS)
-    assert found.explicit == pytest.approx(rest - JOINTS, abs=1e-12)
-    assert found.squares.tolist() == SQUARES.tolist()
+    assert Craft.of(modal, made).rows == pytest.approx(ROWS)
+    # without those, as the integrator takes them
+    step = made.with_tendons(ROWS, np.zeros(2), -DAMPING, np.zeros(2))
+    assert step.implicit == pytest.approx(JOINTS)
+    assert step.explicit == pytest.approx(rest - JOINTS, abs=1e-12)
+    assert step.stiffness == pytest.approx(np.diag(SQUARES))
     whole = rest + ROWS.T @ np.diag(DAMPING) @ ROWS
     values = np.linalg.eigvals(
         np.block([[np.zeros((3, 3)), np.eye(3)], [-np.diag(SQUARES), -whole]])
@@ -166,10 +166,8 @@ def test_a_pole_belongs_to_an_appendage_with_half_of_its_energy(share, kept, slo
     # a tendon with that share of the spring of the second motion
     squares = np.array([0.0, 25.0, 49.0]) * slow
     rows = np.array([[0.3, 1.0, 0.0]])
-    made = Craft(
-        squares, np.zeros((3, 3)), np.diag([0.0, 0.0, 3.0]), rows, share * squares[1:2],
-        np.array([0.0]),
-    )  # fmt: skip
+    whole = made_motion(squares, np.zeros((3, 3)), np.diag([0.0, 0.0, 3.0]), "Euler", STEP)
+    made = Craft(whole, rows, share * squares[1:2], np.array([0.0]))
     found = made.appendage_poles()
     assert found == pytest.approx([5j * np.sqrt(slow)] * len(kept), rel=1e-9)
 
@@ -177,7 +175,7 @@ def test_a_pole_belongs_to_an_appendage_with_half_of_its_energy(share, kept, slo
 @pytest.mark.parametrize("integrator", SEMI_IMPLICIT)
 @pytest.mark.parametrize("h", [STEP, 0.285])
 def test_form_4_gives_the_step_the_poles_of_exact_motion(integrator, h):
-    modal, made, rest = motion(integrator)
+    modal, made, rest = motion(integrator, h)
     c = np.linalg.inv(ROWS @ ROWS.T)[None]
     plan = form2(modal, c, integrator, h)
     found = form4(modal, c, integrator, h, plan, [made])
@@ -210,7 +208,8 @@ def test_the_error_of_what_cannot_be_had_counts_slow_poles_more(integrator):
     start = start[np.argsort(np.abs(np.log(start)))]
     wanted = start[:, None] ** np.array([0.97, 1.04])  # in two poses of one craft
     poses = [wanted[:, 0], wanted[:, 1]]
-    found = tune(integrator, [craft()] * 2, np.array([0.01, 0.02]), 1.1 * DAMPING, poses, STEP)
+    crafts = [craft(integrator)] * 2
+    found = tune(crafts, np.array([0.01, 0.02]), 1.1 * DAMPING, poses, STEP)
     z = np.linalg.eigvals(matrix(integrator, found.armature, found.damping))
     turns = np.abs(np.log(wanted))
     sizes = np.abs(wanted - 1.0) * turns / turns.min()
@@ -218,5 +217,5 @@ def test_the_error_of_what_cannot_be_had_counts_slow_poles_more(integrator):
     worst = np.max(np.abs(wanted - np.array(near)[:, None]) / sizes)
     assert found.error == pytest.approx(worst, rel=1e-9)
     assert 0.01 < found.error < 0.06
-    undamped = tune(integrator, [craft()], np.array([0.01, 0.02]), 0.0 * DAMPING, poses[:1], STEP)
+    undamped = tune(crafts[:1], np.array([0.01, 0.02]), 0.0 * DAMPING, poses[:1], STEP)
     assert undamped.damping.tolist() == [0.0, 0.0]

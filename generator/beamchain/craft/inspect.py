@@ -19,7 +19,8 @@ from beamchain.engine.linearise import NUMBERS, compile_model
 from beamchain.engine.operating_point import quiet_copy, rest_point
 from beamchain.ports.motions import Array
 from beamchain.steps.budget import linear_model
-from beamchain.steps.limits import AT_REST, StepLimits, oscillations, step_limits
+from beamchain.steps.integrators import AT_REST
+from beamchain.steps.limits import StepLimits, oscillations, step_limits
 from beamchain.steps.modal import TimingMark, timing_marks
 from beamchain.steps.poles import PoleRow, mismatch, pole_rows
 from beamchain.steps.retime import retime

@@ -417,10 +417,10 @@ def _rounding(model: "mujoco.MjModel", data: "mujoco.MjData", epsilon: float) ->
 
 
 def runge_kutta_change(f: Array) -> Array:
-    """RK4's `exp(f) - 1`, to fourth order, for a system matrix times the step."""
-    mean = np.eye(f.shape[0])
+    """RK4's `exp(f) - 1`, to fourth order, for system matrices times the step `(..., n, n)`."""
+    mean = np.eye(f.shape[-1])
     for k in (4, 3, 2):
-        mean = np.eye(f.shape[0]) + f @ mean / k
+        mean = np.eye(f.shape[-1]) + f @ mean / k
     return f @ mean
 
 

@@ -12,22 +12,22 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 from scipy.optimize import linear_sum_assignment, lsq_linear
 
-from beamchain.ports.motions import Array, system_matrix
+from beamchain.ports.motions import Array
 from beamchain.steps.integrators import (
     SCHEMES,
     Complex,
+    StepMap,
     Timed,
-    polynomial,
-    runge_kutta_limit,
-    step_matrices,
+    is_stable,
+    spare_armature,
+    step_factors,
     step_pole,
     time_modes,
 )
 from beamchain.steps.modal import Modal
 from beamchain.steps.step_map import MOSTLY, Motion
 
-MARGIN = {"RK4": 7.6}  #: `h^2 lambda_max` allowed; of 8
-SEMI_IMPLICIT_MARGIN = 3.8  #: the same for the others; of 4
+MARGIN = 0.95  # of `h^2 lambda_max` at which a step becomes unstable
 EXACT = 1e-6  # pole error below which tuning is taken to have succeeded
 LOWEST = 0.05  # [rad] phase below which the limit is not lowered
 HALVINGS = 14  # of the phase limit
@@ -72,31 +72,25 @@ class TendonValues:
 def stability(
     integrator: str, c: Array, stiffness: Array, damping: Array, armature: Array, timestep: float
 ) -> float:
-    """`h^2 lambda_max` of modal springs and dampers `(n, n)` on a craft, worst of its poses:
-    stable below 4, RK4's below 8.
+    """`h^2 lambda_max` of modal tendons `(n,)` on a craft, worst of its poses: stable below 4,
+    RK4's below 8.
 
-    `c` `(p, n, n)`: condensed mass of the modal coordinates in every pose; the pencil is
-    `(h^2 K +- 2 h D, C + mu)`, minus where tendon damping is implicit. Damped RK4: 8 times the
-    squared ratio of the step to its largest one.
+    `c` `(p, n, n)`: condensed mass of the modal coordinates in every pose. Of armatures a, of
+    which g are to spare, the pencil is `(4 (a - g), C + a)`; of RK4 it is 8 times the squared ratio
+    of the step to its largest one.
     """
-    h = float(timestep)
-    if integrator == "RK4" and np.any(damping):
-        return max(_explicit(mass, stiffness, damping, h) for mass in c + armature)
-    sign = 0.0 if integrator == "RK4" else -1.0 if SCHEMES[integrator].implicit_damping else 1.0
-    force = h**2 * stiffness + 2.0 * sign * h * damping
-    return max(float(np.max(eigh(force, mass, eigvals_only=True))) for mass in c + armature)
-
-
-def _explicit(mass: Array, stiffness: Array, damping: Array, h: float) -> float:
-    root = np.linalg.inv(np.linalg.cholesky(mass))
-    k = root @ stiffness @ root.T
-    d = root @ damping @ root.T
-    poles = np.linalg.eigvals(system_matrix(h**2 * k, h * d)).astype(np.complex128)
-    return 8.0 * max(1.0 / runge_kutta_limit(complex(p)) ** 2 for p in poles if p.imag >= 0.0)
+    masses = c + np.diag(armature)
+    if integrator == "RK4":
+        k, d = np.diag(stiffness), np.diag(damping)
+        steps = [StepMap(integrator, k, 0.0 * d, d, timestep, mass) for mass in masses]
+        return 8.0 * max((timestep / step.largest_step()) ** 2 for step in steps)
+    needed = armature - spare_armature(integrator, armature, stiffness, damping, timestep)
+    force = np.diag(needed / SCHEMES[integrator].limit)
+    return max(float(np.max(eigh(force, mass, eigvals_only=True))) for mass in masses)
 
 
 def _limit(integrator: str) -> float:
-    return MARGIN.get(integrator, SEMI_IMPLICIT_MARGIN)
+    return MARGIN / SCHEMES[integrator].limit
 
 
 def form2(modal: Modal, c: Array, integrator: str, h: float) -> TendonValues:
@@ -104,9 +98,7 @@ def form2(modal: Modal, c: Array, integrator: str, h: float) -> TendonValues:
     every pose; `c` as of `stability`."""
     many, phase = _form2(integrator, c, modal.stiffness[None], modal.damping[None], h)
     t = Timed(*(values[0] for values in many))
-    largest = stability(
-        integrator, c, np.diag(modal.stiffness), np.diag(t.damping), np.diag(t.mass - 1.0), h
-    )
+    largest = stability(integrator, c, modal.stiffness, t.damping, t.mass - 1.0, h)
     zeta = modal.damping / (2.0 * modal.frequency)
     return TendonValues(
         t.damping,
@@ -153,33 +145,18 @@ def _form2(
 def _stable(integrator: str, c: Array, stiffness: Array, t: Timed, h: float) -> NDArray[np.bool_]:
     """`(k,)`: whether `h^2 lambda_max` of each craft is within the margin of its integrator, in
     every pose."""
-    return np.all([_stable_on(integrator, mass, stiffness, t, h) for mass in c], axis=0)
-
-
-def _stable_on(
-    integrator: str, c: Array, stiffness: Array, t: Timed, h: float
-) -> NDArray[np.bool_]:
-    """The same for one condensed mass `(n, n)`."""
-    n = stiffness.shape[1]
-    mass = c + (t.mass - 1.0)[:, :, None] * np.eye(n)
-    if integrator == "RK4":  # the poles of the modes, within the same share of its stability region
-        flow = np.zeros((stiffness.shape[0], 2 * n, 2 * n))
-        flow[:, :n, n:] = np.eye(n)
-        held = np.concatenate(
-            [stiffness[:, :, None] * np.eye(n), t.damping[:, :, None] * np.eye(n)], axis=2
-        )
-        flow[:, n:] = -np.linalg.solve(mass, held)
-        reach = h * np.sqrt(8.0 / MARGIN["RK4"])
-        return np.asarray(
-            np.max(np.abs(polynomial(np.linalg.eigvals(flow) * reach)), axis=1) <= 1.0 + 1e-9
-        )
-    sign = -1.0 if SCHEMES[integrator].implicit_damping else 1.0
-    force = h**2 * stiffness + 2.0 * sign * h * t.damping
     if SCHEMES[integrator].implicit_springs:
         return np.ones(stiffness.shape[0], dtype=np.bool_)
-    scale = 1.0 / np.sqrt(np.abs(np.einsum("kii->ki", mass)))
-    left = SEMI_IMPLICIT_MARGIN * mass - force[:, :, None] * np.eye(n)
-    return np.asarray(np.linalg.eigvalsh(left * scale[:, :, None] * scale[:, None, :])[:, 0] >= 0.0)
+    armature = t.mass - 1.0
+    if integrator == "RK4":  # the poles of the modes, within the same share of its stability region
+        unit = np.eye(c.shape[-1])
+        k, d, a = (values[:, :, None] * unit for values in (stiffness, t.damping, armature))
+        reach = h / np.sqrt(MARGIN)
+        growth = [StepMap(integrator, k, 0.0 * d, d, reach, mass + a).growth for mass in c]
+        return np.all(np.array(growth) <= 1.0 + 1e-9, axis=0)
+    spare = spare_armature(integrator, armature, stiffness, t.damping, h)
+    spare -= (1.0 - MARGIN) * armature
+    return np.all([is_stable(MARGIN * mass, spare) for mass in c], axis=0)
 
 
 def appendage_poles(modal: Modal, motion: Motion) -> Complex:
@@ -212,15 +189,8 @@ def form4(
     for phase in dict.fromkeys((SCHEMES[integrator].phase, plan.phase)):
         # tuned to the craft's own poles, the usual limit may do where form 2 had to lower it
         wanted = [np.exp(each * h * np.minimum(phase / (np.abs(each) * h), 1.0)) for each in poles]
-        found = tune(integrator, crafts, plan.armature, plan.damping, wanted, h)
-        largest = stability(
-            integrator,
-            c,
-            np.diag(modal.stiffness),
-            np.diag(found.damping),
-            np.diag(found.armature),
-            h,
-        )
+        found = tune(crafts, plan.armature, plan.damping, wanted, h)
+        largest = stability(integrator, c, modal.stiffness, found.damping, found.armature, h)
         if largest <= _limit(integrator) and (found.error < EXACT or phase == plan.phase):
             slowed, clamped = np.array([(mode.slowed, mode.clamped) for mode in plan.modes]).T
             t = Timed(1.0 + found.armature, found.damping, slowed, clamped)
@@ -241,19 +211,15 @@ def form4(
 
 @dataclass(frozen=True, eq=False)
 class Craft:
-    """A craft without timing in coordinates of unit mass, and the modal tendons on it.
+    """A craft without timing, and the modal tendons on it.
 
     Args:
-        squares: `(nv,)` of its stiffness [1/s^2].
-        implicit, explicit: `(nv, nv)` dampers of joints and of all but the modal tendons [1/s],
-            as the integrator takes them.
-        rows: `(n, nv)` of the modal tendons.
+        motion: of the craft.
+        rows: `(n, nv)` of the modal tendons by its coordinates.
         stiffness, damping: `(n,)` of the modal tendons.
     """
 
-    squares: Array
-    implicit: Array
-    explicit: Array
+    motion: Motion
     rows: Array
     stiffness: Array
     damping: Array
@@ -261,30 +227,22 @@ class Craft:
     @classmethod
     def of(cls, modal: Modal, motion: Motion) -> "Craft":
         """The craft whose motion was read from a compiled model without timing."""
-        rows = modal.rows @ motion.shapes
-        tendons = rows.T @ (modal.damping[:, None] * rows)
-        if SCHEMES[motion.integrator].implicit_damping:
-            implicit = motion.damping - tendons
-            explicit = np.zeros_like(tendons)
-        else:
-            implicit = motion.implicit
-            explicit = motion.damping - motion.implicit - tendons
-        return cls(motion.squares, implicit, explicit, rows, modal.stiffness, modal.damping)
+        return cls(motion, modal.rows @ motion.shapes, modal.stiffness, modal.damping)
 
     def appendage_poles(self) -> Complex:
         """Oscillating poles of the craft [1/s] above the real axis whose strain energy is
         mostly in modal tendons."""
-        n = self.squares.size
-        damping = self.implicit + self.explicit + self.rows.T @ (self.damping[:, None] * self.rows)
-        w = np.sqrt(np.maximum(self.squares, 0.0))
+        squares = self.motion.squares
+        n = squares.size
+        w = np.sqrt(np.maximum(squares, 0.0))
         scale = np.where(w > 0.0, w, 1.0)  # balanced: states w y, y'
         f = np.block(
-            [[np.zeros((n, n)), np.diag(scale)], [-np.diag(self.squares / scale), -damping]]
+            [[np.zeros((n, n)), np.diag(scale)], [-np.diag(squares / scale), -self.motion.damping]]
         )
         s, vectors = (np.asarray(part, dtype=np.complex128) for part in np.linalg.eig(f))
         shapes = vectors[:n] / scale[:, None]
         held = (self.stiffness[:, None] * np.abs(self.rows @ shapes) ** 2).sum(axis=0)
-        total = (self.squares[:, None] * np.abs(shapes) ** 2).sum(axis=0)
+        total = (squares[:, None] * np.abs(shapes) ** 2).sum(axis=0)
         mine = (s.imag > 1e-9 * np.abs(s)) & (held > MOSTLY * total)
         return s[mine][np.argsort(np.abs(s[mine]))]
 
@@ -317,7 +275,6 @@ class Tuned(NamedTuple):
 
 
 def tune(
-    integrator: str,
     crafts: Sequence[Craft],
     armature: Array,
     damping: Array,
@@ -344,7 +301,7 @@ def tune(
     now = Tuned(np.array(armature), np.array(damping), float("inf"))
     best: Tuned | None = None
     for _ in range(ITERATIONS):
-        steps = [_Step.of(integrator, craft, now.armature, now.damping, h) for craft in crafts]
+        steps = [_Step.of(craft, now.armature, now.damping) for craft in crafts]
         shown = [step.paired(each) for step, each in zip(steps, wanted, strict=True)]
         if any(z.size < each.size for (z, _), each in zip(shown, wanted, strict=True)):
             break
@@ -388,39 +345,22 @@ def _bounded_step(jacobian: Complex, miss: Complex, lowest: Array) -> Array:
 
 
 class _Step(NamedTuple):
-    """The step of a craft with tuned tendons, `P(z) y = 0` with
+    """The step of a craft with tuned tendons, rows `(n, nv)`."""
 
-    `P = (z - 1)^2 M + h z (z - 1) D_implicit + h (z - 1) D_explicit + h^2 z K`.
-    """
-
-    craft: Craft
-    mass: Array
-    implicit: Array
-    explicit: Array
-    integrator: str
-    h: float
+    rows: Array
+    map: StepMap
 
     @classmethod
-    def of(
-        cls, integrator: str, craft: Craft, armature: Array, damping: Array, h: float
-    ) -> "_Step":
+    def of(cls, craft: Craft, armature: Array, damping: Array) -> "_Step":
         """With armature and damping `(n,)` of the modal tendons."""
-        late = SCHEMES[integrator].implicit_damping
-        mass = np.eye(craft.squares.size) + craft.rows.T @ (armature[:, None] * craft.rows)
-        tendons = craft.rows.T @ (damping[:, None] * craft.rows)
-        implicit = craft.implicit + tendons if late else craft.implicit
-        explicit = craft.explicit if late else craft.explicit + tendons
-        return cls(craft, mass, implicit, explicit, integrator, h)
+        rows, change = craft.rows, damping - craft.damping
+        return cls(rows, craft.motion.with_tendons(rows, 0.0 * change, change, armature))
 
     def poles(self) -> tuple[Complex, Complex]:
         """Oscillating poles of the step, upper half plane, and the modes in columns."""
-        squares = np.diag(self.craft.squares)
-        change, _ = step_matrices(
-            self.integrator, squares, self.implicit, self.explicit, self.h, mass=self.mass
-        )
-        step, vectors = np.linalg.eig(change)
+        step, vectors = np.linalg.eig(self.map.matrices()[0])
         upper = np.imag(step) > RINGING
-        shapes = vectors[: len(squares), upper]
+        shapes = vectors[: self.rows.shape[1], upper]
         return 1.0 + step[upper].astype(np.complex128), shapes.astype(np.complex128)
 
     def paired(self, wanted: Complex) -> tuple[Complex, Complex]:
@@ -433,18 +373,9 @@ class _Step(NamedTuple):
 
     def derivatives(self, z: Complex, y: Complex) -> tuple[Complex, Complex]:
         """`(k, n)` of poles `(k,)` with modes `(nv, k)` by armature and by damping."""
-        h = self.h
         step = z - 1.0
-        # P'(z) y
-        slope = (
-            2.0 * step * (self.mass @ y)
-            + h * (2.0 * z - 1.0) * (self.implicit @ y)
-            + h * (self.explicit @ y)
-            + h**2 * self.craft.squares[:, None] * y
-        )
         # -(b y)^2 / (y^T P'(z) y) of each tendon's row b
-        lever = -((self.craft.rows @ y) ** 2) / np.sum(y * slope, axis=0)
-        by_armature = lever * step**2
-        late = SCHEMES[self.integrator].implicit_damping
-        by_damping = lever * h * step * (z if late else np.ones(z.size))
-        return by_armature.T, by_damping.T
+        lever = -((self.rows @ y) ** 2) / np.sum(y * self.map.slope(step, y), axis=0)
+        _, implicit, explicit = step_factors(self.map.integrator, step, self.map.timestep)
+        damper = implicit if SCHEMES[self.map.integrator].implicit_damping else explicit
+        return lever.T, (lever * damper).T

@@ -7,6 +7,7 @@ MuJoCo treats their springs and dampers differently.
 Theory: docs/theory.md, section 5.
 """
 
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,12 +16,16 @@ from scipy.optimize import brentq
 
 from beamchain.checks import one_of
 from beamchain.engine.linearise import runge_kutta_change
-from beamchain.ports.motions import Array
+from beamchain.ports.motions import Array, system_matrix
 
 Complex = NDArray[np.complex128]
 
 PHASE = 2.6  #: [rad] per step, to which semi-implicit integrators slow faster modes
 NEVER = float("inf")
+AT_REST = 1e-5  # slower than this share of the fastest pole: rigid motion
+REAL = 1e-6  # imaginary part, relative, below which a root is real
+LEAST = 1e-9  # root over the largest one: below it, none
+ROUNDING = 1e-9  # of a matrix whose diagonal is one
 
 
 class Scheme(NamedTuple):
@@ -30,16 +35,21 @@ class Scheme(NamedTuple):
     exact: bool  #: modes on tendons can be made exact in time (the armature needed is not negative)
     phase: float  #: [rad] per step beyond which modes are slowed
     implicit_damping: bool  #: of tendons
+    #: armature over `h^2 k` with which a spring is stable by itself, whatever hangs on it
+    limit: float = 1.0 / 4.0
+    #: armature over `h d` that makes up for the instant at which the damper of a tendon acts
+    lag: float = -1.0 / 2.0
     implicit_springs: bool = False  #: those of tendons for the force of the position alone
 
 
 #: By MuJoCo's name.
 SCHEMES = {
-    "Euler": Scheme(exact=True, phase=PHASE, implicit_damping=False),
+    "Euler": Scheme(exact=True, phase=PHASE, implicit_damping=False, lag=1.0 / 2.0),
     "implicit": Scheme(exact=True, phase=PHASE, implicit_damping=True),
     "implicitfast": Scheme(exact=True, phase=PHASE, implicit_damping=True),
     "discrete": Scheme(exact=False, phase=NEVER, implicit_damping=True, implicit_springs=True),
-    "RK4": Scheme(exact=False, phase=2.0, implicit_damping=False),  # its own limit is 2.828
+    # its own limit is sqrt(8) = 2.828
+    "RK4": Scheme(exact=False, phase=2.0, implicit_damping=False, limit=1.0 / 8.0, lag=0.0),
 }
 INTEGRATORS = tuple(SCHEMES)
 
@@ -83,55 +93,168 @@ def polynomial(s: NDArray[Any]) -> Complex:
     )
 
 
-def step_matrices(
-    integrator: str,
-    stiffness: Array,
-    implicit: Array,
-    explicit: Array,
-    timestep: float,
-    *,
-    mass: Array | None = None,
-    springs: Array | float = 0.0,
-    held: Array | float = 0.0,
-) -> tuple[Array, Array]:
-    """One step of `M y'' + D y' + K y = f` less the unit matrix, `(2 n, 2 n)` over the states
-    (y, h y'), and what a force on each y that is held over the step adds, `(2 n, n)`.
+@dataclass(frozen=True, eq=False)
+class StepMap:
+    """The step of `M y'' + (D_i + D_e) y' + K y = f` by one of MuJoCo's integrators,
 
         y+ = y + h v+
         v+ = (M + h D_i + h^2 (S - H))^-1 (M - h D_e) v + h (M + h D_i + h^2 S)^-1 (f - K y)
 
-    Of RK4 the exponential to fourth order.
+    of RK4 the exponential to fourth order. All matrices are `(..., n, n)`.
 
     Args:
         integrator: MuJoCo's name.
-        stiffness: `(n, n)` K.
-        implicit, explicit: `(n, n)` D_i and D_e, the dampers as the integrator takes them.
-        timestep: h [s].
-        mass: `(n, n)` M; the unit matrix where left out.
-        springs: `(n, n)` S, springs that are implicit.
-        held: `(n, n)` H, those of them that are implicit for the force of the position alone.
+        stiffness: K.
+        implicit, explicit: D_i and D_e, the dampers as the integrator takes them.
+        timestep: h [s], a number or `(..., 1, 1)`.
+        mass: M.
+        springs: S, springs that are implicit.
+        held: H, those of them that are implicit for the force of the position alone.
     """
-    h = float(timestep)
-    n = stiffness.shape[0]
-    eye = np.eye(n)
-    mass = eye if mass is None else mass
-    damping = implicit + explicit
+
+    integrator: str
+    stiffness: Array
+    implicit: Array
+    explicit: Array
+    timestep: float | Array
+    mass: Array
+    springs: Array | float = 0.0
+    held: Array | float = 0.0
+
+    def matrices(self) -> tuple[Array, Array]:
+        """The step less the unit matrix, `(..., 2 n, 2 n)` over the states (y, h y'), and what a
+        force on each y that is held over the step adds, `(..., 2 n, n)`."""
+        pull, lost, push = self.shares()
+        n = pull.shape[-1]
+        eye = np.broadcast_to(np.eye(n), pull.shape)
+        if self.integrator == "RK4":
+            zeros = np.zeros_like(pull)
+            flow = np.block([[zeros, eye, zeros], [-pull, -lost, push], [zeros] * 3])
+            change = runge_kutta_change(flow)[..., : 2 * n, :]
+            return change[..., : 2 * n], change[..., 2 * n :]
+        return np.block([[-pull, eye - lost], [-pull, -lost]]), np.block([[push], [push]])
+
+    def shares(self) -> tuple[Array, Array, Array]:
+        """`(..., n, n)` pull, lost and push of `h v+ = h v - pull y - lost h v + push f`, of RK4
+        those of `h^2 y'' = -pull y - lost h y' + push f`."""
+        h = self.timestep
+        damping = self.implicit + self.explicit + h * (self.springs - self.held)
+        left = self.mass
+        if self.integrator != "RK4":
+            left = left + h * self.implicit + h**2 * self.springs
+        push = h**2 * _inverse(left)
+        position = _inverse(left - h**2 * self.held) * h if np.any(self.held) else push / h
+        return push @ self.stiffness, position @ damping, push
+
+    @property
+    def growth(self) -> Array:
+        """`(...)` the largest |z| of the step."""
+        change, _ = self.matrices()
+        return np.asarray(np.max(np.abs(1.0 + np.linalg.eigvals(change)), axis=-1))
+
+    def dynamic(self, step: Complex) -> NDArray[np.complex128]:
+        """P `(k, n, n)` of `step_factors` at z - 1 `(k,)`."""
+        spring, implicit, explicit = step_factors(self.integrator, step, self.timestep)
+        dynamic = self.mass + self.stiffness * spring[:, None, None]
+        dynamic = dynamic + self.implicit * implicit[:, None, None]
+        return dynamic + self.explicit * explicit[:, None, None]
+
+    def slope(self, step: Complex, shapes: Complex) -> Complex:
+        """`P'(z) y` `(n, k)` of modes y `(n, k)` at z - 1 `(k,)`, P as of `step_factors`; not of
+        RK4.
+
+            P' = -(D_i + D_e) h/(z - 1)^2 - K h^2 (z + 1)/(z - 1)^3
+        """
+        explicit = self.timestep / step
+        damped = (self.implicit + self.explicit) @ shapes
+        sprung = self.stiffness @ shapes
+        return -explicit * (damped + explicit * (step + 2.0) * sprung) / step
+
+    def largest_step(self) -> float:
+        """Largest stable step, whatever `timestep` is [s]; infinity where there is none.
+
+        There a pole is -1: `4 P(-1) y = (4 M + 2 h (D_i - D_e) + h^2 (2 S - K)) y = 0`. RK4's
+        poles leave the unit circle elsewhere.
+        """
+        nothing = np.zeros_like(self.mass)
+        lightness = _inverse(self.mass)
+        stiffness, implicit, explicit, springs, held = (
+            lightness @ (nothing + part)
+            for part in (self.stiffness, self.implicit, self.explicit, self.springs, self.held)
+        )
+        if self.integrator == "RK4":
+            poles = np.linalg.eigvals(system_matrix(stiffness, implicit + explicit))
+            size = np.abs(poles)
+            moving = poles[(size > AT_REST * np.max(size, initial=0.0)) & (poles.imag >= 0.0)]
+            return min((runge_kutta_limit(pole) for pole in moving), default=NEVER)
+        spring, damper = (2.0 * springs - stiffness) / 4.0, (implicit - explicit) / 2.0
+        if np.any(held):  # + 2 h^2 H w,  (M + h D_i + h^2 (S - H)) w = (M - h D_e) y
+            spring = np.block([[spring, held / 2.0], [spring, springs - held / 2.0]])
+            damper = np.block([[damper, nothing], [damper + explicit, implicit]])
+        inverse = np.linalg.eigvals(system_matrix(spring, damper))
+        size = np.abs(inverse)
+        is_real = (np.abs(inverse.imag) <= REAL * size) & (
+            inverse.real > LEAST * np.max(size, initial=0.0)
+        )
+        return 1.0 / float(np.max(inverse.real[is_real])) if np.any(is_real) else NEVER
+
+
+def step_factors(
+    integrator: str, step: Complex, timestep: float | Array
+) -> tuple[Complex, Complex, Complex]:
+    """Of stiffness, implicit and explicit damping in the equation of a free step at z - 1,
+
+        P(z) y = 0,   P = M + K h^2 z/(z - 1)^2 + D_i h z/(z - 1) + D_e h/(z - 1)
+
+    without implicit springs; of RK4 `P = M + K/s^2 + D/s`, `s = log(z)/h`.
+    """
     if integrator == "RK4":
-        moved = np.linalg.solve(mass, np.hstack([-(h**2) * stiffness, -h * damping, h**2 * eye]))
-        flow = np.zeros((3 * n, 3 * n))
-        flow[:n, n : 2 * n] = eye
-        flow[n : 2 * n] = moved
-        change = runge_kutta_change(flow)[: 2 * n]
-        return change[:, : 2 * n], change[:, 2 * n :]
-    left = mass + h * implicit + h**2 * springs
-    drag = h * damping + h**2 * (springs - held)
-    solved = np.linalg.solve(left, np.hstack([h**2 * stiffness, drag, h**2 * eye]))
-    pull, lost, push = np.split(solved, 3, axis=1)
-    if np.any(held):
-        lost = np.linalg.solve(left - h**2 * held, drag)
-    difference = np.block([[-pull, eye - lost], [-pull, -lost]])
-    drive = np.vstack([push, push])
-    return np.asarray(difference, dtype=np.float64), np.asarray(drive, dtype=np.float64)
+        rate = np.asarray(timestep / np.log1p(step), dtype=np.complex128)
+        return rate**2, rate, rate
+    explicit = timestep / step
+    implicit = explicit * (1.0 + step)
+    return explicit * implicit, implicit, explicit
+
+
+def _inverse(matrix: Array) -> Array:
+    inverse = 1.0 / matrix if matrix.shape[-1] == 1 else np.linalg.inv(matrix)
+    return np.asarray(inverse, dtype=np.float64)
+
+
+def map_modes(
+    integrator: str,
+    mass: ArrayLike,
+    damping: ArrayLike,
+    stiffness: ArrayLike,
+    timestep: float,
+    *,
+    tendon: bool = True,
+    sprung: bool = True,
+) -> StepMap:
+    """The step of modes `m q'' + c q' + k q = 0`, each alone.
+
+    `tendon`: the damping sits on a tendon, not on a joint; `sprung`: so does the spring.
+    """
+    one_of("integrator", integrator, INTEGRATORS)
+    scheme = SCHEMES[integrator]
+    m, c, k = (
+        values[..., None, None]
+        for values in np.broadcast_arrays(
+            *(np.asarray(v, dtype=np.float64) for v in (mass, damping, stiffness))
+        )
+    )
+    implicit = c * (scheme.implicit_damping or not tendon)
+    springs = k * scheme.implicit_springs
+    return StepMap(
+        integrator,
+        k,
+        implicit,
+        c - implicit,
+        float(timestep),
+        mass=m,
+        springs=springs,
+        held=springs * sprung,
+    )
 
 
 def step_pole(
@@ -145,44 +268,46 @@ def step_pole(
     sprung: bool = True,
 ) -> Complex:
     """Pole `z` of one step of `m q'' + c q' + k q = 0`: upper half plane,
-    or the larger modulus if real.
+    or the larger modulus if real; `tendon`, `sprung` as of `map_modes`."""
+    modes = map_modes(integrator, mass, damping, stiffness, timestep, tendon=tendon, sprung=sprung)
+    return 1.0 + pole_of_mode(modes)
 
-    `tendon`: the damping sits on a tendon, not on a joint; `sprung`: so does the spring.
+
+def pole_of_mode(mode: StepMap) -> Complex:
+    """`z - 1` of steps of single modes, `(..., 1, 1)`: upper half plane, or the larger modulus."""
+    pull, lost, _ = (share[..., 0, 0] for share in mode.shares())
+    is_rk4 = mode.integrator == "RK4"
+    # (z - 1)^2 + (pull + lost) (z - 1) + pull = 0, of RK4 s^2 + lost s + pull = 0
+    half = -(lost if is_rk4 else pull + lost) / 2.0
+    root = np.sqrt((half**2 - pull).astype(np.complex128))
+    first, second = half + root, half - root
+    if is_rk4:
+        first, second = polynomial(first) - 1.0, polynomial(second) - 1.0
+    return np.where(np.abs(1.0 + second) > np.abs(1.0 + first) * (1.0 + 1e-12), second, first)
+
+
+def spare_armature(
+    integrator: str, armature: Array | float, stiffness: Array, damping: Array, timestep: float
+) -> Array:
+    """What is left of the armature of tendons beyond that with which they are stable by themselves,
+
+        g = a - lag h d - limit h^2 k
+
+    A craft is stable in a pose while `C + diag(g) > 0`, C the condensed mass of the tendons'
+    lengths: that is `P(-1)`. Of RK4 without dampers.
     """
-    one_of("integrator", integrator, INTEGRATORS)
     scheme = SCHEMES[integrator]
-    h = float(timestep)
-    m, c, k = np.broadcast_arrays(
-        *(np.asarray(v, dtype=np.float64) for v in (mass, damping, stiffness))
-    )
-    if integrator == "RK4":
-        s = (-c + np.sqrt((c**2 - 4.0 * m * k).astype(np.complex128))) / (2.0 * m) * h
-        z = polynomial(s)
-        twin = polynomial(-c / m * h - s)
-        return np.where(np.abs(twin) > np.abs(z) * (1.0 + 1e-12), twin, z)
-    spring = h**2 * k * scheme.implicit_springs
-    if scheme.implicit_damping or not tendon:
-        held = m + h * c
-        a = m / (held + spring * (not sprung))
-        b = h**2 * k / (held + spring)
-    else:
-        a, b = 1.0 - h * c / m, h**2 * k / m
-    half = (1.0 + a - b) / 2.0
-    # half^2 - a without the loss at small steps
-    square = ((1.0 - a) ** 2 + b**2 - 2.0 * b * (1.0 + a)) / 4.0
-    root = np.sqrt(square.astype(np.complex128))
-    return np.where((square > 0.0) & (half < 0.0), half - root, half + root)
+    needed = scheme.lag * timestep * damping + scheme.limit * timestep**2 * stiffness
+    return np.asarray(armature - needed, dtype=np.float64)
 
 
-def largest_angle(integrator: str, ratio: float = 0.0, *, tendon: bool = False) -> float:
-    """Largest stable `w h` of a mode; infinity for "discrete"."""
-    one_of("integrator", integrator, INTEGRATORS)
-    if integrator == "discrete":
-        return NEVER
-    if integrator == "RK4":
-        return runge_kutta_limit(complex(-ratio, np.sqrt(1.0 - ratio**2)))
-    root = 2.0 * np.sqrt(1.0 + ratio**2)
-    return float(root - 2.0 * ratio if integrator == "Euler" and tendon else root + 2.0 * ratio)
+def is_stable(mass: Array, spare: Array) -> NDArray[np.bool_]:
+    """`(k,)`: whether `C + diag(g) >= 0` of a condensed mass `(n, n)` and the spare armatures
+    `(k, n)` of many draws."""
+    size = 1.0 / np.sqrt(np.diag(mass) + np.abs(spare))
+    whole = mass + spare[:, :, None] * np.eye(mass.shape[0])
+    lowest = np.linalg.eigvalsh(whole * size[:, :, None] * size[:, None, :])[:, 0]
+    return np.asarray(lowest >= -ROUNDING)
 
 
 def runge_kutta_limit(pole: complex) -> float:
@@ -287,9 +412,8 @@ def stable_armature(integrator: str, timestep: float, stiffness: float, damping:
     Bodies of appendages are stable by themselves at their limit, so that a spring between them has
     no room: it needs h^2 k/4, of RK4 h^2 k/8. RK4 takes dampers explicitly, whose limit is 2.79.
     """
-    if integrator == "RK4":
-        return timestep**2 * stiffness / 8.0 + timestep * damping / 2.0
-    return timestep**2 * stiffness / 4.0
+    dampers = timestep * damping / 2.0 if integrator == "RK4" else 0.0
+    return SCHEMES[integrator].limit * timestep**2 * stiffness + dampers
 
 
 def start_rate(

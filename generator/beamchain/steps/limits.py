@@ -27,15 +27,14 @@ from beamchain.ports.compare import (
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array, system_matrix
 from beamchain.steps.integrators import (
+    AT_REST,
     INTEGRATORS,
     Complex,
-    polynomial,
-    runge_kutta_limit,
-    step_matrices,
+    StepMap,
+    pole_of_mode,
     step_pole,
 )
 
-AT_REST = 1e-5  # nearer to 1, or slower than this share of the fastest: rigid motion
 MOST_CONFIRMED = 40  # times a step is shortened until the poles of the whole step confirm it
 CONFIRMED = 0.98  # by as much
 ERRORS = (1e-2, 1e-3)  # of the lowest frequency, for which the step is stated
@@ -75,54 +74,42 @@ class LinearModel:
         """`(2 nv,)` poles of the continuous system [1/s]."""
         return np.linalg.eigvals(system_matrix(self.stiffness, self.damping)).astype(np.complex128)
 
-    def _parts(self, integrator: str) -> tuple[Array, Array, Array, Array]:
-        """Implicit and explicit damping, implicit stiffness, and the tendons' share of it."""
-        nothing = np.zeros_like(self.stiffness)
-        if integrator == "Euler":
-            return self.euler_damping, self.damping - self.euler_damping, nothing, nothing
-        if integrator != "discrete":
-            return self.damping, nothing, nothing, nothing
-        return (
-            self.damping,
-            nothing,
-            self.discrete_stiffness + self.discrete_tendons,
-            nothing + self.discrete_tendons,
+    def stepped(self, integrator: str, timestep: float | Array = 1.0) -> StepMap:
+        """Its step [s]."""
+        one_of("integrator", integrator, INTEGRATORS)
+        implicit = self.euler_damping if integrator == "Euler" else self.damping
+        held = springs = np.zeros_like(self.stiffness)
+        if integrator == "discrete":
+            held = held + self.discrete_tendons
+            springs = held + self.discrete_stiffness
+        return StepMap(
+            integrator,
+            self.stiffness,
+            implicit,
+            self.damping - implicit,
+            timestep,
+            mass=np.eye(len(self.stiffness)),
+            springs=springs,
+            held=held,
         )
 
     def step(self, integrator: str, timestep: float) -> Array:
         """`(2 nv, 2 nv)` one step in the states (q, h v), so that all entries are pure numbers."""
-        one_of("integrator", integrator, INTEGRATORS)
-        implicit, explicit, springs, held = self._parts(integrator)
-        change, _ = step_matrices(
-            integrator, self.stiffness, implicit, explicit, timestep, springs=springs, held=held
-        )
+        change, _ = self.stepped(integrator, timestep).matrices()
         return np.eye(len(change)) + change
 
     def largest_step(self, integrator: str) -> float:
         """Largest stable step [s]; infinity where there is none."""
-        one_of("integrator", integrator, INTEGRATORS)
         poles = self.poles()
         fastest = float(np.max(np.abs(poles), initial=0.0))
-        if np.any(poles.real > 1e-5 * fastest):
+        if np.any(poles.real > AT_REST * fastest):
             raise EngineError(
                 self.preload
                 or "the model is unstable about its rest pose at any step (a pole at "
                 f"{np.max(poles.real):.3g} 1/s): a spring or damper is negative, or gravity "
                 "tips it over; linearise it about a stable pose."
             )
-        if integrator == "RK4":
-            return min(
-                (runge_kutta_limit(p) for p in poles[np.abs(poles) > 1e-5 * fastest]),
-                default=float("inf"),
-            )
-        implicit, explicit, spring, _ = self._parts(integrator)
-        inverse = np.linalg.eigvals(
-            system_matrix((2.0 * spring - self.stiffness) / 4.0, (implicit - explicit) / 2.0)
-        )
-        real = inverse.real[
-            (np.abs(inverse.imag) <= 1e-6 * np.abs(inverse)) & (inverse.real > 1e-9 * fastest)
-        ]
-        return 1.0 / float(np.max(real)) if real.size else float("inf")
+        return self.stepped(integrator).largest_step()
 
     def step_for_error(self, integrator: str, pole: complex, error: float, limit: float) -> float:
         """Largest step [s], up to `limit`, below which the simulated frequency of a mode keeps
@@ -157,32 +144,28 @@ class LinearModel:
 
     def _frequency(self, integrator: str, pole: complex) -> Callable[[Array], Array]:
         """What steps [s], any shape, show of the mode at `pole`, alone: `|log(z)| / h` [1/s]."""
-        if integrator == "RK4":
-            return lambda h: np.abs(np.log(polynomial(pole * h))) / h
         values, shapes = np.linalg.eig(self.stiffness)
         k = int(np.argmin(np.abs(values - abs(pole) ** 2)))
         x = shapes[:, k]
         y = np.linalg.inv(shapes)[k]  # y x = 1
-        implicit, explicit, spring, held = (
-            float(np.real(y @ part @ x)) for part in self._parts(integrator)
+        whole = self.stepped(integrator)
+        implicit, explicit, springs, held = (
+            float(np.real(y @ part @ x))
+            for part in (whole.implicit, whole.explicit, whole.springs, whole.held)
         )
         # the mode's damping, as the pole has it
         own = max(-2.0 * pole.real, 0.0)
         total = implicit + explicit
         share = min(max(implicit / total, 0.0), 1.0) if total > 1e-12 * abs(pole) else 1.0
-        implicit = own * share
 
-        # z^2 - (2 - lost - pull) z + 1 - lost: no difference of nearly equal numbers
         def frequency(h: Array) -> Array:
-            lost = (h * own + h**2 * (spring - held)) / (
-                1.0 + h * implicit + h**2 * (spring - held)
+            square, late, early, of_step, of_position, unit = np.array(
+                [abs(pole) ** 2, own * share, own * (1.0 - share), springs, held, 1.0]
+            ).reshape(-1, 1, 1)
+            step = StepMap(
+                integrator, square, late, early, h[..., None, None], unit, of_step, of_position
             )
-            pull = h**2 * abs(pole) ** 2 / (1.0 + h * implicit + h**2 * spring)
-            half = (lost + pull) / 2.0
-            turn = np.sqrt(np.maximum(pull - half**2, 0.0))
-            slow = 0.5 * np.log1p(-np.minimum(lost, 1.0 - 1e-15))
-            size = np.where(turn > 0.0, slow, np.log(np.abs(1.0 - half) + 1e-300))
-            return np.hypot(size, np.arctan2(turn, 1.0 - half)) / h
+            return np.abs(np.log1p(pole_of_mode(step))) / h
 
         return frequency
 

@@ -24,7 +24,7 @@ from beamchain.engine.operating_point import pose_words, rest_point, still_copy
 from beamchain.ports.compare import compared_ratios
 from beamchain.ports.motions import Array
 from beamchain.steps.elements import elements
-from beamchain.steps.integrators import PHASE, SCHEMES, Complex, step_matrices
+from beamchain.steps.integrators import PHASE, SCHEMES, Complex, StepMap
 from beamchain.steps.modal import FILLER, modal_tendons
 
 # rad or m by which the step of "discrete" is differenced: it is not linear in the pose
@@ -81,6 +81,24 @@ class Motion:
         """`(2 nv,)` poles of the step, less one."""
         return self._poles(self.difference)
 
+    def with_tendons(
+        self, rows: Array, stiffness: Array, damping: Array, armature: Array
+    ) -> StepMap:
+        """The step by formula, with so much more stiffness, damping and armature `(n,)` on tendons
+        that have the `rows` `(n, nv)` by these coordinates."""
+        more, damped, heavier = (
+            rows.T @ (values[:, None] * rows) for values in (stiffness, damping, armature)
+        )
+        late = SCHEMES[self.integrator].implicit_damping
+        return StepMap(
+            self.integrator,
+            np.diag(self.squares) + more,
+            self.implicit + damped * late,
+            self.damping - self.implicit + damped * (not late),
+            self.timestep,
+            mass=np.eye(self.squares.size) + heavier,
+        )
+
     @property
     def growth(self) -> float:
         """The largest |z| of the step; above 1 it is unstable."""
@@ -128,7 +146,8 @@ def motion_at(model: "mujoco.MjModel", qpos: Array | None = None) -> Motion:
     if name == "discrete":
         difference, drive = _by_differences(still, point.qpos, shapes)
     else:
-        difference, drive = step_matrices(name, np.diag(squares), implicit, whole - implicit, h)
+        step = StepMap(name, np.diag(squares), implicit, whole - implicit, h, np.eye(squares.size))
+        difference, drive = step.matrices()
     return Motion(
         shapes,
         squares,

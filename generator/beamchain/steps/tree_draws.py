@@ -18,14 +18,13 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamchain.engine.library import mujoco
 from beamchain.ports.motions import Array
-from beamchain.steps.integrators import SCHEMES
+from beamchain.steps.integrators import SCHEMES, is_stable, spare_armature
 from beamchain.steps.modal import Modal
 from beamchain.steps.retime import retime_by
-from beamchain.steps.tree_time import LIMIT, ROOM, FreeAppendage, appendages_alone
+from beamchain.steps.tree_time import ROOM, FreeAppendage, appendages_alone
 
 HALVINGS = 10  # of the way to the armature that is safe for sure
 
@@ -43,18 +42,16 @@ class TreeDraws:
     """The timing of a nominal model, carried over to draws of its modes.
 
     Args:
+        integrator: MuJoCo's name.
         timestep: [s].
-        late: what damping adds to the armature, over `h d`: 1/2, -1/2 where it is implicit.
-        limit: of `h^2 k`: 1/4, RK4 1/8.
         factor: `(n,)` c.
         gap: `(n,)` g.
         stiffness, damping: `(n,)` timed over nominal.
         parts: the appendages alone.
     """
 
+    integrator: str
     timestep: float
-    late: float
-    limit: float
     factor: Array
     gap: Array
     stiffness: Array
@@ -78,17 +75,12 @@ class TreeDraws:
         armature = np.asarray(timed.tendon_armature - model.tendon_armature)[at]
         stiffness = np.array(timed.tendon_stiffness)[at]
         damping = np.array(timed.tendon_damping)[at]
-        is_rk4 = integrator == "RK4"
-        late = 0.0 if is_rk4 else -0.5 if SCHEMES[integrator].implicit_damping else 0.5
-        limit = LIMIT / 2.0 if is_rk4 else LIMIT
-        squares = h**2 * stiffness
-        own = armature - late * h * damping
+        lag = SCHEMES[integrator].lag
         return cls(
+            integrator,
             h,
-            late,
-            limit,
-            factor=own / squares,
-            gap=own - limit * squares,
+            factor=(armature - lag * h * damping) / (h**2 * stiffness),
+            gap=spare_armature(integrator, armature, stiffness, damping, h),
             stiffness=stiffness / modal.stiffness,
             damping=np.where(modal.damping > 0.0, damping / np.maximum(modal.damping, 1e-300), 1.0),
             parts=tuple(appendages_alone(model, modal)),
@@ -98,31 +90,25 @@ class TreeDraws:
         """The tendons of draws, by stiffness and damping `(k, n)` without timing."""
         stiffness = stiffness * self.stiffness
         damping = damping * self.damping
-        squares = self.timestep**2 * stiffness
-        gap = (self.factor - self.limit) * squares
+        gap = (self.factor - SCHEMES[self.integrator].limit) * self.timestep**2 * stiffness
         for part in self.parts:
             at = part.tendons
             gap[:, at] = self._safe(part, gap[:, at])
-        armature = gap + self.limit * squares + self.late * self.timestep * damping
+        armature = gap - spare_armature(self.integrator, 0.0, stiffness, damping, self.timestep)
         return DrawnTendons(np.maximum(armature, 0.0), stiffness, damping)
 
     def _safe(self, part: FreeAppendage, gap: Array) -> Array:
         """`(k, m)` of one appendage: `gap`, or as much above it as is safe."""
         sure = np.maximum(gap, self.gap[part.tendons])
-        unsafe = np.flatnonzero(~_is_safe(part.free, gap))
+        mass = (1.0 - ROOM) * part.free
+        unsafe = np.flatnonzero(~is_stable(mass, gap))
         low = np.zeros((unsafe.size, 1))
         high = np.ones((unsafe.size, 1))
         way = (sure - gap)[unsafe]
         for _ in range(HALVINGS):
             middle = (low + high) / 2.0
-            good = _is_safe(part.free, gap[unsafe] + middle * way)[:, None]
+            good = is_stable(mass, gap[unsafe] + middle * way)[:, None]
             low, high = np.where(good, low, middle), np.where(good, middle, high)
         out = gap.copy()
         out[unsafe] += high * way
         return out
-
-
-def _is_safe(free: Array, gap: Array) -> NDArray[np.bool_]:
-    """`(k,)`: whether `S + diag(g) > 0`, with room."""
-    left = (1.0 - ROOM) * free + gap[:, :, None] * np.eye(free.shape[0])
-    return np.linalg.eigvalsh(left)[:, 0] >= -1e-9 * np.abs(np.diag(free)).max()

@@ -1,11 +1,8 @@
 """The response of a craft at the step, for given stiffness, damping and armature of its modal
 tendons, and its slopes by them.
 
-With R the motions of the base and of the craft's own joints inside the tree, z a step and
-
-    P = M + D_i h z/(z - 1) + D_e h/(z - 1) + K h^2 z/(z - 1)^2
-
-(RK4: `P = M + D/s + K/s^2`), the sampled accelerance is `A = R P^-1 R^T`. A change of one tendon,
+With R the motions of the base and of the craft's own joints inside the tree and P(z) that of
+`integrators.StepMap`, the sampled accelerance is `A = R P^-1 R^T`. A change of one tendon,
 `dP = p b b^T` with b its row, moves it by `-p g g^T`, `g = R P^-1 b`.
 
 Theory: docs/theory.md, section 9.
@@ -25,7 +22,7 @@ from beamchain.engine.mount import motion
 from beamchain.engine.operating_point import base_body, quiet_copy, rest_point
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
-from beamchain.steps.integrators import SCHEMES, Complex
+from beamchain.steps.integrators import SCHEMES, Complex, step_factors
 from beamchain.steps.modal import HINGE_OR_SLIDE, Modal
 from beamchain.steps.sampled import Responder, exact_response
 from beamchain.steps.step_map import Motion
@@ -150,7 +147,10 @@ class ResponseResidual:
         g = np.swapaxes(self.seen.tendons @ solved, 1, 2)  # (k, m, n)
         first, second, weight = self._entries
         lever = g[:, first] * g[:, second] * (-weight[:, None] / self.size[:, None, None])
-        by_stiffness, by_damping, _ = (f[:, None, None] * lever for f in self._factors())
+        motion = self.seen.motion
+        spring, implicit, explicit = step_factors(motion.integrator, self.step, motion.timestep)
+        damper = implicit if SCHEMES[motion.integrator].implicit_damping else explicit
+        by_stiffness, by_damping = (f[:, None, None] * lever for f in (spring, damper))
         table = np.concatenate([by_stiffness, by_damping, lever], axis=2)
         slopes = np.asarray(table.reshape(-1, table.shape[2]), dtype=np.complex128)
         return self._error(solved), np.vstack([np.real(slopes), np.imag(slopes)])
@@ -177,34 +177,11 @@ class ResponseResidual:
 
     def _solve(self, tendons: Tendons) -> NDArray[np.complex128]:
         seen = self.seen
-        motion = seen.motion
-        b = seen.tendons
-        mass = np.eye(motion.squares.size) + seen.joints
-        mass = mass + b.T @ (tendons.armature[:, None] * b)
-        stiffer = tendons.stiffness - seen.plain.stiffness
-        stiffness = np.diag(motion.squares) + b.T @ (stiffer[:, None] * b)
-        damped = b.T @ ((tendons.damping - seen.plain.damping)[:, None] * b)
-        spring, damper, by_joints = (factor[:, None, None] for factor in self._factors())
-        dynamic = (
-            mass
-            + (motion.damping - motion.implicit + damped) * damper
-            + motion.implicit * by_joints
-            + stiffness * spring
-        )
+        change = (now - plain for now, plain in zip(tendons, seen.plain, strict=True))
+        step = seen.motion.with_tendons(seen.tendons, *change)
+        dynamic = replace(step, mass=step.mass + seen.joints).dynamic(self.step)
         force = np.broadcast_to(seen.rows.T, (self.step.size, *seen.rows.T.shape))
         return np.asarray(np.linalg.solve(dynamic, force), dtype=np.complex128)
-
-    def _factors(self) -> tuple[Complex, Complex, Complex]:
-        """Of stiffness, of the tendons' damping and of what is damped implicitly in P."""
-        h = self.seen.motion.timestep
-        step = self.step
-        if self.seen.motion.integrator == "RK4":
-            rate = np.asarray(h / np.log1p(step), dtype=np.complex128)
-            return rate**2, rate, rate
-        explicit = h / step
-        implicit = h * (1.0 + step) / step
-        late = SCHEMES[self.seen.motion.integrator].implicit_damping
-        return h * implicit / step, implicit if late else explicit, implicit
 
 
 def outer_motions(model: "mujoco.MjModel", modal: Modal, data: "mujoco.MjData") -> Array:

@@ -27,15 +27,15 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag, eigh
+from scipy.linalg import block_diag
 
 from beamchain.engine.bench import mass_of_bodies
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import mass_of_alone
 from beamchain.engine.operating_point import poses, quiet_copy, rest_point
 from beamchain.ports.motions import Array, offset_matrix
-from beamchain.steps.forms import ModeTime, TendonValues
-from beamchain.steps.integrators import SCHEMES, continuous_poles
+from beamchain.steps.forms import ModeTime, TendonValues, stability
+from beamchain.steps.integrators import SCHEMES, Scheme, continuous_poles, spare_armature
 from beamchain.steps.modal import Modal, condensed_mass
 from beamchain.steps.step_map import last_kept, motion_for
 from beamchain.steps.tree_response import ResponseResidual, Seen, Tendons, outer_dofs
@@ -47,7 +47,6 @@ MOST_PARTS = 12  # of the way from one keyframe to the next
 TURNED = (np.pi / 4.0, np.pi / 2.0, 3.0 * np.pi / 4.0)  # where no keyframe turns anything
 FASTEST = 0.5  # rad per step up to which the response is kept
 UNASKED = 0.2  # the same where no band is asked for: the lower, the nearer
-LIMIT = 0.25  # c at which a tendon is stable by itself, whatever the mass; RK4: 1/8
 ROOM = 0.02  # of S that is left over at least
 START = 0.3  # of c above its limit, where the search begins
 HIGHEST = 3.0  # c: a larger one would bring the tendon's own mode down towards the band
@@ -207,18 +206,16 @@ class _TendonBounds:
     Args:
         appendages: alone.
         stiffness, damping: `(n,)` of the tendons without timing.
+        integrator: MuJoCo's name.
         timestep: [s].
-        late: armature over `h d / 2` that makes up for the instant at which a damper acts.
-        limit: c at which a tendon is stable by itself.
         low, high: `(3 n,)` bounds.
     """
 
     appendages: Sequence[FreeAppendage]
     stiffness: Array
     damping: Array
+    integrator: str
     timestep: float
-    late: float
-    limit: float
     low: Array
     high: Array
 
@@ -233,16 +230,14 @@ class _TendonBounds:
     ) -> "_TendonBounds":
         """Of the tendons of a model that is not timed."""
         n = len(modal.names)
-        is_rk4 = integrator == "RK4"
         softer = float(np.clip(YIELDING * (band * timestep) ** 2, SOFTEST, STIFFEST))
         bound = np.repeat([softer, DAMPED], n)
         return cls(
             appendages,
             modal.stiffness,
             modal.damping,
+            integrator,
             timestep,
-            late=0.0 if is_rk4 else -1.0 if SCHEMES[integrator].implicit_damping else 1.0,
-            limit=LIMIT / 2.0 if is_rk4 else LIMIT,
             low=np.concatenate([np.full(n, -TOUCHING), -bound]),
             high=np.concatenate([np.full(n, HIGHEST), bound]),
         )
@@ -251,15 +246,23 @@ class _TendonBounds:
     def start(self) -> Array:
         """Unknowns in the middle of what is allowed."""
         n = self.stiffness.size
-        return np.concatenate([np.full(n, self.limit + START), np.zeros(2 * n)])
+        return np.concatenate([np.full(n, self._scheme.limit + START), np.zeros(2 * n)])
+
+    @property
+    def _scheme(self) -> Scheme:
+        return SCHEMES[self.integrator]
 
     def tendons(self, unknowns: Array) -> Tendons:
         """The numbers of the tendons."""
+        found = self._unbounded(unknowns)
+        return found._replace(armature=np.maximum(found.armature, 0.0))
+
+    def _unbounded(self, unknowns: Array) -> Tendons:
         c, s, e = np.split(unknowns, 3)
         h = self.timestep
         damping = (1.0 + e) * self.damping
-        armature = c * h**2 * self.stiffness + self.late * h * damping / 2.0
-        return Tendons((1.0 + s) * self.stiffness, damping, np.maximum(armature, 0.0))
+        armature = c * h**2 * self.stiffness + self._scheme.lag * h * damping
+        return Tendons((1.0 + s) * self.stiffness, damping, armature)
 
     @property
     def units(self) -> Array:
@@ -269,7 +272,7 @@ class _TendonBounds:
     def by_unknowns(self, slopes: Array) -> Array:
         """Slopes by c, s and e of what has `slopes` by stiffness, damping and armature."""
         by_stiffness, by_damping, by_armature = np.split(slopes * self.units, 3, axis=1)
-        late = self.late * self.timestep / 2.0 * self.damping
+        late = self._scheme.lag * self.timestep * self.damping
         return np.hstack([by_armature, by_stiffness, by_damping + slopes[:, -late.size :] * late])
 
     def value(self, unknowns: Array) -> float:
@@ -294,41 +297,30 @@ class _TendonBounds:
         n = self.stiffness.size
         for alone, spare in zip(self.appendages, self._spare(unknowns), strict=True):
             inverse = np.linalg.inv(spare)
-            x2 = self._phases(alone)
+            x2 = self.timestep**2 * self.stiffness[alone.tendons]
             slopes = np.zeros((alone.tendons.size, 3 * n))  # of the diagonal, by c and s
             own = np.arange(alone.tendons.size)
             slopes[own, alone.tendons] = x2
-            slopes[own, n + alone.tendons] = -self.limit * x2
+            slopes[own, n + alone.tendons] = -self._scheme.limit * x2
             gradient -= slopes.T @ np.diag(inverse)
             hessian += slopes.T @ inverse**2 @ slopes
         return gradient, hessian
 
     def largest(self, unknowns: Array) -> float:
         """`h^2 lambda_max` of the appendages alone; stable below 4 (RK4: 8)."""
-        tendons = self.tendons(unknowns)
-        late = self.late * self.timestep * tendons.damping / 2.0
-        values = [
-            eigh(
-                np.diag(self.timestep**2 * tendons.stiffness[i]),
-                alone.free + np.diag((tendons.armature - late)[i]),
-                eigvals_only=True,
-            )[-1]
+        k, d, a = self.tendons(unknowns)
+        return max(
+            stability(self.integrator, alone.free[None], k[i], d[i], a[i], self.timestep)
             for alone in self.appendages
             for i in [alone.tendons]
-        ]
-        return float(max(values))
-
-    def _phases(self, alone: FreeAppendage) -> Array:
-        return self.timestep**2 * self.stiffness[alone.tendons]
+        )
 
     def _spare(self, unknowns: Array) -> list[Array]:
-        """`(1 - ROOM) S + diag((c - (1 + s) limit) x^2)` of every appendage."""
-        c, s, _ = np.split(unknowns, 3)
+        """`(1 - ROOM) S + diag(g)` of every appendage: `P(-1)`, with room."""
+        stiffness, damping, armature = self._unbounded(unknowns)
+        spare = spare_armature(self.integrator, armature, stiffness, damping, self.timestep)
         return [
-            (1.0 - ROOM) * alone.free
-            + np.diag((c[i] - (1.0 + s[i]) * self.limit) * self._phases(alone))
-            for alone in self.appendages
-            for i in [alone.tendons]
+            (1.0 - ROOM) * alone.free + np.diag(spare[alone.tendons]) for alone in self.appendages
         ]
 
 

@@ -21,7 +21,7 @@ from beamchain.mjcf import write
 from beamchain.ports.compose import model_in_space
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, Array
-from beamchain.steps.integrators import PHASE, largest_angle
+from beamchain.steps.integrators import PHASE, map_modes
 from beamchain.steps.retime import retime_by
 from beamchain.steps.start import HeldInput
 from beamchain.structure.beam import Beam
@@ -115,10 +115,9 @@ def largest_step(task: Task, entry: Entry) -> float:
     ports = {port: chain.port(port) for port in chain.ports}
     coupled = model_in_space(ports, chain.rigid_mass() + task.hub.mass_matrix())
     ratio = max((float(np.max(task.full[p].damping, initial=0.0)) for p in ports), default=0.0)
-    angle = largest_angle(
-        entry.integrator, ratio, tendon=any(t.damping > 0.0 for t in chain.tendons)
-    )
-    return MARGIN * angle / float(coupled.free_frequencies[-1])
+    on_tendons = any(t.damping > 0.0 for t in chain.tendons)
+    mode = map_modes(entry.integrator, 1.0, 2.0 * ratio, 1.0, 1.0, tendon=on_tendons)
+    return MARGIN * mode.largest_step() / float(coupled.free_frequencies[-1])
 
 
 def model_of(task: Task, entry: Entry, timestep: float = 0.0) -> "mujoco.MjModel":
