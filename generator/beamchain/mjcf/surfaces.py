@@ -11,10 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from beamchain.mjcf.visuals import GAP, LATTICE, SLIM, is_panel, is_truss
+from beamchain.mjcf.visuals import GAP, LATTICE, SLIM, is_panel, is_round, is_truss
 from beamchain.ports.motions import Array
 from beamchain.structure.beam import Beam
-from beamchain.structure.section import Round, Tube
 
 Indices = NDArray[np.int64]
 Sides = Sequence[tuple[int, int]]
@@ -85,7 +84,7 @@ def _segment_surface(beam: Beam, index: int) -> Surface:
         return _truss(start, stop, part, half_extents)
     x = np.linspace(start, stop, max(round(STATIONS * part), FEWEST) + 1)
     sizes = np.array([half_extents(float(at)) for at in x])
-    if isinstance(segment.section, Round | Tube):
+    if is_round(segment):
         points, faces = _prism(x, sizes, ROUND, ROUND_SIDES)
     else:
         points, faces = _prism(x, sizes, SQUARE, SQUARE_SIDES)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from beamchain.chain.chain import Link
 from beamchain.structure.beam import Beam
-from beamchain.structure.section import Equivalent, Rectangle, Round, Tube
+from beamchain.structure.section import ROOT, Equivalent, Rectangle
 from beamchain.structure.segment import Lump, Segment
 
 PANEL = "0.15 0.27 0.62 1"  # the blue of a solar blanket
@@ -43,6 +43,12 @@ def is_panel(segment: Segment) -> bool:
 def is_truss(segment: Segment) -> bool:
     """Whether a segment is drawn as a lattice."""
     return isinstance(segment.section, Equivalent) and not is_panel(segment)
+
+
+def is_round(segment: Segment) -> bool:
+    """Whether a segment is drawn with a circular section."""
+    section = segment.section
+    return not isinstance(section, Equivalent) and section.half_widths(section, ROOT).is_round
 
 
 def link_shapes(link: Link, beam: Beam | None, length: float) -> list[Shape]:
@@ -86,7 +92,7 @@ def _segment_shape(
         low += gap if low <= start else 0.0
         high -= gap if high >= start + segment.length else 0.0
         rgba = PANEL
-    elif isinstance(section, Round | Tube):
+    elif is_round(segment):
         kind = "cylinder"
     return Shape(kind, middle=(low + high) / 2.0, half=((high - low) / 2.0, y, z), rgba=rgba)
 

@@ -6,9 +6,11 @@ Only sections whose y and z axes are principal and whose shear centre lies on th
 represented: these shapes have both by symmetry, and `custom` asks the user for principal values.
 """
 
+from collections.abc import Mapping
 from typing import Annotated, NamedTuple
 
 import numpy as np
+from numpy.polynomial.polynomial import polyval
 
 from beamchain.checks import Struct, field
 from beamchain.errors import InputError
@@ -104,6 +106,30 @@ class Outline(NamedTuple):
     is_round: bool
 
 
+class ShearFactor(NamedTuple):
+    """Shear factor `(1 + nu)/(p + q nu)` of Poisson's ratio nu, after G. R. Cowper, J. Appl. Mech.
+    33 (1966) 335."""
+
+    p: Array | float = 1.0
+    q: Array | float = 1.0
+
+    def at(self, nu: float) -> Array | float:
+        """That of nu."""
+        return (1.0 + nu) / (self.p + self.q * nu)
+
+
+class SectionProperties(NamedTuple):
+    """What follows from the dimensions of a section, at `k` stations.
+
+    `shear_xy`, `shear_xz`: by plane of bending.
+    """
+
+    geometry: Geometry
+    outline: Outline
+    shear_xy: ShearFactor
+    shear_xz: ShearFactor
+
+
 class _Section(Struct, frozen=True, kw_only=True):
     """Dimensions of a section; `at` interpolates them linearly towards the other end of a taper."""
 
@@ -131,26 +157,39 @@ class _Section(Struct, frozen=True, kw_only=True):
 
     def depth(self, plane: str) -> float:
         """Extent in the plane of bending [m], for drawing; 0 where the shape is not known."""
-        return 0.0
-
-    def cowper(
-        self, nu: float, plane: str, end: "_Section | None" = None, fraction: Array = ROOT
-    ) -> Array | float:
-        """Shear factor for Poisson's ratio `nu` in a `plane`, after G. R. Cowper, J. Appl. Mech.
-        33 (1966) 335, at `fraction` of the way to `end`."""
-        return 1.0
+        raise NotImplementedError
 
 
 class Solid(_Section, frozen=True, kw_only=True):
     """A section that a drawing fixes, so that a material gives its stiffness and mass."""
 
+    def _of(self, dims: Mapping[str, Array]) -> SectionProperties:
+        """The properties of a section of this shape with other dimensions, by name."""
+        raise NotImplementedError
+
+    def _properties(self, end: "_Section", fraction: Array) -> SectionProperties:
+        """All properties at `fraction` `(k,)` of the way to `end`."""
+        return self._of(self.at(end, fraction))
+
     def geometry(self, end: "_Section", fraction: Array) -> Geometry:
         """Section properties at `fraction` `(k,)` of the way to `end`."""
-        raise NotImplementedError
+        return self._properties(end, fraction).geometry
 
     def half_widths(self, end: "_Section", fraction: Array) -> Outline:
         """The outermost fibres at `fraction` `(k,)` of the way to `end`."""
-        raise NotImplementedError
+        return self._properties(end, fraction).outline
+
+    def depth(self, plane: str) -> float:
+        outline = self.half_widths(self, ROOT)
+        half = float(outline.half_y if plane == "xy" else outline.half_z)
+        return 0.0 if np.isnan(half) else 2.0 * half
+
+    def cowper(
+        self, nu: float, plane: str, end: "_Section | None" = None, fraction: Array = ROOT
+    ) -> Array | float:
+        """Shear factor for Poisson's ratio `nu` in a `plane` at `fraction` of the way to `end`."""
+        properties = self._properties(end or self, fraction)
+        return (properties.shear_xy if plane == "xy" else properties.shear_xz).at(nu)
 
 
 class Round(
@@ -166,28 +205,10 @@ class Round(
 
     diameter: Annotated[float, field("diameter", "m", above=0.0)]
 
-    def geometry(self, end: _Section, fraction: Array) -> Geometry:
-        d = self.at(end, fraction)["diameter"]
-        i = np.pi * d**4 / 64.0
-        return Geometry(
-            area=np.pi * d**2 / 4.0,
-            second_moment_z=i,
-            second_moment_y=i,
-            torsion_constant=2.0 * i,
-            polar_moment=2.0 * i,
-        )
-
-    def half_widths(self, end: _Section, fraction: Array) -> Outline:
-        radius = self.at(end, fraction)["diameter"] / 2.0
-        return Outline(radius, radius, is_round=True)
-
-    def depth(self, plane: str) -> float:
-        return self.diameter
-
-    def cowper(
-        self, nu: float, plane: str, end: _Section | None = None, fraction: Array = ROOT
-    ) -> Array | float:
-        return 6.0 * (1.0 + nu) / (7.0 + 6.0 * nu)
+    def _of(self, dims: Mapping[str, Array]) -> SectionProperties:
+        d = dims["diameter"]
+        shear = ShearFactor(7.0 / 6.0)
+        return _circular(np.pi * d**2 / 4.0, np.pi * d**4 / 64.0, d / 2.0, shear)
 
 
 class Tube(
@@ -213,38 +234,17 @@ class Tube(
                 'make the wall thinner or use shape = "round".'
             )
 
-    def geometry(self, end: _Section, fraction: Array) -> Geometry:
-        dims = self.at(end, fraction)
+    def _of(self, dims: Mapping[str, Array]) -> SectionProperties:
         d = dims["outer_diameter"]
         t = dims["wall"]
         # written in d and t, so that a thin wall costs no digits
         area = np.pi * t * (d - t)
         i = area * (d**2 - 2.0 * d * t + 2.0 * t**2) / 8.0
-        return Geometry(
-            area=area,
-            second_moment_z=i,
-            second_moment_y=i,
-            torsion_constant=2.0 * i,
-            polar_moment=2.0 * i,
-        )
-
-    def half_widths(self, end: _Section, fraction: Array) -> Outline:
-        radius = self.at(end, fraction)["outer_diameter"] / 2.0
-        return Outline(radius, radius, is_round=True)
-
-    def depth(self, plane: str) -> float:
-        return self.outer_diameter
-
-    def cowper(
-        self, nu: float, plane: str, end: _Section | None = None, fraction: Array = ROOT
-    ) -> Array | float:
         # k = 6 (1 + nu) (1 + m^2)^2 / ((7 + 6 nu) (1 + m^2)^2 + (20 + 12 nu) m^2),
         # m: inner over outer diameter
-        dims = self.at(end or self, fraction)
-        m2 = (1.0 - 2.0 * dims["wall"] / dims["outer_diameter"]) ** 2
-        above = 6.0 * (1.0 + nu) * (1.0 + m2) ** 2
-        below = (7.0 + 6.0 * nu) * (1.0 + m2) ** 2 + (20.0 + 12.0 * nu) * m2
-        return above / below
+        m2 = (1.0 - 2.0 * t / d) ** 2
+        r = m2 / (1.0 + m2) ** 2
+        return _circular(area, i, d / 2.0, ShearFactor((7.0 + 20.0 * r) / 6.0, 1.0 + 2.0 * r))
 
 
 class Rectangle(
@@ -266,31 +266,14 @@ class Rectangle(
     width_y: Annotated[float, field("width along y", "m", above=0.0)]
     width_z: Annotated[float, field("width along z", "m", above=0.0)]
 
-    def geometry(self, end: _Section, fraction: Array) -> Geometry:
-        dims = self.at(end, fraction)
+    def _of(self, dims: Mapping[str, Array]) -> SectionProperties:
         b = dims["width_y"]
         h = dims["width_z"]
         iz = h * b**3 / 12.0
         iy = b * h**3 / 12.0
-        return Geometry(
-            area=b * h,
-            second_moment_z=iz,
-            second_moment_y=iy,
-            torsion_constant=rectangle_torsion(b, h),
-            polar_moment=iz + iy,
-        )
-
-    def half_widths(self, end: _Section, fraction: Array) -> Outline:
-        dims = self.at(end, fraction)
-        return Outline(dims["width_y"] / 2.0, dims["width_z"] / 2.0, is_round=False)
-
-    def depth(self, plane: str) -> float:
-        return self.width_y if plane == "xy" else self.width_z
-
-    def cowper(
-        self, nu: float, plane: str, end: _Section | None = None, fraction: Array = ROOT
-    ) -> Array | float:
-        return 10.0 * (1.0 + nu) / (12.0 + 11.0 * nu)
+        geometry = Geometry(b * h, iz, iy, rectangle_torsion(b, h), iz + iy)
+        shear = ShearFactor(12.0 / 10.0, 11.0 / 10.0)
+        return SectionProperties(geometry, Outline(b / 2.0, h / 2.0, is_round=False), shear, shear)
 
 
 class Box(
@@ -317,8 +300,7 @@ class Box(
                 '"rectangle".'
             )
 
-    def geometry(self, end: _Section, fraction: Array) -> Geometry:
-        dims = self.at(end, fraction)
+    def _of(self, dims: Mapping[str, Array]) -> SectionProperties:
         b = dims["width_y"]
         h = dims["width_z"]
         t = dims["wall"]
@@ -331,36 +313,9 @@ class Box(
         middle_b = b - t
         middle_h = h - t
         torsion = 2.0 * t * (middle_b * middle_h) ** 2 / (middle_b + middle_h)
-        return Geometry(
-            area=area,
-            second_moment_z=iz,
-            second_moment_y=iy,
-            torsion_constant=torsion,
-            polar_moment=iz + iy,
-        )
-
-    def half_widths(self, end: _Section, fraction: Array) -> Outline:
-        dims = self.at(end, fraction)
-        return Outline(dims["width_y"] / 2.0, dims["width_z"] / 2.0, is_round=False)
-
-    def depth(self, plane: str) -> float:
-        return self.width_y if plane == "xy" else self.width_z
-
-    def cowper(
-        self, nu: float, plane: str, end: _Section | None = None, fraction: Array = ROOT
-    ) -> Array | float:
-        # thin-walled box with n = b / h and m = b t_flange / (h t_web), here both the same:
-        # k = 10 (1 + nu) (1 + 3 m)^2 / (12 + 72 m + 150 m^2 + 90 m^3
-        #     + nu (11 + 66 m + 135 m^2 + 90 m^3) + 10 n^2 ((3 + nu) m + 3 m^2))
-        dims = self.at(end or self, fraction)
-        y, z = dims["width_y"], dims["width_z"]
-        n = y / z if plane == "xz" else z / y
-        m = n
-        above = 10.0 * (1.0 + nu) * (1.0 + 3.0 * m) ** 2
-        without_nu = 12.0 + 72.0 * m + 150.0 * m**2 + 90.0 * m**3
-        with_nu = nu * (11.0 + 66.0 * m + 135.0 * m**2 + 90.0 * m**3)
-        webs = 10.0 * n**2 * ((3.0 + nu) * m + 3.0 * m**2)
-        return above / (without_nu + with_nu + webs)
+        geometry = Geometry(area, iz, iy, torsion, iz + iy)
+        outline = Outline(b / 2.0, h / 2.0, is_round=False)
+        return SectionProperties(geometry, outline, _box_shear(h / b), _box_shear(b / h))
 
 
 class Custom(
@@ -401,19 +356,11 @@ class Custom(
                 "state polar inertia with an `equivalent` section."
             )
 
-    def geometry(self, end: _Section, fraction: Array) -> Geometry:
-        dims = self.at(end, fraction)
-        return Geometry(
-            area=dims["area"],
-            second_moment_z=dims["second_moment_z"],
-            second_moment_y=dims["second_moment_y"],
-            torsion_constant=dims["torsion_constant"],
-            polar_moment=dims["polar_moment"],
-        )
-
-    def half_widths(self, end: _Section, fraction: Array) -> Outline:
-        unknown = np.full_like(fraction, np.nan)
-        return Outline(unknown, unknown, is_round=False)
+    def _of(self, dims: Mapping[str, Array]) -> SectionProperties:
+        geometry = Geometry(*(dims[name] for name in Geometry._fields))
+        unknown = np.full_like(geometry.area, np.nan)
+        shear = ShearFactor()
+        return SectionProperties(geometry, Outline(unknown, unknown, is_round=False), shear, shear)
 
     def dimensions(self) -> dict[str, float]:
         """Dimensions; the polar moment is the sum of the other two where left out."""
@@ -518,6 +465,26 @@ class Equivalent(
 
 
 Section = Round | Tube | Rectangle | Box | Custom | Equivalent
+
+
+def _circular(
+    area: Array, second_moment: Array, radius: Array, shear: ShearFactor
+) -> SectionProperties:
+    """Of a circle, solid or hollow."""
+    i = second_moment
+    outline = Outline(radius, radius, is_round=True)
+    return SectionProperties(Geometry(area, i, i, 2.0 * i, 2.0 * i), outline, shear, shear)
+
+
+def _box_shear(n: Array) -> ShearFactor:
+    """Of a thin-walled box with n = b / h and m = b t_flange / (h t_web), here both the same:
+
+    k = 10 (1 + nu) (1 + 3 m)^2 / (12 + 72 m + 150 m^2 + 90 m^3
+        + nu (11 + 66 m + 135 m^2 + 90 m^3) + 10 n^2 ((3 + nu) m + 3 m^2))
+    """
+    unit = 10.0 * (1.0 + 3.0 * n) ** 2
+    p, q = polyval(n, [12.0, 72.0, 150.0, 120.0, 30.0]), polyval(n, [11.0, 66.0, 135.0, 100.0])
+    return ShearFactor(p / unit, q / unit)
 
 
 def rectangle_torsion(b: Array, h: Array) -> Array:

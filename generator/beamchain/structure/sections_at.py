@@ -71,8 +71,7 @@ def sections_at(beam: Beam, stations: Array) -> Sections:
         if isinstance(segment.section, Equivalent):
             continue
         fraction = np.clip(np.array([(x - starts[index]) / segment.length]), 0.0, 1.0)
-        geometry = segment.section.geometry(segment.end, fraction)
-        outline = segment.section.half_widths(segment.end, fraction)
+        geometry, outline, *_ = segment.section._properties(segment.end, fraction)
         values[:3, i] = [
             float(geometry.area[0]),
             float(geometry.second_moment_z[0]),

@@ -159,7 +159,13 @@ class Segment(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         e = self.material.youngs_modulus
         g = self.material.g
         rho = self.material.density
-        s = self.section.geometry(self.end, fraction)
+        properties = self.section._properties(self.end, fraction)
+        s = properties.geometry
+        given = self.shear_factor
+        shear_xy, shear_xz = (
+            (factor.at(self.material.nu) if given is None else given) * g * s.area
+            for factor in (properties.shear_xy, properties.shear_xz)
+        )
         return Stations(
             bending_xy=e * s.second_moment_z,
             bending_xz=e * s.second_moment_y,
@@ -167,17 +173,11 @@ class Segment(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             axial=e * s.area,
             mass=rho * s.area + self.nonstructural_mass,
             polar=rho * s.polar_moment,
-            shear_xy=self._timoshenko_factor("xy", fraction) * g * s.area,
-            shear_xz=self._timoshenko_factor("xz", fraction) * g * s.area,
+            shear_xy=shear_xy,
+            shear_xz=shear_xz,
             rotary_xy=rho * s.second_moment_z,
             rotary_xz=rho * s.second_moment_y,
         )
-
-    def _timoshenko_factor(self, plane: str, fraction: Array) -> Array | float:
-        if self.shear_factor is not None:
-            return self.shear_factor
-        assert self.material is not None
-        return self.section.cowper(self.material.nu, plane, self.end, fraction)
 
     @property
     def shrinks(self) -> bool:
