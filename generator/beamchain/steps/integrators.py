@@ -279,11 +279,15 @@ def pole_of_mode(mode: StepMap) -> Complex:
     is_rk4 = mode.integrator == "RK4"
     # (z - 1)^2 + (pull + lost) (z - 1) + pull = 0, of RK4 s^2 + lost s + pull = 0
     half = -(lost if is_rk4 else pull + lost) / 2.0
-    root = np.sqrt((half**2 - pull).astype(np.complex128))
-    first, second = half + root, half - root
-    if is_rk4:
-        first, second = polynomial(first) - 1.0, polynomial(second) - 1.0
-    return np.where(np.abs(1.0 + second) > np.abs(1.0 + first) * (1.0 + 1e-12), second, first)
+    square = half**2 - pull
+    root = np.sqrt(square.astype(np.complex128))
+    if not is_rk4:
+        step = half + np.where((square > 0.0) & (half < -1.0), -root, root)
+    else:
+        first, second = polynomial(half + root), polynomial(half - root)
+        is_twin = np.abs(second) > np.abs(first) * (1.0 + 1e-12)
+        step = np.where(is_twin, second, first) - 1.0
+    return np.asarray(step, dtype=np.complex128)
 
 
 def spare_armature(

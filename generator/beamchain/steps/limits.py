@@ -6,6 +6,7 @@ Theory: docs/theory.md, sections 5 and 6.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -142,12 +143,19 @@ class LinearModel:
             step *= CONFIRMED
         return step
 
+    @cached_property
+    def _shapes(self) -> tuple[Complex, Complex, Complex]:
+        """Squares `(nv,)` of the undamped frequencies, shapes `(nv, nv)` and their inverse."""
+        values, shapes = np.linalg.eig(self.stiffness)
+        parts = values, shapes, np.linalg.inv(shapes)
+        values, shapes, inverse = (np.asarray(part, dtype=np.complex128) for part in parts)
+        return values, shapes, inverse
+
     def _frequency(self, integrator: str, pole: complex) -> Callable[[Array], Array]:
         """What steps [s], any shape, show of the mode at `pole`, alone: `|log(z)| / h` [1/s]."""
-        values, shapes = np.linalg.eig(self.stiffness)
+        values, shapes, inverse = self._shapes
         k = int(np.argmin(np.abs(values - abs(pole) ** 2)))
-        x = shapes[:, k]
-        y = np.linalg.inv(shapes)[k]  # y x = 1
+        x, y = shapes[:, k], inverse[k]  # y x = 1
         whole = self.stepped(integrator)
         implicit, explicit, springs, held = (
             float(np.real(y @ part @ x))
