@@ -423,13 +423,16 @@ def test_a_frozen_piece_of_a_line():
 
 @pytest.mark.parametrize("column", [0, 1, 2])
 def test_modes_have_the_motion_of_their_further_ports(column):
-    """Of three of them, two motions each."""
+    """Of three of them, at 6, 2 and 4 m, two motions each."""
     rows, tip = np.array([[1.0, 2.0], [3.0, 4.0]]), np.arange(12.0).reshape(2, 6)
+    places = (6.0, 2.0, 4.0)
+    ratios = np.array([0.01, 0.02])
     target = PortModel(
-        9.0 * np.eye(2), np.array([2.0, 5.0]), rows / 10.0, np.array([0.01, 0.02]), tip=tip
+        9.0 * np.eye(2), np.array([2.0, 5.0]), rows / 10.0, ratios, tip=tip, points=places
     )
     for per_mode in (True, False):
-        found = modes_to_give("xy", target, BuildOptions(columns=(column,), per_mode=per_mode), 1)
+        asked = BuildOptions(further=(places[column],), per_mode=per_mode)
+        found = modes_to_give("xy", target, asked, 1)
         wanted = np.hstack([rows / 10.0, tip[:, 2 * column : 2 * column + 2]])
         assert np.array_equal(found.rows, wanted)
         assert found.damping.tolist() == ([0.01, 0.02] if per_mode else [0.0, 0.0])

@@ -86,7 +86,7 @@ LINE = 2700.0 * SIDES[0] * SIDES[1]  # kg/m
 def test_a_rod_is_stretched_by_its_axial_modes():
     """sqrt(2 / m L) sin(pi x / 2 L)."""
     rod, length = beam(), 3.0
-    line = bent_line(rod, {"axial": rod.port("axial", 3)}, rod.rigid_mass(), [length], [], 50.0)
+    line = bent_line(rod, {"axial": rod.port("axial", 3)}, rod.rigid_mass(), [], 50.0)
     eta = np.zeros((1, line.rows.size))
     eta[0, 0] = 1e-2
     axes, ends, _ = line.bent(eta)
@@ -103,7 +103,7 @@ def test_a_rod_is_stretched_by_its_axial_modes():
 def test_a_mode_is_as_large_as_its_largest_turn():
     """The slope of a cantilever at its tip, 1.3765 of the deflection there over the length."""
     rod, length = beam(), 3.0
-    line = bent_line(rod, {"xz": rod.port("xz", 3)}, rod.rigid_mass(), [], [], 50.0)
+    line = bent_line(rod, {"xz": rod.port("xz", 3)}, rod.rigid_mass(), [], 50.0)
     tip = 2.0 / np.sqrt(LINE * length)
     assert line.size[0] == pytest.approx(1.3765 * tip / length, rel=1e-3)
     # of the bend from cell to cell half is the start of the next
@@ -128,7 +128,7 @@ def test_a_mode_is_as_large_as_its_largest_turn():
 @pytest.mark.parametrize(("port", "axis"), [("xy", 2), ("xz", 1)])
 def test_cells_bend_together_as_far_as_the_tip_turns(port, axis):
     rod, length = beam(), 3.0
-    line = bent_line(rod, {port: rod.port(port, 3)}, rod.rigid_mass(), [], [], 50.0)
+    line = bent_line(rod, {port: rod.port(port, 3)}, rod.rigid_mass(), [], 50.0)
     tip = 2.0 / np.sqrt(LINE * length)
     together = line.bows[0].sum(axis=0)
     assert abs(together[axis]) == pytest.approx(1.3765 * tip / length, rel=2e-3)
@@ -141,8 +141,8 @@ def test_cells_have_the_mass_of_the_beam_and_its_lumps():
     tip = bc.Lump(x=3.0, mass=2.0, inertia=(0.03, 0.02, 0.04))
     joint = bc.Joint(after_segment=1, stiffness_xy=500.0)
     bent = beam([lump, tip], [joint], (1.73, 1.27))
-    models = {"xy": bent.port("xy", 4), "torsion": bent.port("torsion", 2)}
-    line = bent_line(bent, models, bent.rigid_mass(), [0.31], [], 50.0)
+    models = {port: bent.port(port, count, [0.31]) for port, count in (("xy", 4), ("torsion", 2))}
+    line = bent_line(bent, models, bent.rigid_mass(), [0.31], 50.0)
     assert np.all(line.bows[..., 0] == 0.0)  # twist shortens no chord
     x = np.concatenate([[0.0], np.cumsum(line.lengths)])
     even = np.linspace(0.0, 3.0, 41)
@@ -196,8 +196,17 @@ def test_modes_up_to_three_times_the_band_and_three_more(frequencies, count):
     # with the static shapes of loads on the second point
     points = RNG.standard_normal((frequencies.size, 6))
     for port, columns in (("xy", [2, 3]), ("torsion", [1])):
-        given = model.replaced(tip=points)
-        low = lowest_modes(given, port, [1], 10.0)
+        m = len(columns)
+        given = bc.PortModel(
+            1e6 * np.eye(m),
+            frequencies,
+            rows[:, :m],
+            damping=damping,
+            tip=points,
+            points=(9.0, 1.5, *range(2, 6 // m)),
+        )
+        points = given.tip
+        low = lowest_modes(given, port, [1.5], 10.0)
         shapes = min(len(columns), frequencies.size - count)
         assert low.modes == count + shapes
         # their flexibility is that of all modes

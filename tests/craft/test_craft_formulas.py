@@ -353,7 +353,8 @@ def test_a_line_that_bends_in_a_cantilever_s_first_mode(port):
     )
     mass = density * side**2
     rigid = beam.rigid_mass()
-    line = bent_line(beam, {port: beam.port(port, 3)}, rigid, [1.5, length], [], 50.0)
+    model = beam.port(port, 3, [1.5, length])
+    line = bent_line(beam, {port: model}, rigid, [1.5, length], 50.0)
     assert np.sum(line.masses) == pytest.approx(mass * length)
     assert line.lengths == pytest.approx(np.full(40, length / 40))
     assert line.masses == pytest.approx(mass * line.lengths)

@@ -39,7 +39,7 @@ def carried(place):
     ports, rigid = {"xy": beam.port("xy", 8)}, beam.rigid_mass()
 
     def line(band):
-        return bent_line(beam, ports, rigid, [], [], band)
+        return bent_line(beam, ports, rigid, [], band)
 
     whole = line(1.0).model
     kept = np.arange(whole.modes) == 0

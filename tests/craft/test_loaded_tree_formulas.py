@@ -152,10 +152,10 @@ def made(pushed=0.0, in_own_axes=lambda stiffness: stiffness):
     model = craft()
     loads = (
         (
-            LoadOfPort(1.0, 0, (2, 3), ("B",)),
-            LoadOfPort(1.8, 1, (), ()),
+            LoadOfPort(1.0, (2, 3), ("B",)),
+            LoadOfPort(1.8, (), ()),
         ),
-        (LoadOfPort(0.7, 0, (3,), ()),),
+        (LoadOfPort(0.7, (3,), ()),),
     )
     roots = [SimpleNamespace(at=at, loads=own) for at, own in zip("AB", loads, strict=True)]
     mounts = [
@@ -201,7 +201,7 @@ def test_booms_on_booms_bend_by_the_moment_of_all_that_stands_beyond(order):
     roots, mounts, lines = [], [], []
     for at in order:
         length = {"A": 1.0, "B": 0.8, "C": 0.7}[at]
-        loads = (LoadOfPort(length, 0, (), carried[at]),) if carried[at] else ()
+        loads = (LoadOfPort(length, (), carried[at]),) if carried[at] else ()
         roots.append(SimpleNamespace(at=at, loads=loads))
         place = np.array([start[at], 0.0, 0.0])
         mounts.append(SimpleNamespace(body=1, position=place, quaternion=np.eye(4)[0]))
@@ -304,10 +304,10 @@ def test_mass_of_what_ports_carry():
     frames = Rotation.from_rotvec([[0.3, 0.5, -0.2], [0.9, -0.4, 0.1]]).as_matrix()
     origins = np.array([[0.2, -0.3, 0.5], [1.1, 0.4, -0.2]])
     motions = random.standard_normal((2, 6, 3))
-    loads = (LoadOfPort(1.5, 1, (2, 3), ("B", "C")),), (LoadOfPort(0.8, 0, (3,), ()),)
+    loads = (LoadOfPort(1.5, (2, 3), ("B", "C")),), (LoadOfPort(0.8, (3,), ()),)
     roots = [Root(at, origins[i], frames[i], motions[i], loads[i]) for i, at in enumerate("AB")]
     found = carrying_of(model, data, roots)
-    assert found.ports == ((0, 1), (1, 0))
+    assert found.ports == ((0, 1.5), (1, 0.8))
     rates = random.standard_normal(3 + 12)
     own, ports = rates[:3], rates[3:].reshape(2, 6)
     points = [origins[i] + x * frames[i][:, 0] for i, x in ((0, 1.5), (1, 0.8))]

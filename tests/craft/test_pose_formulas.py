@@ -294,10 +294,12 @@ def test_a_mode_left_out_of_a_boom_that_carries_a_hand_costs_its_curve():
     body = model.body("hand").id
     items = []
     for place, tip, loads in (
-        ("left", tips, (LoadOfPort(LENGTH, 0, (body,), ()),)),
+        ("left", tips, (LoadOfPort(LENGTH, (body,), ()),)),
         ("right", np.zeros((2, 6)), ()),
     ):
-        whole = bc.PortModel(BODY, FREQUENCY[place], ROWS[place], damping=RATIO[place], tip=tip)
+        whole = bc.PortModel(
+            BODY, FREQUENCY[place], ROWS[place], damping=RATIO[place], tip=tip, points=(LENGTH,)
+        )
         at = mount(model, place, "site", place)
         items.append(PlacedBody(at, whole, np.ones(2, bool), [], {"xy": 2.0}, loads))
     made = Pose(model, QPOS, items, BAND, range(6))

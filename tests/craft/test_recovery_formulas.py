@@ -134,11 +134,14 @@ def test_what_drives_a_mode_is_what_moves_its_masses(port):
     shapes = Shapes(
         x, np.sqrt(mass), np.zeros(3), moved_by_mode * np.sqrt(mass), bending=len(columns) == 2
     )
-    model = SimpleNamespace(
-        participation=participation, tip=tip, shapes=shapes, modes=n, motions=len(columns)
+    mass_at_root = 99.0 * np.eye(len(columns))
+    model = bc.PortModel(
+        mass_at_root, np.arange(1.0, n + 1), participation, tip=tip, shapes=shapes, points=(9, 5, 4)
     )
+    # a model may turn a mode about
+    signs = np.sign(np.sum(model.participation * participation, axis=1))
     moved, carried = root(), RNG.standard_normal((2, 2, 6))
-    found = drives(moved, carried) @ drives_of_modes(model, port, [2, 1]).T
+    found = drives(moved, carried) @ drives_of_modes(model, port, [4, 5]).T * signs
     for t in range(2):
         felt, turn, w = moved.acceleration[t, :3], moved.acceleration[t, 3:], moved.spin[t]
         felt = felt - moved.gravity[t]
@@ -704,7 +707,6 @@ def test_combined_tendons_of_loads_are_turned_into_their_modes(monkeypatch):
     monkeypatch.setattr(
         "beamchain.craft.recovered_body.port_rows", lambda _chain, _freedoms, _motion, x: rows[x]
     )
-    monkeypatch.setattr("beamchain.craft.recovered_body.further_columns", lambda _: [1, 3])
     tendons = [
         SimpleNamespace(stiffness=4.0, label=f"mode{k}_xy", coefficients=row)
         for k, row in enumerate(coefficients)
@@ -712,7 +714,9 @@ def test_combined_tendons_of_loads_are_turned_into_their_modes(monkeypatch):
     wrong = SimpleNamespace(stiffness=4.0, label="mode1_xz", coefficients=np.ones(3))
     limp = SimpleNamespace(stiffness=0.0, label="mode4_xy", coefficients=np.ones(3))
     chain = SimpleNamespace(tendons=[limp, *tendons, wrong], freedoms=lambda _: [])
-    target = {"xy": SimpleNamespace(modes=3, tip=tip, motions=2)}
+    places = (9.0, 1.5, 2.0, 2.5)
+    whole = bc.PortModel(np.eye(2), np.arange(1.0, 4.0), np.zeros((3, 2)), tip=tip, points=places)
+    target = {"xy": whole}
     spec = SimpleNamespace(further={"mid": 1.5, "end": 2.5})
     made = SimpleNamespace(target=target, spec=spec)
     found = turn_into_modes(made, chain, "xy", 1)

@@ -308,16 +308,18 @@ def test_response_of_a_body_with_appendages_that_carry_is_that_of_all_coordinate
         rows = random.normal(size=(size, size))
         return rows @ rows.T + size * np.eye(size)
 
-    counts, points, ports = (2, 1), (2, 1), ((0, 0), (0, 1), (1, 0))
+    counts, points = (2, 1), ((5.0, 2.0), (3.0,))
+    ports = ((0, 5.0), (0, 2.0), (1, 3.0))
     models = [
         PortModel(
             spread(6),
             np.sort(random.uniform(1.0, 4.0, n)),
             random.normal(size=(n, 6)) / 3.0,
             np.full(n, 0.03),
-            tip=random.normal(size=(n, 6 * k)),
+            tip=random.normal(size=(n, 6 * len(places))),
+            points=places,
         )
-        for n, k in zip(counts, points, strict=True)
+        for n, places in zip(counts, points, strict=True)
     ]
     roots = [random.normal(size=(6, 24)) for _ in models]
     roots[0][:, 6:] = 0.0
@@ -436,9 +438,10 @@ def test_a_model_that_its_step_tears_apart_steps_badly(stiffness, well):
 
 def test_ports_of_one_appendage_have_each_six_columns_of_its_tip():
     tip = np.arange(36.0).reshape(2, 18)
-    model = PortModel(np.eye(6), np.array([1.0, 2.0]), np.zeros((2, 6)), tip=tip)
+    places = (5.0, 2.0, 3.0)
+    model = PortModel(np.eye(6), np.array([1.0, 2.0]), np.zeros((2, 6)), tip=tip, points=places)
     rigid = PortModel(np.eye(6), np.zeros(0), np.zeros((0, 6)))
-    ports = SimpleNamespace(ports=((1, 1), (1, 0), (0, 0)))
+    ports = SimpleNamespace(ports=((1, 2.0), (1, 5.0), (0, 5.0)))
     assert np.array_equal(PortLoads.tip(ports, [rigid, model], 0), tip[:, 6:12])
     assert np.array_equal(PortLoads.tip(ports, [rigid, model], 1), tip[:, :6])
     assert PortLoads.tip(ports, [rigid, model], 2).shape == (0, 6)

@@ -1,6 +1,7 @@
 """Closed forms beside the plan of a beam's modes: which targets are tried, what is asked of the
 chain, the band of its fillers, the steps that take a tendon per mode."""
 
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -102,6 +103,8 @@ def test_further_points_are_attached_in_the_order_in_which_they_are_stated():
     model = SimpleNamespace(
         motions=2, modes=9, frequencies=W["xy"], attached=lambda count, rows: (count, rows)
     )
+    model.points = (5.0, 1.0, 2.0)
+    model.point_columns = partial(PortModel.point_columns, model)
     body = Body(boom(modes=bc.Modes(xy=3), port=POINTS), {"xy": model})
     assert body.reduced("clamped", "xy", 3) == (3, [4, 5, 2, 3])
     kept = select(body)
@@ -126,7 +129,7 @@ def test_what_a_plan_asks_of_its_chain(target, monkeypatch):
         assert target_of("xy", 2).frequencies.tolist() == [2.0, 5.0]
     assert target_of("xy", 2).damping.tolist() == [0.01, 0.03]
     assert (wishes.springs, wishes.per_mode, wishes.lines) == ("modes", True, (0.4, 1.1))
-    assert (wishes.further, wishes.columns, wishes.cut) == ((), (), None)
+    assert (wishes.further, wishes.cut) == ((), None)
     assert (wishes.band, wishes.neutral) == (99.0, target == "free")
     assert wishes.left_out["xz"].frequencies.size == 0  # all of these are kept
     rest = wishes.left_out["xy"]
@@ -138,7 +141,7 @@ def test_of_a_chain_with_further_points_nothing_is_left_out(monkeypatch):
     monkeypatch.setattr("beamchain.fitting.realise.build_exact", lambda *asked: asked[-1])
     spec = boom(modes=bc.Modes(xy=2), port=POINTS, scene=bc.Scene(tip=True))
     wishes = chain_of_ports(body_of(spec), Kept("clamped", {"xy": 2}), spec.beam.line)
-    assert (wishes.further, wishes.columns) == ((5.0, 2.0, 1.0), (0, 2, 1))
+    assert wishes.further == (5.0, 2.0, 1.0)
     assert wishes.left_out == {}
     assert not wishes.per_mode
 

@@ -333,8 +333,7 @@ def test_kept_modes_in_words(numbers, words):
     ],
 )
 def test_surfaces_follow_the_kept_modes_at_their_stations(scene, is_beam, drawn, monkeypatch):
-    """Further points stand between the stations at 0, 1, 2.5 and 4 m or at one of them; in `tip`
-    all come behind the tip itself."""
+    """Further points stand between the stations at 0, 1, 2.5 and 4 m or at one of them."""
     asked = []
     stated = np.array([0.0, 1.0, 2.5, 4.0])
     kept = SimpleNamespace(truncated=lambda count: ("kept", count))
@@ -344,7 +343,7 @@ def test_surfaces_follow_the_kept_modes_at_their_stations(scene, is_beam, drawn,
         "snapped": lambda _, x: x,
         "sampled_model": lambda _, *given: asked.append(given) or "full",
         "reduced_to_kept": lambda *given: asked.append(given) or kept,
-        "mode_motion": lambda _, port, kept, x, columns: (port, kept, columns.tolist()),
+        "mode_motion": lambda _, port, kept, x, at: (port, kept, at.tolist()),
         "skins": lambda chain, surfaces, modes: (modes, [0.02]),
     }
     for name, made in replaced.items():
@@ -359,9 +358,9 @@ def test_surfaces_follow_the_kept_modes_at_their_stations(scene, is_beam, drawn,
         return
     assert asked == [
         ("xy", 8, (0.0, 1.0, 1.7, 2.5, 4.0)),
-        ("body", counts, "xy", 2, "full", [4, 3]),
+        ("body", counts, "xy", 2, "full", [2.5, 1.7]),
     ]
-    assert found.skins == (("xy", ("kept", 2), [1, 2, 4, 5]),)
+    assert found.skins == (("xy", ("kept", 2), [0.0, 1.0, 2.5, 4.0]),)
     assert found.residual == {"xy": 0.02}
 
 

@@ -72,17 +72,16 @@ class BuildOptions:
     """What is asked of the realisation beside the modes.
 
     `springs` "auto": on the hinges where the recursion serves all ports; `lines`: x where hinges
-    must stand [m]; `further`: x of further ports [m], whose motion stands in the `columns` of the
-    targets' `tip`; `left_out`: per port the modes that are left out, for which fillers stand;
-    `band`: highest frequency at which the response counts, and of the modes kept on the hub
-    [rad/s]; `neutral`: the modes are exact on one hub, which fillers must not disturb.
+    must stand [m]; `further`: x of further ports [m]; `left_out`: per port the modes that are left
+    out, for which fillers stand; `band`: highest frequency at which the response counts, and of the
+    modes kept on the hub [rad/s]; `neutral`: the modes are exact on one hub, which fillers must not
+    disturb.
     """
 
     springs: Springs = "auto"
     per_mode: bool = False
     lines: tuple[float, ...] = ()
     further: tuple[float, ...] = ()
-    columns: tuple[int, ...] = ()
     cut: Cut | None = None
     left_out: Mapping[str, ModeGroup] = field(default_factory=dict[str, ModeGroup])
     band: float = 0.0
@@ -179,10 +178,8 @@ def _message(
 def _modes_of(port: str, target: PortModel, wishes: BuildOptions, count: int) -> ModeGroup:
     """A port's target, whose first `count` modes are modes, to be given to bodies."""
     rows = [target.participation]
-    m = target.motions
-    for column in wishes.columns:
-        assert target.tip is not None
-        rows.append(target.tip[:, column * m : (column + 1) * m])
+    if wishes.further:
+        rows.append(target.point_motion(wishes.further).reshape(target.modes, -1))
     damping = target.damping if wishes.per_mode else np.zeros(target.modes)
     return ModeGroup(
         (port,),

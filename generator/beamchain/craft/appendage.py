@@ -358,7 +358,6 @@ def _line(body: Body, exact: ExactAppendage, loads: Sequence[Load], band: float)
         exact.ports,
         exact.model.rigid_mass,
         stations=[load.x for load in loads],
-        columns=[load.column for load in loads],
         band=band,
     )
 

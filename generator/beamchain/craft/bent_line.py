@@ -16,7 +16,7 @@ from scipy.interpolate import CubicSpline
 
 from beamchain.ports.compose import model_in_space
 from beamchain.ports.model import PortModel
-from beamchain.ports.motions import PORT_MOTION, PORTS, Array, point_columns
+from beamchain.ports.motions import PORTS, Array
 from beamchain.structure.beam import Beam
 
 CELLS = 40  # of a beam, besides the cuts at ports and hinge lines
@@ -81,7 +81,6 @@ def bent_line(
     ports: Mapping[str, PortModel],
     rigid_mass: Array,
     stations: Sequence[float],
-    columns: Sequence[int],
     band: float,
 ) -> BentLine:
     """A beam cut for its lowest modes.
@@ -91,10 +90,9 @@ def bent_line(
         ports: its modes per port, as in `exact_appendage`.
         rigid_mass: `(6, 6)` of it.
         stations: x of ports that carry something [m].
-        columns: their numbers among the points of `tip`.
         band: of interest [rad/s].
     """
-    low = {port: _lowest(model, port, columns, band) for port, model in ports.items()}
+    low = {port: _lowest(model, port, stations, band) for port, model in ports.items()}
     model = model_in_space(low, rigid_mass)
     lines = [x for port in PORTS if port != "axial" for x in beam.hinge_lines(port)]
     even = np.linspace(0.0, beam.length, CELLS + 1)
@@ -151,13 +149,13 @@ def bent_line(
     )
 
 
-def _lowest(model: PortModel, port: str, columns: Sequence[int], band: float) -> PortModel:
+def _lowest(model: PortModel, port: str, stations: Sequence[float], band: float) -> PortModel:
     """The lowest modes of a port, and the static shapes of loads on some points."""
     near = int(np.sum(model.frequencies <= HIGHER * band)) + MORE
     count = min(max(LOW, near), model.modes)
-    if not columns:
+    if not stations:
         return model.truncated(count)
-    low = model.attached(count, point_columns(columns, PORT_MOTION[port].shape[1]))
+    low = model.attached(count, model.point_columns(stations))
     beyond = low.modes - count
     mean = float(np.mean(model.damping[count:])) if beyond else 0.0
     return low.replaced(

@@ -21,7 +21,6 @@ from beamchain.engine.linear import PortLoads
 from beamchain.engine.mount import Mount
 from beamchain.engine.operating_point import base_body
 from beamchain.errors import InputError
-from beamchain.fitting.body import further_columns
 from beamchain.fitting.spec import Spec
 from beamchain.mjcf.craft import Craft
 from beamchain.mjcf.place import Target
@@ -40,13 +39,11 @@ class Load(NamedTuple):
 
     Args:
         x: place of the port [m].
-        column: number of the port among the points of the exact appendage's `tip`.
         bodies: of the bare spacecraft, those that they carry included.
         places: of appendages.
     """
 
     x: float
-    column: int
     bodies: tuple[int, ...]
     places: tuple[str, ...]
 
@@ -275,19 +272,16 @@ def loads_of(craft: "mujoco.MjModel", items: Mapping[str, Item]) -> dict[str, tu
     """What every port of every appendage carries, by place; `craft`: the bare spacecraft."""
     out: dict[str, tuple[Load, ...]] = {}
     for at, item in items.items():
-        columns = dict(zip(item.spec.further, further_columns(item.spec), strict=True))
         out[at] = tuple(
             load
-            for port in columns
-            for load in [_load(craft, items, at, port, columns[port])]
+            for port in item.spec.further
+            for load in [_load(craft, items, at, port)]
             if load.bodies or load.places
         )
     return out
 
 
-def _load(
-    craft: "mujoco.MjModel", items: Mapping[str, Item], at: str, port: str, column: int
-) -> Load:
+def _load(craft: "mujoco.MjModel", items: Mapping[str, Item], at: str, port: str) -> Load:
     bodies = set(_bodies_on(craft, items, at, port))
     places = [name for name, item in items.items() if item.body in bodies]
     on_port = [name for name in items if split_port(name, items) == (at, port)]
@@ -300,7 +294,7 @@ def _load(
             places += [p for p, item in items.items() if item.body in more]
             on_port += [p for p in items if split_port(p, items) == (name, further)]
     known = tuple(dict.fromkeys(places))
-    return Load(items[at].spec.further[port], column, tuple(sorted(bodies)), known)
+    return Load(items[at].spec.further[port], tuple(sorted(bodies)), known)
 
 
 def _bodies_on(
@@ -359,5 +353,5 @@ def carrying_of(
         mass[: craft.nv] += own.T @ weight @ by_ports
         mass[:, : craft.nv] += by_ports.T @ weight @ own
         mass += by_ports.T @ weight @ by_ports
-    points = tuple((i, load.column) for i, load in ports)
+    points = tuple((i, load.x) for i, load in ports)
     return PortLoads(tuple(motions), mass, points)

@@ -19,11 +19,10 @@ from beamchain.craft.loads import split_port
 from beamchain.engine.library import mujoco
 from beamchain.engine.root_motion import Motion, Root
 from beamchain.errors import InputError
-from beamchain.fitting.body import further_columns
 from beamchain.fitting.exact import SHAPED, reduced_to_kept
 from beamchain.fitting.result import Fit
 from beamchain.mjcf.write import joint_name
-from beamchain.ports.motions import PORT_MOTION, PORTS, Array, point_columns
+from beamchain.ports.motions import PORT_MOTION, PORTS, Array
 from beamchain.structure.recovery_rows import OutputMatrices, RecoveryRows, delivered_outputs
 from beamchain.structure.section_loads import MOTION, inside_beam, section_outputs
 
@@ -147,7 +146,8 @@ def recovered_beam(appendage: Appendage, stations: tuple[float, ...]) -> Recover
     fit = appendage.fit
     beam, chain = fit.spec.beam, _on_tendons(fit.chain)
     by_label = {tendon.label: tendon for tendon in chain.tendons if tendon.stiffness > 0.0}
-    counts = dict.fromkeys(PORTS, 0) | ({} if appendage.rigid else fit.kept.counts)
+    kept = {} if appendage.rigid else fit.kept.counts
+    counts = {port: kept.get(port, 0) for port in PORTS}
     x, points = np.array(stations), tuple(fit.spec.further.values())
     ports = [
         inside_beam(
@@ -197,9 +197,7 @@ def _turn(fit: Fit, chain: Chain, port: str, count: int) -> Array:
     motion = group_motion([port])
     places = fit.spec.further.values()
     moved = np.vstack([port_rows(chain, freedoms, motion, x) for x in places]) @ shapes
-    assert target.tip is not None
-    columns = point_columns(further_columns(fit.spec), target.motions)
-    wanted = target.tip[count:, columns].T
+    wanted = target.point_motion([*places])[count:].reshape(target.modes - count, -1).T
     turn[count:, count:] = np.linalg.lstsq(wanted, moved, rcond=None)[0]
     return turn
 

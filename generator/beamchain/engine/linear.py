@@ -85,12 +85,12 @@ class PortLoads(NamedTuple):
     Args:
         roots: `(6, nv + 6 l)` motion of every appendage's root by (q, p), in its axes.
         mass: `(nv + 6 l, nv + 6 l)` of the craft's bodies that ports move, zero in q alone.
-        ports: number of the appendage and of the point in its `tip`, per port.
+        ports: number of the appendage and x of the point [m], per port.
     """
 
     roots: tuple[Array, ...]
     mass: Array
-    ports: tuple[tuple[int, int], ...]
+    ports: tuple[tuple[int, float], ...]
 
     def shapes(self, models: Sequence[PortModel]) -> Array:
         """`(6 l, modes)` motion of the ports in the modes of all appendages."""
@@ -108,12 +108,9 @@ class PortLoads(NamedTuple):
 
     def tip(self, models: Sequence[PortModel], port: int) -> Array:
         """`(n, 6)` motion of a port in the modes of its appendage."""
-        number, column = self.ports[port]
-        tip = models[number].tip
-        if tip is None:
-            assert models[number].modes == 0  # rigid
-            return np.zeros((0, 6))
-        return tip[:, 6 * column : 6 * column + 6]
+        number, x = self.ports[port]
+        model = models[number]
+        return model.point_motion([x])[:, 0] if model.modes else np.zeros((0, 6))
 
 
 class Activations(NamedTuple):

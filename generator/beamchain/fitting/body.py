@@ -15,7 +15,7 @@ from beamchain.mjcf.write import check_hub
 from beamchain.ports.compare import with_damping
 from beamchain.ports.compose import model_in_space
 from beamchain.ports.model import PortModel
-from beamchain.ports.motions import PORTS, Array, point_columns
+from beamchain.ports.motions import PORTS, Array
 from beamchain.structure.beam import Beam
 from beamchain.structure.modal_data import ModalData
 from beamchain.structure.readers.imported import with_length
@@ -71,7 +71,7 @@ class Body:
     def reduced(self, target: str, port: str, count: int) -> PortModel:
         """A port's model with `count` modes for a target, damped; of a beam that carries at further
         points, the static responses to loads there stand behind them."""
-        full, points = self.ports[port], further_columns(self.spec)
+        full, points = self.ports[port], tuple(self.spec.further.values())
         hub = None if self.hub is None else port_hub_mass(self.hub, port)
         model = reduced_port(full, target, count, hub=hub, points=points)
         if points:
@@ -213,17 +213,10 @@ def _ratios(damping: Damping, data: ModalData) -> Array:
 
 
 def reduced_port(
-    full: PortModel, target: str, count: int, *, hub: Array | None, points: Sequence[int]
+    full: PortModel, target: str, count: int, *, hub: Array | None, points: Sequence[float]
 ) -> PortModel:
     """`count` of all modes of a port, for a target on a hub `(m, m)`; where there are further
-    `points`, numbers in its `tip`, the static responses to loads there stand behind them."""
+    `points`, x [m], the static responses to loads there stand behind them."""
     if count and points:
-        return full.attached(count, point_columns(points, full.motions))
+        return full.attached(count, full.point_columns(points))
     return full.for_target(target, count, hub)
-
-
-def further_columns(spec: Spec) -> tuple[int, ...]:
-    """Where the further points' motion stands in a port model's `tip`: 0 the tip,
-    then the stations in order of x."""
-    ordered = sorted(spec.further.values())
-    return tuple(0 if name == "tip" else 1 + ordered.index(x) for name, x in spec.further.items())

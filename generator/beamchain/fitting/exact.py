@@ -80,11 +80,11 @@ def kept_model(body: Body, kept: Kept) -> PortModel:
 
 
 def reduced_to_kept(
-    body: Body, kept: Kept, port: str, count: int, full: PortModel, points: Sequence[int]
+    body: Body, kept: Kept, port: str, count: int, full: PortModel, points: Sequence[float]
 ) -> PortModel:
     """From all modes of a beam in a port to those that its file holds, of which `count` are modes.
 
-    `points`: numbers of the appendage's further points in `tip`.
+    `points`: x of the appendage's further points [m].
     """
     hub = None if body.hub is None else port_hub_mass(body.hub, port)
     return reduced_port(full, kept.target, count, hub=hub, points=points)

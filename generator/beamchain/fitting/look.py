@@ -81,16 +81,12 @@ def look_of(fit: Chained) -> Look:
     at = snapped(beam, x)
     further = list(fit.spec.further.values())
     places = np.unique(np.concatenate([at, further]))
-    columns = 1 + np.searchsorted(places, at)
-    points = 1 + np.searchsorted(places, further)
     counts = {port: count for port, count in fit.kept.counts.items() if count}
     parts = Parts(beam.segments, beam.joints, beam.lumps)
     modes: list[ModeMotion] = []
     for port, count in counts.items():
         full = sampled_model(parts, port, 2 * count + SHAPED, tuple(places.tolist()))
-        kept = reduced_to_kept(fit.body, fit.kept, port, count, full, points.tolist()).truncated(
-            count
-        )
-        modes.append(mode_motion(fit.chain, port, kept, x, columns))
+        kept = reduced_to_kept(fit.body, fit.kept, port, count, full, further).truncated(count)
+        modes.append(mode_motion(fit.chain, port, kept, x, at))
     made, missed = skins(fit.chain, surfaces, modes)
     return Look("skin", tuple(made), dict(zip(counts, missed, strict=True)))

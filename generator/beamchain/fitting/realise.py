@@ -18,7 +18,7 @@ from beamchain.chain.build import (
 from beamchain.chain.cut import MOST_ADDED, Cut
 from beamchain.chain.tendons import ModeGroup, group_motion, joint_damping
 from beamchain.errors import InputError, RealisationError
-from beamchain.fitting.body import Body, further_columns
+from beamchain.fitting.body import Body
 from beamchain.fitting.hub import port_hub_mass
 from beamchain.fitting.options import Scene
 from beamchain.fitting.select import Kept
@@ -126,7 +126,6 @@ def _of_ports(body: Body, kept: Kept, line: MassLine, cut: Cut | None = None) ->
         per_mode=_damps_modes(body, kept),
         lines=spec.fit.cuts,
         further=tuple(spec.further.values()),
-        columns=further_columns(spec),
         cut=cut,
         left_out={port: _left_out(body, kept, (port,)) for port in filled},
         band=_band(body, kept),

@@ -7,7 +7,7 @@ import numpy as np
 from msgspec import structs
 
 from beamchain.errors import InputError
-from beamchain.fitting.body import Body, body_of, further_columns
+from beamchain.fitting.body import Body, body_of
 from beamchain.fitting.fewest import fewest
 from beamchain.fitting.needs import Candidates, Choice, choose
 from beamchain.fitting.options import Modes
@@ -188,7 +188,7 @@ def _chosen(body: Body, fixed: Mapping[str, int], wanted: str | None) -> Choice:
                 f"modes.{port} = {count} but the appendage is rigid there; set it to 0."
             )
     able = ["clamped", "free" if body.hub is None else "hub"]
-    able = able[:1] if further_columns(spec) else able
+    able = able[:1] if spec.further else able
     targets = able if wanted in (None, "auto") else [str(wanted)]
     frequencies = {port: model.frequencies for port, model in body.ports.items()}
     candidates = Candidates(body.in_band, frequencies, body.reduced)

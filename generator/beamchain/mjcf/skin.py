@@ -23,7 +23,7 @@ import numpy as np
 from scipy.linalg import null_space
 
 from beamchain.chain.chain import Chain
-from beamchain.mjcf.surfaces import Indices, Surface
+from beamchain.mjcf.surfaces import Surface
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, Array
 
@@ -64,20 +64,18 @@ class Skin:
     weights: Array
 
 
-def mode_motion(chain: Chain, port: str, kept: PortModel, x: Array, columns: Indices) -> ModeMotion:
+def mode_motion(chain: Chain, port: str, kept: PortModel, x: Array, at: Array) -> ModeMotion:
     """How beam and links move in the kept modes of a port.
 
     Args:
         chain: it has modes of the same frequencies, perhaps others too.
         port: "xy", "xz", "torsion" or "axial".
-        kept: modes of the beam, with the motion of the stations in `tip`.
+        kept: modes of the beam, with the motion of the stations.
         x: `(s,)` stations [m].
-        columns: `(s,)` number of each station among the points of `tip`.
+        at: `(s,)` points of `kept` that stand for them [m].
     """
-    assert kept.tip is not None
     motion = PORT_MOTION[port]
-    points = kept.tip.reshape(kept.modes, -1, motion.shape[1])
-    sections = points[:, columns] @ motion.T
+    sections = kept.point_motion(at.tolist()) @ motion.T
     own = chain.port(port)
     freedoms = chain.freedoms([port])
     motions = np.array([chain.freedom_motion(freedom) for freedom in freedoms])

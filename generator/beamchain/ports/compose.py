@@ -48,6 +48,7 @@ def joined(
         damping=damping[order],
         tip=np.vstack(points)[order] if known else None,
         labels=tuple(labels[k] for k in order),
+        points=parts[0].points if known else (),
     )
 
 

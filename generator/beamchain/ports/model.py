@@ -170,6 +170,7 @@ class PortModel:
             default: zero.
         tip: `(n, m)` or more columns: tip motion in each mass-normalised cantilever mode, where
             known, then that of further points.
+        points: x of the tip and of the further points [m], where known.
         shapes: the modes along the appendage, where known.
         labels: `(n,)` the port that each mode moves, "xy", "xz", "torsion" or "axial", or "" for
             one that moves several; empty: not known.
@@ -199,6 +200,7 @@ class PortModel:
     tip: Array | None = None
     shapes: Shapes | None = None
     labels: tuple[str, ...] = ()
+    points: tuple[float, ...] = ()
 
     @classmethod
     def from_rows(
@@ -207,6 +209,7 @@ class PortModel:
         *,
         rigid_mass: Array | None = None,
         shapes: Callable[[Array], Shapes] | None = None,
+        points: Sequence[float] = (),
     ) -> "PortModel":
         """The port model of a structure that is known by its motion rows.
 
@@ -214,6 +217,7 @@ class PortModel:
             rows: its damping, where it has any, becomes `damping` `(n, n)`, its points `tip`.
             rigid_mass: `(m, m)` where it is not that of the rows.
             shapes: makes the shapes from the modes' weighted motion `(n, r)`.
+            points: x of its points [m].
 
         Example:
             >>> import beamchain as bc
@@ -237,6 +241,7 @@ class PortModel:
             damping=damping,
             tip=None if rows.points is None else (rows.points @ coordinates).T,
             shapes=None if shapes is None else shapes(modes.momenta.T),
+            points=tuple(points),
         )
 
     def __repr__(self) -> str:
@@ -552,6 +557,7 @@ class PortModel:
             rigid_mass=columns.T @ self.rigid_mass @ columns,
             participation=self.participation @ columns,
             tip=None,
+            points=(),
         )
 
     def port(self, port: str) -> "PortModel":
@@ -606,6 +612,7 @@ class PortModel:
             tip=None
             if self.tip is None
             else np.vstack([self.tip[low], gathered[:, self.motions :]]),
+            points=self.points,
         )
 
     def reduced(self, modes: int, hub_mass: ArrayLike) -> "PortModel":
@@ -641,7 +648,20 @@ class PortModel:
             rigid_mass=self.rigid_mass,
             # the first rows are in terms of this model's mass-normalised modes
             shapes=shapes and (lambda momenta: shapes.combined(momenta[:, : self.modes])),
+            points=self.points,
         )
+
+    def point_columns(self, points: Sequence[float]) -> list[int]:
+        """Columns of `tip` in which some of its points, x [m], have their motions."""
+        m = self.motions
+        places = {x: m * k for k, x in enumerate(self.points)}
+        return [places[x] + i for x in points for i in range(m)]
+
+    def point_motion(self, points: Sequence[float]) -> Array:
+        """`(n, k, m)` motion of some of its points, x [m], in each mode."""
+        assert self.tip is not None
+        motion = self.tip[:, self.point_columns(points)]
+        return motion.reshape(self.modes, len(points), self.motions)
 
     def attached(self, modes: int, columns: Sequence[int]) -> "PortModel":
         """The first `modes` modes and the static response to a unit load at the points of
@@ -670,5 +690,6 @@ class PortModel:
             "tip",
             "shapes",
             "labels",
+            "points",
         )
         return PortModel(**{name: changes.get(name, getattr(self, name)) for name in names})

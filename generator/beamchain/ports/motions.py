@@ -1,7 +1,5 @@
 """The motions of a root: the four ports in space, and what a rigid body weighs in them."""
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -29,11 +27,6 @@ PORT_MOTION: dict[str, Array] = {
     "torsion": locked(np.eye(6)[:, [3]]),
     "axial": locked(np.eye(6)[:, [0]]),
 }
-
-
-def point_columns(points: Sequence[int], motions: int) -> list[int]:
-    """Columns of a port model's `tip` in which some points of it, by number, have their motions."""
-    return [motions * point + i for point in points for i in range(motions)]
 
 
 def mean_mass(matrix: Array) -> float:

@@ -110,6 +110,7 @@ class MotionRows:
         self.nodes: Array = np.array([*(piece.start for piece in pieces), tip])
         self.hinge_nodes: Indices = self._nearest_nodes([hinge.x for hinge in hinges])
         self.body_nodes: Indices = self._nearest_nodes([body.x for body in bodies])
+        self.points: tuple[float, ...] = (tip, *stations)
         self.ends: list[int] = [self.count, *self._nearest_nodes(stations).tolist()]
 
         # strains and their integrals; coordinates whose strain energy is |y|^2 / 2
@@ -318,7 +319,8 @@ def _shear_scale(pieces: Sequence[Piece], strain: Array, lengths: Array) -> Arra
 def assemble(rows: MotionRows) -> PortModel:
     """The port model of all modes of the discretisation, from the rows written down."""
     elastic, ends = rows.rows(np.eye(rows.size))
-    return PortModel.from_rows(Rows(rows.rigid.T, elastic.T, points=ends.T), shapes=rows.shapes)
+    moved = Rows(rows.rigid.T, elastic.T, points=ends.T)
+    return PortModel.from_rows(moved, shapes=rows.shapes, points=rows.points)
 
 
 def assemble_lowest(line: MotionRows, wanted: int, *, shaped: bool = False) -> PortModel | None:
@@ -355,7 +357,7 @@ def assemble_lowest(line: MotionRows, wanted: int, *, shaped: bool = False) -> P
         else:
             r = np.asarray(np.linalg.qr(every, mode="r"), dtype=np.float64)
         fewer = Rows(r[:, len(motions) :], r[:, : len(motions)], points=ends.T)
-        model = PortModel.from_rows(fewer, shapes=shapes)
+        model = PortModel.from_rows(fewer, shapes=shapes, points=line.points)
         now = model.frequencies[:wanted], model.free_frequencies[:wanted]
         change = _largest_change(before, now)
         converged = change < STILL or 0.3 * least < change < ROUNDED

@@ -15,12 +15,12 @@ import numpy as np
 
 from beamchain.errors import InputError
 from beamchain.ports.model import PortModel, Shapes
-from beamchain.ports.motions import PORT_MOTION, Array, offset_matrix, point_columns
+from beamchain.ports.motions import PORT_MOTION, Array, offset_matrix
 from beamchain.structure.beam import Beam
 from beamchain.structure.discretise import Parts, converged_model
 from beamchain.structure.recovery_rows import OutputMatrices, RecoveredQuantity, crossed
 
-Reduce = Callable[[PortModel, Sequence[int]], PortModel]
+Reduce = Callable[[PortModel, Sequence[float]], PortModel]
 
 AT_ONCE = 6  # stations that one discretisation is cut at: more would cost it its written rows
 SNAPPED = 1e-6  # of the length: a station so near to a step of the beam is meant to stand there
@@ -80,8 +80,8 @@ def inside_beam(
         beam: the appendage.
         port: "xy", "xz", "torsion" or "axial".
         modes: the lowest that have to be right.
-        reduce: from all modes to those that are kept, of a model in whose `tip` the points that
-            carry something have the numbers given.
+        reduce: from all modes to those that are kept, of a model that has the points, x [m], that
+            carry something.
         stations: `(s,)`, as `snapped` leaves them [m].
         carried: x of points that may carry something [m].
     """
@@ -94,19 +94,17 @@ def inside_beam(
         except InputError:
             still = np.zeros((stations.size, 6, 6 + 9 + 6 * len(carried)))
             return Inside(np.zeros(0), still[0, :0], still[:, :, :0], still[:, :, :0], still)
-        columns = [1 + cuts.index(x) for x in some.tolist()]
-        points = [1 + cuts.index(x) for x in carried]
-        kept = reduce(full, points)
+        kept = reduce(full, carried)
         momentum = _momentum(_shapes(kept), some, BEYOND * beam.length)
         # sum_k u_k D_k / W_k^2
-        yielding = _drives(full, port, points) / full.frequencies[:, None] ** 2
+        yielding = _drives(full, port, carried) / full.frequencies[:, None] ** 2
         pieces.append(
             Inside(
                 kept.frequencies,
-                _drives(kept, port, points),
-                _points(kept, port, columns),
+                _drives(kept, port, carried),
+                _points(kept, port, some.tolist()),
                 PORT_MOTION[port] @ momentum.transpose(1, 2, 0),
-                _points(full, port, columns) @ yielding,
+                _points(full, port, some.tolist()) @ yielding,
             )
         )
     return Inside(
@@ -163,11 +161,9 @@ def _rigid_load(beam: Beam, stations: Array, carried: Sequence[float]) -> Array:
     return np.concatenate(loads, axis=2)
 
 
-def _points(model: PortModel, port: str, columns: Sequence[int]) -> Array:
-    """`(k, 6, n)` motion of some points in each mode."""
-    assert model.tip is not None
-    motion = model.tip[:, point_columns(columns, model.motions)].T
-    return PORT_MOTION[port] @ motion.reshape(len(columns), model.motions, model.modes)
+def _points(model: PortModel, port: str, points: Sequence[float]) -> Array:
+    """`(k, 6, n)` motion of some points, x [m], in each mode."""
+    return PORT_MOTION[port] @ model.point_motion(points).transpose(1, 2, 0)
 
 
 def _shapes(model: PortModel) -> Shapes:
@@ -175,7 +171,7 @@ def _shapes(model: PortModel) -> Shapes:
     return model.shapes
 
 
-def _drives(model: PortModel, port: str, points: Sequence[int]) -> Array:
+def _drives(model: PortModel, port: str, points: Sequence[float]) -> Array:
     """`(n, d)` force on each mode: `-L` of the root's acceleration, the motion of the points of
     wrenches on them."""
     rows = model.participation @ PORT_MOTION[port].T
