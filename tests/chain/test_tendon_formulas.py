@@ -291,6 +291,14 @@ def test_attachments_are_stiffer_by_what_fillers_yield():
     assert np.array_equal(stiffen_attachments(shapes, soft, moved, 4)[1], soft)
 
 
+def _inertia_of(tendons, freedoms):
+    """`(f, f)` that the armature of tendons adds between hinges."""
+    rows = np.zeros((len(tendons), len(freedoms)))
+    for row, tendon in zip(rows, tendons, strict=True):
+        row[[freedoms.index(f) for f in tendon.freedoms]] = tendon.coefficients
+    return rows.T * [t.armature for t in tendons] @ rows
+
+
 def test_armatures_add_up_to_the_inertia_between_hinges():
     random = np.random.default_rng(3)
     root = random.normal(size=(3, 3))
@@ -299,9 +307,8 @@ def test_armatures_add_up_to_the_inertia_between_hinges():
     armature = thin @ thin.T
     freedoms = ((0, "xy"), (1, "xy"), (2, "xy"))
     found = armatures_of(freedoms, armature, inertia)
-    assert len(found) == 2
-    total = sum(t.armature * np.outer(t.coefficients, t.coefficients) for t in found)
-    assert total == pytest.approx(armature, abs=1e-9)
+    assert [t.freedoms for t in found] == [freedoms, freedoms[:2]]
+    assert _inertia_of(found, freedoms) == pytest.approx(armature, abs=1e-9)
     for part, count in ((1.1e-13, 1), (0.9e-13, 0)):
         slight = part * np.outer(inertia[0], inertia[0]) / inertia[0, 0]
         assert len(armatures_of(freedoms, slight, inertia)) == count
@@ -436,9 +443,7 @@ def test_modes_that_are_given_are_damped_and_stand_in_the_chain():
     modes = ModeGroup(("xy",), w, rows, np.array(ratios))
     found = given_modes(limp_chain, [modes])
     assert found.stiffness(FREEDOMS).shape == (2, 2)
-    across = sum(
-        t.armature * np.outer(t.coefficients, t.coefficients) for t in found.tendons if t.armature
-    )
+    across = _inertia_of([t for t in found.tendons if t.armature], FREEDOMS)
     squares, shapes = eigh(found.stiffness(FREEDOMS), MASS + across)
     assert np.sqrt(squares) == pytest.approx(w, rel=1e-9)
     rates = shapes.T @ found.damping(FREEDOMS) @ shapes

@@ -382,14 +382,18 @@ def _stiffen_attachments(
 
 
 def _armatures(freedoms: tuple[Freedom, ...], armature: Array, inertia: Array) -> list[Tendon]:
-    """Inertia between hinges as tendons along its own directions."""
+    """Inertia between hinges as tendons of a triangular factor, which run over all hinges, all but
+    the last, and so on: MuJoCo adds them to its mass matrix joint by joint, at a cost that grows
+    with a joint's depth."""
     root = np.linalg.cholesky(inertia)
     half = np.linalg.solve(root, armature)
     values, vectors = np.linalg.eigh(np.linalg.solve(root, half.T))
+    some = values > DROPPED
+    factor = root @ vectors[:, some] * np.sqrt(values[some])
+    rows = np.linalg.qr(factor[::-1].T, mode="r")[:, ::-1]
     return [
-        Tendon("armature", freedoms, root @ vector, armature=float(value))
-        for value, vector in zip(values, vectors.T, strict=True)
-        if value > DROPPED
+        Tendon("armature", freedoms[:end], np.sign(row[end - 1]) * row[:end], armature=1.0)
+        for end, row in zip(range(len(freedoms), 0, -1), rows, strict=False)
     ]
 
 
