@@ -91,10 +91,11 @@ PARTS = {
         "engine.bench.Composite",
         "steps.cures.Cure",
         "steps.step_map.TimeError",
+        "steps.step_map.ShiftedPeak",
         "steps.sampled.SampledError",
     ),
     "Fit": (
-        "chain.build.Status",
+        "fitting.result.Status",
         "fitting.look.Look",
         "fitting.result.ModeRow",
         "fitting.needs.Choice",

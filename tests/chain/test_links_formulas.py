@@ -408,7 +408,7 @@ def test_an_appendage_without_modes_is_one_body():
     (only,) = built.chain.links
     assert (only.start, only.length, built.chain.length) == (0.0, 4.0, 4.0)
     assert built.chain.rigid_mass() == pytest.approx(points(MASSES, PLACES), rel=1e-9)
-    assert built.status.ok
+    assert (built.how, built.missing) == ("one rigid body", ())
 
 
 # -- bodies and modes that are handed on -----------------------------------------------------------

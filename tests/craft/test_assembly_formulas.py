@@ -1,6 +1,8 @@
 """A whole spacecraft at rest beside matrices written out here: a bus with a mass that slides across
 at its root, which is a port model of two modes, and the same in MuJoCo with other springs."""
 
+from types import SimpleNamespace
+
 import mujoco
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ from formulas import (
     PlacedBody,
     assembly_at_rest,
     modes_at_pose,
+    modes_sentence,
     mount,
 )
 
@@ -168,6 +171,10 @@ def told(*modes):
     return Assembly(rows, BAND, BAND, nothing, nothing, nothing, (0,), nothing, 0.0, "bus")
 
 
+def sentence(assembly, met=False):
+    return modes_sentence(SimpleNamespace(assembly=assembly, met=met))
+
+
 def test_what_is_worst_and_what_is_left_out():
     made = told(
         (1.0, 1.01, True), (2.0, 1.9, True), (BAND, None, False), (2.7, 2.0, True),
@@ -175,13 +182,13 @@ def test_what_is_worst_and_what_is_left_out():
     )  # fmt: skip
     assert [mode.exact for mode in made.judged] == [1.0, 2.0, 2.1]
     assert made.worst == pytest.approx(0.05)
-    assert "5.0e-02" in made.worst_told
-    assert made.left_out_told.startswith("2 ")
-    assert told((BAND, None, False)).left_out_told.startswith("one ")
-    assert told((2.7, None, False), (1.0, None, True)).left_out_told == ""
+    assert "5.0e-02; 2 modes" in sentence(made)
+    assert "; one mode" in sentence(told((BAND, None, False)))
+    assert ";" not in sentence(told((2.7, None, False), (1.0, None, True)))
+    assert ";" not in sentence(made, met=True)
     assert told((BAND, 2.0 * BAND, True)).worst == pytest.approx(1.0)
     above = told((2.7, None, True), (2.8, 3.08, True), (2.9, 8.0, True))
     assert (above.judged, above.worst) == ((), 0.0)
-    assert "2.8 rad/s" in above.worst_told
-    assert "1.0e-01" in above.worst_told
-    assert ";" not in told((1.0, 1.0, False)).worst_told
+    assert "2.8 rad/s" in sentence(above)
+    assert "1.0e-01" in sentence(above)
+    assert "rad/s; one mode" in sentence(told((1.0, 1.0, False)))

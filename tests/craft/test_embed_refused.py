@@ -239,7 +239,7 @@ class TestHostile:
         done = bc.embed(text, {"mount": spec("array_left")}, retime=False)
         for word in ("-9.81 m/s^2", "density 1.2", "timestep 0.5 s is above", "explicitly"):
             assert any(word in w for w in done.warnings), word
-        assert "implicitfast" in done.cure_words
+        assert "implicitfast" in done.cure.words
         if hasattr(mujoco.mjtIntegrator, "mjINT_DISCRETE"):
             text = craft(before='<option timestep="0.01" gravity="0 0 0" integrator="discrete"/>')
             assert any(

@@ -150,7 +150,7 @@ def test_without_a_step_the_error_is_that_of_the_continuous_motion(made):
 def test_a_step_without_bound_is_not_blamed_on_a_resonance(made):
     found = with_numbers(made, {"rest": 0.03, "turned": 0.03}, {"rest": 0.5, "turned": np.inf}, 0.1)
     assert found.met is False
-    assert found.blamed == ""
+    assert found.cause is None
 
 
 # -- places ----------------------------------------------------------------------------------------

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 import beamchain as bc
-from beamchain.craft.mode_names import strain_shares
+from beamchain.craft.mode_names import strain_holders, strain_shares
 from beamchain.craft.source import linear_omissions
 from beamchain.steps.retime import retime
 from formulas import (
     AppendageRequest,
-    energy_words,
     far_mount,
     fit_all,
     holders_of_shape,
@@ -25,6 +24,7 @@ from formulas import (
     points_inward,
     reach,
     spans_of_motion,
+    strain_words,
     turn,
 )
 from specs import spec_of
@@ -57,8 +57,10 @@ def test_inspection_of_a_model(damper):
     assert found.frequencies == pytest.approx(order)
     assert found.damping == pytest.approx([wanted[key] for key in order])
     assert found.has_overdamped == (damper > 30.0)
-    said = {2.0: "left 100 %, spring", w: "pulled 100 %, spring", 3.0: "turns 100 %, spring"}
-    assert found.moving == [said[key] for key in order]
+    holders = {2.0: "left", w: "pulled", 3.0: "turns"}
+    for key, shares in zip(order, found.moving, strict=True):
+        assert shares.pop((holders[key], "spring")) == pytest.approx(1.0)
+        assert sum(shares.values()) == pytest.approx(0.0, abs=1e-12)
     assert found.springs == [("left", 16.0, 1.6), ("turns", 45.0, damper)]
     assert found.tendons == [("rope", 12.0, 0.6, 0.5)]
     assert (found.name, found.bodies, found.joints, found.dofs) == ("three", 5, 4, 4)
@@ -81,7 +83,7 @@ def test_modes_of_a_timed_file_are_those_of_the_structure():
     assert model.tendon_armature[0] > 0.01
     found = inspect_model(model)
     assert found.frequencies == pytest.approx([np.sqrt(6.0)], rel=1e-9)
-    assert found.moving == ["arm 100 %, bending xy"]
+    assert found.moving == [{("arm", "xy"): pytest.approx(1.0)}]
     assert len(found.made_for) == len(found.shown) == 1
 
 
@@ -98,9 +100,11 @@ def test_words_for_shares_of_the_strain_energy():
     """Modes of a port together, from a tenth on, the largest first."""
     names = ["a_mode1_xy", "b_mode1_xz", "a_filler2_xy", "drive", "c_mode1_torsion", "d_mode1_xy"]
     share = np.array([0.2, 0.34, 0.17, 0.1, 0.05, 0.14])
-    assert energy_words(names, share) == "a 37 % and d 14 %, bending xy; b 34 %, bending xz"
-    share[3] = 0.12
-    assert energy_words(names, share).endswith("b 34 %, bending xz; drive 12 %, spring")
+    parts = strain_holders(names, share)
+    assert parts["a", "xy"] == pytest.approx(0.37)
+    assert strain_words(parts) == "a 37 % and d 14 %, bending xy; b 34 %, bending xz"
+    parts["drive", "spring"] = 0.12
+    assert strain_words(parts).endswith("b 34 %, bending xz; drive 12 %, spring")
 
 
 @pytest.mark.parametrize(("step", "stable"), [(0.99, True), (1.01, False)])

@@ -17,7 +17,7 @@ from formulas import (
     chain_of_ports,
     check_free_modes,
     fillers_above,
-    leaves_no_mass,
+    needs_hub,
     needs_time,
     select,
 )
@@ -188,7 +188,9 @@ def test_free_modes_leave_a_billionth_of_the_mass_at_the_root(left, refused):
 @pytest.mark.parametrize(("left", "empty"), [(0.9e-5, True), (1.1e-5, False)])
 def test_modes_that_leave_no_mass_at_the_root(left, empty):
     rows = np.array([[0.0, 3.0 * np.sqrt(1.0 - left)], [1.0, 0.0]])
-    assert leaves_no_mass(PortModel(np.diag([4.0, 9.0]), np.array([1.0, 2.0]), rows)) is empty
+    model = PortModel(np.diag([4.0, 9.0]), np.array([1.0, 2.0]), rows)
+    assert needs_hub(SimpleNamespace(exact=False), model) is empty
+    assert not needs_hub(SimpleNamespace(exact=True), model)
 
 
 @pytest.mark.parametrize(

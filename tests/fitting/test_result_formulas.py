@@ -10,10 +10,18 @@ import pytest
 import beamchain as bc
 import beamchain.fitting.result as result_module
 from beamchain import PortModel
-from beamchain.chain.build import Status
 from beamchain.errors import OutputError
 from beamchain.fitting.fit import decide
-from formulas import Body, InSpace, Kept, limits_of_chain, look_of, tip_sentence
+from formulas import (
+    Body,
+    InSpace,
+    Kept,
+    ShiftedPeak,
+    cure_sentence,
+    limits_of_chain,
+    look_of,
+    tip_sentence,
+)
 
 LIMITS = SimpleNamespace(largest_step={})
 
@@ -66,7 +74,7 @@ def made(**given):
         "readback_error": errors,
         "measured": measured,
         "limits": LIMITS,
-        "status": SimpleNamespace(ok=True),
+        "how": "springs on the hinges",
         "seconds": {},
         "bandwidth": {"xy": 7.0, "xz": 9.0},
     }
@@ -261,27 +269,25 @@ def test_the_resonance_that_a_step_shifts_is_blamed_on_the_tendon_it_strains_mos
     rows = np.array([[2.0, 1.0], [1.0, 2.0]])[:, [first, 1 - first]]
     still = SimpleNamespace(squares=np.array([4.0, 25.0]), shapes=np.eye(2))
     modal = SimpleNamespace(names=("one", "two"), rows=rows, stiffness=np.array([3.0, 3.0]))
-    peak = SimpleNamespace(
-        frequency=2.2, explains=lambda error, model: error > model, words=lambda name: name
-    )
+    peak = ShiftedPeak(2.2, 0.005, shift=0.01, damped=0.0, change=1.0)
     monkeypatch.setattr(result_module, "motion_at", lambda _: still)
     monkeypatch.setattr(result_module, "shifted_peak", lambda *_: peak)
     monkeypatch.setattr(result_module, "modal_tendons", lambda _: modal)
 
-    def blamed(error, promise=1e-4):
+    def mode(error, promise=1e-4):
         spec = scene(tolerance=1e-3, bandwidth=10.0, hub=HUB, step=0.01)
         spec.undamped_ratio = 0.005
         fit = sampled(made(promise=promise, spec=spec), error)
         fit.__dict__["_sampled"].frequency = 2.0
         fit.__dict__["_scenes"] = (None, None)
-        return fit.blamed
+        return fit.cause and fit.cause.mode
 
-    assert blamed(5e-3) == ("one", "two")[first]
+    assert mode(5e-3) == ("one", "two")[first]
     modal.stiffness[:] = np.array([1.0, 5.0])[[first, 1 - first]]
-    assert blamed(5e-3) == ("two", "one")[first]
-    assert blamed(5e-4) == blamed(np.inf) == blamed(5e-3, promise=9e-3) == ""
+    assert mode(5e-3) == ("two", "one")[first]
+    assert mode(5e-4) is mode(np.inf) is mode(5e-3, promise=4e-3) is None
     modal.names = ()
-    assert blamed(5e-3) == ""
+    assert mode(5e-3) == ""
 
 
 # -- imported modes --------------------------------------------------------------------------------
@@ -397,9 +403,6 @@ def test_the_files_of_a_fit(tmp_path, monkeypatch):
         bc.Fit.write(fit, tmp_path / "out")
 
 
-SUCCESS = Status(ok=True, message="made.")
-
-
 @dataclasses.dataclass(frozen=True)
 class Made:
     """A fit in band by some error, whose damping has some form."""
@@ -408,10 +411,10 @@ class Made:
     met: bool | None
     in_band_error: float | None
     ruined: bool = False
-    status: Status = SUCCESS
+    at_step: bool = False
     cautions: tuple = ()
     cure: object = None
-    sampled_error: None = None
+    missed = bc.Fit.missed
 
 
 @pytest.mark.parametrize(
@@ -435,7 +438,7 @@ def test_what_was_asked_for_and_missed_is_cured(
     monkeypatch.setattr("beamchain.fitting.fit.cure_of", lambda *_: cure)
     spec = SimpleNamespace(damping=form and SimpleNamespace(form=form), scene=None, exact_step=0.0)
     found = decide(Made(spec, met, error, ruined))
-    assert found.status.ok is not missed
+    assert found.missed is missed
     assert found.cure is (cure if cured else None)
-    assert found.status.message == ("Do this. made." if missed else "made.")
+    assert cure_sentence(found) == ("Do this." if missed else "")
     assert len(found.cautions) == (cured and not missed)

@@ -16,7 +16,6 @@ from test_report import DRAWN, EVERY, HUB, boom, fitted, reports
 import beamchain as bc
 from appendages import panels, tapered_boom
 from beamchain.chain.baselines import equal_links
-from beamchain.chain.build import Status
 from beamchain.fitting.options import Payload
 from beamchain.fitting.spec import spec_from_dict
 from beamchain.fitting.spec_text import spec_toml
@@ -62,9 +61,11 @@ def test_verdict(boom):
 @pytest.mark.slow
 def test_status_is_told_and_escaped():
     fit = bc.fit(tapered_boom(), modes={"torsion": 1})
-    fit = replace(fit, status=Status(False, "xy keeps 1 < 2 modes & more", ("first <try>",)))
+    missing = ("xy keeps 1 < 2 modes & more.",)
+    fit = replace(fit, how="one & the same", missing=missing, history=("first <try>",))
     page, _ = fit_report(fit)
-    assert "Less than was asked for: xy keeps 1 &lt; 2 modes &amp; more" in page
+    assert "Less than was asked for: exact chain (one &amp; the same), modes kept: 1 in" in page
+    assert "xy keeps 1 &lt; 2 modes &amp; more" in page
     assert "first &lt;try&gt;" in page
 
 

@@ -55,8 +55,8 @@ def test_another_integrator_at_the_same_step_is_named_where_it_helps():
     made = stepped.embedded(craft)
     assert made.met is False
     assert stepped.sampled_error(craft, made.model)[0] > 0.01
-    assert made.cure_words.startswith('Write integrator="Euler" in the <option>')
-    better = cured(craft, made.cure_words)
+    assert made.cure.words.startswith('Write integrator="Euler" in the <option>')
+    better = cured(craft, made.cure.words)
     assert (better.step, better.integrator) == (0.01, "Euler")
     again = stepped.embedded(better)
     assert stepped.sampled_error(better, again.model)[0] <= 0.01

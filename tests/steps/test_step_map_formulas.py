@@ -12,6 +12,7 @@ from formulas import (
     Motion,
     ShiftedPeak,
     TimeError,
+    cause_sentence,
     damped_by,
     growing_frequencies,
     growing_poses,
@@ -128,12 +129,12 @@ def test_the_mode_that_the_step_shows_nearest_to_a_frequency():
 
 
 def test_a_shifted_peak_explains_half_of_an_error_or_more():
-    peak = ShiftedPeak(8.0, 0.02, 0.013, -0.2, 0.5)
+    peak = ShiftedPeak(8.0, 0.02, 0.013, -0.2, 0.5, "mode 2")
     assert peak.explains(1.0, 0.1)
     assert not peak.explains(1.01, 0.1)
     assert peak.explains(0.4, 0.2)
     assert not peak.explains(0.4, 0.21)
-    assert peak.words("mode 2") == (
+    assert cause_sentence(SimpleNamespace(cause=peak)) == (
         "The error comes from the resonance at 8 rad/s (mode 2), whose frequency the step shifts "
         "by +0.013 of itself and whose damping ratio, 0.02, by -0.2 of itself: that changes its "
         "response there by 0.5."

@@ -137,7 +137,7 @@ from beamchain.craft.fits import _points_inward as points_inward
 from beamchain.craft.fits import fit_all
 from beamchain.craft.hanging_liquid import hanging_liquid, springs_at_stated
 from beamchain.craft.histories import History, Recovery
-from beamchain.craft.inspect import energy_words, inspect_model
+from beamchain.craft.inspect import inspect_model
 from beamchain.craft.linear_craft import _load as load_on_exact
 from beamchain.craft.linear_craft import _names as names_of_models
 from beamchain.craft.linear_craft import exact_craft, internal_stiffness, linear_craft
@@ -314,7 +314,7 @@ from beamchain.fitting.look import look_of
 from beamchain.fitting.needs import Candidates, Promise, choose, with_polar_inertia
 from beamchain.fitting.proof import _cautions as cautions_of_fit
 from beamchain.fitting.proof import _in_space as compared_in_space
-from beamchain.fitting.proof import _is_empty as leaves_no_mass
+from beamchain.fitting.proof import needs_hub
 from beamchain.fitting.proof import step_limits as limits_of_chain
 from beamchain.fitting.realise import _band as fillers_above
 from beamchain.fitting.realise import _check_body as check_body
@@ -362,7 +362,14 @@ from beamchain.ports.compare import (
 from beamchain.ports.compose import joined
 from beamchain.ports.model import Shapes
 from beamchain.ports.motions import body_mass_matrix, first_moment
-from beamchain.report.headlines import embedded_headline, tip_sentence
+from beamchain.report.headlines import (
+    cause_sentence,
+    cure_sentence,
+    embedded_headline,
+    modes_sentence,
+    strain_words,
+    tip_sentence,
+)
 from beamchain.report.outlines import Drawn
 from beamchain.report.replay import _steepest as steepest
 from beamchain.steps.cures import Names, Setting, find_cure, round_down
@@ -695,6 +702,7 @@ __all__ = [
     "carriers",
     "carries_of",
     "carrying_of",
+    "cause_sentence",
     "cautions_of_fit",
     "chain_of",
     "chain_of_ports",
@@ -744,6 +752,7 @@ __all__ = [
     "culprit",
     "cure_of",
     "cure_of_step",
+    "cure_sentence",
     "damped_by",
     "damped_modes",
     "damping_of_file",
@@ -773,7 +782,6 @@ __all__ = [
     "elements_of_file",
     "elements_of_step",
     "embedded_headline",
-    "energy_words",
     "equal_parts",
     "error_of_step",
     "even_cut",
@@ -856,7 +864,6 @@ __all__ = [
     "layout_of",
     "least_share",
     "leaves_at",
-    "leaves_no_mass",
     "legendre_series",
     "lightest_of_bodies",
     "limited_by_modes_above",
@@ -908,6 +915,7 @@ __all__ = [
     "modes_finely_divided",
     "modes_left_out",
     "modes_of_tendons",
+    "modes_sentence",
     "modes_to_give",
     "momentum_beyond",
     "momentum_of_mode",
@@ -927,6 +935,7 @@ __all__ = [
     "nearest_flexibility",
     "nearest_response",
     "nearest_turn",
+    "needs_hub",
     "needs_time",
     "new_directions",
     "newton_step",
@@ -1094,6 +1103,7 @@ __all__ = [
     "stiffness_before",
     "still_copy",
     "stop_ahead",
+    "strain_words",
     "structured_bound",
     "study_fit",
     "sums_behind",

@@ -44,26 +44,24 @@ SAME = 1e-9  # relative: hinges and masses of two planes closer than this are th
 TargetOf = Callable[[str, int], PortModel]
 
 
-@dataclass(frozen=True)
-class Status:
-    """What became of a fit: all reached or not, what was made, what was tried."""
-
-    ok: bool  #: everything that was asked for is met
-    message: str  #: what was made, or what is missing, in a sentence
-    history: tuple[str, ...] = ()  #: what was tried before
-
-    def adding(self, sentence: str) -> "Status":
-        """The status with one more sentence in its message."""
-        return replace(self, message=f"{self.message} {sentence}")
-
-
 @dataclass(frozen=True, eq=False)
 class Built:
-    """A chain, its targets, how it came about, and its cut where one was chosen."""
+    """A chain, and how it came about.
+
+    Args:
+        chain: links, hinges and tendons.
+        targets: per port, the model that the chain has.
+        how: what holds its modes, such as "springs on the hinges".
+        missing: per port with fewer modes than asked for, how many it keeps, and why.
+        history: what was tried before, and why it failed.
+        cut: where it is cut; None: at the hinges of the recursion.
+    """
 
     chain: Chain
     targets: dict[str, PortModel]
-    status: Status
+    how: str
+    missing: tuple[str, ...] = ()
+    history: tuple[str, ...] = ()
     cut: Cut | None = None
 
 
@@ -141,8 +139,8 @@ def _cut_beam(
     history: list[str],
 ) -> Built:
     """The chain on a chosen cut for all ports."""
-    notes: list[str] = []
-    targets = {port: _available(target_of, port, count, notes) for port, count in kept.items()}
+    missing: list[str] = []
+    targets = {port: _available(target_of, port, count, missing) for port, count in kept.items()}
     groups = [_modes_of(port, target, wishes, kept[port]) for port, target in targets.items()]
     chain, how, cut = cut_chain(beam, groups, wishes.lines, wishes.further, wishes.cut)
     for port, target in () if wishes.further else targets.items():
@@ -153,26 +151,7 @@ def _cut_beam(
                 f"digits are lost with {target.modes} modes in {port}: a frequency is off by "
                 f"{miss:.1e}; keep fewer modes."
             )
-    message = _message(how, targets, notes, kept if wishes.further else {})
-    return Built(chain, targets, Status(not notes, message, tuple(history)), cut)
-
-
-def _message(
-    how: str,
-    targets: Mapping[str, PortModel],
-    notes: Sequence[str] = (),
-    kept: Mapping[str, int] | None = None,
-) -> str:
-    own = {
-        port: min((kept or {}).get(port, target.modes), target.modes)
-        for port, target in targets.items()
-    }
-    static = {port: target.modes - own[port] for port, target in targets.items()}
-    modes = ", ".join(
-        f"{count} in {port}" + (f" (and {static[port]} for further points)" if static[port] else "")
-        for port, count in own.items()
-    )
-    return f"exact chain ({how}), modes kept: {modes}." + "".join(f" {note}" for note in notes)
+    return Built(chain, targets, how, tuple(missing), tuple(history), cut)
 
 
 def _modes_of(port: str, target: PortModel, wishes: BuildOptions, count: int) -> ModeGroup:
@@ -205,7 +184,7 @@ def with_modes(target: PortModel, count: int, where: str) -> PortModel:
     return target
 
 
-def _available(target_of: TargetOf, port: str, count: int, notes: list[str]) -> PortModel:
+def _available(target_of: TargetOf, port: str, count: int, missing: list[str]) -> PortModel:
     """The target with as many of `count` modes as double precision holds."""
     reason: RealisationError | None = None
     for modes in range(count, 0, -1):
@@ -215,7 +194,7 @@ def _available(target_of: TargetOf, port: str, count: int, notes: list[str]) -> 
             reason = reason or error
             continue
         if reason is not None:
-            notes.append(f"{port} keeps {modes} of the {count} modes asked for. {reason}")
+            missing.append(f"{port} keeps {modes} of the {count} modes asked for. {reason}")
         return target
     assert reason is not None
     raise reason
@@ -224,7 +203,7 @@ def _available(target_of: TargetOf, port: str, count: int, notes: list[str]) -> 
 def _rigid(beam: MassLine) -> Built:
     """The appendage as one body."""
     links = settle_links(beam, bodies(beam, np.zeros(0)), np.zeros(0))
-    return Built(Chain(tuple(links), (), beam.length), {}, Status(True, "one rigid body."))
+    return Built(Chain(tuple(links), (), beam.length), {}, "one rigid body")
 
 
 # -- springs on the hinges: the recursion ----------------------------------------------------------
@@ -254,7 +233,7 @@ def _recursive(
         raise RealisationError(
             "a link of the recursion would be a point; its hinges nearly coincide."
         )
-    notes = [
+    missing = [
         f"{port} keeps {targets[port].modes} of the {count} modes asked for."
         for port, count in kept.items()
         if targets[port].modes < count
@@ -270,9 +249,9 @@ def _recursive(
         chain = springs_as_modes(chain, ratios)
         why = 'fit.springs = "modes"' if wishes.springs == "modes" else "each has its own damping"
         how = f"one tendon per mode, as {why}, on the bodies of the recursion"
-    if notes:
-        notes.append(history[0])
-    return Built(chain, targets, Status(not notes, _message(how, targets, notes), tuple(history)))
+    if missing:
+        missing.append(history[0])
+    return Built(chain, targets, how, tuple(missing), tuple(history))
 
 
 def assemble(

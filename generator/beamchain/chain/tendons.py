@@ -390,7 +390,7 @@ def _armatures(freedoms: tuple[Freedom, ...], armature: Array, inertia: Array) -
     values, vectors = np.linalg.eigh(np.linalg.solve(root, half.T))
     some = values > DROPPED
     factor = root @ vectors[:, some] * np.sqrt(values[some])
-    rows = np.linalg.qr(factor[::-1].T, mode="r")[:, ::-1]
+    rows = np.asarray(np.linalg.qr(factor[::-1].T, mode="r"))[:, ::-1]
     return [
         Tendon("armature", freedoms[:end], np.sign(row[end - 1]) * row[:end], armature=1.0)
         for end, row in zip(range(len(freedoms), 0, -1), rows, strict=False)

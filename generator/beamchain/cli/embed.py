@@ -241,7 +241,7 @@ def _record(result: "Embedded", key: str | None, at_key: "Sequence[Mode]") -> di
 
 def _show(result: "Embedded") -> None:
     """What the terminal shows before the names of the files."""
-    from beamchain.report.headlines import modes_sentence
+    from beamchain.report.headlines import cure_sentence, modes_sentence
     from beamchain.report.tables.embed import (
         appendage_sentences,
         appendage_table,
@@ -253,8 +253,8 @@ def _show(result: "Embedded") -> None:
 
     out = console()
     assembly = result.assembly
-    if result.cure_words:
-        out.print(result.cure_words, markup=False)
+    if cure := cure_sentence(result):
+        out.print(cure, markup=False)
     out.print(result.headline, markup=False)
     out.print(result.composite.sentence, markup=False)
     for line in appendage_sentences(result):

@@ -41,6 +41,8 @@ def retime(
     """
     from beamchain.craft.retiming import retime_craft
     from beamchain.files import check_outputs, write_files
+    from beamchain.report.headlines import retimed_headline
+    from beamchain.report.tables.record import retime_record
     from beamchain.report.tables.retime import pole_table
 
     if not timestep >= 0.0 or timestep == float("inf"):
@@ -51,10 +53,10 @@ def retime(
 
     def show() -> None:
         print_table(pole_table(done.file.rows))
-        console().print(done.headline, markup=False)
+        console().print(retimed_headline(done), markup=False)
         print_warnings(done.warnings)
 
-    record = {"timestep": timestep, "integrator": integrator, **done.as_dict()}
+    record = {"timestep": timestep, "integrator": integrator, **retime_record(done)}
     tell(lambda: record, show, [output], as_json, quiet)
     if done.met is False:
         raise typer.Exit(3)

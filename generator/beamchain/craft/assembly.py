@@ -71,38 +71,18 @@ class Assembly:
         return max((abs(m.error) for m in self.judged if m.error is not None), default=0.0)
 
     @property
-    def worst_told(self) -> str:
-        """`worst` in words, and where no kept mode lies within the band."""
-        if not self.judged:
-            first = next(
-                (m for m in self.modes if m.kept and m.exact is not None and m.error is not None),
-                None,
-            )
-            beyond = (
-                ""
-                if first is None
-                else f"; the first, at {first.exact:.4g} rad/s, is off by {first.error:.1e}"
-            )
-            return f"no kept mode lies up to {self.band:.4g} rad/s{beyond}"
-        return f"worst of the kept modes up to {self.band:.4g} rad/s: {self.worst:.1e}"
-
-    @property
-    def left_out_told(self) -> str:
-        """How many modes in the band are left out, in words; empty where none is."""
-        missing = sum(
-            not m.kept and m.exact is not None and m.exact <= self.band for m in self.modes
-        )
-        if not missing:
-            return ""
-        count = "one mode in the band is" if missing == 1 else f"{missing} modes in the band are"
-        return f"{count} left out"
-
-    @property
     def judged(self) -> tuple[Mode, ...]:
         """The kept modes within the band."""
-        return tuple(
-            m for m in self.modes if m.kept and m.exact is not None and m.exact <= self.band
-        )
+        return tuple(mode for mode in self._in_band if mode.kept)
+
+    @property
+    def left_out(self) -> tuple[Mode, ...]:
+        """The modes within the band that are not kept."""
+        return tuple(mode for mode in self._in_band if not mode.kept)
+
+    @property
+    def _in_band(self) -> tuple[Mode, ...]:
+        return tuple(m for m in self.modes if m.exact is not None and m.exact <= self.band)
 
 
 def assembly_at_rest(

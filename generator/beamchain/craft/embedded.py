@@ -1,7 +1,7 @@
 """A spacecraft with its appendages: the result of `embed`, and its error."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -47,10 +47,10 @@ from beamchain.files import check_name, write_files
 from beamchain.mjcf.craft import Craft
 from beamchain.ports.compare import keeps_tolerance
 from beamchain.ports.motions import Array, first_moment
-from beamchain.steps.cures import RUINED, UNCURED, Cure, Names, Setting, find_cure
+from beamchain.steps.cures import RUINED, Cure, Names, Setting, find_cure
 from beamchain.steps.retime import without_timing
 from beamchain.steps.sampled import SampledError, represents
-from beamchain.steps.step_map import TimeError, at_step_of, motion_at, shifted_peak
+from beamchain.steps.step_map import ShiftedPeak, TimeError, at_step_of, motion_at, shifted_peak
 from beamchain.structure.recovery_rows import RecoveryRows
 
 if TYPE_CHECKING:
@@ -340,13 +340,19 @@ class Embedded:
         """Whether the step makes an error above 0.1 where no tolerance is stated."""
         return self.tolerance is None and self.by_step and self.sampled_error > RUINED
 
+    @property
+    def missed(self) -> bool:
+        """Whether it misses the tolerance, or its step ruins it, and no load lets it grow, which
+        nothing that is tried mends."""
+        return not self.promise.growth and (self.met is False or self.ruined)
+
     @cached_property
     @one_thread()
     def cure(self) -> Cure | None:
         """The cheapest change of integrator, step, timing or modes that was tried and keeps the
         tolerance, or without one an error at the step below 0.1; None where it is kept, or nothing
         that was tried helps."""
-        if self.promise.growth or (self.met is not False and not self.ruined):
+        if not self.missed:
             return None
         option = self.model.opt
         step = float(option.timestep) if self.by_step else 0.0
@@ -373,13 +379,6 @@ class Embedded:
 
         return find_cure(now, error, wished, self.names, self.tolerance)
 
-    @property
-    def cure_words(self) -> str:
-        """The cure in a sentence, or that none was found; empty where none is needed."""
-        if self.promise.growth or (self.met is not False and not self.ruined):
-            return ""
-        return UNCURED if self.cure is None else self.cure.words
-
     def _error_at(self, setting: Setting) -> float:
         """What is held against the tolerance at another step, integrator or timing."""
         if setting.timestep == 0.0:
@@ -403,24 +402,24 @@ class Embedded:
         return compile_document(self.document, appendages, self._layout)
 
     @property
-    def blamed(self) -> str:
-        """The resonance whose shift by the step makes the error, in a sentence; empty where the
-        tolerance is met, or it is not the step."""
+    def cause(self) -> ShiftedPeak | None:
+        """The resonance whose shift by the step makes the error, and what moves in it; None where
+        the tolerance is met, or it is not the step."""
         if self.met is not False or not self.by_step:
-            return ""
+            return None
         pose, worst = max(self.sampled_poses.items(), key=lambda item: item[1].error)
         if not np.isfinite(worst.error):
-            return ""
+            return None
         places = poses(self.model) | poses_between(self.model, BETWEEN)
         plain = at_step_of(self.untimed, self.model)
         timed, still = (motion_at(quiet_copy(one), places[pose]) for one in (self.model, plain))
         undamped = min(a.spec.undamped_ratio for a in self.appendages)
         peak = shifted_peak(timed, still, worst.frequency, undamped)
         if peak is None or not peak.explains(worst.error, self.craft_error):
-            return ""
+            return None
         modes = self.modes_at(pose) if pose in poses(self.model) else ()
         near = min(modes, key=lambda m: abs((m.mujoco or np.inf) - peak.frequency), default=None)
-        return peak.words(near.words if near is not None and near.mujoco is not None else "")
+        return peak if near is None or near.mujoco is None else replace(peak, mode=near.words)
 
     @property
     def headline(self) -> str:

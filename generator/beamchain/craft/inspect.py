@@ -1,7 +1,6 @@
 """Modes, masses and step limits of any MuJoCo model, from its own linearisation."""
 
 import copy
-import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,9 +8,8 @@ from typing import Any
 import numpy as np
 
 from beamchain import report
-from beamchain.craft.coupled_modes import SHARE, WORDS
 from beamchain.craft.disturbances import left_out
-from beamchain.craft.mode_names import cantilever_names, strain_shares
+from beamchain.craft.mode_names import cantilever_names, strain_holders, strain_shares
 from beamchain.engine.bench import Composite, composite
 from beamchain.engine.library import mujoco
 from beamchain.engine.linear import linear_at
@@ -27,7 +25,6 @@ from beamchain.steps.retime import retime
 from beamchain.steps.saturation import servos_that_chatter
 
 NEAR = 0.05  # relative: how far damping may move a mode from its undamped frequency
-OWN_MODE = re.compile(r"(.+)_(?:mode|filler)\d+_(xy|xz|torsion|axial)$")
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,8 +32,8 @@ class Inspection:
     """What MuJoCo makes of a model about its rest pose.
 
     `composite`: of every body that moves in the world, with all that hangs on it; `frequencies`
-    [rad/s] and `damping` `(n,)` of the oscillating modes; `moving`: what holds the strain energy of
-    each, by appendage and port, or sprung joint; `springs`, `tendons`: name, stiffness,
+    [rad/s] and `damping` `(n,)` of the oscillating modes; `moving`: of each the shares of the
+    strain energy, as of `strain_holders`; `springs`, `tendons`: name, stiffness,
     damping (armature) of what has a spring; `limits`: timing taken out; `shown`: the modes as the
     model's own step shows them, where anything is exact in time; `has_overdamped`: whether
     something that is held does not oscillate.
@@ -50,7 +47,7 @@ class Inspection:
     composite: list[Composite]
     frequencies: Array
     damping: Array
-    moving: list[str]
+    moving: list[dict[tuple[str, str], float]]
     springs: list[tuple[str, float, float]]
     tendons: list[tuple[str, float, float, float]]
     integrator: str
@@ -123,34 +120,18 @@ def inspect_model(source: "str | Path | mujoco.MjModel") -> Inspection:
     )
 
 
-def _moving(model: "mujoco.MjModel", frequencies: Array) -> list[str]:
-    """What holds the strain energy of the modes with some frequencies [rad/s], in words such as
-    "upper 62 % and fore 38 %, bending xz"."""
+def _moving(model: "mujoco.MjModel", frequencies: Array) -> list[dict[tuple[str, str], float]]:
+    """What holds the strain energy of the modes with some frequencies [rad/s]."""
     if not frequencies.size:
         return []
     linear = linear_at(rest_point(quiet_copy(model)))
     modes = linear.modes()
     names, rows = cantilever_names(model, linear.mass, linear.stiffness)
     share = strain_shares(rows, modes.shapes)
-    out: list[str] = []
+    out: list[dict[tuple[str, str], float]] = []
     for frequency in frequencies:
         away = np.abs(modes.frequency / frequency - 1.0)
         near = np.flatnonzero(away < NEAR)
         k = min(near.tolist(), key=lambda k: float(away[k]), default=None)
-        out.append("" if k is None else energy_words(names, share[:, k]))
+        out.append({} if k is None else strain_holders(names, share[:, k]))
     return out
-
-
-def energy_words(names: list[str], share: Array) -> str:
-    """Appendages with the ports in which they bend, and joints, by their `share` `(n,)` of the
-    strain energy, of what `cantilever_names` names."""
-    parts: dict[tuple[str, str], float] = {}
-    for name, value in zip(names, share.tolist(), strict=True):
-        match = OWN_MODE.fullmatch(name)
-        where = (match[1], WORDS[match[2]]) if match else (name, "spring")
-        parts[where] = parts.get(where, 0.0) + value
-    seen = sorted((part for part in parts if parts[part] > SHARE), key=lambda part: -parts[part])
-    said: dict[str, list[str]] = {}
-    for name, kind in seen:
-        said.setdefault(kind, []).append(f"{name} {100.0 * parts[name, kind]:.0f} %")
-    return "; ".join(f"{' and '.join(those)}, {kind}" for kind, those in said.items())

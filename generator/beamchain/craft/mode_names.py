@@ -1,5 +1,6 @@
 """Names of a craft's normal modes: of joints, and of the appendages' cantilever modes."""
 
+import re
 from collections import Counter
 from collections.abc import Sequence
 
@@ -12,6 +13,8 @@ from beamchain.engine.linear import coordinate_names
 from beamchain.mjcf.write import HINGE
 from beamchain.ports.motions import Array
 from beamchain.steps.modal import FILLER, modal_tendons
+
+OWN_MODE = re.compile(r"(.+)_(?:mode|filler)\d+_(xy|xz|torsion|axial)$")
 
 
 def cantilever_names(
@@ -62,6 +65,17 @@ def strain_shares(rows: Array, shapes: Array) -> Array:
     """`(c, n)` share of what each of `rows` `(c, nv)` takes in the strain energy of modes."""
     energy = (rows @ shapes) ** 2
     return energy / np.maximum(energy.sum(axis=0), 1e-300)
+
+
+def strain_holders(names: Sequence[str], share: Array) -> dict[tuple[str, str], float]:
+    """Share of the strain energy of a mode by appendage and the port in which it bends, and by
+    joint and "spring"; `share` `(c,)`: of what `cantilever_names` names."""
+    out: dict[tuple[str, str], float] = {}
+    for name, value in zip(names, share.tolist(), strict=True):
+        match = OWN_MODE.fullmatch(name)
+        where = (match[1], match[2]) if match else (name, "spring")
+        out[where] = out.get(where, 0.0) + value
+    return out
 
 
 def mode_names(shapes: Array, names: Sequence[str], rows: Array) -> list[str]:

@@ -1,25 +1,23 @@
 """The command `retime`: a file with timing for another step,
 and what its step makes of the spacecraft, read back."""
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 from beamchain.craft.embedded import Embedded
 from beamchain.craft.embedding import marked_appendages
 from beamchain.craft.promise import joint_request
 from beamchain.craft.proof import UNMARKED, proved
-from beamchain.engine.linearise import NUMBERS
 from beamchain.engine.operating_point import poses, quiet_copy
 from beamchain.errors import BeamchainError
 from beamchain.ports.compare import keeps_tolerance
 from beamchain.steps.cures import Cure, Names
 from beamchain.steps.retime import time_sentence
 from beamchain.steps.retime_file import RetimedFile, retimed_file
-from beamchain.steps.sampled import judged_part, off_by, represents
+from beamchain.steps.sampled import represents
 from beamchain.steps.step_map import TimeError, time_error
-from beamchain.warning_codes import Caution, warnings_record
+from beamchain.warning_codes import Caution
 
 OF_RETIME = Names("give --integrator {}", "give --timestep {}")
 
@@ -97,42 +95,6 @@ class RetimedCraft:
         if error is None or error.exact:
             return tuple(self.file.notes)
         return *self.file.notes, Caution("time-error", time_sentence(error))
-
-    def as_dict(self) -> dict[str, Any]:
-        """What `retime --json` prints."""
-        error = self.time_error
-        return {
-            "modes": [asdict(row) for row in self.file.rows],
-            "time_error": None if error is None else error.as_dict(),
-            "sampled_error": self.sampled_error,
-            "tolerance": self.tolerance,
-            "met": self.met,
-            "cure": None if self.cure is None else self.cure.as_dict(),
-            **warnings_record(self.warnings),
-        }
-
-    @property
-    def headline(self) -> str:
-        """The errors in a sentence."""
-        error = self.time_error
-        if error is None:
-            return "the timing was taken out."
-        option = self.file.model.opt
-        step = f"{NUMBERS[int(option.integrator)]} at {float(option.timestep):g} s"
-        exact = "exact in time" if error.exact else "not exact"
-        sentence = f"{step}: poles are {exact}, {error.words}"
-        if self.proof is None or self.sampled_error is None:
-            return f"{sentence}; the error of the response is not known, for {self.unknown}."
-        part = judged_part(self.timestep, self.proof.band)
-        sentence += f"; motion off {off_by(self.sampled_error)}{part}"
-        if self.tolerance is None:
-            return f"{sentence}; no tolerance was requested."
-        if part:
-            sentence += f"; the tolerance {self.tolerance:g} is not met"
-        else:
-            side = "within" if self.met else "above"
-            sentence += f", {side} the tolerance {self.tolerance:g}"
-        return f"{self.proof.cure_words} {sentence}. {self.proof.blamed}".strip()
 
 
 def retime_craft(

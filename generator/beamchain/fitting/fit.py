@@ -26,10 +26,8 @@ from beamchain.fitting.spec import Spec, read_spec
 from beamchain.fitting.uncertain import uncertain_from
 from beamchain.fitting.warnings import doubtful
 from beamchain.mjcf.write import SMALLEST, UNITS
-from beamchain.ports.compare import tolerance_statement
 from beamchain.ports.motions import Array
-from beamchain.steps.cures import RUINED, UNCURED
-from beamchain.steps.sampled import judged_part, off_by
+from beamchain.steps.cures import RUINED
 from beamchain.steps.turn import central_inertia, turn_error
 from beamchain.structure.beam import Beam
 from beamchain.structure.mass_line import MassLine
@@ -38,7 +36,7 @@ from beamchain.structure.readers.imported import Imported
 from beamchain.structure.readers.recovery_file import read_recovery
 from beamchain.warning_codes import Caution
 
-# cached by a fit, the same whatever its status
+# cached by a fit, the same whatever it is held against
 READ_BACK = ("_scenes", "time", "time_error", "_sampled")
 LEAST_INERTIA = 1.01 * SMALLEST  # a body's inertia is rounded once more on its way
 
@@ -104,36 +102,17 @@ def fit(
 
 
 def decide(made: Fit, data: ModalData | None = None) -> Fit:
-    """The fit, its status decided at the stated step where there is one, and where it misses what
-    was asked for with the cure, which its message begins with; `data`: its imported modes."""
-    text = f"{made.status.message}{_at_its_step(made)}"
-    missed = made.met is False or made.ruined
+    """The fit, judged at the stated step where there is one, with a cure where it misses what was
+    asked for; `data`: its imported modes."""
+    made = with_known(made, READ_BACK, at_step=True)
     cautions = made.cautions
     hinged = made.spec.damping is not None and made.spec.damping.form == "hinge"
     cure = None
-    if missed or (hinged and made.met is None and (made.in_band_error or 0.0) > RUINED):
+    if made.missed or (hinged and made.met is None and (made.in_band_error or 0.0) > RUINED):
         cure = cure_of(made, lambda spec: fit_spec(spec, data))
-    if missed:
-        text = f"{UNCURED if cure is None else cure.words} {text}"
-    elif cure is not None:
+    if cure is not None and not made.missed:
         cautions = (*cautions, Caution("hinge-damping", cure.words))
-    status = replace(made.status, ok=made.status.ok and not missed, message=text)
-    return with_known(made, READ_BACK, status=status, cautions=cautions, cure=cure)
-
-
-def _at_its_step(made: Fit) -> str:
-    """The error at the stated step, as the end of a message; empty where none is stated, or where
-    neither a tolerance nor 0.1 is held against it."""
-    scene, error, step = made.spec.scene, made.sampled_error, made.spec.exact_step
-    if error is None or (made.met is None and not made.ruined):
-        return ""
-    kept = f", above {RUINED:g}"
-    if scene is not None and scene.bandwidth is not None:
-        part = judged_part(step, scene.bandwidth)
-        kept = f", {tolerance_statement(error, scene.tolerance)}"
-        kept = f"{part}; the tolerance {scene.tolerance:g} is not met" if part else kept
-    said = f" Stepped by {made.spec.integrator} at {step:g} s: off {off_by(error)}{kept}."
-    return f"{said} {made.blamed}".rstrip()
+    return with_known(made, READ_BACK, cautions=cautions, cure=cure)
 
 
 def fit_spec(spec: Spec, data: ModalData | None = None) -> Fit:

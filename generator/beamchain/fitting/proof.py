@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from beamchain.chain.build import Built, Status
+from beamchain.chain.build import Built
 from beamchain.chain.chain import Chain
 from beamchain.engine.bench import Measured
 from beamchain.fitting.body import Body
@@ -20,20 +20,13 @@ from beamchain.fitting.select import Kept
 from beamchain.fitting.slosh import heavy, weightless
 from beamchain.fitting.spec import Spec
 from beamchain.fitting.warnings import doubtful, fit_warnings, imported_warnings
-from beamchain.ports.compare import (
-    Comparison,
-    compare,
-    in_band_error,
-    keeps_tolerance,
-    tolerance_statement,
-)
+from beamchain.ports.compare import Comparison, compare, in_band_error
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array
 from beamchain.steps.limits import StepLimits, coupled_limits
 from beamchain.structure.mass_line import MassLine
 
 EMPTY = 1e-5  # residual mass at the root below which the free appendage has no fastest mode
-SAME_MASS = 1e-9  # relative, beyond which the chain's rigid mass is said to differ
 
 
 def step_limits(chain: Chain, motion: PortModel, hub: Array | None) -> StepLimits:
@@ -48,29 +41,14 @@ def step_limits(chain: Chain, motion: PortModel, hub: Array | None) -> StepLimit
 def assess_fit(
     body: Body, kept: Kept, built: Built, line: MassLine, measured: Measured, clock: list[float]
 ) -> Fit:
-    """The fit of a chain that was measured: errors per port, verdict, and what was left out.
+    """The fit of a chain that was measured: errors per port, and what was left out.
 
     `line`: how the chain's mass lies along x; `clock`: times at which modelling, realising, writing
     and verifying began [s].
     """
     spec, hub = body.spec, body.hub
-    status = built.status
-    space = None if body.data is None else _in_space(body, kept, measured)
-    if space is not None and kept.target == "clamped":  # another target has modes of its own
-        status = status.adding(f"Kept: {space.kept_words}.")
-    if space is not None and space.error.mass_error > SAME_MASS:
-        status = status.adding(
-            "The rigid mass matrix of the file departs from that of a rigid body by "
-            f"{space.error.mass_error:.1e}."
-        )
     motion = measured.motion
-    loaded = hub
-    if hub is None and not line.exact and _is_empty(motion):
-        # alone such an appendage has a root without mass, whose fastest mode lies at infinity
-        loaded = default_hub(line).mass_matrix()
-        status = status.adding(
-            "Step limits: on ten times its mass, as its root has none of its own."
-        )
+    loaded = default_hub(line).mass_matrix() if hub is None and needs_hub(line, motion) else hub
     live = np.ix_(body.live, body.live)
     limits = step_limits(built.chain, motion, None if loaded is None else loaded[live])
     bandwidth, error = _port_errors(body, kept, built, measured)
@@ -86,7 +64,9 @@ def assess_fit(
         readback_error=error,
         measured=measured,
         limits=limits,
-        status=_verdict(spec, status, promise),
+        how=built.how,
+        missing=built.missing,
+        history=built.history,
         seconds=dict(
             zip(("model", "realise", "write", "verify"), np.diff(clock).tolist(), strict=True)
         ),
@@ -96,7 +76,7 @@ def assess_fit(
         left_out=_omissions(spec, kept.choice, bool(built.chain.tendons)),
         cautions=tuple(_cautions(body, kept, built, measured, limits)),
         line=line,
-        space=space,
+        space=None if body.data is None else _in_space(body, kept, measured),
     )
 
 
@@ -142,8 +122,11 @@ def _cautions(
         yield from imported_warnings(body.data, kept.numbers, spec.damping, units, spec.scene)
 
 
-def _is_empty(motion: PortModel) -> bool:
-    """Whether the modes leave no mass at the root in some direction."""
+def needs_hub(line: MassLine, motion: PortModel) -> bool:
+    """Whether step limits need a hub: alone such an appendage has a root without mass in some
+    direction, and its fastest mode lies at infinity."""
+    if line.exact:
+        return False
     scale = np.sqrt(np.diag(motion.rigid_mass))
     residual = motion.residual_mass / np.outer(scale, scale)
     return bool(np.linalg.eigvalsh(residual)[0] < EMPTY)
@@ -172,24 +155,6 @@ def _port_errors(
         plain = compare(measured.ports[port], target.truncated(modes))
         error[port] = replace(plain, accelerance_in_band=in_band)
     return bandwidth, error
-
-
-def _verdict(spec: Spec, status: Status, promise: float | None) -> Status:
-    """The build's status, and whether the scene's promise holds as measured."""
-    if promise is None or spec.scene is None:
-        return status
-    tolerance = spec.scene.tolerance
-    bandwidth = spec.scene.bandwidth
-    said = f"in-band error of the hub up to {bandwidth:g} rad/s: {promise:.2e}"
-    if keeps_tolerance(promise, tolerance):
-        ok = status.ok or spec.chooses  # the promise is what a scene asks for, however it is kept
-        return replace(
-            status,
-            ok=ok,
-            message=f"{status.message} {said}, {tolerance_statement(promise, tolerance)}.",
-        )
-    said += f", {tolerance_statement(promise, tolerance)}: the best model is written."
-    return replace(status, ok=False, message=f"{status.message} {said}")
 
 
 def _omissions(spec: Spec, choice: Choice | None, tendons: bool) -> tuple[LeftOut, ...]:

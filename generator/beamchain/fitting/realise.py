@@ -10,7 +10,6 @@ from beamchain.chain.build import (
     BuildOptions,
     Built,
     Springs,
-    Status,
     build_exact,
     cut_chain,
     with_modes,
@@ -60,11 +59,7 @@ def chain_of(body: Body, kept: Kept, cut: Cut | None = None) -> tuple[Built, Mas
         return _damped(body.spec, _of_ports(body, kept, line, cut)), line
     built, line = _of_data(body, kept)
     built = _damped(body.spec, built)
-    status = replace(
-        built.status.adding(f"Ports: {why(kept)}."),
-        history=(*body.data.steps, *built.status.history),
-    )
-    return replace(built, status=status), line
+    return replace(built, history=(*body.data.steps, *built.history)), line
 
 
 def why(kept: Kept) -> str:
@@ -82,13 +77,8 @@ def _pendulums(body: Body, kept: Kept) -> tuple[Built, MassLine]:
     assert liquid is not None
     assert kept.data is not None
     targets = {port: kept.data.port(port, own=True) for port in kept.counts}
-    number = liquid.kept
-    status = Status(
-        True,
-        f"{number} pendulum{'s' if number > 1 else ''} and a fixed mass, {kept.data.modes} modes "
-        "kept.",
-    )
-    return Built(pendulum_chain(liquid), targets, status), liquid.line()
+    how = f"{liquid.kept} pendulum{'s' if liquid.kept > 1 else ''} and a fixed mass"
+    return Built(pendulum_chain(liquid), targets, how), liquid.line()
 
 
 def _damped(spec: Spec, built: Built) -> Built:
@@ -317,9 +307,7 @@ def _couple_ports(body: Body, kept: Kept, line: MassLine, most_added: int) -> Bu
         if np.all(np.diag(PORT_MOTION[port].T @ modes.rigid_mass @ PORT_MOTION[port]) > 0.0)
     ]
     targets = {port: model for port in alive if (model := _visible_modes(modes, port)).modes}
-    return Built(
-        chain, targets, Status(True, f"exact chain ({how}), {modes.modes} modes kept."), cut
-    )
+    return Built(chain, targets, how, cut=cut)
 
 
 def _check_body(data: ModalData) -> None:

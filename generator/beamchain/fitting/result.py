@@ -12,7 +12,6 @@ from lxml.etree import _Element as Element
 from scipy.spatial.transform import Rotation
 
 from beamchain import report
-from beamchain.chain.build import Status
 from beamchain.chain.chain import Chain
 from beamchain.chain.cut import Cut
 from beamchain.chain.tendons import group_motion
@@ -48,6 +47,7 @@ from beamchain.steps.retime import time_sentence
 from beamchain.steps.sampled import Exact, SampledError, represents, sampled_error
 from beamchain.steps.step_map import (
     WRONG,
+    ShiftedPeak,
     TimeError,
     lowest_wrong,
     motion_at,
@@ -129,13 +129,16 @@ class InSpace:
     @property
     def kept_words(self) -> str:
         """The kept modes by their numbers in the file."""
-        if not self.numbers:
-            return f"none of the {self.data.modes} modes of the file"
-        if len(self.numbers) == self.data.modes:
-            return f"all {self.data.modes} modes of the file"
-        listed = ", ".join(map(str, self.numbers))
-        many = "modes" if len(self.numbers) > 1 else "mode"
-        return f"{many} {listed} of the {self.data.modes} of the file"
+        return report.kept_words(self)
+
+
+@dataclass(frozen=True)
+class Status:
+    """What became of a fit."""
+
+    ok: bool  #: everything that was asked for is met
+    message: str  #: what was made, and what is missing, in sentences
+    history: tuple[str, ...]  #: what was tried before
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -154,15 +157,18 @@ class Fit:
             in band, against the whole beam.
         measured: results of the test bench.
         limits: step limits on the hub of the spec, or without a hub.
-        status: ok, message, history.
+        how: what holds its modes, such as "springs on the hinges".
         seconds: times to model, realise, write and verify [s].
         bandwidth: per port, of the in-band error [rad/s].
         promise: in-band error of the achieved model on the hub, in the motions of the scene;
             None without a bandwidth.
+        missing: per port with fewer modes than asked for, how many it keeps, and why.
+        history: what was changed of imported modes, and tried before.
         left_out: what the chain leaves out, why, and the error that this causes.
         cautions: warnings about the drop-in file; `warnings` adds those about scene.xml.
         cut: the hinge positions, if they were chosen for modal tendons.
         space: the fit in all six motions at once, if the modes were imported.
+        at_step: whether it is judged at its step; False: by itself, for a spacecraft with its own.
         cure: what was tried and keeps the tolerance, where the fit misses it.
 
     Example:
@@ -186,14 +192,17 @@ class Fit:
     readback_error: dict[str, Comparison]
     measured: Measured
     limits: StepLimits
-    status: Status
+    how: str
     seconds: dict[str, float]
     bandwidth: dict[str, float]
     promise: float | None = None
+    missing: tuple[str, ...] = ()
+    history: tuple[str, ...] = ()
     left_out: tuple[LeftOut, ...] = ()
     cautions: tuple[str, ...] = ()
     cut: Cut | None = None
     space: InSpace | None = None
+    at_step: bool = False
     cure: Cure | None = None
 
     def __repr__(self) -> str:
@@ -495,22 +504,24 @@ class Fit:
         )
 
     @property
-    def blamed(self) -> str:
-        """The resonance whose shift by the stated step makes the error, in a sentence; empty where
-        the tolerance is met, or it is not the step."""
+    def cause(self) -> ShiftedPeak | None:
+        """The resonance whose shift by the stated step makes the error, under the name of the
+        tendon that it strains most; None where the tolerance is met, or it is not the step."""
         worst = self._sampled
         if self.met is not False or worst is None or not np.isfinite(worst.error):
-            return ""
+            return None
         plain = self._scenes[1]
         timed, still = motion_at(self._scenes[0]), motion_at(plain)
         peak = shifted_peak(timed, still, worst.frequency, self.spec.undamped_ratio)
         if peak is None or not peak.explains(worst.error, self.in_band_error or 0.0):
-            return ""
+            return None
         modal = modal_tendons(plain)
+        if not modal.names:
+            return peak
         nearest = int(np.argmin(np.abs(np.sqrt(np.abs(still.squares)) - peak.frequency)))
         shape = still.shapes[:, nearest]
         energy = modal.stiffness * (modal.rows @ shape) ** 2
-        return peak.words(modal.names[int(np.argmax(energy))] if modal.names else "")
+        return replace(peak, mode=modal.names[int(np.argmax(energy))])
 
     @property
     def met(self) -> bool | None:
@@ -543,6 +554,23 @@ class Fit:
     def ruined(self) -> bool:
         """Whether the stated step makes an error above 0.1 where no tolerance is stated."""
         return self.met is None and (self.sampled_error or 0.0) > RUINED
+
+    @property
+    def missed(self) -> bool:
+        """Whether it misses the tolerance, or its step ruins it, where it is judged at its step."""
+        return self.at_step and (self.met is False or self.ruined)
+
+    @cached_property
+    def status(self) -> Status:
+        """Whether everything that was asked for is met, in sentences what was made and what is
+        missing, and what was tried before."""
+        ok = not self.missing
+        if self.promise is not None and self.spec.scene is not None:
+            # the promise is what a scene asks for, however it is kept
+            ok = (ok or self.spec.chooses) and keeps_tolerance(
+                self.promise, self.spec.scene.tolerance
+            )
+        return Status(ok and not self.missed, report.fit_message(self), self.history)
 
     @cached_property
     def written_limits(self) -> StepLimits:

@@ -7,6 +7,8 @@ from .formats import relative as relative
 from .formats import whole as whole
 from .headlines import embedded_headline as embedded_headline
 from .headlines import fit_headline as fit_headline
+from .headlines import fit_message as fit_message
+from .headlines import kept_words as kept_words
 from .headlines import modes_sentence as modes_sentence
 from .headlines import tip_sentence as tip_sentence
 from .margin_plots import nichols_figure as nichols_figure

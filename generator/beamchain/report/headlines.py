@@ -1,19 +1,144 @@
-"""What a fit and a craft came to, in sentences."""
+"""What a fit, a craft and a retimed file came to, in sentences."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from beamchain.craft.coupled_modes import SHARE, WORDS
 from beamchain.engine.linearise import NUMBERS
 from beamchain.fitting.needs import AXES
-from beamchain.ports.compare import tolerance_statement
+from beamchain.fitting.proof import needs_hub
+from beamchain.ports.compare import keeps_tolerance, tolerance_statement
 from beamchain.steps.cures import RUINED
 from beamchain.steps.sampled import judged_part, off_by
 
 if TYPE_CHECKING:
+    from beamchain.craft.assembly import Assembly
     from beamchain.craft.embedded import Embedded
-    from beamchain.fitting.result import Fit
+    from beamchain.craft.retiming import RetimedCraft
+    from beamchain.fitting.result import Fit, InSpace
 
 TIP_TOLD = 0.01  # error of the tip's motion that is told beside the model's
+SAME_MASS = 1e-9  # relative, beyond which the file's rigid mass is said to differ from a body's
+
+
+# -- what mends it, and what makes the error -------------------------------------------------------
+def cure_sentence(result: "Fit | Embedded") -> str:
+    """What mends a result that misses its tolerance, or that nothing does; empty where it does
+    not."""
+    if not result.missed:
+        return ""
+    if result.cure is None:
+        return "No integrator, shorter step or further mode that was tried mends it."
+    return result.cure.words
+
+
+def cause_sentence(result: "Fit | Embedded") -> str:
+    """The resonance whose shift by the step makes the error; empty where there is none."""
+    peak = result.cause
+    if peak is None:
+        return ""
+    mode = f" ({peak.mode})" if peak.mode else ""
+    return (
+        f"The error comes from the resonance at {peak.frequency:.4g} rad/s{mode}, whose "
+        f"frequency the step shifts by {peak.shift:+.2g} of itself and whose damping ratio, "
+        f"{peak.ratio:.3g}, by {peak.damped:+.2g} of itself: that changes its response there "
+        f"by {peak.change:.2g}."
+    )
+
+
+# -- a fit -----------------------------------------------------------------------------------------
+def fit_message(fit: "Fit") -> str:
+    """What mends a fit, what was made, and whether that keeps what was asked for."""
+    sentences = (
+        cure_sentence(fit),
+        _chain_sentence(fit),
+        *fit.missing,
+        *_space_sentences(fit),
+        _limits_sentence(fit),
+        _promise_sentence(fit),
+        *((_step_sentence(fit), cause_sentence(fit)) if fit.at_step else ()),
+    )
+    return " ".join(filter(None, sentences))
+
+
+def _chain_sentence(fit: "Fit") -> str:
+    """What holds the modes, and how many are kept."""
+    space = fit.space
+    if fit.spec.slosh is not None and space is not None:
+        return f"{fit.how}, {len(space.numbers)} modes kept."
+    if space is not None and space.couples:
+        return f"exact chain ({fit.how}), {len(space.numbers)} modes kept."
+    if not fit.target:
+        return f"{fit.how}."
+    counts: list[str] = []
+    for port, target in fit.target.items():
+        own = len(fit.readback_error[port].matches)
+        static = f" (and {target.modes - own} for further points)" if own < target.modes else ""
+        counts.append(f"{own} in {port}{static}")
+    return f"exact chain ({fit.how}), modes kept: {', '.join(counts)}."
+
+
+def _space_sentences(fit: "Fit") -> list[str]:
+    """Of imported modes: why they have one cut or several, which are kept, and whether their mass
+    is a body's."""
+    space = fit.space
+    if space is None:
+        return []
+    out: list[str] = []
+    if fit.spec.slosh is None:
+        out.append(f"Ports: {space.why}.")
+    if fit.kept_for == "clamped":  # another target has modes of its own
+        out.append(f"Kept: {kept_words(space)}.")
+    if space.error.mass_error > SAME_MASS:
+        out.append(
+            "The rigid mass matrix of the file departs from that of a rigid body by "
+            f"{space.error.mass_error:.1e}."
+        )
+    return out
+
+
+def kept_words(space: "InSpace") -> str:
+    """The kept modes by their numbers in the file."""
+    if not space.numbers:
+        return f"none of the {space.data.modes} modes of the file"
+    if len(space.numbers) == space.data.modes:
+        return f"all {space.data.modes} modes of the file"
+    listed = ", ".join(map(str, space.numbers))
+    many = "modes" if len(space.numbers) > 1 else "mode"
+    return f"{many} {listed} of the {space.data.modes} of the file"
+
+
+def _limits_sentence(fit: "Fit") -> str:
+    """On what the step limits are taken, where that is not the specification's hub or none."""
+    if fit.spec.root.hub is not None or not needs_hub(fit.line, fit.measured.motion):
+        return ""
+    return "Step limits: on ten times its mass, as its root has none of its own."
+
+
+def _promise_sentence(fit: "Fit") -> str:
+    """How the model keeps what the scene asks for; empty without a scene."""
+    scene, error = fit.spec.scene, fit.promise
+    if scene is None or error is None:
+        return ""
+    best = "" if keeps_tolerance(error, scene.tolerance) else ": the best model is written"
+    return (
+        f"in-band error of the hub up to {scene.bandwidth:g} rad/s: {error:.2e}, "
+        f"{tolerance_statement(error, scene.tolerance)}{best}."
+    )
+
+
+def _step_sentence(fit: "Fit") -> str:
+    """The error at the stated step; empty where none is stated, or where neither a tolerance nor
+    0.1 is held against it."""
+    scene, error, step = fit.spec.scene, fit.sampled_error, fit.spec.exact_step
+    if error is None or (fit.met is None and not fit.ruined):
+        return ""
+    kept = f", above {RUINED:g}"
+    if scene is not None and scene.bandwidth is not None:
+        part = judged_part(step, scene.bandwidth)
+        kept = f", {tolerance_statement(error, scene.tolerance)}"
+        kept = f"{part}; the tolerance {scene.tolerance:g} is not met" if part else kept
+    return f"Stepped by {fit.spec.integrator} at {step:g} s: off {off_by(error)}{kept}."
 
 
 def fit_headline(fit: "Fit") -> str:
@@ -50,6 +175,7 @@ def tip_sentence(fit: "Fit") -> str | None:
     )
 
 
+# -- a craft ---------------------------------------------------------------------------------------
 def embedded_headline(embedded: "Embedded") -> str:
     """The craft's error in a sentence, and the resonance that makes it, if the step does."""
     found = embedded.promise
@@ -84,10 +210,10 @@ def embedded_headline(embedded: "Embedded") -> str:
         above = f", above {RUINED:g}" if embedded.ruined else ""
         return f"{said}{above}; no tolerance was requested.{_growth_words(embedded)}"
     if part or embedded.promise.growth:
-        said += f"; the tolerance {tolerance:g} is not met. {embedded.blamed}"
+        said += f"; the tolerance {tolerance:g} is not met."
     else:
-        said += f", {tolerance_statement(embedded.decisive, tolerance)}. {embedded.blamed}"
-    return said.rstrip() + _growth_words(embedded)
+        said += f", {tolerance_statement(embedded.decisive, tolerance)}."
+    return f"{said} {cause_sentence(embedded)}".rstrip() + _growth_words(embedded)
 
 
 def _growth_words(embedded: "Embedded") -> str:
@@ -113,8 +239,23 @@ def _growth_words(embedded: "Embedded") -> str:
 
 def modes_sentence(embedded: "Embedded") -> str:
     """How far the kept modes are off, and unless the tolerance is met how many are left out."""
-    told = [embedded.assembly.worst_told, "" if embedded.met else embedded.assembly.left_out_told]
-    return "; ".join(filter(None, told))
+    assembly = embedded.assembly
+    missing = 0 if embedded.met else len(assembly.left_out)
+    if not missing:
+        return _worst_words(assembly)
+    count = "one mode in the band is" if missing == 1 else f"{missing} modes in the band are"
+    return f"{_worst_words(assembly)}; {count} left out"
+
+
+def _worst_words(assembly: "Assembly") -> str:
+    """How far the worst of the kept modes is off, or that none lies within the band."""
+    if assembly.judged:
+        return f"worst of the kept modes up to {assembly.band:.4g} rad/s: {assembly.worst:.1e}"
+    said = f"no kept mode lies up to {assembly.band:.4g} rad/s"
+    for mode in assembly.modes:
+        if mode.kept and mode.exact is not None and mode.error is not None:
+            return f"{said}; the first, at {mode.exact:.4g} rad/s, is off by {mode.error:.1e}"
+    return said
 
 
 def _load_words(embedded: "Embedded") -> str:
@@ -129,3 +270,35 @@ def _pushes(names: Sequence[str]) -> str:
     about = ", ".join(name for name in names if len(name) == 1)
     words = (f"a force along {along}" if along else "", f"a torque about {about}" if about else "")
     return " and ".join(filter(None, words))
+
+
+def strain_words(shares: Mapping[tuple[str, str], float]) -> str:
+    """What holds the strain energy of a mode, such as "upper 62 % and fore 38 %, bending xz"; its
+    shares as of `strain_holders`."""
+    large = sorted((item for item in shares.items() if item[1] > SHARE), key=lambda item: -item[1])
+    names: dict[str, list[str]] = {}
+    for (name, kind), share in large:
+        names.setdefault(WORDS.get(kind, kind), []).append(f"{name} {100.0 * share:.0f} %")
+    return "; ".join(f"{' and '.join(those)}, {kind}" for kind, those in names.items())
+
+
+# -- a retimed file --------------------------------------------------------------------------------
+def retimed_headline(craft: "RetimedCraft") -> str:
+    """The errors of a file with timing, and what mends it where it misses its tolerance."""
+    error = craft.time_error
+    if error is None:
+        return "the timing was taken out."
+    exact = "exact in time" if error.exact else "not exact"
+    said = f"{error.integrator} at {error.step:g} s: poles are {exact}, {error.words}"
+    proof, sampled, tolerance = craft.proof, craft.sampled_error, craft.tolerance
+    if proof is None or sampled is None:
+        return f"{said}; the error of the response is not known, for {craft.unknown}."
+    part = judged_part(craft.timestep, proof.band)
+    said += f"; motion off {off_by(sampled)}{part}"
+    if tolerance is None:
+        return f"{said}; no tolerance was requested."
+    if part:
+        said += f"; the tolerance {tolerance:g} is not met"
+    else:
+        said += f", {'within' if craft.met else 'above'} the tolerance {tolerance:g}"
+    return f"{cure_sentence(proof)} {said}. {cause_sentence(proof)}".strip()

@@ -14,8 +14,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from beamchain.craft.appendage import Appendage
-from beamchain.craft.inspect import energy_words
-from beamchain.craft.mode_names import cantilever_names
+from beamchain.craft.mode_names import cantilever_names, strain_holders, strain_shares
 from beamchain.engine.displacement import moved_positions
 from beamchain.engine.library import mujoco, quiet
 from beamchain.engine.linear import linear_at
@@ -25,6 +24,7 @@ from beamchain.engine.operating_point import poses, quiet_copy, rest_point
 from beamchain.engine.slew import Slew, simulate
 from beamchain.errors import EngineError, InputError
 from beamchain.ports.motions import Array
+from beamchain.report.headlines import strain_words
 from beamchain.report.outlines import Drawn, Outlines
 from beamchain.report.page import page_text
 from beamchain.report.tree_plot import COLOURS
@@ -171,11 +171,10 @@ def _named(model: "mujoco.MjModel", qpos: Array, frequencies: Array, shapes: Arr
     """Modes, with what has their strain energy."""
     linear = linear_at(rest_point(quiet_copy(model), qpos))
     names, rows = cantilever_names(model, linear.mass, linear.stiffness)
-    energy = (rows @ shapes) ** 2
-    share = energy / np.maximum(energy.sum(axis=0), 1e-300)
+    share = strain_shares(rows, shapes)
     columns = zip(frequencies.tolist(), share.T, shapes.T, strict=True)
     return [
-        Moving(number, omega, energy_words(names, parts), shape)
+        Moving(number, omega, strain_words(strain_holders(names, parts)), shape)
         for number, (omega, parts, shape) in enumerate(columns, 1)
     ]
 

@@ -10,7 +10,6 @@ from beamchain.ports.compare import keeps_tolerance, tolerance_statement
 from beamchain.steps.limits import RELATIVE_COST
 
 RUINED = 0.1  # error at a step from which on the step is no success, whatever was asked for
-UNCURED = "No integrator, shorter step or further mode that was tried mends it."
 TRIED = ("Euler", "implicitfast", "RK4")
 MORE = 1.2  # run time of a step with a mode more, against that without
 SHORTEST = 1e-4  # of the step: no shorter one is tried

@@ -417,6 +417,7 @@ class ShiftedPeak:
         shift: of its frequency by the step, relative.
         damped: change of its damping ratio by the step, relative.
         change: of the response there, relative to the mode's own.
+        mode: what is called so, or moves in it; empty where that is not known.
     """
 
     frequency: float
@@ -424,21 +425,12 @@ class ShiftedPeak:
     shift: float
     damped: float
     change: float
+    mode: str = ""
 
     def explains(self, error: float, untimed: float) -> bool:
         """Whether it makes at least half of an error at the step, of which `untimed` is there in
         continuous time."""
         return min(self.change, error - untimed) >= error / 2.0
-
-    def words(self, called: str = "") -> str:
-        """What the step does, of a mode `called` so."""
-        mode = f" ({called})" if called else ""
-        return (
-            f"The error comes from the resonance at {self.frequency:.4g} rad/s{mode}, whose "
-            f"frequency the step shifts by {self.shift:+.2g} of itself and whose damping ratio, "
-            f"{self.ratio:.3g}, by {self.damped:+.2g} of itself: that changes its response there "
-            f"by {self.change:.2g}."
-        )
 
 
 def shifted_peak(timed: Motion, plain: Motion, omega: float, undamped: float) -> ShiftedPeak | None:

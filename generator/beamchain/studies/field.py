@@ -203,7 +203,7 @@ def _build(task: Task, entry: Entry) -> tuple[Chain, Mapping[str, PortModel]]:
         }
         if short:
             raise RealisationError(
-                f"{entry.model}: no chain with {entry.n} modes; {built.status.message}"
+                f"{entry.model}: no chain with {entry.n} modes; {' '.join(built.missing)}"
             )
         return built.chain, built.targets
     port = task.planes[0]

@@ -115,7 +115,7 @@ class Refit:
         built, _ = chain_of(body, select(body), self.fit.cut)
         for port, target in built.targets.items():
             if target.modes < self.fit.target[port].modes:
-                raise RealisationError(f"fewer modes in {port}: {built.status.message}")
+                raise RealisationError(f"fewer modes in {port}: {' '.join(built.missing)}")
         sample = replace(
             self.fit, spec=spec, chain=raise_polar_inertia(built.chain, LEAST_INERTIA)[0]
         )

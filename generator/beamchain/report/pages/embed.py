@@ -13,6 +13,7 @@ from beamchain.report import plots
 from beamchain.report.craft_plots import assembly_figure, difference_figure
 from beamchain.report.curves import count
 from beamchain.report.formats import percent, short
+from beamchain.report.headlines import cure_sentence
 from beamchain.report.page import Verdict, page_text
 from beamchain.report.replay import craft_replays
 from beamchain.report.shapes import all_shapes
@@ -152,7 +153,7 @@ def _verdict(embedded: "Embedded") -> Verdict:
     assembly = embedded.assembly
     kept = assembly.judged
     said = f"{embedded.headline[:1].upper()}{embedded.headline[1:]} "
-    text = f"{embedded.cure_words} {said}".lstrip() + (
+    text = f"{cure_sentence(embedded)} {said}".lstrip() + (
         f"{count(len(embedded.appendages), 'appendage')}, {count(len(kept), 'coupled mode')} kept "
         f"up to {short(assembly.band)} rad/s: the worst is off by {percent(assembly.worst)} from "
         "exact appendages on the same spacecraft, read back through MuJoCo."

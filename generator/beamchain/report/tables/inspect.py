@@ -4,6 +4,7 @@ import math
 from typing import TYPE_CHECKING
 
 from beamchain.report.formats import damping_ratio, number, whole
+from beamchain.report.headlines import strain_words
 from beamchain.report.table import Column, Table
 
 if TYPE_CHECKING:
@@ -25,8 +26,9 @@ def mode_table(inspection: "Inspection") -> Table:
         Column("frequency", [w / math.tau for w in frequencies], "Hz", number),
         Column("damping ratio", ratios, format=damping_ratio, key="damping"),
     )
-    if any(inspection.moving):
-        columns += (Column("what bends", inspection.moving, key="bends"),)
+    moving = [strain_words(shares) for shares in inspection.moving]
+    if any(moving):
+        columns += (Column("what bends", moving, key="bends"),)
     still = "Motions that servos or dampers keep from oscillating are not listed."
     notes = (still,) if inspection.has_overdamped else ()
     return Table("Modes about the rest pose", columns, notes=notes)

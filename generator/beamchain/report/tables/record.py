@@ -18,6 +18,7 @@ from beamchain.warning_codes import warnings_record
 if TYPE_CHECKING:
     from beamchain.craft.embedded import Embedded
     from beamchain.craft.inspect import Inspection
+    from beamchain.craft.retiming import RetimedCraft
     from beamchain.fitting.result import Fit
     from beamchain.steps.limits import StepLimits
     from beamchain.studies.study import Study
@@ -197,6 +198,18 @@ def embed_record(embedded: "Embedded") -> dict[str, Any]:
         "worst": assembly.worst,
         "accelerance": {"hub": assembly.hub, "band": assembly.common, "error": assembly.in_band},
         **warnings_record(embedded.warnings),
+    }
+
+
+def retime_record(craft: "RetimedCraft") -> dict[str, Any]:
+    """What `retime --json` prints."""
+    error = craft.time_error
+    return {
+        "modes": [asdict(row) for row in craft.file.rows],
+        "time_error": None if error is None else error.as_dict(),
+        **_fields(craft, "sampled_error", "tolerance", "met"),
+        "cure": None if craft.cure is None else craft.cure.as_dict(),
+        **warnings_record(craft.warnings),
     }
 
 
