@@ -18,11 +18,11 @@ from formulas import (
     climb,
     even_cut,
     fewest_hinges,
-    least_share,
     margin_sentence,
     merge_close,
     patterns_of_cuts,
     shortest_link,
+    whitening,
 )
 
 ROUNDED = 1e-12
@@ -39,15 +39,22 @@ def test_the_shortest_link_is_over_the_length():
     assert shortest_link(np.zeros(0), 4.0) == 1.0
 
 
-def test_the_least_share_is_of_each_block_s_own_measure():
+def test_what_measures_a_block_makes_it_a_unit():
+    """So that the least eigenvalue of what is seen with it is that of the pair."""
     random = np.random.default_rng(5)
-    roots = [random.normal(size=(k, k)) for k in (2, 1, 3)]
-    blocks = [root @ root.T + 0.1 * np.eye(len(root)) for root in roots]
-    left = random.normal(size=(6, 6))
+    roots = random.normal(size=(4, 3, 3))
+    blocks = roots @ roots.swapaxes(1, 2) + 0.1 * np.eye(3)
+    blocks[2, 0, 0] = -0.1  # not positive
+    left = random.normal(size=(3, 3))
     left = left + left.T
-    wanted = eigh(left, block_diag(*blocks), eigvals_only=True)[0]
-    assert least_share(left, blocks) == pytest.approx(wanted, rel=1e-9)
-    assert least_share(left, [np.eye(3), -np.eye(3)]) == -np.inf
+    for k, own in enumerate(whitening(blocks)):
+        if k == 2:
+            assert not np.all(np.isfinite(own))
+            continue
+        assert own.T @ blocks[k] @ own == pytest.approx(np.eye(3), abs=1e-12)
+        wanted = eigh(left, blocks[k], eigvals_only=True)[0]
+        assert np.linalg.eigvalsh(own.T @ left @ own)[0] == pytest.approx(wanted, rel=1e-9)
+    assert not np.all(np.isfinite(whitening(np.zeros((1, 2, 2)))))
 
 
 LENGTH, POLAR = 2.0, 0.3
@@ -116,6 +123,37 @@ def test_margin_of_a_uniform_rod_s_cut(ports, further):
     assert search.value(x[::-1]) == -np.inf
     assert search.value(np.array([0.2, 0.6, 1.2, 1.4, 1.4 + 1.8e-3])) == -np.inf
     assert np.isfinite(search.value(np.array([0.2, 0.6, 1.2, 1.4, 1.4 + 2.2e-3])))
+
+
+def masses_behind(x):
+    """`(h, 6, 6)` of what lies behind places along the rod, about the root."""
+    out = np.zeros((x.size, 6, 6))
+    for mass, at in zip(out, x, strict=True):
+        line, arm, turned = (0.5 * (LENGTH**k - at**k) / k for k in (1, 2, 3))
+        np.fill_diagonal(mass, [line, line, line, POLAR * (LENGTH - at), turned, turned])
+        mass[1, 5] = mass[5, 1] = arm
+        mass[2, 4] = mass[4, 2] = -arm
+    return out
+
+
+@pytest.mark.parametrize("further", [(), (1.0,), (1.0, 1.5)])
+def test_margins_of_several_choices_at_once_are_those_of_each(further):
+    """Three of five hinges; those with a hinge that has nothing behind it do not disturb the
+    others."""
+    x = np.array([0.2, 0.4, 0.7, 0.9, 1.6])
+    rows = 0.1 * np.random.default_rng(2).normal(size=(2, 2 + 2 * len(further)))
+    group = ModeGroup(("xy",), np.array([1.0, 2.0]), rows, np.zeros(2))
+    demand = HingeDemand(group, {"xy": 3}, {})
+    search = Margins(LINE.line, (demand,), further)
+    picks = [(0, 1, 4), (0, 1, 2), (1, 2, 4), (0, 2, 3)]
+    choices = [[(k, "xy") for k in pick] for pick in picks]
+    found = search.margins(demand, x, choices, masses_behind(x))
+    wanted = [least_of(rows, *integrals(x[list(pick)], further)) for pick in picks]
+    assert found == pytest.approx(wanted, rel=1e-6)
+    ended = np.array([*x[:4], LENGTH])
+    found = search.margins(demand, ended, choices, masses_behind(ended))
+    assert found[[0, 2]].tolist() == [-np.inf] * 2
+    assert found[[1, 3]] == pytest.approx([wanted[1], wanted[3]], rel=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -10,16 +10,14 @@ import pytest
 from scipy.special import jnp_zeros
 
 import beamchain as bc
-from beamchain.structure.readers.imported import Imported
 from formulas import (
-    Candidate,
     Loading,
     RetimedCraft,
     Setting,
     Slosh,
     base_place,
     bent_keyframes,
-    body_of,
+    candidate_of,
     carries_of,
     changes_of,
     error_of_step,
@@ -65,16 +63,17 @@ def pair():
 def test_one_mode_more_of_every_port(pair):
     """Cantilever frequencies by the roots of cos cosh = -1, and those of a rod in torsion."""
     a = pair.appendages[0]
-    now = Candidate.of(a)
+    now = candidate_of(a)
     assert (now.modes, now.kept.counts, now.added) == (1, {"xy": 1}, "")
-    assert now.fit is a.fit
+    assert now.measured is a.fit.measured.space
+    assert now.model is now.measured
     assert now.model.frequencies == pytest.approx(BENT[:1], rel=1e-4)
     more = now.offers(9.0)
     assert {port: one.newest for port, one in more.items()} == pytest.approx(
         {"xy": BENT[1], "xz": BENT[0], "torsion": TURNED[0]}, rel=1e-4
     )
     for port, one in more.items():
-        assert (one.modes, one.fit) == (2, None)
+        assert (one.modes, one.measured) == (2, None)
         wanted = {"xy": 1, "xz": 0, "torsion": 0}
         wanted[port] += 1
         assert one.kept.counts == {axis: count for axis, count in wanted.items() if count}
@@ -90,7 +89,7 @@ def test_one_mode_more_of_every_port(pair):
 
 
 def test_all_modes_but_those_of_one_port(pair):
-    now = Candidate.of(pair.appendages[0])
+    now = candidate_of(pair.appendages[0])
     left = now.without("xy").frequencies
     every = np.sort([*BENT, *BENT, *TURNED])  # of both planes
     once = np.sort([BENT[0], *BENT, *TURNED])
@@ -99,57 +98,6 @@ def test_all_modes_but_those_of_one_port(pair):
     assert left[:count] == pytest.approx(once[:count], rel=1e-4)
     whole = now.without("none").frequencies
     assert whole[: int(below.sum())] == pytest.approx(every[below], rel=1e-4)
-
-
-FILE = np.array([3.0, 3.1, 3.2, 3.3, 4.0])  # rad/s
-MASS = np.diag([9.0] * 3 + [1.0] * 3)
-
-
-def of_file(coupled, numbers, **imported):
-    """Some modes of a file on a hub; of `coupled` ones the fourth twists as well."""
-    sizes = np.array([0.1, 0.9, 0.3, 0.5, 0.2])
-    rows = sizes[:, None] * np.eye(6)[[1, 1, 2, 1, 2]]
-    if coupled:
-        rows[3, 3] = 0.02
-    data = bc.ModalData(MASS, FILE, rows, length=2.0)
-    root = bc.spec.Root(hub=bc.Hub(mass=50.0, inertia=(7.0, 7.0, 7.0)))
-    spec = bc.Spec(name="file", imported=Imported(file="f.op2", **imported), root=root)
-    body = body_of(spec, data)
-    return Candidate("m", None, (), body, numbered(body, numbers))
-
-
-@pytest.mark.parametrize("band", [2.0, 4.5])
-def test_modes_of_a_file_that_are_tried_are_those_that_move_the_hub_most(band):
-    """Sizes by their participation, of which resonances in the band count most."""
-    made = of_file(True, (1, 3))
-    assert (made.modes, made.added) == (2, "")
-    found = made.offers(band)
-    assert list(found) == ["2", "4", "5"]
-    assert found["4"].kept.numbers == (1, 3, 4)
-    assert (found["4"].modes, found["4"].fit) == (3, None)
-    assert found["5"].newest == 4.0
-    assert found["5"].added == "mode 5 of the file (4 rad/s)"
-    assert found["5"].stated.imported.modes == (1, 3, 5)
-    assert found["5"].stated.modes is None
-    assert found["4"].model.frequencies.tolist() == [3.0, 3.2, 3.3]
-    assert made.without("2").frequencies.tolist() == [3.0, 3.2, 3.3, 4.0]
-    assert made.without("5").frequencies.tolist() == [3.0, 3.1, 3.2, 3.3]
-    assert of_file(True, (1, 3), modes=(1, 3)).offers(band) == {}
-
-
-def test_modes_of_a_file_that_keep_to_their_ports_are_offered_port_by_port():
-    made = of_file(False, (1, 3))
-    found = made.offers(4.5)
-    assert {port: one.kept.numbers for port, one in found.items()} == {
-        "xy": (1, 2, 3),
-        "xz": (1, 3, 5),
-    }
-    assert {port: one.newest for port, one in found.items()} == {"xy": 3.1, "xz": 4.0}
-    assert found["xy"].kept.counts == {"xy": 2, "xz": 1}
-    assert found["xz"].model.frequencies.tolist() == [3.0, 3.2, 4.0]
-    assert made.without("xz").frequencies.tolist() == [3.0, 3.1, 3.2, 3.3]
-    assert made.without("xy").frequencies.tolist() == [3.0, 3.2, 4.0]
-    assert list(found["xz"].offers(4.5)) == ["xy"]  # the file has no more in the other
 
 
 def test_changes_that_may_help(pair):
@@ -194,41 +142,9 @@ def test_more_modes_are_allowed_where_all_that_may_be_are_kept(pair):
     assert more_modes(pair.appendages, 2) == {}
     assert more_modes(pair.appendages, 0) == {}
     long = embedded(left=boom(modes=None, scene=False, fit=bc.spec.FitOptions()))
-    most = Candidate.of(long.appendages[0]).modes
+    most = candidate_of(long.appendages[0]).modes
     assert most > 1
     assert list(more_modes(long.appendages, most).values()) == [2 * most]
-
-
-def test_a_port_that_is_not_kept_has_modes_beyond_those_asked_for():
-    """Twice as many and four, that points further out are read with; damped as the rest is."""
-    asked = []
-
-    def port(*given):
-        asked.append(given)
-        if given[0] == "axial":
-            raise bc.InputError("rigid.")
-        return "modes"
-
-    spec = SimpleNamespace(
-        beam=SimpleNamespace(port=port),
-        further={"b": 2.0, "a": 1.0},
-        with_ratios=lambda port, model: (port, model),
-    )
-    body = SimpleNamespace(spec=spec, data=None, ports={"xy": "all"})
-    made = Candidate("place", None, (), body, None)
-    assert made._whole("xy", 3) == "all"
-    assert made._whole("xz", 3) == ("xz", "modes")
-    assert made._whole("axial", 1) is None
-    assert asked == [("xz", 10, [2.0, 1.0]), ("axial", 6, [2.0, 1.0])]
-
-
-@pytest.mark.parametrize("coupled", [True, False])
-def test_the_rigid_mass_of_imported_modes_is_that_of_the_file(coupled):
-    """A chain of few ports may miss some."""
-    made = of_file(coupled, (1,))
-    offer = "4" if coupled else "xz"
-    for model in (made.model, made.exact.model, made.without(offer), made.offers(9.0)[offer].model):
-        assert model.rigid_mass.tolist() == MASS.tolist()
 
 
 @pytest.mark.parametrize(
@@ -374,26 +290,26 @@ def test_a_pendulum_more():
     text = CRAFT.format(0.01).replace('euler="0 0 90"', 'euler="0 -90 0"')
     made = bc.embed(text, {"left": bc.Spec(name="tank", slosh=tank)})
     a = made.appendages[0]
-    now = Candidate.of(a)
+    now = candidate_of(a)
     xi = jnp_zeros(1, 12)
     wanted = np.sqrt(2.5 * xi / 0.6 * np.tanh(xi * 0.9 / 0.6))
     count = now.modes // 2
     assert now.modes == 2 * count
-    assert (now.fit, now.added) == (a.fit, "")
+    assert (now.measured, now.added) == (a.fit.measured.space, "")
     ((offer, more),) = now.offers(9.0).items()
-    assert (more.modes, more.fit) == (2 * count + 2, None)
+    assert (more.modes, more.measured) == (2 * count + 2, None)
     assert more.added == f"pendulum {count + 1}"
     assert more.newest == pytest.approx(wanted[count], rel=1e-6)
     assert more.model.frequencies == pytest.approx(np.repeat(wanted[: count + 1], 2), rel=1e-6)
     assert more.stated.slosh.modes == count + 1
     # nothing of it is exact but its pendulums
     for one, pendulums in ((now, count), (more, count + 1)):
-        left = one.without(offer).frequencies
+        left = one.without(one.part(offer)).frequencies
         assert left == pytest.approx(np.repeat(wanted[:pendulums], 2), rel=1e-6)
     fifth, sixth = (replace(now, kept=numbered(now.body, range(1, 2 * n + 1))) for n in (5, 6))
     assert [one.modes for one in fifth.offers(9.0).values()] == [12]
     assert sixth.offers(9.0) == {}
-    assert Candidate.of(a, more.stated).offers(9.0) == {}
+    assert candidate_of(a, more.stated).offers(9.0) == {}
 
 
 @pytest.mark.slow
@@ -401,7 +317,7 @@ def test_one_mode_more_keeps_what_a_load_on_a_port_bends():
     """x^3 / 3 EI and x^2 / 2 EI of a force, x / EI of a moment."""
     x = 0.6 * LENGTH
     one = embedded(left=boom(port=(bc.spec.Port(name="mid", x=x),)))
-    more = Candidate.of(one.appendages[0]).offers(9.0)["xy"].model
+    more = candidate_of(one.appendages[0]).offers(9.0)["xy"].model
     tip = more.tip / more.frequencies[:, None]
     y, turned = 6 + 1, 6 + 5  # of the port, behind the tip's six
     found = (tip.T @ tip)[np.ix_([y, turned], [y, turned])]

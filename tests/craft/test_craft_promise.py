@@ -14,9 +14,9 @@ from scipy.linalg import eigh
 
 import beamchain as bc
 import finite_elements as fe
-from beamchain.craft.candidates import Candidate
 from command import call
 from craft_truth import AXES, Pair, Side, compiled, hung
+from formulas import candidate_of
 from mechanics import by_differences
 from plant_truth import Truth
 from random_appendages import random_appendage, toml
@@ -205,6 +205,30 @@ def test_a_fit_for_the_same_hub_is_used_as_it_is(tmp_path):
     assert again.appendages[0].fit is made
 
 
+def test_a_fit_that_carries_is_used_as_it_is_for_the_same_hub():
+    """With the motion of its ports, which MuJoCo's port model does not have."""
+    carried = """<body name="pod" pos="3.5 0 0"><inertial pos="0 0.1 0" mass="3"
+    diaginertia=".4 .5 .6"/></body>"""
+    text = LIGHT.replace("</body>", f"{carried}</body>")
+    spec = bc.Spec(
+        name="boom",
+        segment=(
+            bc.Segment(
+                length=3.0, section=bc.Equivalent(bending_stiffness_xy=400.0, linear_mass=1.7)
+            ),
+        ),
+        port=(bc.spec.Port(name="end", x=3.0, carries=("pod",)),),
+        damping=bc.Damping(ratio=0.01),
+        scene=bc.Scene(bandwidth=5.0, tolerance=1e-2, axes=("z",)),
+    )
+    first = bc.embed(text, {"place": spec}, retime=False)
+    made = first.appendages[0].fit
+    again = bc.embed(text, {"place": made}, retime=False)
+    assert again.appendages[0].fit is made
+    assert again.craft_error == pytest.approx(first.craft_error, rel=1e-9)
+    assert 0.0 < first.craft_error <= 1e-2
+
+
 def bus(name, x, mass):
     """A free body with two places, as MJCF."""
     return (
@@ -341,7 +365,7 @@ def test_what_one_port_costs_is_judged_with_all_others_exact():
     )
     spec = bc.Spec(segment=(bc.Segment(length=8.0, section=section),))
     placed = bc.embed(LIGHT, {"place": spec}, retime=False).appendages[0]
-    alone = Candidate.of(placed).without("xy")
+    alone = candidate_of(placed).without("xy")
     speeds = np.sqrt([1e3 / 0.05, 1e6 / 0.5])  # of waves in a rod, torsional and axial
     rod = np.concatenate([np.pi / 16.0 * np.array([1.0, 3.0]) * speed for speed in speeds])
     apart = np.abs(alone.frequencies[:, None] / rod - 1.0)

@@ -12,12 +12,15 @@ import beamchain as bc
 from beamchain.craft.fits import Fits, _same_hub
 from formulas import (
     Body,
+    Candidate,
     CraftError,
     Embedded,
     Kept,
+    Placed,
     SampledError,
     Setting,
     carried_by_craft,
+    fits_that_keep,
     lightest_of_bodies,
     warnings_of_loads,
 )
@@ -242,9 +245,9 @@ def test_a_boom_is_fitted_once_for_a_hub_a_target_and_its_data(monkeypatch):
     ]  # fmt: skip
     for at, spec, target, hub, number in asked:
         root = bc.spec.Root(target=target)
-        item = fits.candidate(at, f"mount of {at}", ("load",), spec.replace(root=root), HUBS[hub])
-        assert (item.at, item.mount, item.loads) == (at, f"mount of {at}", ("load",))
-        assert (item.body.spec.root.target, item.fit) == (target, None)
+        fit, item = fits.candidate(at, spec.replace(root=root), HUBS[hub])
+        assert (item.body.spec.root.target, fit) == (target, None)
+        assert (item.kept.counts, item.measured, item.added) == ({"xy": 1}, None, "")
         assert item.body.hub.tolist() == HUBS[hub].mass_matrix().tolist()
         assert fits(item).number == number
     assert [data for _, data in chosen] == [None] * 4 + ["modes"]
@@ -253,7 +256,7 @@ def test_a_boom_is_fitted_once_for_a_hub_a_target_and_its_data(monkeypatch):
 
 def test_a_chain_with_more_modes_is_made_once_for_their_numbers(monkeypatch):
     fits, chosen, made = fits_of(monkeypatch)
-    first, second = (fits.candidate(at, "mount", (), boom(), HUBS[0]) for at in "ab")
+    first, second = (fits.candidate(at, boom(), HUBS[0])[1] for at in "ab")
     assert len(chosen) == 1
 
     def grown(item, **counts):
@@ -271,9 +274,6 @@ def test_a_chain_with_more_modes_is_made_once_for_their_numbers(monkeypatch):
         bc.Modes(xy=2, xz=0, torsion=0, axial=0),
         bc.Modes(xy=1, xz=0, torsion=1, axial=0),
     ]
-    done = SimpleNamespace(number=9)
-    assert fits(replace(grown(first, xy=5), fit=done)) is done
-    assert len(made) == 3
 
 
 @pytest.mark.parametrize(("mass", "ready"), [(3.0, True), (3.1, False)])
@@ -282,17 +282,46 @@ def test_a_fit_at_hand_is_taken_for_its_hub_alone(monkeypatch, mass, ready):
     body = Body(boom(root=bc.spec.Root(hub=HUBS[0])), {})
     kept = Kept("clamped", {"xy": 3})
     spec = body.spec.replace(name="renamed")
-    made = SimpleNamespace(hub_mass=HUBS[0].mass_matrix(), body=body, kept=kept, spec=spec)
+    measured = SimpleNamespace(space="as MuJoCo has it")
+    made = SimpleNamespace(
+        hub_mass=HUBS[0].mass_matrix(), body=body, kept=kept, spec=spec, measured=measured
+    )
     fits, chosen, _ = fits_of(monkeypatch, ready={"a": made})
-    found = fits.candidate("a", "mount", (), boom(), hub)
+    fit, found = fits.candidate("a", boom(), hub)
     assert len(chosen) == (not ready)
     if ready:
-        assert (found.fit, found.body.spec, found.kept) == (made, spec, kept)
-        assert fits(found) is made
+        assert (fit, found.body.spec, found.kept) == (made, spec, kept)
     else:
-        assert found.fit is None
+        assert fit is None
         assert found.body.hub[0, 0] == mass
-    assert fits.candidate("b", "mount", (), boom(), HUBS[0]).fit is None
+        assert found.measured is None
+    fit, found = fits.candidate("b", boom(), HUBS[0])
+    assert (fit, found.measured) == (None, None)
+
+
+def test_where_no_scene_states_a_band_what_is_ready_is_taken_and_the_rest_fitted_once():
+    model = mujoco.MjModel.from_xml_string(craft())
+    ready, body = object(), Body(boom(), {})
+    items = [
+        Placed(at, "mount", (), Candidate(body, Kept("clamped", {"xy": n})), fit)
+        for at, n, fit in (("a", 1, ready), ("b", 2, None))
+    ]
+    made, steps = fits_that_keep(model, items, 12, lambda item: f"fit of {item.modes}")
+    assert (made, steps) == ([ready, "fit of 2"], ())
+
+
+@pytest.mark.parametrize("loads", [(), ("load",)])
+def test_of_an_appendage_that_carries_the_model_stays_what_was_asked_for(loads):
+    """MuJoCo's has no motion of its ports."""
+    body = Body(boom(), {})
+    item = Placed("a", "mount", loads, Candidate(body, Kept("clamped", {"xy": 3})))
+    kept = Kept("clamped", {"xy": 2})  # fewer than were asked for
+    fit = SimpleNamespace(kept=kept, measured=SimpleNamespace(space="as MuJoCo has it"))
+    longer = Candidate(body, Kept("clamped", {"xy": 4}), added="mode 4 in xy", newest=3.0)
+    found = item.with_fit(longer, fit)
+    assert (found.at, found.mount, found.loads, found.fit) == ("a", "mount", loads, fit)
+    assert (found.candidate.kept, found.candidate.added) == (kept, "mode 4 in xy")
+    assert found.candidate.measured == (None if loads else "as MuJoCo has it")
 
 
 def test_equal_booms_on_unequal_hubs_have_fits_of_their_own():

@@ -276,13 +276,21 @@ def test_a_mode_left_out_costs_its_curve():
     assert made.of_models(fewer, 1e-3) == pytest.approx(wanted, rel=0.02)
     assert made.of_exchange(0, left.picked([0])) == pytest.approx(wanted, rel=0.02)
     assert made.of_exchange(1, right.picked([])) == pytest.approx(highest([0, 1]), rel=0.02)
-    omega, exact = made.tops(fewer)
-    assert 1 <= omega.size <= 8
-    assert curve_without([0, 2, 3], omega[:1])[0] == pytest.approx(wanted, rel=0.02)
-    np.testing.assert_allclose(exact, made.exact(omega), rtol=1e-9)
-    there = np.array([0.7, 2.3])
-    at = made.error_at([left.picked([0]), right.picked([0])], there, made.exact(there))
-    assert at == pytest.approx(curve_without([0, 2], there).max(), rel=1e-6)
+    floor = made.floor(fewer)
+    assert floor(fewer) == pytest.approx(wanted, rel=0.02)
+    grid = np.linspace(0.01, BAND, 250)
+    at = grid[np.argmax(curve_without([0, 2, 3], grid))]
+    near = np.minimum(at + np.linspace(-0.02, 0.02, 21), BAND)
+    top = near[np.argmax(curve_without([0, 2, 3], near))]
+    assert floor([left, right]) == pytest.approx(0.0, abs=1e-9)
+    for keep in ([0, 2], [0, 1, 2], [1, 2, 3]):
+        others = [
+            left.picked([k for k in keep if k < 2]),
+            right.picked([k - 2 for k in keep if k > 1]),
+        ]
+        found = floor(others)
+        assert found <= highest(keep) * (1.0 + FINE)
+        assert found >= 0.97 * curve_without(keep, np.array([top]))[0]
 
 
 def test_a_mode_left_out_of_a_boom_that_carries_a_hand_costs_its_curve():

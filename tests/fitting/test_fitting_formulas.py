@@ -18,6 +18,7 @@ from beamchain.fitting.fit import _with_integrator as with_integrator
 from beamchain.fitting.select import everything
 from beamchain.fitting.spec import schema
 from beamchain.fitting.spec_text import spec_toml
+from beamchain.structure.readers.imported import Imported
 from beamchain.structure.section import SOFT
 from beamchain.warning_codes import Caution
 from formulas import (
@@ -29,13 +30,13 @@ from formulas import (
     departs,
     doubtful,
     exact_appendage,
-    fewest,
     imported_warnings,
     one_mode_more,
     ports_of_beam,
     put_timing,
     reduced_to_kept,
     safe_step,
+    select,
     step_warnings,
     weights_of_modes,
 )
@@ -46,9 +47,9 @@ def test_a_heavy_hub_uncouples_what_a_light_one_does_not(hub, coupled):
     # 1e-11 off the diagonal of ones: 1e-14 of a hub of 1e3, 1e-11 of one of 1e-3; 1e-12 couples
     rigid = np.array([[1.0, 1e-11], [1e-11, 1.0]])
     exact = PortModel(rigid, np.array([2.0]), np.array([[0.5, 0.0]]))
-    promise = Promise(exact, hub * np.eye(2), [0], 1.0, 0.01)
-    assert promise.reaches([0])
-    assert promise.reaches([1]) is coupled
+    promise = Promise(exact, hub * np.eye(2), [0, 3], [0], 1.0, 0.01)  # along x, and about it
+    assert promise.reaches("axial")
+    assert promise.reaches("torsion") is coupled
 
 
 def test_a_mode_weighs_what_it_carries_at_its_peak_or_beyond_the_band():
@@ -60,9 +61,15 @@ def test_a_mode_weighs_what_it_carries_at_its_peak_or_beyond_the_band():
         np.array([[1.0, 0.0], [0.0, 1.0], [0.5, 0.5]]),
         np.array([0.01, 0.01, 0.0]),
     )
-    found = weights_of_modes(full, np.diag([6.0, 3.0]), 1.0)
+    found = weights_of_modes(full, np.diag([6.0, 3.0]), 1.0, [0, 1])
     wanted = [0.1 * 50.0, 0.2 / 3.0, (0.025 + 0.05) / 15.0]
     assert found == pytest.approx(wanted, rel=1e-12)
+    # in one motion alone, what else it carries does not count
+    found = weights_of_modes(full, np.diag([6.0, 3.0]), 1.0, [1])
+    assert found == pytest.approx([0.0, 0.2 / 3.0, 0.05 / 15.0], rel=1e-12)
+    # unless it moves along: by the inverse of [[10, 2], [2, 5]]
+    found = weights_of_modes(full, np.array([[6.0, 2.0], [2.0, 3.0]]), 1.0, [1])
+    assert found[0] == pytest.approx((2.0 / 46.0) ** 2 * 5.0 * 50.0, rel=1e-12)
 
 
 def delivery(mass, length):
@@ -242,7 +249,7 @@ def test_what_is_kept_of_a_beam_is_what_its_chain_came_to_have():
     found = kept.of_chain({"xy": FULL.truncated(2), "xz": FULL})
     assert (found.target, found.counts, found.choice) == ("hub", {"xy": 2, "xz": 1}, "choice")
     assert kept.of_chain(dict.fromkeys(kept.counts, FULL)).counts == kept.counts
-    imported = Kept("clamped", {"xy": 3}, data="modes", numbers=(1, 2, 4))
+    imported = Kept("clamped", {"xy": 3}, whole="modes", numbers=(1, 2, 4))
     assert imported.of_chain({"xy": FULL.truncated(2)}) is imported
 
 
@@ -302,35 +309,62 @@ def test_springs_on_hinges_are_timed_where_they_shall_stand_there(springs, step,
 
 # -- modes that move several ports -----------------------------------------------------------------
 BELONGS = ("xy", "xz", "xy", "torsion", "xz")
-WEIGHED = PortModel(
-    np.array([[10.0]]),
-    np.array([1.0, 2.0, 3.0, 4.0, 5.0]),
-    np.array([[0.4], [0.3], [1.0], [0.2], [0.5]]),
-    np.full(5, 0.01),
-)
+SIZES = np.array([0.4, 0.3, 1.0, 0.2, 0.5])
+
+
+def told_apart(sizes, belongs):
+    """A file whose modes at 1, 2, 3, ... rad/s move a port by their size, and all of them another
+    one by a little."""
+    rows = (
+        np.array(sizes)[:, None] * np.eye(6)[[{"xy": 1, "xz": 2, "torsion": 3}[p] for p in belongs]]
+    )
+    rows[:, 0] = 1e-3
+    return bc.ModalData(10.0 * np.eye(6), np.arange(1.0, len(sizes) + 1.0), rows, length=2.0)
 
 
 class Told:
-    """An error that falls by what each mode takes of it, on two hubs; the second is as good as
-    fixed, so that no mode weighs there."""
+    """An error that falls by what each mode takes of it."""
 
-    hubs = (np.array([[5.0]]), np.array([[np.inf]]))
+    def __init__(self, parts, band=10.0):
+        self.parts, self.band = parts, band
 
-    def __init__(self, parts, bandwidth=10.0):
-        self.parts, self.bandwidth = parts, bandwidth
-
-    def error(self, model, _=None):
-        kept = set(model.frequencies.tolist())
+    def of_models(self, models, tolerance=None):
+        del tolerance
+        kept = set(models[0].frequencies.tolist())
         return sum(part for k, part in enumerate(self.parts, 1) if k not in kept)
+
+    def of_exchange(self, number, model):
+        assert number == 0
+        return self.of_models([model])
+
+    def floor(self, models):
+        del models
+        return lambda others: 0.0
+
+
+def of_told(told, data, tolerance, fixed, tip=False):
+    """What is kept of such a file."""
+    scene = bc.Scene(bandwidth=told.band, tolerance=tolerance, tip=tip)
+    spec = bc.Spec(
+        name="file",
+        imported=Imported(file="f.op2"),
+        scene=scene,
+        root=bc.spec.Root(hub=bc.Hub(mass=5.0, inertia=(5.0, 5.0, 5.0))),
+        modes=bc.Modes(**fixed) if fixed else None,
+    )
+    body = body_of(spec, data)
+    assert body.couples
+    body.__dict__["promise"] = told
+    return select(body)
 
 
 @pytest.mark.parametrize(
     ("parts", "tolerance", "fixed", "tip", "numbers"),
     [
-        # taken as they weigh, mode 3 first, until 1.01 times the rest keeps the tolerance
+        # taken as they pay, mode 3 first, until 1.01 times the rest keeps the tolerance
         ((0.1, 0.1, 5.0, 0.1, 0.5), 0.31, {}, False, (3, 5)),
         ((0.1, 0.1, 5.0, 0.1, 0.5), 0.302, {}, False, (1, 3, 5)),
-        # the light ones go again: without mode 5, that weighs more than what is needed, mode 1
+        # not mode 5, that weighs more than what is needed, mode 1
         ((1.0, 0.0, 5.0, 0.0, 0.0), 0.5, {}, False, (1, 3)),
         ((0.1, 0.1, 5.0, 0.1, 0.5), 9.0, {}, False, ()),
         # a port's first modes stay, its others go
@@ -341,10 +375,12 @@ class Told:
         ((0.1, 0.1, 5.0, 0.1, 0.5), 9.0, {"xz": 0}, True, (1, 3)),
     ],
 )
-def test_the_fewest_modes_in_the_order_of_their_weight(parts, tolerance, fixed, tip, numbers):
+def test_the_fewest_modes_in_the_order_in_which_they_pay(parts, tolerance, fixed, tip, numbers):
     told = Told(parts, 3.0 if tip else 10.0)
-    found, choice = fewest(told, WEIGHED, BELONGS, tolerance, fixed, tip)
-    assert found == numbers
+    kept = of_told(told, told_apart(SIZES, BELONGS), tolerance, fixed, tip)
+    choice = kept.choice
+    assert (kept.numbers, kept.target, choice.target) == (numbers, "clamped", "clamped")
+    assert kept.data.frequencies.tolist() == list(numbers)
     error = sum(part for k, part in enumerate(parts, 1) if k not in numbers)
     assert choice.error == pytest.approx(error)
     assert choice.met == (1.01 * error <= tolerance)
@@ -354,15 +390,98 @@ def test_the_fewest_modes_in_the_order_of_their_weight(parts, tolerance, fixed, 
     left = [k for k in range(1, 6) if k not in numbers]
     assert costs == {str(k): pytest.approx(parts[k - 1]) for k in left}
     where = {item.what.split()[1]: item.why.split()[0] for item in choice.left_out}
-    assert where == {str(k): "outside" if k > told.bandwidth else "inside" for k in left}
+    assert where == {str(k): "outside" if k > told.band else "inside" for k in left}
+    heaviest = [3, 5, 1, 2, 4] if told.band > 5.0 else [int(k) for k in costs]
+    assert [int(k) for k in costs] == [k for k in heaviest if k in left]
     assert len(choice.cannot) == bool(left) + (not tip)
+    if left:
+        assert choice.cannot[0] == f"motion above {left[0]} rad/s"
+
+
+def test_how_modes_of_a_file_were_added_is_told():
+    choice = of_told(Told((0.1, 0.1, 5.0, 0.1, 0.5)), told_apart(SIZES, BELONGS), 0.31, {}).choice
+    assert choice.reasoning == (
+        'target "clamped": 1 in xy, 1 in xz, in-band error 3.00e-01',
+        'chosen: target "clamped", 2 flexible modes',
+        "mode 3 of the file (3 rad/s): in-band error 5.80e+00 -> 8.00e-01",
+        "mode 5 of the file (5 rad/s): in-band error 8.00e-01 -> 3.00e-01",
+    )
+    assert choice.left_out[0].what == "mode 1 of the file (xy, 1 rad/s)"
+
+
+def test_modes_of_a_file_that_another_makes_needless_go_again():
+    """Mode 3 pays most, but 1 and 5, which come later, do without it."""
+
+    class Joined(Told):
+        def of_models(self, models, tolerance=None):
+            del tolerance
+            kept = frozenset(int(w) for w in models[0].frequencies)
+            if kept >= {1, 5}:
+                return 0.1
+            return {frozenset(): 5.0, frozenset({3}): 2.0, frozenset({3, 5}): 1.0}.get(kept, 4.0)
+
+    kept = of_told(Joined(()), told_apart(SIZES, BELONGS), 0.2, {})
+    assert kept.numbers == (1, 5)
+    assert [line.split()[1] for line in kept.choice.reasoning[2:]] == ["3", "5", "1"]
+    # of a typed port its first modes are no less kept than they are
+    held = of_told(Joined(()), told_apart(SIZES, BELONGS), 0.2, {"xy": 2})
+    assert held.numbers == (1, 3, 5)
+
+
+def test_modes_that_matter_are_found_behind_many_heavier_ones():
+    """Ten modes move a heavy part along the appendage and twist it, which no rotation about z
+    feels; of the two that bend it both are needed, and nothing else."""
+    w = np.append(np.linspace(1.0, 1.9, 10), [1.55, 2.5])
+    rows = np.zeros((12, 6))
+    rows[:10, [0, 3]] = 0.9, 0.05
+    rows[10, [1, 5]] = 0.5, 0.6
+    rows[11, [1, 5]] = 0.3, 0.2
+    data = bc.ModalData(np.diag([20.0] * 3 + [3.0, 40.0, 40.0]), w, rows, length=2.0)
+    spec = bc.Spec(
+        name="file",
+        imported=Imported(file="f.op2"),
+        damping=bc.Damping(ratio=0.01),
+        root=bc.spec.Root(hub=bc.Hub(mass=50.0, inertia=(20.0, 20.0, 20.0))),
+        scene=bc.Scene(bandwidth=3.0, tolerance=1e-2, axes=("z",)),
+    )
+    body = body_of(spec, data)
+    assert body.couples
+    kept = select(body)
+    assert data.frequencies[[k - 1 for k in kept.numbers]].tolist() == [1.55, 2.5]
+    assert (kept.choice.met, kept.choice.error) == (True, pytest.approx(0.0, abs=1e-12))
+
+
+def test_many_modes_that_each_take_little_are_kept_where_they_keep_the_tolerance_together():
+    """A thirtieth of the error each; 21 of them leave 0.09."""
+    data = told_apart(np.arange(30.0, 0.0, -1.0) / 100.0, ("xy",) * 30)
+    kept = of_told(Told((0.01,) * 30), data, 0.1, {})
+    assert len(kept.numbers) == 21
+    assert (kept.choice.met, kept.choice.error) == (True, pytest.approx(0.09))
+
+
+def test_modes_that_are_held_do_not_stand_before_those_that_may_go():
+    """Six light ones are typed; of the others, which are heavier, two do without the third."""
+    belongs = ("xz",) * 6 + ("xy",) * 3
+    data = told_apart([0.1] * 6 + [0.5, 0.6, 0.9], belongs)
+
+    class Joined(Told):
+        def of_models(self, models, tolerance=None):
+            del tolerance
+            kept = frozenset(int(w) for w in models[0].frequencies) - {1, 2, 3, 4, 5, 6}
+            if kept >= {7, 8}:
+                return 0.1
+            return {frozenset(): 5.0, frozenset({9}): 2.0, frozenset({8, 9}): 1.0}.get(kept, 4.0)
+
+    kept = of_told(Joined(()), data, 0.2, {"xz": 6})
+    assert [line.split()[1] for line in kept.choice.reasoning[2:]] == ["9", "8", "7"]
+    assert kept.numbers == (1, 2, 3, 4, 5, 6, 7, 8)
 
 
 def test_beyond_six_modes_left_out_the_lightest_are_told_together():
-    rows = np.array([[0.9], [0.8], [0.7], [0.6], [0.5], [0.4], [0.3], [0.2]])
-    full = PortModel(np.array([[10.0]]), np.arange(1.0, 9.0), rows, np.full(8, 0.01))
-    _, choice = fewest(Told(0.01 * np.arange(1.0, 9.0)), full, ("xy",) * 8, 9.0, {})
+    data = told_apart(np.arange(9, 1, -1) / 10.0, ("xy",) * 8)
+    choice = of_told(Told(0.01 * np.arange(1.0, 9.0)), data, 9.0, {}).choice
     assert len(choice.left_out) == 7
+    assert [item.what.split()[1] for item in choice.left_out[:-1]] == list("123456")
     assert choice.left_out[-1].what == "2 lighter modes"
     assert choice.left_out[-1].cost == pytest.approx(0.07 + 0.08)
 

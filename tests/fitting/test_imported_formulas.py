@@ -145,8 +145,10 @@ def test_the_promise_of_a_file_without_polar_inertia():
     spec = bc.Spec(name="f", imported=imported, scene=scene, root=bc.spec.Root(hub=HUB))
     promise = body_of(spec, data(rigid_mass=rigid, participation=rows)).promise
     live = [0, 1, 2, 4, 5]
-    assert promise.wanted == [1, 4]
-    assert promise.bandwidth == 0.4
+    assert promise.motions == (0, 1, 2, 4, 5)
+    assert promise.wanted == [1, 4]  # of these: "ty" and "z"
+    assert promise.asked == {1, 3, 5}
+    assert promise.band == 0.4
     assert promise.hubs[0] == pytest.approx(HUB.mass_matrix()[np.ix_(live, live)])
     # ratios of 0.5 % where none is stated
     assert promise.exact.damping[:3] == pytest.approx([0.005] * 3)

@@ -156,7 +156,8 @@ def test_the_promise_of_a_case_is_about_what_the_liquid_moves():
     """No inertia about the axis: rotations y and z are its fourth and fifth motion."""
     promise = case(bc.Scene(bandwidth=3.0, axes=("x", "tz", "y")))[0].promise
     assert promise.wanted == [2, 3]
-    assert promise.bandwidth == 3.0
+    assert promise.asked == {2, 3, 4}
+    assert promise.band == 3.0
     live = [0, 1, 2, 4, 5]
     assert promise.hubs[0] == pytest.approx(HUB.mass_matrix()[np.ix_(live, live)])
     # modes up to 25 times the band stay, those above are one at most for each motion

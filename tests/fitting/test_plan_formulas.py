@@ -1,6 +1,7 @@
 """Closed forms beside the plan of a beam's modes: which targets are tried, what is asked of the
 chain, the band of its fillers, the steps that take a tendon per mode."""
 
+from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
 
@@ -14,6 +15,7 @@ from beamchain.errors import RealisationError
 from formulas import (
     Body,
     Kept,
+    Step,
     chain_of_ports,
     check_free_modes,
     fillers_above,
@@ -79,23 +81,39 @@ HUB = bc.Hub(mass=30.0, inertia=(20.0, 25.0, 28.0))
     ],
 )
 def test_targets_that_are_tried(more, tried, monkeypatch):
-    """Further points need clamped modes, those of a hub need the hub."""
+    """Further points need clamped modes, those of a hub need the hub. The second is as good as it
+    can be, the first is pruned to nothing."""
     asked = []
 
-    def choose(promise, candidates, *how):
-        asked.append((promise, candidates.frequencies, *how))
-        return SimpleNamespace(modes={"xy": 2, "xz": 0}, target="free")
+    def grow(judges, items, tolerance, may_keep):
+        ((name, judge),), (item,) = judges.items(), items
+        asked.append((name, judge.asked, judge.band, item.kept.target, item.kept.counts, tolerance))
+        more = {n: replace(item, kept=replace(item.kept, counts={"xy": n})) for n in (1, 8, 9)}
+        assert [may_keep(0, one) for one in more.values()] == [True, True, False]
+        return [more[1]], [Step(0, f"mode 1 in xy for {item.kept.target}", 3.0, 2.0)]
 
-    monkeypatch.setattr("beamchain.fitting.select.choose", choose)
+    def prune(judge, item, least, tolerance):
+        assert (judge.band, least.counts, tolerance) == (2.5, {}, 0.02)
+        return item if item.kept.target == tried[-1] else replace(item, kept=least)
+
+    monkeypatch.setattr("beamchain.fitting.select.grow", grow)
+    monkeypatch.setattr("beamchain.fitting.select.prune", prune)
     scene = bc.Scene(bandwidth=2.5, tolerance=0.02, axes=("z", "ty"))
-    kept = select(body_of(boom(scene=scene, **more)))
-    promise, frequencies, *how = asked[0]
-    assert {port: w.tolist() for port, w in frequencies.items()} == {
-        port: w.tolist() for port, w in W.items()
+    known = {
+        port: one.replaced(tip=np.zeros((one.modes, 6)), points=(9.0, 1.0, 2.0))
+        for port, one in FULL.items()
     }
-    assert how == [tried, 0.02, {}, False]
-    assert (kept.counts, kept.target) == ({"xy": 2}, "free")
-    assert (promise.wanted, promise.bandwidth) == ([1, 5], 2.5)
+    body = Body(boom(scene=scene, **more), known)
+    body.promise.of_models = lambda models, tolerance=None: 0.5 if models[0].modes else 0.6
+    kept = select(body)
+    assert asked == [("hub", {1, 5}, 2.5, target, {}, 0.02) for target in tried]
+    assert (kept.counts, kept.target) == ({"xy": 1}, tried[-1])
+    lines = kept.choice.reasoning
+    assert [line.split()[1] for line in lines[: len(tried)]] == [f'"{name}":' for name in tried]
+    assert lines[len(tried) :] == (
+        f'chosen: target "{tried[-1]}", 1 flexible modes',
+        f"mode 1 in xy for {tried[-1]}: in-band error 3.00e+00 -> 2.00e+00",
+    )
 
 
 def test_further_points_are_attached_in_the_order_in_which_they_are_stated():

@@ -27,7 +27,7 @@ from beamchain.chain.links import (
 )
 from beamchain.chain.recursion import Nodes, realise, split
 from beamchain.chain.residual_margin import Effort, HingeDemand, Margins, shortest_link
-from beamchain.chain.residual_margin import _least_share as least_share
+from beamchain.chain.residual_margin import _whitening as whitening
 from beamchain.chain.tendons import (
     ModeGroup,
     damped_modes,
@@ -95,7 +95,6 @@ from beamchain.craft.bent_line import BentLine, bent_line, turned_by
 from beamchain.craft.bent_line import _lowest as lowest_modes
 from beamchain.craft.bent_line import _motion as motion_of_modes
 from beamchain.craft.bent_line import _numbers as ranks_of_modes
-from beamchain.craft.candidates import Candidate
 from beamchain.craft.coupled_modes import Mode as ModeOfCraft
 from beamchain.craft.coupled_modes import _clusters as clusters
 from beamchain.craft.coupled_modes import _holders as holders_of_shape
@@ -161,9 +160,7 @@ from beamchain.craft.model_fields import apply as apply_draw
 from beamchain.craft.moving_modes import moving_modes
 from beamchain.craft.plant_load import check_standing, liquid_prefixes
 from beamchain.craft.poses import Way, pose_label, poses_of
-from beamchain.craft.promise import _best as best_mode
-from beamchain.craft.promise import _grow as appendages_grown
-from beamchain.craft.promise import joint_request
+from beamchain.craft.promise import Placed, candidate_of, fits_that_keep, joint_request
 from beamchain.craft.proof import _bent_keyframes as bent_keyframes
 from beamchain.craft.proof import _check_ports as check_ports_of_file
 from beamchain.craft.proof import _elements as elements_of_file
@@ -303,15 +300,18 @@ from beamchain.fitting.body import Body, body_of
 from beamchain.fitting.body import _modes_below as half_waves
 from beamchain.fitting.body import _ports_of_beam as ports_of_beam
 from beamchain.fitting.body import _ratios as damping_of_file
+from beamchain.fitting.candidate import Candidate, free_ports
+from beamchain.fitting.candidate import weights as weights_of_modes
 from beamchain.fitting.cure import _one_mode_more as one_mode_more
 from beamchain.fitting.cure import cure_of
 from beamchain.fitting.document import put_timing, safe_step
 from beamchain.fitting.exact import exact_appendage, kept_model, reduced_to_kept
-from beamchain.fitting.fewest import fewest
-from beamchain.fitting.fewest import weights as weights_of_modes
+from beamchain.fitting.grow import Step, grow, prune
+from beamchain.fitting.grow import _best as best_mode
 from beamchain.fitting.hub import assumed_hub, default_hub, port_hub_mass
+from beamchain.fitting.kept import Kept, first_of_ports, numbered, of_ports
 from beamchain.fitting.look import look_of
-from beamchain.fitting.needs import Candidates, Promise, choose, with_polar_inertia
+from beamchain.fitting.needs import Promise, with_polar_inertia
 from beamchain.fitting.proof import _cautions as cautions_of_fit
 from beamchain.fitting.proof import _in_space as compared_in_space
 from beamchain.fitting.proof import needs_hub
@@ -330,7 +330,7 @@ from beamchain.fitting.realise import _springs as where_springs_stand
 from beamchain.fitting.realise import _visible_modes as visible_modes
 from beamchain.fitting.realise import chain_of, same_planes
 from beamchain.fitting.result import InSpace
-from beamchain.fitting.select import Kept, first_of_ports, numbered, select
+from beamchain.fitting.select import select
 from beamchain.fitting.slosh import heavy, limp_model, pendulum_chain, weightless
 from beamchain.fitting.uncertain import score
 from beamchain.fitting.warnings import (
@@ -558,7 +558,6 @@ __all__ = [
     "Boundary",
     "BuildOptions",
     "Candidate",
-    "Candidates",
     "Chain",
     "Composite",
     "Craft",
@@ -613,6 +612,7 @@ __all__ = [
     "Parts",
     "Piece",
     "PlaceOfHinge",
+    "Placed",
     "PlacedBody",
     "PlanarChain",
     "PointBody",
@@ -649,6 +649,7 @@ __all__ = [
     "Spring",
     "StartOfPoles",
     "StatesOfRun",
+    "Step",
     "StepOfCraft",
     "Sweep",
     "System",
@@ -670,7 +671,6 @@ __all__ = [
     "appendage_at",
     "appendage_poles",
     "appendages_alone",
-    "appendages_grown",
     "apply_draw",
     "are_of_unit_mass",
     "armatures_of",
@@ -697,6 +697,7 @@ __all__ = [
     "body_mass_matrix",
     "body_of",
     "build_exact",
+    "candidate_of",
     "cantilever_names",
     "carried_by_craft",
     "carriers",
@@ -722,7 +723,6 @@ __all__ = [
     "check_standing",
     "check_steps",
     "check_workers",
-    "choose",
     "choose_cut",
     "choose_step",
     "chosen_table",
@@ -790,7 +790,6 @@ __all__ = [
     "exact_response",
     "extra_damping",
     "far_mount",
-    "fewest",
     "fewest_hinges",
     "fields_of_tree",
     "fillers_above",
@@ -801,18 +800,21 @@ __all__ = [
     "first_of_ports",
     "fit_all",
     "fit_warnings",
+    "fits_that_keep",
     "follow_modes",
     "form2",
     "form2_many",
     "form4",
     "fractions_of",
     "free_peaks",
+    "free_ports",
     "freedoms_of_block",
     "frequencies_of_print",
     "from_matrices",
     "gain_of_pair",
     "given_modes",
     "grid_of",
+    "grow",
     "growing_frequencies",
     "growing_poses",
     "grows_retimed",
@@ -862,7 +864,6 @@ __all__ = [
     "largest_norm_ratio",
     "last_kept",
     "layout_of",
-    "least_share",
     "leaves_at",
     "legendre_series",
     "lightest_of_bodies",
@@ -950,6 +951,7 @@ __all__ = [
     "number_of_pole",
     "numbered",
     "of_moments",
+    "of_ports",
     "off_by",
     "offset_cautions",
     "one_mode_more",
@@ -991,6 +993,7 @@ __all__ = [
     "poses_of",
     "power_sum",
     "proposed_axes",
+    "prune",
     "push_of_actuators",
     "put_timing",
     "quantities",
@@ -1142,6 +1145,7 @@ __all__ = [
     "weightless",
     "weights_of_modes",
     "where_springs_stand",
+    "whitening",
     "wished_hinges",
     "with_damping",
     "with_held_input",

@@ -80,37 +80,38 @@ class Margins:
         """Those of one group alone."""
         return Margins(self.line, (group,), self.further, self.effort)
 
-    def margin(
-        self, group: HingeDemand, x: Array, freedoms: Sequence[Freedom], behind: Array
-    ) -> float:
-        """Least eigenvalue of what is left; `behind` `(c, 6, 6)`: mass behind hinges."""
-        self.effort.tried += 1 + len(freedoms) // 8  # as long as it takes
+    def margins(
+        self, group: HingeDemand, x: Array, choices: Sequence[Sequence[Freedom]], behind: Array
+    ) -> Array:
+        """`(c,)` least eigenvalue of what is left, for each choice of freedoms; -inf where a link
+        or a residual mass has no inertia. `behind` `(h, 6, 6)`: mass behind the hinges."""
         motion, given, floor, left_over = self._constants(group)
-        at = np.array([i for i, _ in freedoms])
-        own = np.array([TURNS[p][0] - x[i] * TURNS[p][1] for i, p in freedoms])
-        pulled = (behind[at] @ own[:, :, None])[:, :, 0]  # momentum of what moves, per freedom
-        kinematics = (pulled @ motion).T
+        at = np.array([[i for i, _ in freedoms] for freedoms in choices])
+        turns = [[TURNS[p][0] - x[i] * TURNS[p][1] for i, p in each] for each in choices]
+        own = np.array(turns).reshape(*at.shape, 6)
+        pulled = (behind[at] @ own[..., None])[..., 0]  # momentum of what moves, per freedom
+        both = pulled @ own.swapaxes(1, 2)
         # of the later of two
-        inertia = np.where(at[:, None] >= at[None, :], pulled @ own.T, (pulled @ own.T).T)
-        own = own.T
-        rows = [kinematics]
+        inertia = np.where(at[:, :, None] >= at[:, None, :], both, both.swapaxes(1, 2))
+        rows = [(pulled @ motion).swapaxes(1, 2)]
         for place in self.further:
-            moved = motion.T @ offset_matrix(np.array([place, 0.0, 0.0])) @ own
-            rows.append(moved * (x[at] < place))
-        stack = np.vstack(rows)
-        try:
-            root = np.linalg.cholesky(inertia)
-        except np.linalg.LinAlgError:
-            return -np.inf
-        unit = np.linalg.solve(root, stack.T).T
-        left = unit @ unit.T - given
+            moved = motion.T @ offset_matrix(np.array([place, 0.0, 0.0])) @ own.swapaxes(1, 2)
+            rows.append(moved * (x[at] < place)[:, None, :])
         m = motion.shape[1]
-        blocks = [left_over]
-        for k in range(1, len(rows)):
-            own_rows = unit[k * m : (k + 1) * m]
-            blocks.append(own_rows @ own_rows.T)
-        left[:m, :m] += floor
-        return _least_share(left, blocks)
+        with np.errstate(all="ignore"):
+            unit = np.concatenate(rows, axis=1) @ _whitening(inertia)
+            left = unit @ unit.swapaxes(1, 2) - given
+            left[:, :m, :m] += floor
+            scale = np.zeros_like(left)
+            for k in range(len(rows)):
+                part = slice(k * m, (k + 1) * m)
+                size = unit[:, part] @ unit[:, part].swapaxes(1, 2) if k else left_over[None]
+                scale[:, part, part] = _whitening(size)
+            shares = scale.swapaxes(1, 2) @ left @ scale
+        sound = np.all(np.isfinite(shares), axis=(1, 2))
+        out = np.full(len(choices), -np.inf)
+        out[sound] = np.linalg.eigvalsh(shares[sound])[:, 0]
+        return out
 
     def _constants(self, group: HingeDemand) -> tuple[Array, Array, Array, Array]:
         """Motion, the modes' share, a floor, and the residual mass of a group."""
@@ -132,16 +133,16 @@ class Margins:
         chosen: list[list[Freedom]] = []
         margins: list[float] = []
         for group in self.wanted:
-            best: tuple[float, list[Freedom]] = (-np.inf, [])
-            for freedoms in self._choices(group, x):
-                value = self.margin(group, x, freedoms, behind)
-                if value > best[0] or not best[1]:
-                    best = value, freedoms
-                if value >= MARGIN:
-                    break
-            chosen.append(best[1])
-            margins.append(best[0])
-            if best[0] < MARGIN and not whole:
+            choices = list(self._choices(group, x))
+            values = self.margins(group, x, choices, behind)
+            enough = values >= MARGIN
+            k = int(np.argmax(enough) if np.any(enough) else np.argmax(values))
+            # as long as it takes
+            looked = k + 1 if enough[k] else len(choices)
+            self.effort.tried += looked * (1 + len(choices[k]) // 8)
+            chosen.append(choices[k])
+            margins.append(float(values[k]))
+            if values[k] < MARGIN and not whole:
                 break
         return min(margins), chosen, margins
 
@@ -176,19 +177,11 @@ class Margins:
         return self.assigned(x, whole=whole)[0]
 
 
-def _least_share(left: Array, blocks: Sequence[Array]) -> float:
-    """Least eigenvalue of `left`, each diagonal block scaled by its own measure."""
-    size = left.shape[0]
-    scale = np.zeros((size, size))
-    at = 0
-    for block in blocks:
-        try:
-            scale[at : at + len(block), at : at + len(block)] = np.linalg.inv(
-                np.linalg.cholesky(block)
-            )
-        except np.linalg.LinAlgError:
-            return -np.inf
-        at += len(block)
+def _whitening(matrices: Array) -> Array:
+    """`(c, n, n)` W with `W^T A W = 1`; not finite where A is not positive."""
+    sound = np.all(np.isfinite(matrices), axis=(1, 2))
+    out = np.full(matrices.shape, np.nan)
+    values, vectors = np.linalg.eigh(matrices[sound])
     with np.errstate(all="ignore"):
-        unit = scale @ left @ scale.T
-    return float(np.linalg.eigvalsh(unit)[0]) if np.all(np.isfinite(unit)) else -np.inf
+        out[sound] = vectors / np.sqrt(values)[:, None, :]
+    return out

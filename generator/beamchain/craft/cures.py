@@ -8,12 +8,12 @@ from dataclasses import replace
 from msgspec import structs
 
 from beamchain.craft.appendage import Appendage
-from beamchain.craft.candidates import Candidate, free_ports
 from beamchain.craft.error import Pose
-from beamchain.craft.promise import joint_request
+from beamchain.craft.promise import candidate_of, joint_request
 from beamchain.craft.timing import decide_timing, fit_on_tendons, with_timing
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import INTEGRATORS
+from beamchain.fitting.candidate import free_ports
 from beamchain.fitting.cure import FREE, kept_words, with_free_modes, with_modal_damping
 from beamchain.fitting.spec import Spec
 from beamchain.steps.cures import Setting
@@ -45,11 +45,11 @@ def changes_of(
             }
     poses = [pose for several in exact.values() for pose in several]
     band = max(pose.band for pose in poses)
-    models = [Candidate.of(a).model for a in appendages]
+    models = [candidate_of(a).model for a in appendages]
     free = [with_free_modes(a.spec) for a in appendages]
     found: list[tuple[float, str, dict[str, Spec]]] = []
     for group in groups:
-        longer = [Candidate.of(appendages[i], free[i]).offers(band) for i in group]
+        longer = [candidate_of(appendages[i], free[i]).offers(band) for i in group]
         for key in longer[0]:
             wished = {i: one[key] for i, one in zip(group, longer, strict=True) if key in one}
             ours = [wished[i].model if i in wished else m for i, m in enumerate(models)]
@@ -72,7 +72,7 @@ def changes_of(
 
 def more_modes(appendages: Sequence[Appendage], most: int) -> dict[str, int]:
     """A larger number of modes to allow an appendage, in words, where one has as many as `most`."""
-    full = any(free_ports(a.spec) and Candidate.of(a).modes >= most for a in appendages)
+    full = any(free_ports(a.spec) and candidate_of(a).modes >= most for a in appendages)
     return {f"allow {2 * most} modes an appendage (max-modes)": 2 * most} if full and most else {}
 
 

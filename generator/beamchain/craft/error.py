@@ -38,7 +38,7 @@ from beamchain.engine.operating_point import (
 )
 from beamchain.engine.partial_fractions import MOST, partial_fractions
 from beamchain.errors import EngineError, InputError
-from beamchain.fitting.needs import AXES
+from beamchain.fitting.needs import AXES, TOPS
 from beamchain.ports.compare import (
     DEFAULT_RATIO,
     LEAST_RATIO,
@@ -60,7 +60,6 @@ from beamchain.ports.motions import Array, system_matrix
 from beamchain.steps.sampled import Exact
 
 RANK = 1e-9  # relative singular value below which a motion of the base is held
-TOPS = 8  # frequencies at which a mode has to lower the error, to be worth a trial
 FAR = 1000.0  # times the band: modes beyond are gathered in searches
 NEARLY = 1e-4  # in-band error that this may make
 STARTED = 0.1  # of the band: the rate about which poles are looked for that grow
@@ -558,20 +557,20 @@ class Pose:
         values = np.concatenate([norm_ratios(response(omega) - exact, self._size), curve(more)])
         return maximum_of(curve, np.concatenate([omega, more]), values, tolerance)
 
-    def tops(self, models: Sequence[PortModel]) -> tuple[Array, NDArray[np.complex128]]:
-        """Where the error with `models` is highest `(k,)` [rad/s], and the exact response there."""
-        models = self._damped(models)
+    def floor(self, models: Sequence[PortModel]) -> Callable[[Sequence[PortModel]], float]:
+        """The error of other models where that of these is highest; their in-band error is no
+        smaller."""
+        damped = self._damped(models)
         _, omega, exact = self.known
-        response, _ = self._by_poles(self.with_appendages(models), models)
+        response, _ = self._by_poles(self.with_appendages(damped), damped)
         highest = crests(norm_ratios(response(omega) - exact, self._size))[:TOPS]
-        return omega[highest], exact[highest]
+        omega, exact = omega[highest], exact[highest]
 
-    def error_at(
-        self, models: Sequence[PortModel], omega: Array, exact: NDArray[np.complex128]
-    ) -> float:
-        """The largest error at some frequencies `(k,)`; the in-band error is no smaller."""
-        response = self.response(self._damped(models), omega)
-        return float(np.max(relative_error(response, exact, self.frozen), initial=0.0))
+        def error(others: Sequence[PortModel]) -> float:
+            moved = self.response(self._damped(others), omega)
+            return float(np.max(relative_error(moved, exact, self.frozen), initial=0.0))
+
+        return error
 
 
 def _scaled(accelerance: Response, scale: Array, omega: Array) -> NDArray[np.complex128]:

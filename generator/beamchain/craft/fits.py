@@ -8,20 +8,20 @@ import msgspec
 import numpy as np
 
 from beamchain.craft.appendage import Appendage, rigid_mass
-from beamchain.craft.candidates import Candidate
 from beamchain.craft.documents import AppendageRequest
 from beamchain.craft.loads import Item, Load, hanging_notes, loads_of
-from beamchain.craft.promise import fits_that_keep
+from beamchain.craft.promise import Placed, fits_that_keep
 from beamchain.engine import mount as mounting
 from beamchain.engine.bench import composite
 from beamchain.engine.library import mujoco, one_thread, rest
 from beamchain.errors import InputError
 from beamchain.fitting.body import Body
+from beamchain.fitting.candidate import Candidate
 from beamchain.fitting.fit import body_and_kept, fit_kept
 from beamchain.fitting.hub import Hub
+from beamchain.fitting.kept import Kept
 from beamchain.fitting.options import Root
 from beamchain.fitting.result import Fit
-from beamchain.fitting.select import Kept
 from beamchain.fitting.slosh import heavy
 from beamchain.fitting.spec import Spec
 from beamchain.fitting.warnings import doubtful, rigid_plane
@@ -57,60 +57,24 @@ def fit_all(
 
     Rigid ones are fitted as they are asked for: what they lack is no fault.
     """
-    frozen = {name: rigid_mass(wish.spec, fits.held.get(name)) for name, wish in wanted.items()}
-    places = list(mounts.values())
     loads = loads_of(
         model, {at: Item(mounts[at].body, wish.spec, wish.carries) for at, wish in wanted.items()}
     )
-    riding = {
-        at: (
-            sorted({body for load in own for body in load.bodies}),
-            {place for load in own for place in load.places},
-        )
-        for at, own in loads.items()
-    }
-    behind = mounting.rigid_hubs(model, places, frozen, riding)
-    felt = mounting.apparent_hubs(model, places, frozen)
-    out: list[Candidate] = []
-    hubs: dict[str, Hub] = {}
+    hubs = _hubs(model, mounts, wanted, loads, fits.held)
+    placed: list[Placed] = []
     warnings: list[str] = []
-    for name, (spec, _, carries) in wanted.items():
-        place = mounts[name]
-        if behind[name][0, 0] <= MASSLESS * place.hub[0, 0]:
-            raise InputError(
-                f"{name}: body {model.body(place.body).name!r} has no mass beside what the "
-                "appendage carries, so that there is no hub; give the body an <inertial>, or take "
-                "what belongs to the hub out of carries."
-            )
-        hub = Hub.from_mass_matrix(behind[name])
-        size = np.sqrt(np.diag(behind[name]))
-        is_loose = np.max(np.abs(felt[name] - behind[name]) / np.outer(size, size)) > RIGID
-        if is_loose and not loads[name]:
-            hub = msgspec.structs.replace(
-                hub, apparent=tuple(tuple(float(v) for v in row) for row in felt[name])
-            )
-        warnings += _notes(name, spec, place, hub)
-        hanging = list(hanging_notes(model, place, Item(place.body, spec, carries)))
-        warnings += hanging
-        # what stands at its end and was forgotten is no mass to point away from
-        forgotten = any(isinstance(w, Caution) and w.code == "not-carried" for w in hanging)
-        chosen = fits.candidate(name, place, loads[name], spec, hub)
-        known = bool(carries) or forgotten
-        if ":" not in name and not known and _points_inward(model, place, chosen.body, loads):
-            text = (
-                f"the appendage at {name} runs to the other side of the spacecraft's centre of "
-                f"mass: does the x axis of {name} point outwards?"
-            )
-            warnings.append(Caution("points-inward", text))
-        if ":" not in name:
-            warnings += _far(model, name, place)
-        out.append(chosen)
-        hubs[name] = hub
+    for name, wish in wanted.items():
+        fit, chosen = fits.candidate(name, wish.spec, hubs[name])
+        item = Placed(name, mounts[name], loads[name], chosen)
+        placed.append(item if fit is None else item.with_fit(chosen, fit))
+        warnings += _notes(name, wish.spec, mounts[name], hubs[name])
+        warnings += _place_notes(model, item, wish, loads)
+    steps: tuple[str, ...] = ()
     if rigid:
-        made, steps = [fits(item) for item in out], ()
+        made = [item.fit or fits(item.candidate) for item in placed]
     else:
         with one_thread():
-            made, steps = fits_that_keep(model, out, most, fits)
+            made, steps = fits_that_keep(model, placed, most, fits)
     appendages = tuple(
         Appendage(
             item.at,
@@ -123,23 +87,87 @@ def fit_all(
             carries=wanted[item.at].carries,
             loads=item.loads,
         )
-        for item, fit in zip(out, made, strict=True)
+        for item, fit in zip(placed, made, strict=True)
     )
-    if rigid:
-        return appendages, warnings, ()
-    for a in appendages:
-        if not a.fit.status.ok:
-            warnings.append(Caution("fit-missed", f"{a.at}: {a.fit.status.message}"))
-        # the craft's integrator judges tendons
-        hinged = a.spec.damping is not None and a.spec.damping.form == "hinge"
-        if a.spec.slosh is not None:
-            found = heavy(a.spec.slosh, a.hub.mass)
-        elif hinged or a.fit.space is not None:
-            found = a.fit.cautions
-        else:
-            found = doubtful(a.spec.segment, a.spec.damping, a.fit.target)
-        warnings += [said_of(a.at, warning) for warning in found]
+    if not rigid:
+        warnings += [note for a in appendages for note in _fit_notes(a)]
     return appendages, warnings, steps
+
+
+def _hubs(
+    model: "mujoco.MjModel",
+    mounts: dict[str, mounting.Mount],
+    wanted: "Mapping[str, AppendageRequest]",
+    loads: "Mapping[str, tuple[Load, ...]]",
+    held: Mapping[str, ModalData],
+) -> dict[str, Hub]:
+    """What every appendage meets at its root: what is rigidly behind it, or where joints are loose
+    and it carries nothing, what it feels."""
+    frozen = {name: rigid_mass(wish.spec, held.get(name)) for name, wish in wanted.items()}
+    places = list(mounts.values())
+    riding = {
+        at: (
+            sorted({body for load in own for body in load.bodies}),
+            {place for load in own for place in load.places},
+        )
+        for at, own in loads.items()
+    }
+    behind = mounting.rigid_hubs(model, places, frozen, riding)
+    felt = mounting.apparent_hubs(model, places, frozen)
+    hubs: dict[str, Hub] = {}
+    for name in wanted:
+        body = mounts[name].body
+        if behind[name][0, 0] <= MASSLESS * mounts[name].hub[0, 0]:
+            raise InputError(
+                f"{name}: body {model.body(body).name!r} has no mass beside what the "
+                "appendage carries, so that there is no hub; give the body an <inertial>, or take "
+                "what belongs to the hub out of carries."
+            )
+        hub = Hub.from_mass_matrix(behind[name])
+        size = np.sqrt(np.diag(behind[name]))
+        is_loose = np.max(np.abs(felt[name] - behind[name]) / np.outer(size, size)) > RIGID
+        if is_loose and not loads[name]:
+            apparent = tuple(tuple(float(v) for v in row) for row in felt[name])
+            hub = msgspec.structs.replace(hub, apparent=apparent)
+        hubs[name] = hub
+    return hubs
+
+
+def _place_notes(
+    model: "mujoco.MjModel",
+    item: Placed,
+    wish: AppendageRequest,
+    loads: "Mapping[str, tuple[Load, ...]]",
+) -> Iterator[str]:
+    """What is odd about where an appendage stands and what hangs at it."""
+    name, place = item.at, item.mount
+    hanging = list(hanging_notes(model, place, Item(place.body, wish.spec, wish.carries)))
+    yield from hanging
+    if ":" in name:
+        return
+    # what stands at its end and was forgotten is no mass to point away from
+    forgotten = any(isinstance(w, Caution) and w.code == "not-carried" for w in hanging)
+    if not (wish.carries or forgotten) and _points_inward(model, place, item.candidate.body, loads):
+        yield Caution(
+            "points-inward",
+            f"the appendage at {name} runs to the other side of the spacecraft's centre of "
+            f"mass: does the x axis of {name} point outwards?",
+        )
+    yield from _far(model, name, place)
+
+
+def _fit_notes(a: Appendage) -> Iterator[str]:
+    """What a fit says that holds on the spacecraft as well, whose integrator judges tendons."""
+    if not a.fit.status.ok:
+        yield Caution("fit-missed", f"{a.at}: {a.fit.status.message}")
+    hinged = a.spec.damping is not None and a.spec.damping.form == "hinge"
+    if a.spec.slosh is not None:
+        found = heavy(a.spec.slosh, a.hub.mass)
+    elif hinged or a.fit.space is not None:
+        found = a.fit.cautions
+    else:
+        found = doubtful(a.spec.segment, a.spec.damping, a.fit.target)
+    yield from (said_of(a.at, warning) for warning in found)
 
 
 def _points_inward(
@@ -237,27 +265,24 @@ class Fits:
         self._chosen: list[tuple[Spec, ModalData | None, Body, Kept]] = []
         self._made: list[tuple[Spec, ModalData | None, Fit]] = []
 
-    def candidate(
-        self, at: str, place: mounting.Mount, loads: tuple[Load, ...], spec: Spec, hub: Hub
-    ) -> Candidate:
-        """An appendage on its hub, with the modes that it needs by itself."""
+    def candidate(self, at: str, spec: Spec, hub: Hub) -> tuple[Fit | None, Candidate]:
+        """An appendage on its hub, with the modes that it needs by itself, and its chain where it
+        is ready."""
         ready = self.ready.get(at)
         if ready is not None and _same_hub(ready.hub_mass, hub):
             body = replace(ready.body, spec=ready.spec)
-            return Candidate(at, place, loads, body, ready.kept, ready)
+            return ready, Candidate(body, ready.kept)
         data = self.held.get(at)
         for known, held, body, kept in self._chosen:
             if held is data and known == spec and _same_hub(body.hub, hub):
-                return Candidate(at, place, loads, body, kept)
+                return None, Candidate(body, kept)
         root = Root(target=spec.root.target, hub=hub)
         body, kept = body_and_kept(msgspec.structs.replace(spec, root=root), data)
         self._chosen.append((spec, data, body, kept))
-        return Candidate(at, place, loads, body, kept)
+        return None, Candidate(body, kept)
 
     def __call__(self, wanted: Candidate) -> Fit:
         """The chain of a candidate."""
-        if wanted.fit is not None:
-            return wanted.fit
         body, spec = wanted.body, wanted.stated if wanted.added else wanted.body.spec
         for known, data, made in self._made:
             if known == spec and data is body.data:

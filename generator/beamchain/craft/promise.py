@@ -1,25 +1,27 @@
 """What the craft is promised, and the modes that keep it:
 added one at a time where they pay most."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from msgspec import structs
 
-from beamchain.craft.appendage import Appendage, carried
-from beamchain.craft.candidates import Candidate
-from beamchain.craft.error import Pose, by_base, craft_poses
+from beamchain.craft.appendage import Appendage, carried, placed_body
+from beamchain.craft.error import PlacedBody, by_base, craft_poses
+from beamchain.craft.loads import Load
 from beamchain.engine.library import mujoco
+from beamchain.engine.mount import Mount
 from beamchain.errors import RealisationError
+from beamchain.fitting.candidate import Candidate
+from beamchain.fitting.grow import grow, worst
 from beamchain.fitting.needs import AXES
+from beamchain.fitting.options import Root
 from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec
 from beamchain.ports.compare import keeps_tolerance
-from beamchain.ports.model import PortModel
 
 MOST_MODES = 12  # of an appendage, unless --max-modes says otherwise
-PAYS = 0.9  # a mode that leaves more than this of the error pays little by itself
-IDLE = 0.05  # of the error: a port that alone costs less is not what it comes from
 ROUNDS = 3  # of growing and fitting: what comes out may miss what was foreseen
 
 
@@ -54,146 +56,115 @@ def kept_band(appendages: Sequence[Appendage]) -> float:
     return min(w for item in carried(None, appendages) for w in item.band.values())
 
 
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """An appendage on a spacecraft before it has a chain.
+
+    Args:
+        at: site or body.
+        mount: the place in the bare spacecraft.
+        loads: what its ports carry.
+        candidate: every mode of it, and those that it would keep.
+        fit: its chain, where one was made before.
+    """
+
+    at: str
+    mount: Mount
+    loads: tuple[Load, ...]
+    candidate: Candidate
+    fit: Fit | None = None
+
+    @property
+    def exact(self) -> PlacedBody:
+        """All its modes, on the spacecraft."""
+        item = self.candidate
+        return placed_body(self.mount, item.body, item.exact, self.loads)
+
+    def with_fit(self, candidate: Candidate, fit: Fit) -> "Placed":
+        """The same with the chain of a candidate; of one that carries, the model stays that which
+        was asked for, with the motion of its ports."""
+        measured = None if self.loads else fit.measured.space
+        candidate = replace(candidate, kept=fit.kept, measured=measured)
+        return replace(self, candidate=candidate, fit=fit)
+
+
+def candidate_of(a: Appendage, spec: Spec | None = None) -> Candidate:
+    """An appendage as it was fitted; `spec`: in place of its own."""
+    spec = spec or a.spec
+    body = replace(
+        a.fit.body, spec=structs.replace(spec, root=Root(target=spec.root.target, hub=a.hub))
+    )
+    return Candidate(body, a.fit.kept, None if a.loads else a.fit.measured.space)
+
+
 def fits_that_keep(
     craft: "mujoco.MjModel",
-    candidates: Sequence[Candidate],
+    placed: Sequence[Placed],
     most: int,
     fit: Callable[[Candidate], Fit],
 ) -> tuple[list[Fit], tuple[str, ...]]:
     """The chains of all appendages, with as many modes as the craft's promise needs, and the steps
     taken; counts that were typed stay.
 
-    `candidates`: with the modes that each needs by itself; `most`: modes of an appendage;
+    `placed`: with the modes that each needs by itself; `most`: modes of an appendage;
     `fit` makes the chain of a candidate.
     """
-    want = joint_request([item.body.spec for item in candidates])
+    want = joint_request([item.candidate.body.spec for item in placed])
     if want.band is None or want.tolerance is None:
-        return [fit(item) for item in candidates], ()
+        return [item.fit or fit(item.candidate) for item in placed], ()
     made: dict[int, Fit] = {}
-    steps = list[str]()
-    for members in by_base(craft, [item.mount for item in candidates]).values():
-        group = [candidates[i] for i in members]
-        made |= zip(members, _keep_on_base(craft, group, want, most, fit, steps), strict=True)
-    return [made[i] for i in range(len(candidates))], tuple(steps)
+    told = list[str]()
+    for members in by_base(craft, [item.mount for item in placed]).values():
+        group = [placed[i] for i in members]
+        made |= zip(members, _keep_on_base(craft, group, want, most, fit, told), strict=True)
+    return [made[i] for i in range(len(placed))], tuple(told)
 
 
 def _keep_on_base(
     craft: "mujoco.MjModel",
-    candidates: Sequence[Candidate],
+    placed: Sequence[Placed],
     want: JointRequest,
     most: int,
     fit: Callable[[Candidate], Fit],
-    steps: list[str],
+    told: list[str],
 ) -> list[Fit]:
-    """`fits_that_keep` for the appendages of one base body; `steps` gets a line for each."""
+    """`fits_that_keep` for the appendages of one base body; `told` gets a line for each step."""
     assert want.band is not None
     assert want.tolerance is not None
-    found = craft_poses(craft, [item.placed for item in candidates], want.band, want.motions)
+    found = craft_poses(craft, [item.exact for item in placed], want.band, want.motions)
     poses = {name: several[0] for name, several in found.items()}
-    ours, best = list(candidates), list[Fit]()
+    ours, best = list(placed), list[Fit]()
     barred = set[int]()
     least = np.inf
     for _ in range(ROUNDS):
-        wanted = _grow(poses, ours, want.tolerance, most, barred, steps)
-        if best and all(new is old for new, old in zip(wanted, ours, strict=True)):
+        wanted, steps = grow(
+            poses,
+            [item.candidate for item in ours],
+            want.tolerance,
+            lambda i, longer: i not in barred and longer.modes <= most,
+        )
+        told += [
+            f"{ours[step.number].at}: {step.added}: error of the craft {step.before:.2e} -> "
+            f"{step.after:.2e}"
+            for step in steps
+        ]
+        if best and not steps:
             break
-        for i, item in enumerate(wanted):
+        for i, candidate in enumerate(wanted):
+            item = ours[i]
             try:
-                made = fit(item)
+                made = item.fit if candidate is item.candidate else fit(candidate)
+                ours[i] = item.with_fit(candidate, made or fit(candidate))
             except RealisationError as error:
-                if item is ours[i]:
+                if candidate is item.candidate:
                     raise
                 barred.add(i)
-                steps.append(f"{item.at}: no chain has {item.modes} modes: {error}")
-                made = fit(ours[i])
-            ours[i] = replace(item, kept=made.kept, fit=made)
-        error, _ = _worst(poses, [item.model for item in ours])
+                told.append(f"{item.at}: no chain has {candidate.modes} modes: {error}")
+                ours[i] = item.with_fit(item.candidate, item.fit or fit(item.candidate))
+        error, _ = worst(poses, [item.candidate.model for item in ours])
         if error < least or not best:
             best = [item.fit for item in ours if item.fit is not None]
             least = error
         if keeps_tolerance(least, want.tolerance):
             break
     return best
-
-
-def _grow(
-    poses: Mapping[str, Pose],
-    ours: Sequence[Candidate],
-    tolerance: float,
-    most: int,
-    barred: set[int],
-    steps: list[str],
-) -> list[Candidate]:
-    """The appendages with the modes with which their models keep the tolerance,
-    or the best up to `most` each.
-
-    One mode at a time where it pays most; where none does, where its lack alone costs most.
-    `steps` gets a line each.
-    """
-    ours = list(ours)
-    # error with all exact but for one port, as it is now: by pose, appendage and port
-    lacks = dict[tuple[str, int, str], float]()
-    error, name = _worst(poses, [item.model for item in ours])
-    while not keeps_tolerance(error, tolerance):
-        worst = poses[name]
-        further = {
-            (i, key): longer
-            for i, item in enumerate(ours)
-            if i not in barred and item.modes < most
-            for key, longer in item.offers(worst.band).items()
-        }
-        if not further:
-            break
-        found = _best(worst, [item.model for item in ours], further, PAYS * error, tolerance)
-        if found is None:  # it takes several: the one that costs most
-            for i, key in further:
-                if (name, i, key) not in lacks:
-                    lacks[name, i, key] = worst.of_exchange(i, ours[i].without(key))
-            found = max(further, key=lambda k: lacks[name, *k])
-            if lacks[name, *found] < IDLE * error:
-                break  # nothing that modes could mend
-        i, key = found
-        for pose in poses:
-            lacks.pop((pose, i, key), None)
-        ours[i] = further[found]
-        before = error
-        error, name = _worst(poses, [item.model for item in ours])
-        steps.append(
-            f"{ours[i].at}: {ours[i].added}: error of the craft {before:.2e} -> {error:.2e}"
-        )
-    return ours
-
-
-def _best(
-    pose: Pose,
-    models: Sequence[PortModel],
-    further: Mapping[tuple[int, str], Candidate],
-    most: float,
-    tolerance: float,
-) -> tuple[int, str] | None:
-    """The mode more that leaves the least error, of those that leave `most` or less.
-
-    A mode that leaves more than another where the error is highest now needs no trial.
-    """
-
-    def with_mode(key: tuple[int, str]) -> list[PortModel]:
-        return [further[key].model if k == key[0] else model for k, model in enumerate(models)]
-
-    tops = pose.tops(models)
-    floors = {key: pose.error_at(with_mode(key), *tops) for key in further}
-    best = None
-    least = most, np.inf
-    for key in sorted(floors, key=lambda k: floors[k]):
-        if floors[key] > least[0]:
-            break
-        left = max(floors[key], pose.of_models(with_mode(key), tolerance))
-        if (left, further[key].newest) < least:
-            best = key
-            least = left, further[key].newest
-    return best
-
-
-def _worst(poses: Mapping[str, Pose], models: Sequence[PortModel]) -> tuple[float, str]:
-    errors = {name: pose.of_models(models) for name, pose in poses.items()}
-    name = max(errors, key=lambda n: errors[n])
-    return errors[name], name

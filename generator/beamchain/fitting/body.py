@@ -1,7 +1,7 @@
 """An elastic appendage: every mode that is known of it, whatever it was described by."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -38,13 +38,14 @@ class Body:
     spec: Spec
     ports: Mapping[str, PortModel]
     data: ModalData | None = None
+    _reduced: dict[tuple[str, str, int], PortModel] = field(default_factory=dict, init=False)
 
     @property
     def hub(self) -> Array | None:
         """`(6, 6)` of the hub that the specification states, about the root; None without one."""
         return None if self.spec.root.hub is None else self.spec.root.hub.mass_matrix()
 
-    @property
+    @cached_property
     def rigid_mass(self) -> Array:
         """`(6, 6)` about the root."""
         return self.spec.beam.rigid_mass() if self.data is None else self.data.rigid_mass
@@ -64,6 +65,18 @@ class Body:
         """Whether a mode moves several ports."""
         return self.data is not None and any(len(ports) > 1 for ports in self.data.groups)
 
+    @cached_property
+    def space(self) -> PortModel:
+        """Every imported mode, or every one of a liquid, in six motions of the root."""
+        assert self.data is not None
+        return self.in_six_motions(self.data.space())
+
+    def in_six_motions(self, model: PortModel) -> PortModel:
+        """A model in the live motions, in all six."""
+        rows = np.zeros((model.modes, 6))
+        rows[:, self.live] = model.participation
+        return PortModel(with_inertia(self.rigid_mass), model.frequencies, rows, model.damping)
+
     def view(self, port: str) -> PortModel:
         """Every mode that moves a port, damped, whether it belongs there or not."""
         return self.ports[port] if self.data is None else self.data.port(port)
@@ -71,12 +84,29 @@ class Body:
     def reduced(self, target: str, port: str, count: int) -> PortModel:
         """A port's model with `count` modes for a target, damped; of a beam that carries at further
         points, the static responses to loads there stand behind them."""
-        full, points = self.ports[port], tuple(self.spec.further.values())
-        hub = None if self.hub is None else port_hub_mass(self.hub, port)
-        model = reduced_port(full, target, count, hub=hub, points=points)
-        if points:
-            return self.spec.with_ratios(port, model)
-        return model.replaced(damping=full.damping[: model.modes])
+        key = target, port, count
+        if key not in self._reduced:
+            full, points = self.ports[port], tuple(self.spec.further.values())
+            hub = None if self.hub is None else port_hub_mass(self.hub, port)
+            model = reduced_port(full, target, count, hub=hub, points=points)
+            self._reduced[key] = (
+                self.spec.with_ratios(port, model)
+                if points
+                else model.replaced(damping=full.damping[: model.modes])
+            )
+        return self._reduced[key]
+
+    def with_modes(self, port: str, count: int) -> "Body | None":
+        """The same where at least `count` modes of a port are known; None where there are not so
+        many, or it is rigid there."""
+        known = self.ports.get(port)
+        if known is not None or self.data is not None:
+            return self if known is not None and count <= known.modes else None
+        try:
+            model = self.spec.beam.port(port, 2 * count + 4, list(self.spec.further.values()))
+        except InputError:
+            return None
+        return replace(self, ports={**self.ports, port: self.spec.with_ratios(port, model)})
 
     @cached_property
     def in_band(self) -> dict[str, PortModel]:
@@ -89,31 +119,21 @@ class Body:
         }
 
     @cached_property
-    def promise_of_ports(self) -> Promise | None:
-        """The in-band error of independent ports in six motions, where the scene states a band."""
-        if not self._bandwidth:
-            return None
-        space = model_in_space(self.in_band, with_polar_inertia(self.rigid_mass))
-        return self._promise(space, range(6))
-
-    @cached_property
     def promise(self) -> Promise | None:
         """The in-band error in the live motions, where the scene states a bandwidth."""
-        if self.data is None:
-            return self.promise_of_ports
-        if not self._bandwidth:
+        scene, motions = self.spec.scene, list(self.live)
+        if scene is None or not self._bandwidth:
             return None
-        space = with_damping(self.data.space(), self.spec.undamped_ratio)
-        return self._promise(space.condensed(FAR * self._bandwidth), self.live)
-
-    def _promise(self, exact: PortModel, motions: Sequence[int]) -> Promise:
-        scene = self.spec.scene
-        assert scene is not None
-        asked = {AXES[axis] for axis in scene.axes}
+        if self.data is None:
+            exact = model_in_space(self.in_band, with_polar_inertia(self.rigid_mass))
+        else:
+            exact = with_damping(self.data.space(), self.spec.undamped_ratio)
+            exact = exact.condensed(FAR * self._bandwidth)
         return Promise(
             exact,
             None if self.hub is None else self.hub[np.ix_(motions, motions)],
-            wanted=[i for i, motion in enumerate(motions) if motion in asked],
+            motions=motions,
+            wanted=[AXES[axis] for axis in scene.axes],
             bandwidth=self._bandwidth,
             undamped=self.spec.undamped_ratio,
         )
@@ -220,3 +240,14 @@ def reduced_port(
     if count and points:
         return full.attached(count, full.point_columns(points))
     return full.for_target(target, count, hub)
+
+
+def with_inertia(mass: Array, of_chain: Array | None = None) -> Array:
+    """`(6, 6)` with what an appendage states none of: the chain's, or before there is one that of
+    its other motions and a trace of polar inertia."""
+    lacking = np.diag(mass) <= 0.0
+    if of_chain is None:
+        mass = with_polar_inertia(mass)
+        of_chain = np.max(np.diag(mass)[:3]) * np.eye(6)
+        lacking = np.diag(mass) <= 0.0
+    return mass + np.diag(np.where(lacking, np.diag(of_chain), 0.0))

@@ -7,10 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamchain.errors import InputError
-from beamchain.fitting.body import Body, reduced_port
+from beamchain.fitting.body import Body, reduced_port, with_inertia
 from beamchain.fitting.hub import port_hub_mass
-from beamchain.fitting.needs import with_polar_inertia
-from beamchain.fitting.select import Kept
+from beamchain.fitting.kept import Kept
 from beamchain.ports.compose import model_in_space
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORTS, Array
@@ -56,7 +55,7 @@ def exact_appendage(
     frequencies = [model.frequencies for model in ports.values()]
     ascending = np.argsort(np.concatenate([np.zeros(0), *frequencies]), kind="stable")
     return ExactAppendage(
-        model=model_in_space(ports, _with_inertia(body.rigid_mass, rigid_mass)),
+        model=model_in_space(ports, with_inertia(body.rigid_mass, rigid_mass)),
         kept=np.concatenate([np.zeros(0, np.bool_), *numbers])[ascending],
         band={
             port: float(asked[port].frequencies[count - 1])
@@ -70,13 +69,12 @@ def exact_appendage(
 def kept_model(body: Body, kept: Kept) -> PortModel:
     """The modes that are kept, in six motions of the root, damped as asked for."""
     if body.data is not None and kept.target == "clamped":
-        return _of_imported(body, kept, None).model.picked([k - 1 for k in kept.numbers])
-    mass = _with_inertia(body.rigid_mass)
+        return body.space.picked([k - 1 for k in kept.numbers])
     if kept.coupled_ports:
-        return _in_six_motions(body, kept.in_space(body), mass)
+        return body.in_six_motions(kept.in_space(body))
     counts = {port: count for port, count in kept.counts.items() if count}
     ports = {port: body.reduced(kept.target, port, count) for port, count in counts.items()}
-    return model_in_space(ports, mass)
+    return model_in_space(ports, with_inertia(body.rigid_mass))
 
 
 def reduced_to_kept(
@@ -92,23 +90,13 @@ def reduced_to_kept(
 
 def _of_imported(body: Body, kept: Kept, rigid_mass: Array | None) -> ExactAppendage:
     """Of imported modes, or those of a liquid."""
-    assert body.data is not None
-    full = body.data.space()
-    model = _in_six_motions(body, full, _with_inertia(body.rigid_mass, rigid_mass))
     frequencies = kept.in_space(body).frequencies
     return ExactAppendage(
-        model=model,
-        kept=np.isin(np.arange(1, model.modes + 1), kept.numbers),
+        model=body.space.replaced(rigid_mass=with_inertia(body.rigid_mass, rigid_mass)),
+        kept=np.isin(np.arange(1, body.space.modes + 1), kept.numbers),
         band={"space": float(frequencies[-1])} if frequencies.size else {},
         ports={},
     )
-
-
-def _in_six_motions(body: Body, model: PortModel, rigid_mass: Array) -> PortModel:
-    """A model in the live motions of a body, in all six."""
-    rows = np.zeros((model.modes, 6))
-    rows[:, body.live] = model.participation
-    return PortModel(rigid_mass, model.frequencies, rows, model.damping)
 
 
 def _converged(asked: PortModel | None) -> int:
@@ -127,14 +115,3 @@ def _port_of_beam(body: Body, port: str, modes: int) -> PortModel | None:
     if known is not None and known.modes > model.modes:
         return known
     return spec.with_ratios(port, model)
-
-
-def _with_inertia(mass: Array, of_chain: Array | None = None) -> Array:
-    """`(6, 6)` with what an appendage states none of: the chain's, or before there is one that of
-    its other motions and a trace of polar inertia."""
-    lacking = np.diag(mass) <= 0.0
-    if of_chain is None:
-        mass = with_polar_inertia(mass)
-        of_chain = np.max(np.diag(mass)[:3]) * np.eye(6)
-        lacking = np.diag(mass) <= 0.0
-    return mass + np.diag(np.where(lacking, np.diag(of_chain), 0.0))

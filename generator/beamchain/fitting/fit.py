@@ -17,11 +17,12 @@ from beamchain.fitting.body import Body, body_of
 from beamchain.fitting.cure import cure_of
 from beamchain.fitting.document import appendage_tree
 from beamchain.fitting.hub import Hub
+from beamchain.fitting.kept import Kept
 from beamchain.fitting.options import Damping, FitOptions, Modes, Root, Scene, Target
 from beamchain.fitting.proof import assess_fit
 from beamchain.fitting.realise import chain_of
 from beamchain.fitting.result import Fit, with_known
-from beamchain.fitting.select import Kept, select
+from beamchain.fitting.select import select
 from beamchain.fitting.spec import Spec, read_spec
 from beamchain.fitting.uncertain import uncertain_from
 from beamchain.fitting.warnings import doubtful

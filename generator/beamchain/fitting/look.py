@@ -8,8 +8,8 @@ import numpy as np
 from beamchain.chain.chain import Chain
 from beamchain.fitting.body import Body
 from beamchain.fitting.exact import SHAPED, reduced_to_kept
+from beamchain.fitting.kept import Kept
 from beamchain.fitting.options import Scene
-from beamchain.fitting.select import Kept
 from beamchain.fitting.spec import Spec
 from beamchain.mjcf.skin import ModeMotion, Skin, mode_motion, skins
 from beamchain.mjcf.surfaces import beam_surfaces, stations

@@ -12,11 +12,10 @@ from beamchain.chain.chain import Chain
 from beamchain.engine.bench import Measured
 from beamchain.fitting.body import Body
 from beamchain.fitting.hub import default_hub, port_hub_mass
-from beamchain.fitting.needs import Choice, LeftOut
+from beamchain.fitting.kept import Choice, Kept, LeftOut
 from beamchain.fitting.options import Scene
 from beamchain.fitting.realise import why
 from beamchain.fitting.result import Fit, InSpace
-from beamchain.fitting.select import Kept
 from beamchain.fitting.slosh import heavy, weightless
 from beamchain.fitting.spec import Spec
 from beamchain.fitting.warnings import doubtful, fit_warnings, imported_warnings

@@ -19,8 +19,8 @@ from beamchain.chain.tendons import ModeGroup, group_motion, joint_damping
 from beamchain.errors import InputError, RealisationError
 from beamchain.fitting.body import Body
 from beamchain.fitting.hub import port_hub_mass
+from beamchain.fitting.kept import Kept
 from beamchain.fitting.options import Scene
-from beamchain.fitting.select import Kept
 from beamchain.fitting.slosh import pendulum_chain
 from beamchain.fitting.spec import Spec
 from beamchain.ports.model import PortModel

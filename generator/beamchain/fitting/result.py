@@ -26,10 +26,10 @@ from beamchain.fitting.body import Body
 from beamchain.fitting.document import appendage_tree, put_timing, scene_step
 from beamchain.fitting.exact import ExactAppendage, exact_appendage
 from beamchain.fitting.hub import Hub, default_hub
+from beamchain.fitting.kept import Choice, Kept, LeftOut
 from beamchain.fitting.look import Look, look_of
-from beamchain.fitting.needs import AXES, Choice, LeftOut
+from beamchain.fitting.needs import AXES
 from beamchain.fitting.options import Scene
-from beamchain.fitting.select import Kept
 from beamchain.fitting.spec import Spec
 from beamchain.fitting.warnings import step_warnings, turn_warning
 from beamchain.mjcf import write

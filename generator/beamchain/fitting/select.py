@@ -1,77 +1,30 @@
 """What is kept of an appendage: the modes that are stated, or the fewest that its scene needs."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 from msgspec import structs
 
 from beamchain.errors import InputError
 from beamchain.fitting.body import Body, body_of
-from beamchain.fitting.fewest import fewest
-from beamchain.fitting.needs import Candidates, Choice, choose
-from beamchain.fitting.options import Modes
+from beamchain.fitting.candidate import Candidate, free_ports
+from beamchain.fitting.grow import grow, prune
+from beamchain.fitting.kept import (
+    Choice,
+    Kept,
+    LeftOut,
+    first_of_ports,
+    mode_name,
+    numbered,
+    of_ports,
+)
+from beamchain.fitting.needs import AXES, MOST
+from beamchain.fitting.options import Modes, Scene
 from beamchain.fitting.spec import Spec
-from beamchain.ports.compare import with_damping
-from beamchain.ports.model import PortModel
-from beamchain.ports.motions import PORTS, Array
-from beamchain.structure.modal_data import ModalData
+from beamchain.ports.compare import keeps_tolerance, tolerance_statement
 
-
-@dataclass(frozen=True, eq=False)
-class Kept:
-    """The modes that a chain shall have.
-
-    Args:
-        target: the root's boundary condition whose modes they are: "clamped", "free" or "hub".
-        counts: how many of each port, ports without modes left out.
-        data: the modes themselves, and `numbers`: theirs in the file, from 1, where they are
-            imported or those of a liquid.
-        choice: how the scene decided; None where the modes are stated.
-    """
-
-    target: str
-    counts: Mapping[str, int]
-    data: ModalData | None = None
-    numbers: tuple[int, ...] = ()
-    choice: Choice | None = None
-
-    @property
-    def blocks(self) -> tuple[tuple[str, ...], ...]:
-        """Ports that the bench frees, those that modes or mass couple together; a planar boom is
-        tested as the paper does."""
-        if self.data is not None:
-            return self.data.blocks
-        return (("xy",),) if tuple(self.counts) == ("xy",) else tuple((port,) for port in PORTS)
-
-    def of_chain(self, targets: Mapping[str, PortModel]) -> "Kept":
-        """The modes of a beam that its chain came to have, by the models of its ports."""
-        if self.data is not None:
-            return self
-        counts = {p: min(n, targets[p].modes) for p, n in self.counts.items() if p in targets}
-        return replace(self, counts=counts)
-
-    def hub(self, body: Body) -> Array:
-        """`(6, 6)` the hub on which a free or hub target is exact, about the root: a free one's has
-        no mass."""
-        return np.zeros((6, 6)) if body.hub is None or self.target == "free" else body.hub
-
-    def in_space(self, body: Body) -> PortModel:
-        """The kept modes of a file in its live motions: themselves, or for another target than the
-        clamped one as many modes of all on the hub of that target."""
-        assert body.data is not None
-        assert self.data is not None
-        own = self.data.space()
-        if self.target == "clamped" or not own.modes:
-            return own
-        hub = self.hub(body)[np.ix_(body.live, body.live)]
-        return body.data.space().reduced(own.modes, hub)
-
-    @property
-    def coupled_ports(self) -> tuple[str, ...]:
-        """The first ports that kept modes couple; empty where all are independent."""
-        groups = self.data.groups if self.data is not None and self.data.modes else ()
-        return next((ports for ports in groups if len(ports) > 1), ())
+LISTED = 6  # modes left out whose cost is worked out each by itself; the rest stands in one line
 
 
 def select(body: Body, target: str | None = None) -> Kept:
@@ -88,26 +41,12 @@ def select(body: Body, target: str | None = None) -> Kept:
         )
     if not spec.chooses or named is not None:
         return _stated(body)
-    fixed = {} if spec.modes is None else spec.modes.given()
-    if body.couples:
-        assert body.data is not None
-        assert body.promise is not None
-        assert spec.scene is not None
-        first_of_ports(body.data, fixed)  # refuses more than there are
-        numbers, choice = fewest(
-            body.promise,
-            with_damping(body.data.space(), spec.undamped_ratio),
-            body.data.belongs,
-            spec.scene.tolerance,
-            fixed,
-            spec.scene.tip,
-        )
-        return numbered(body, numbers, choice=choice)
-    choice = _chosen(body, fixed, target or spec.root.target)
-    counts = {port: count for port, count in choice.modes.items() if count}
-    if body.data is None:
-        return Kept(choice.target, counts, choice=choice)
-    return numbered(body, first_of_ports(body.data, counts), choice.target, choice)
+    _check_typed(body)
+    able = ["clamped", "free" if body.hub is None else "hub"]
+    if body.couples or spec.further:
+        able = able[:1]
+    wanted = target or spec.root.target
+    return _chosen(body, able if wanted in (None, "auto") else [str(wanted)])
 
 
 def everything(spec: Spec) -> Spec:
@@ -142,11 +81,13 @@ def _stated(body: Body) -> Kept:
     spec, data = body.spec, body.data
     target = "clamped" if spec.root.target in (None, "auto") else str(spec.root.target)
     if data is None:
-        _check_counts(body)
+        _check_typed(body)
         return Kept(target, dict(spec.kept))
     numbers = None if spec.imported is None else spec.imported.modes
     if numbers is None and spec.modes is not None:
         numbers = first_of_ports(data, spec.modes.counts())
+    if numbers:
+        data.check_numbers(numbers)
     kept = numbered(body, range(1, data.modes + 1) if numbers is None else numbers, target)
     if target != "clamped":
         first = tuple(range(1, len(kept.numbers) + 1))
@@ -160,60 +101,165 @@ def _stated(body: Body) -> Kept:
     return kept
 
 
-def numbered(
-    body: Body,
-    numbers: "tuple[int, ...] | range",
-    target: str = "clamped",
-    choice: Choice | None = None,
-) -> Kept:
-    """The modes of these numbers in the file, from 1."""
-    assert body.data is not None
-    data = body.data
-    if len(numbers) < data.modes:
-        data = data.selected(tuple(numbers)) if numbers else data.frozen()
-    counts = {port: data.belongs.count(port) for port in PORTS if port in data.belongs}
-    return Kept(target, counts, data, tuple(sorted(numbers)), choice)
-
-
-def _chosen(body: Body, fixed: Mapping[str, int], wanted: str | None) -> Choice:
-    """The fewest modes of independent ports that keep the promise, for the `wanted` target or the
-    best; `fixed`: ports whose number was typed."""
-    spec, promise = body.spec, body.promise_of_ports
+def _chosen(body: Body, targets: Sequence[str]) -> Kept:
+    """The fewest modes that keep the promise, or the best there are; the first of `targets` wins a
+    tie."""
+    promise, scene = body.promise, body.spec.scene
     assert promise is not None
-    assert spec.scene is not None
-    _check_counts(body)
-    for port, count in fixed.items():
+    assert scene is not None
+    tried: list[Kept] = []
+    free = free_ports(body.spec)
+    for target in targets:
+        least = _least(body, target)
+        grown, steps = grow(
+            {"hub": promise},
+            [Candidate(body, least)],
+            scene.tolerance,
+            lambda _, item: body.couples or all(item.kept.counts.get(p, 0) <= MOST for p in free),
+        )
+        found = prune(promise, grown[0], least, scene.tolerance)
+        error = promise.of_models([found.model])
+        choice = Choice(
+            modes={port: found.kept.counts.get(port, 0) for port in body.ports},
+            target=target,
+            error=error,
+            met=keeps_tolerance(error, scene.tolerance),
+            left_out=(),
+            cannot=(),
+            reasoning=tuple(
+                f"{step.added}: in-band error {step.before:.2e} -> {step.after:.2e}"
+                for step in steps
+            ),
+        )
+        tried.append(replace(found.kept, choice=choice))
+    return _explained(body, tried, scene)
+
+
+def _explained(body: Body, tried: Sequence[Kept], scene: Scene) -> Kept:
+    """The best of what was tried, with what it leaves out and how it was found."""
+    choices = [kept.choice for kept in tried if kept.choice is not None]
+    ranks = [(not c.met, sum(c.modes.values()) if c.met else c.error) for c in choices]
+    at = min(range(len(tried)), key=lambda k: ranks[k])
+    best, kept = choices[at], tried[at]
+    item = Candidate(body, kept)
+    ledger = _ledger_of_modes(item) if body.couples else _ledger_of_ports(item)
+    lines = [_result_of_target(c, scene.tolerance) for c in choices]
+    chosen = f'chosen: target "{best.target}", {sum(best.modes.values())} flexible modes'
+    choice = replace(
+        best,
+        left_out=tuple(ledger),
+        cannot=tuple(_cannot(item, tip=scene.tip)),
+        reasoning=(*lines, chosen, *best.reasoning),
+    )
+    return replace(kept, choice=choice)
+
+
+def _least(body: Body, target: str) -> Kept:
+    """What is kept whatever the error: the modes that were typed, and for the tip those in the
+    band."""
+    spec, scene = body.spec, body.spec.scene
+    fixed = {} if spec.modes is None else spec.modes.given()
+    band = scene.bandwidth if scene is not None and scene.tip else None
+    if body.data is None or not body.couples:
+        inside = {
+            port: min(int(np.sum(model.frequencies <= (band or 0.0))), MOST)
+            for port, model in body.ports.items()
+            if port in ("xy", "xz")
+        }
+        return of_ports(body, inside | fixed, target)
+    numbers = {*first_of_ports(body.data, fixed)}
+    for k, w in enumerate(body.data.frequencies, 1):
+        if w <= (band or 0.0) and body.data.belongs[k - 1] not in fixed:
+            numbers.add(k)
+    return numbered(body, sorted(numbers), target)
+
+
+def _result_of_target(choice: Choice, tolerance: float) -> str:
+    """What the search for a target ended with, in a line."""
+    kept = [f"{count} in {port}" for port, count in choice.modes.items() if count]
+    above = "" if choice.met else f" ({tolerance_statement(choice.error, tolerance)})"
+    return (
+        f'target "{choice.target}": {", ".join(kept) or "rigid"}, '
+        f"in-band error {choice.error:.2e}{above}"
+    )
+
+
+def _ledger_of_ports(item: Candidate) -> Iterator[LeftOut]:
+    """What was left out of each port, and the error it costs by itself."""
+    promise = item.body.promise
+    assert promise is not None
+    for port, model in item.body.ports.items():
+        kept = item.kept.counts.get(port, 0)
+        if kept >= model.modes:
+            continue
+        first = float(model.frequencies[kept])
+        what = f"{port} (first mode {first:.3g} rad/s)"
+        if kept:
+            what = f"{port} mode {kept + 1} ({first:.3g} rad/s)"
+        if not promise.reaches(port):
+            axes = [name for name, i in AXES.items() if i in promise.asked]
+            yield LeftOut(what, f"no path to hub axes {', '.join(axes)}", 0.0)
+            continue
+        if kept:
+            what += " and above"
+        where = "outside" if first > promise.band else "inside"
+        cost = promise.of_exchange(0, item.without(port))
+        yield LeftOut(what, f"{where} {promise.band:.4g} rad/s", cost)
+
+
+def _ledger_of_modes(item: Candidate) -> Iterator[LeftOut]:
+    """What was left out of modes that couple ports, the heaviest first, and what each costs by
+    itself; beyond the heaviest, together."""
+    promise, data = item.body.promise, item.body.data
+    assert promise is not None
+    assert data is not None
+    weight = item.weights(promise.band)
+    left = [k for k in np.argsort(-weight) if k + 1 not in item.kept.numbers]
+    for k in left[:LISTED]:
+        where = "outside" if data.frequencies[k] > promise.band else "inside"
+        others = [other for other in range(data.modes) if other != k]
+        cost = promise.of_exchange(0, item.exact.model.picked(others))
+        yield LeftOut(mode_name(data, int(k)), f"{where} {promise.band:.4g} rad/s", cost)
+    rest = left[LISTED:]
+    if rest:
+        kept = [k for k in range(data.modes) if k not in rest]
+        cost = promise.of_models([item.exact.model.picked(kept)])
+        yield LeftOut(f"{len(rest)} lighter modes", "together within the tolerance", cost)
+
+
+def _cannot(item: Candidate, *, tip: bool) -> Iterator[str]:
+    """What a model with these modes has no answer to."""
+    data = item.body.data
+    if item.body.couples and data is not None:
+        left = [w for k, w in enumerate(data.frequencies, 1) if k not in item.kept.numbers]
+        yield from (f"motion above {w:.3g} rad/s" for w in left[:1])
+    else:
+        for port, model in item.body.ports.items():
+            kept = item.kept.counts.get(port, 0)
+            if not kept:
+                word = {"torsion": "twist and torsion loads", "axial": "axial loads"}.get(
+                    port, f"bending loads in {port}"
+                )
+                yield f"{word}: {port} is rigid"
+            elif kept < model.modes:
+                yield f"{port} motion above {model.frequencies[kept]:.3g} rad/s"
+    if not tip:
+        yield (
+            "tip pointing: the chain is right at the root; set scene.tip = true where the tip "
+            "matters"
+        )
+
+
+def _check_typed(body: Body) -> None:
+    """Every independent port has as many modes as were typed."""
+    given = {} if body.spec.modes is None or body.couples else body.spec.modes.given()
+    for port, count in given.items():
         if count and port not in body.ports:
             raise InputError(
                 f"modes.{port} = {count} but the appendage is rigid there; set it to 0."
             )
-    able = ["clamped", "free" if body.hub is None else "hub"]
-    able = able[:1] if spec.further else able
-    targets = able if wanted in (None, "auto") else [str(wanted)]
-    frequencies = {port: model.frequencies for port, model in body.ports.items()}
-    candidates = Candidates(body.in_band, frequencies, body.reduced)
-    return choose(promise, candidates, targets, spec.scene.tolerance, fixed, spec.scene.tip)
-
-
-def _check_counts(body: Body) -> None:
-    """Every port has as many modes as were typed."""
-    for port, count in ({} if body.spec.modes is None else body.spec.modes.given()).items():
-        if port in body.ports and count > body.ports[port].modes:
+        if count and count > body.ports[port].modes:
             raise InputError(
                 f"modes.{port} = {count}, but the appendage has only {body.ports[port].modes} "
                 "there; ask for fewer."
             )
-
-
-def first_of_ports(data: ModalData, counts: Mapping[str, int]) -> tuple[int, ...]:
-    """Numbers of the first modes of each port."""
-    numbers: list[int] = []
-    for port, count in counts.items():
-        own = [k + 1 for k, b in enumerate(data.belongs) if b == port]
-        if len(own) < count:
-            raise InputError(
-                f"modes.{port} = {count}, but only {len(own)} of the imported modes move mainly in "
-                f"{port}; ask for fewer, or import more modes."
-            )
-        numbers += own[:count]
-    return tuple(sorted(numbers))

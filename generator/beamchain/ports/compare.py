@@ -271,12 +271,7 @@ class Reference:
         """In-band error that `model` in place of the exact one of block `number` makes;
         `tolerance` as of `maximum_of`."""
         block, model = self.blocks[number], with_damping(model, self.undamped)
-        if number not in self._exact:
-            omega = grid_of([self._peaks[number]], self.bandwidth)
-            exact = block.response(block.exact, omega)
-            self._exact[number] = omega, exact, self.size(omega, number, exact)
-        omega, exact, size = self._exact[number]
-        values = norm_ratios(block.response(model, omega) - exact, size)
+        omega, values = self._on_grid(number, model)
         new_peaks = unresolved_peaks(peaks_of(model, block.hub), self._peaks[number])
         more_omega = peak_clusters(new_peaks, self.bandwidth)
         more_values = self.curve(number, model, more_omega)
@@ -286,6 +281,22 @@ class Reference:
             values=np.concatenate([values, more_values]),
             tolerance=tolerance,
         )
+
+    def highest(self, number: int, model: PortModel, most: int) -> Array:
+        """`(k,)` up to `most` frequencies at which the error of a model is highest, where the exact
+        one has its peaks [rad/s]."""
+        omega, values = self._on_grid(number, with_damping(model, self.undamped))
+        return omega[crests(values)[:most]]
+
+    def _on_grid(self, number: int, model: PortModel) -> tuple[Array, Array]:
+        """Frequencies that resolve the exact peaks, and the error of a damped model there."""
+        block = self.blocks[number]
+        if number not in self._exact:
+            omega = grid_of([self._peaks[number]], self.bandwidth)
+            exact = block.response(block.exact, omega)
+            self._exact[number] = omega, exact, self.size(omega, number, exact)
+        omega, exact, size = self._exact[number]
+        return omega, norm_ratios(block.response(model, omega) - exact, size)
 
     def curve(self, number: int, model: PortModel, omega: Array) -> Array:
         """`(k,)` the error at each of `omega`, before its maximum is taken."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -256,7 +257,7 @@ class ModalData:
         """Motions in which the appendage has any inertia."""
         return [i for i in range(6) if self.rigid_mass[i, i] > 0.0]
 
-    @property
+    @cached_property
     def shares(self) -> Array:
         """`(n, 4)` share of each port in each mode's participation,
         every motion scaled by its rigid mass."""
@@ -271,7 +272,7 @@ class ModalData:
         mass."""
         return (self.participation / self.scale) ** 2
 
-    @property
+    @cached_property
     def belongs(self) -> tuple[str, ...]:
         """Port of each mode: where its participation is largest."""
         return tuple(PORTS[i] for i in np.argmax(self.shares, axis=1))
@@ -298,7 +299,7 @@ class ModalData:
         parts = np.sqrt(self.shares)
         return np.where(parts < max(self.tolerance, SLIGHT), 0.0, parts)
 
-    @property
+    @cached_property
     def blocks(self) -> tuple[tuple[str, ...], ...]:
         """Ports with inertia, those that modes or the rigid mass couple together."""
         parts = self.parts
@@ -317,7 +318,7 @@ class ModalData:
             block for block in blocks if any(np.any(motions[port][live]) for port in block)
         )
 
-    @property
+    @cached_property
     def groups(self) -> tuple[tuple[str, ...], ...]:
         """The blocks that a mode moves."""
         moved = np.any(self.parts > 0.0, axis=0)
@@ -462,6 +463,13 @@ class ModalData:
         Raises:
             InputError: a number is given twice or lies beyond the last mode.
         """
+        self.check_numbers(modes)
+        numbers = sorted(modes)
+        step = f"modes {', '.join(str(k) for k in numbers)} of {self.modes} taken"
+        return replace(self._with_modes([k - 1 for k in numbers]), steps=(*self.steps, step))
+
+    def check_numbers(self, modes: Sequence[int]) -> None:
+        """The modes of these numbers are there, each asked for once."""
         for k in modes:
             if not 1 <= k <= self.modes:
                 raise InputError(
@@ -472,9 +480,6 @@ class ModalData:
             raise InputError(
                 f"modes = {list(modes)!r} must name at least one mode, and each only once."
             )
-        numbers = sorted(modes)
-        step = f"modes {', '.join(str(k) for k in numbers)} of {self.modes} taken"
-        return replace(self._with_modes([k - 1 for k in numbers]), steps=(*self.steps, step))
 
     def frozen(self) -> "ModalData":
         """The data without modes: a rigid appendage."""

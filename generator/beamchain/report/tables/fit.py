@@ -24,7 +24,7 @@ from beamchain.report.table import Column, Table
 from beamchain.structure.section import Equivalent
 
 if TYPE_CHECKING:
-    from beamchain.fitting.needs import LeftOut
+    from beamchain.fitting.kept import LeftOut
     from beamchain.fitting.result import Fit, InSpace
     from beamchain.ports.motions import Array
     from beamchain.structure.modal_data import ModalData
