@@ -137,7 +137,7 @@ def first_of_ports(data: ModalData, counts: Mapping[str, int]) -> tuple[int, ...
 
 def of_ports(body: Body, counts: Mapping[str, int], target: str = "clamped") -> Kept:
     """The first modes of each port."""
-    counts = {port: count for port, count in counts.items() if count}
+    counts = {port: counts[port] for port in PORTS if counts.get(port)}
     if body.data is None:
         return Kept(target, counts)
     return numbered(body, first_of_ports(body.data, counts), target)
