@@ -6,7 +6,7 @@ import pytest
 
 from beamchain import Linear, PortModel
 from beamchain.ports.motions import offset_matrix
-from formulas import Exchange
+from formulas import Exchange, PortLoads, rigid_body
 
 OMEGA = np.array([0.4, 1.9, 3.1])
 BUS = """<mujoco><worldbody><body name="bus"><freejoint/>
@@ -48,3 +48,78 @@ def test_an_exchanged_appendage_leaves_the_craft_as_if_it_had_been_there():
                 for place, model in zip(places, pair, strict=True)
             )
             assert found == pytest.approx(np.linalg.inv(whole), rel=1e-10, abs=1e-12)
+
+
+# -- what ports carry ------------------------------------------------------------------------------
+def moved(x, y, z):
+    """Motion of a point by that of the origin, v - r x w."""
+    out = np.eye(6)
+    out[:3, 3:] = [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]
+    return out
+
+
+BODY = np.diag([20.0, 20.0, 20.0, 4.0, 5.0, 6.0])  # of the bus
+HAND = np.diag([2.0, 2.0, 2.0, 0.3, 0.2, 0.4])
+PALM = np.diag([1.5, 1.5, 1.5, 0.1, 0.2, 0.2])
+TURN = np.kron(np.eye(2), [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+# the inner boom stands on the bus, a hand on its first port and the outer boom, turned, on its
+# second; a palm on that of the outer boom; and a boom that carries nothing on the bus
+INNER, AT_HAND, AT_OUTER = moved(0.5, 0.1, 0.0), moved(2.5, 0.1, 0.0), moved(1.5, 0.1, 0.0)
+AT_PALM, SIDE = moved(1.2, 0.0, 0.1), moved(-0.4, 0.0, 0.3)
+
+
+def on_ports(model, seed, *points):
+    tip = np.random.default_rng(seed).normal(size=(model.modes, 6 * len(points)))
+    return model.replaced(tip=tip, points=points)
+
+
+def accelerance(inner, outer, side, w):
+    """The bus, by all modes for coordinates: the inverse of M + C / s + K / s^2."""
+    models = inner, outer, side
+    counts = [6, *(model.modes for model in models)]
+    bus, *modes = np.split(np.eye(sum(counts)), np.cumsum(counts)[:-1])
+    inner_tip, outer_tip = (
+        np.zeros((0, size)) if model.tip is None else model.tip
+        for model, size in ((inner, 12), (outer, 6))
+    )
+    hand = AT_HAND @ bus + inner_tip[:, :6].T @ modes[0]
+    far = TURN @ (AT_OUTER @ bus + inner_tip[:, 6:].T @ modes[0])
+    palm = AT_PALM @ far + outer_tip.T @ modes[1]
+    bodies = (bus, BODY), (hand, HAND), (palm, PALM)
+    dynamic = sum(motion.T @ mass @ motion for motion, mass in bodies).astype(complex)
+    roots = INNER @ bus, far, SIDE @ bus
+    s = 1j * w
+    for model, root, by_mode in zip(models, roots, modes, strict=True):
+        pushed = by_mode.T @ model.participation @ root
+        spring = 1.0 + 2.0 * model.damping * model.frequencies / s + (model.frequencies / s) ** 2
+        dynamic += root.T @ model.rigid_mass @ root + pushed + pushed.T
+        dynamic += by_mode.T @ np.diag(spring) @ by_mode
+    return np.linalg.inv(dynamic)[:6, :6]
+
+
+def test_an_exchanged_boom_of_a_tree_leaves_it_as_if_it_had_been_there():
+    """Booms that carry bodies and each other: an exact inner, outer or other one is exchanged, also
+    for one that is rigid."""
+    one, zero = np.eye(6), np.zeros((6, 6))
+    # by the motion of the bus and of the three ports
+    by_hand = np.hstack([AT_HAND, one, zero, zero])
+    far = TURN @ np.hstack([AT_OUTER, zero, one, zero])
+    by_palm = AT_PALM @ far + np.hstack([zero, zero, zero, one])
+    mass = by_hand.T @ HAND @ by_hand + by_palm.T @ PALM @ by_palm
+    whole = BODY + mass[:6, :6]
+    mass[:6, :6] = 0.0
+    roots = np.hstack([INNER, zero, zero, zero]), far, np.hstack([SIDE, zero, zero, zero])
+    carrying = PortLoads(roots, mass, ((0, 2.0), (0, 1.0), (1, 1.2)))
+    exact = on_ports(OTHER, 1, 2.0, 1.0), on_ports(LEFT, 2, 1.2), RIGHT
+    exchange = Exchange(rigid_body(whole), exact, [], OMEGA, carrying)
+    rigid = appendage(2.0, [], np.zeros((0, 6)), 0.0)
+    for number, others in (
+        (0, (exact[0], on_ports(RIGHT, 3, 2.0, 1.0), rigid)),
+        (1, (on_ports(OTHER, 4, 1.2), rigid)),
+        (2, (OTHER, rigid)),
+    ):
+        for other in others:
+            models = [*exact[:number], other, *exact[number + 1 :]]
+            for w, found in zip(OMEGA, exchange.response(number, other), strict=True):
+                wanted = accelerance(*models, w)
+                assert found == pytest.approx(wanted, rel=1e-10, abs=1e-12)

@@ -2,8 +2,6 @@
 
 Closed forms beside the formulas of what is read from a model."""
 
-from types import SimpleNamespace
-
 import mujoco
 import numpy as np
 import pytest
@@ -32,6 +30,7 @@ from formulas import (
     normal_modes,
     offset_cautions,
     partial_fractions,
+    port_motion,
     reach,
     rest_point,
     rigid_body,
@@ -441,10 +440,10 @@ def test_ports_of_one_appendage_have_each_six_columns_of_its_tip():
     places = (5.0, 2.0, 3.0)
     model = PortModel(np.eye(6), np.array([1.0, 2.0]), np.zeros((2, 6)), tip=tip, points=places)
     rigid = PortModel(np.eye(6), np.zeros(0), np.zeros((0, 6)))
-    ports = SimpleNamespace(ports=((1, 2.0), (1, 5.0), (0, 5.0)))
-    assert np.array_equal(PortLoads.tip(ports, [rigid, model], 0), tip[:, 6:12])
-    assert np.array_equal(PortLoads.tip(ports, [rigid, model], 1), tip[:, :6])
-    assert PortLoads.tip(ports, [rigid, model], 2).shape == (0, 6)
+    assert np.array_equal(port_motion(model, (2.0,)), tip[:, 6:12])
+    assert np.array_equal(port_motion(model, (3.0, 5.0)), tip[:, [*range(12, 18), *range(6)]])
+    assert port_motion(model, ()).shape == (2, 0)
+    assert port_motion(rigid, (5.0, 2.0)).shape == (0, 12)
 
 
 # -- threads ---------------------------------------------------------------------------------------

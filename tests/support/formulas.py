@@ -242,6 +242,7 @@ from beamchain.engine.linear import (
     activation_names,
     coordinate_names,
     linear_at,
+    port_motion,
     rigid_body,
     slopes,
 )
@@ -986,6 +987,7 @@ __all__ = [
     "polished_delay",
     "polynomial",
     "port_hub_mass",
+    "port_motion",
     "port_of_mode",
     "port_rows",
     "ports_of_beam",

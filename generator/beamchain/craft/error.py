@@ -353,7 +353,7 @@ class Pose:
     def near(self) -> list[PortModel]:
         """The exact appendages with what lies far above the band gathered:
         their peaks are the same."""
-        return self._damped([item.whole.condensed(25.0 * self.band) for item in self.carried])
+        return self._gathered(25.0)
 
     @cached_property
     def whole(self) -> list[PortModel]:
@@ -442,28 +442,23 @@ class Pose:
             return partial(self.response, self.whole)
         return self._by_poles(self.with_exact, self.whole)[0]
 
-    def _gathered(self, models: Sequence[PortModel]) -> list[PortModel]:
-        """The modes that lie far above the band gathered, as searches take them in trees."""
-        return self._damped([model.condensed(FAR * self.band) for model in models])
+    def _gathered(self, bands: float) -> list[PortModel]:
+        """The exact appendages, damped, with the modes beyond so many bands gathered."""
+        above = bands * self.band
+        return self._damped([item.whole.condensed(above) for item in self.carried])
 
     @cached_property
     def _exchange(self) -> Exchange:
-        return Exchange(self.craft, self.whole, self.jacobians, self.known[1])
+        return Exchange(self.craft, self.whole, self.jacobians, self.known[1], self.carrying)
 
     def of_exchange(self, number: int, model: PortModel) -> float:
         """In-band error with `model` for an appendage and all others exact, where the exact craft
         has its peaks."""
         _, omega, exact = self.known
         undamped = self.carried[number].undamped
-        if self.carrying is None:
-            pick = np.ix_(range(omega.size), self.motions, self.motions)
-            response = self._exchange.response(number, with_damping(model, undamped))[pick]
-            return float(np.max(norm_ratios(response * self.scale - exact, self._size)))
-        models = [item.whole for item in self.carried]
-        models[number] = model
-        models = self._gathered(models)
-        response, _ = self._by_poles(self.with_appendages(models), models)
-        return float(np.max(norm_ratios(response(omega) - exact, self._size)))
+        pick = np.ix_(range(omega.size), self.motions, self.motions)
+        response = self._exchange.response(number, with_damping(model, undamped))[pick]
+        return float(np.max(norm_ratios(response * self.scale - exact, self._size)))
 
     @cached_property
     def _size(self) -> Array:
@@ -476,7 +471,7 @@ class Pose:
         exact craft has too many modes for its poles."""
         if self.carrying is None or len(self.with_exact.mass) <= MOST:
             return self.exact
-        models = self._gathered([item.whole for item in self.carried])
+        models = self._gathered(FAR)
         response, _ = self._by_poles(self.with_appendages(models), models)
         _, omega, there = self.known
         apart = np.max(relative_error(response(omega), there, self.frozen))

@@ -22,7 +22,7 @@ from beamchain.engine.linearise import check_freedoms, compile_model, dense_mass
 from beamchain.engine.normal_modes import NormalModes, normal_modes
 from beamchain.engine.operating_point import OperatingPoint, Pose, Rates, operating_point
 from beamchain.engine.signals import Input, Output, actuator_names
-from beamchain.ports.model import PortModel
+from beamchain.ports.model import PortModel, flexible_mass
 from beamchain.ports.motions import Array, locked
 
 POSITION = 1e-3  # perturbation of positions [m, rad]
@@ -78,6 +78,33 @@ class Outputs(NamedTuple):
     feedthrough: Array
 
 
+class Attachment(NamedTuple):
+    """Where an appendage acts on a craft.
+
+    Args:
+        rows: `(6 + 6 l, n)` B: the motion of its root, in its axes, and the wrenches on those l of
+            its ports that carry something, by the craft's n coordinates.
+        points: x of these ports [m].
+    """
+
+    rows: Array
+    points: tuple[float, ...] = ()
+
+    def block(self, model: PortModel, omega: Array) -> NDArray[np.complex128]:
+        """`(k, 6 + 6 l, 6 + 6 l)` Y: the appendage adds `B^T Y B` to the craft's dynamic mass.
+
+        With L the participation of its modes, tau their motion of the ports and H the accelerations
+        of these by forces on them:
+
+            Y = [[D, L^T H tau], [tau^T H L, -tau^T H tau]]
+              = diag(M, 0) - [L, -tau]^T H [L, -tau]
+        """
+        pushed = np.hstack([model.participation, -port_motion(model, self.points)])
+        rigid = np.zeros((pushed.shape[1], pushed.shape[1], 1))
+        rigid[:6, :6, 0] = model.rigid_mass
+        return np.moveaxis(rigid - flexible_mass(model, pushed, omega), -1, 0)
+
+
 class PortLoads(NamedTuple):
     """What ports of appendages carry: six coordinates p for every port that carries something,
     behind the craft's own q, its motion against the root of its appendage in the axes of the root.
@@ -96,9 +123,9 @@ class PortLoads(NamedTuple):
         """`(6 l, modes)` motion of the ports in the modes of all appendages."""
         ends = np.cumsum([0, *(model.modes for model in models)])
         out = np.zeros((6 * len(self.ports), int(ends[-1])))
-        for row, (number, _) in enumerate(self.ports):
+        for row, (number, point) in enumerate(self.ports):
             columns = slice(int(ends[number]), int(ends[number + 1]))
-            out[6 * row : 6 * row + 6, columns] = self.tip(models, row).T
+            out[6 * row : 6 * row + 6, columns] = port_motion(models[number], (point,)).T
         return out
 
     def by_modes(self, models: Sequence[PortModel]) -> Array:
@@ -106,11 +133,17 @@ class PortLoads(NamedTuple):
         nv = self.mass.shape[0] - 6 * len(self.ports)
         return block_diag(np.eye(nv), self.shapes(models))
 
-    def tip(self, models: Sequence[PortModel], port: int) -> Array:
-        """`(n, 6)` motion of a port in the modes of its appendage."""
-        number, x = self.ports[port]
-        model = models[number]
-        return model.point_motion([x])[:, 0] if model.modes else np.zeros((0, 6))
+    def added_to(self, dynamic: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """`(k, nv + 12 l, nv + 12 l)` dynamic mass of the craft by (q, p, lambda), without its
+        appendages; `dynamic` `(k, nv, nv)`: by q."""
+        nv = dynamic.shape[1]
+        size = self.mass.shape[0]
+        rows = size - nv
+        out = np.zeros((len(dynamic), size + rows, size + rows), dtype=np.complex128)
+        out[:, :nv, :nv] = dynamic
+        out[:, :size, :size] += self.mass
+        out[:, nv:size, size:] = out[:, size:, nv:size] = np.eye(rows)
+        return out
 
 
 class Activations(NamedTuple):
@@ -253,11 +286,6 @@ class Linear:
     ) -> NDArray[np.complex128]:
         """`(p, m, k)` frequency response of the outputs to the inputs, as in python-control.
 
-        Where ports carry something, with H the modes' response to a force, Z a root's motion by
-        u = (q, p) and tau that of its ports by the modes:
-
-            [[A + sum Z^T D Z, E + Z^T L^T H tau], [.^T, -tau^T H tau]] (u'', lambda) = (f, 0)
-
         Args:
             omega: `(k,)` [rad/s], above zero.
             models, roots: appendages in six motions, and the motion `(6, nv)` of each root in its
@@ -266,13 +294,7 @@ class Linear:
         """
         omega = np.asarray(omega, dtype=np.float64)
         s = np.asarray(1j * omega[:, None, None], dtype=np.complex128)
-        # dynamic mass: the inputs' force per acceleration
-        dynamic = self.mass + self.damping / s + self.stiffness / s**2
-        if carrying is not None:
-            dynamic = _with_ports(dynamic, s, models, carrying)
-            roots = [_wider(root, dynamic.shape[1] - root.shape[1]) for root in carrying.roots]
-        for model, root in zip(models, roots, strict=True):
-            dynamic = dynamic + root.T @ np.moveaxis(model.D(omega), -1, 0) @ root
+        dynamic = dynamic_mass(self, omega, models, roots, carrying)
         activations = self.activations
         force = np.broadcast_to(self.inputs.force, (s.size, *self.inputs.force.shape))
         seen = self.outputs.feedthrough
@@ -453,34 +475,49 @@ def _slices(start: int, models: Sequence[PortModel]) -> list[slice]:
     return [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True)]
 
 
-def _with_ports(
-    dynamic: NDArray[np.complex128],
-    s: NDArray[np.complex128],
+def dynamic_mass(
+    craft: Linear,
+    omega: Array,
     models: Sequence[PortModel],
-    carrying: PortLoads,
+    roots: Sequence[Array],
+    carrying: PortLoads | None,
 ) -> NDArray[np.complex128]:
-    """The dynamic mass `(k, nv, nv)` with the ports' coordinates and the wrenches on them behind
-    q, `(k, nv + 12 l, nv + 12 l)`; what roots add is left to the caller."""
+    """`(k, nv, nv)` force per acceleration of a craft with appendages, as in `Linear.response`.
+
+    Where ports carry something, `(k, nv + 12 l, nv + 12 l)` over (u, lambda): u = (q, p), lambda
+    the wrenches on the ports, Z the motion of a root by u, A the dynamic mass of all else:
+
+        [[A + sum Z^T D Z, E + Z^T L^T H tau], [.^T, -tau^T H tau]] (u'', lambda) = (f, 0)
+    """
+    s = np.asarray(1j * omega[:, None, None], dtype=np.complex128)
+    dynamic = craft.mass + craft.damping / s + craft.stiffness / s**2
+    if carrying is not None:
+        dynamic = carrying.added_to(dynamic)
+    for model, at in zip(models, attachments(roots, carrying), strict=True):
+        dynamic = dynamic + at.rows.T @ at.block(model, omega) @ at.rows
+    return dynamic
+
+
+def attachments(roots: Sequence[Array], carrying: PortLoads | None) -> list[Attachment]:
+    """Where appendages act: at their `roots`; by (q, p, lambda) where ports carry something."""
+    if carrying is None:
+        return [Attachment(root) for root in roots]
     size = carrying.mass.shape[0]
-    rows = 6 * len(carrying.ports)
-    out = np.zeros((dynamic.shape[0], size + rows, size + rows), dtype=np.complex128)
-    nv = dynamic.shape[1]
-    out[:, :nv, :nv] = dynamic
-    out[:, :size, :size] += carrying.mass
-    out[:, nv:size, size:] += np.eye(rows)
-    for i, (number, _) in enumerate(carrying.ports):
-        model = models[number]
-        w = model.frequencies
-        given = 1.0 / (1.0 + 2.0 * model.damping * w / s[:, 0] + (w / s[:, 0]) ** 2)  # H, (k, n)
-        wrench = slice(size + 6 * i, size + 6 * i + 6)
-        pushed = model.participation @ carrying.roots[number]
-        own = given[:, :, None] * carrying.tip(models, i)
-        out[:, :size, wrench] += pushed.T @ own
-        for j, (other, _) in enumerate(carrying.ports):
-            if other == number:
-                out[:, size + 6 * j : size + 6 * j + 6, wrench] -= carrying.tip(models, j).T @ own
-    out[:, size:, :size] = np.swapaxes(out[:, :size, size:], 1, 2)
+    count = 6 * len(carrying.ports)
+    wrenches = np.eye(count, size + count, size).reshape(-1, 6, size + count)
+    out: list[Attachment] = []
+    for number, root in enumerate(carrying.roots):
+        loaded = [i for i, (owner, _) in enumerate(carrying.ports) if owner == number]
+        points = tuple(carrying.ports[i][1] for i in loaded)
+        out.append(Attachment(np.vstack([_wider(root, count), *wrenches[loaded]]), points))
     return out
+
+
+def port_motion(model: PortModel, points: Sequence[float]) -> Array:
+    """`(n, 6 l)` motion of points of an appendage, x [m], in its modes."""
+    if not points or model.modes == 0:  # nothing is there, or it is rigid
+        return np.zeros((model.modes, 6 * len(points)))
+    return model.point_motion(points).reshape(model.modes, -1)
 
 
 def _taller(matrix: Array, extra: int) -> Array:

@@ -406,21 +406,8 @@ class PortModel:
     # -- responses ---------------------------------------------------------------------------------
     def D(self, omega: ArrayLike) -> NDArray[np.complex128]:  # noqa: N802 (the field's letter)
         """Dynamic mass `(m, m, k)`: wrench per unit acceleration at `omega` `(k,)` [rad/s]."""
-        s = 1j * np.atleast_1d(finite_array("omega", omega, (), (None,), unit="rad/s"))
-        m = self.motions
-        if self.damping.ndim == 2:
-            # (s^2 I + s C + W^2)^-1 s^2 L
-            inner = np.diag(self.frequencies**2) + s[:, None, None] * self.damping_matrix
-            inner = inner + (s**2)[:, None, None] * np.eye(self.modes)
-            inertial = (s**2)[:, None, None] * self.participation
-            coupled = self.participation.T @ np.linalg.solve(inner, inertial)
-            return np.moveaxis(self.rigid_mass - coupled, 0, -1)
-        w = self.frequencies[:, None]
-        weight = s**2 / (s**2 + 2.0 * self.damping[:, None] * w * s + w**2)
-        effective = self.effective_mass.reshape(self.modes, m**2)
-        # a real times a complex matrix, as a product of real ones: many modes take time here
-        parts = np.ascontiguousarray(weight, dtype=np.complex128).view(np.float64)
-        flexible = (effective.T @ parts).view(np.complex128).reshape(m, m, s.size)
+        frequency = np.atleast_1d(finite_array("omega", omega, (), (None,), unit="rad/s"))
+        flexible = flexible_mass(self, self.participation, frequency)
         return self.rigid_mass.astype(np.complex128)[:, :, None] - flexible
 
     def W(self, omega: ArrayLike) -> NDArray[np.complex128]:  # noqa: N802
@@ -693,3 +680,22 @@ class PortModel:
             "points",
         )
         return PortModel(**{name: changes.get(name, getattr(self, name)) for name in names})
+
+
+def flexible_mass(model: PortModel, rows: Array, omega: Array) -> NDArray[np.complex128]:
+    """`(r, r, k)` `R^T H R` of rows R `(n, r)` of a model's modes, with H the accelerations of
+    these by forces on them, at `omega` `(k,)` [rad/s]."""
+    s = 1j * omega
+    n, r = rows.shape
+    if model.damping.ndim == 2:
+        # H = (s^2 I + s C + W^2)^-1 s^2
+        inner = np.diag(model.frequencies**2) + s[:, None, None] * model.damping_matrix
+        inner = inner + (s**2)[:, None, None] * np.eye(n)
+        coupled = rows.T @ np.linalg.solve(inner, (s**2)[:, None, None] * rows)
+        return np.moveaxis(coupled, 0, -1)
+    w = model.frequencies[:, None]
+    weight = s**2 / (s**2 + 2.0 * model.damping[:, None] * w * s + w**2)  # H
+    products = (rows[:, :, None] * rows[:, None, :]).reshape(n, r**2)
+    # a real times a complex matrix, as a product of real ones: many modes take time here
+    parts = np.ascontiguousarray(weight, dtype=np.complex128).view(np.float64)
+    return (products.T @ parts).view(np.complex128).reshape(r, r, s.size)
