@@ -51,6 +51,7 @@ from beamchain.ports.compare import (
     peak_clusters,
     peaks_at,
     relative_error,
+    spectral_norm,
     spectral_norms,
     unresolved_peaks,
     with_damping,
@@ -252,9 +253,7 @@ class Pose:
         inverse = np.linalg.pinv(rigid, rcond=RANK, hermitian=True)
         scale = np.sqrt(np.diag(inverse))[list(self.motions)]
         self.scale: Array = np.outer(scale, scale)
-        self.frozen: float = float(
-            np.linalg.norm(rigid[np.ix_(self.motions, self.motions)] * self.scale, 2)
-        )
+        self.frozen: float = spectral_norm(rigid[np.ix_(self.motions, self.motions)] * self.scale)
 
     def _refuse_axes(self, wanted: Sequence[int], able: Sequence[int]) -> NoReturn:
         names = {number: name for name, number in AXES.items()}

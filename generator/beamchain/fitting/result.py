@@ -33,7 +33,7 @@ from beamchain.fitting.options import Scene
 from beamchain.fitting.spec import Spec
 from beamchain.fitting.warnings import step_warnings, turn_warning
 from beamchain.mjcf import write
-from beamchain.ports.compare import Comparison, keeps_tolerance, with_damping
+from beamchain.ports.compare import Comparison, keeps_tolerance, spectral_norm, with_damping
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORTS, Array
 from beamchain.steps.budget import linear_model
@@ -500,7 +500,7 @@ class Fit:
             motion_at(model),
             rows,
             scale=np.outer(s, s),
-            frozen=float(np.linalg.norm(rigid, 2)),
+            frozen=spectral_norm(rigid),
         )
 
     @property

@@ -227,7 +227,7 @@ class Block:
         """Norm of the dimensionless accelerance of the rigid whole."""
         pick = list(self.keep)
         accelerance = np.linalg.inv(self.hub + self.exact.rigid_mass)
-        return float(np.linalg.norm(accelerance[np.ix_(pick, pick)] * self.scale, 2))
+        return spectral_norm(accelerance[np.ix_(pick, pick)] * self.scale)
 
 
 class Reference:
@@ -514,6 +514,11 @@ def norm_ratios(matrices: NDArray[np.complex128], size: Array) -> Array:
 def largest_norm_ratio(matrices: NDArray[np.complex128], size: Array) -> float:
     """Largest spectral norm of `matrices` `(k, m, m)` over `size` `(k,)`."""
     return float(np.max(norm_ratios(matrices, size)))
+
+
+def spectral_norm(matrix: Array) -> float:
+    """The spectral norm of one matrix `(m, m)`, as errors take it."""
+    return float(spectral_norms(np.asarray(matrix, dtype=np.complex128)[None])[0])
 
 
 def spectral_norms(matrices: NDArray[np.complex128]) -> Array:

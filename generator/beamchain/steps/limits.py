@@ -22,6 +22,7 @@ from beamchain.ports.compare import (
     band_grid,
     largest_norm_ratio,
     peak_clusters,
+    spectral_norm,
     spectral_norms,
     with_damping,
 )
@@ -282,7 +283,7 @@ def choose_step(
         np.ix_(keep, keep)
     ] * np.outer(s, s)
     stable = coupled_limits(coupled, None, tendon=tendon, sprung=sprung).largest_step
-    frozen = float(np.linalg.norm(rigid, 2))
+    frozen = spectral_norm(rigid)
     known = rigid + _flexible(grid, w, ratios, p, s)
     below = np.maximum(spectral_norms(known), frozen)
     out: list[StepChoice] = []
