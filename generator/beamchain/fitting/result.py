@@ -500,7 +500,7 @@ class Fit:
             motion_at(model),
             rows,
             scale=np.outer(s, s),
-            frozen=spectral_norm(rigid),
+            frozen=spectral_norm(np.asarray(rigid, dtype=np.float64)),
         )
 
     @property
