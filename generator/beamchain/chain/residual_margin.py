@@ -147,34 +147,44 @@ class Margins:
         return min(margins), chosen, margins
 
     def _choices(self, group: HingeDemand, x: Array) -> Iterator[list[Freedom]]:
-        """Hinges that a group may take: fixed ones, and others evenly spread first."""
+        """Hinges that a group may take: those that it requires, with as many others as it needs."""
         close = SAME_PLACE * self.line.length
-        own: dict[str, list[int]] = {}
-        free: dict[str, list[int]] = {}
-        more: dict[str, int] = {}
+        required: dict[str, list[int]] = {}
+        others: dict[str, list[int]] = {}
+        needed: dict[str, int] = {}
         for port, count in group.counts.items():
             fixed = group.fixed.get(port, ())
-            own[port] = [i for i, at in enumerate(x) if any(abs(at - f) <= close for f in fixed)]
-            free[port] = [i for i in range(x.size) if i not in own[port]]
-            more[port] = max(min(count - len(own[port]), len(free[port])), 0)
-
-        def taken(pick: Mapping[str, Sequence[int]]) -> list[Freedom]:
-            return sorted((i, p) for p in own for i in [*own[p], *(free[p][k] for k in pick[p])])
-
-        yield taken({p: [k * len(free[p]) // more[p] for k in range(more[p])] for p in own})
-        if all(more[p] == len(free[p]) for p in own):
-            return
-        yield taken({p: range(more[p]) for p in own})
-        if len(own) == 1:
-            [port] = own
-            for pick in islice(combinations(range(len(free[port])), more[port]), MOST_CHOICES):
-                yield taken({port: pick})
+            required[port] = [
+                k for k, at in enumerate(x) if any(abs(at - f) <= close for f in fixed)
+            ]
+            others[port] = [k for k in range(x.size) if k not in required[port]]
+            needed[port] = max(min(count - len(required[port]), len(others[port])), 0)
+        for pick in _picks(others, needed):
+            yield sorted((k, port) for port in pick for k in [*required[port], *pick[port]])
 
     def value(self, x: Array, *, whole: bool = True) -> float:
         """Least margin of hinges at `x`; -inf where a link is too short."""
         if shortest_link(x, self.line.length) < SHORTEST or np.any(np.diff(x) <= 0.0):
             return -np.inf
         return self.assigned(x, whole=whole)[0]
+
+
+def _picks(
+    others: Mapping[str, Sequence[int]], needed: Mapping[str, int]
+) -> Iterator[Mapping[str, Sequence[int]]]:
+    """Per port, as many hinges as needed: evenly spread, the first, and for a single port any."""
+    evenly_spread = {
+        port: [free[k * len(free) // needed[port]] for k in range(needed[port])]
+        for port, free in others.items()
+    }
+    yield evenly_spread
+    if all(len(evenly_spread[port]) == len(free) for port, free in others.items()):
+        return
+    yield {port: free[: needed[port]] for port, free in others.items()}
+    if len(others) == 1:
+        [(port, free)] = others.items()
+        for pick in islice(combinations(free, needed[port]), MOST_CHOICES):
+            yield {port: pick}
 
 
 def _whitening(matrices: Array) -> Array:
