@@ -60,7 +60,7 @@ def chain_of(data, modes):
     reasons = []
     for power in POWERS:
         try:
-            _, how, _ = cut_chain(data.line(power), [group], (), (AT[0],))
+            how = cut_chain(data.line(power), [group], (), (AT[0],)).how
         except RealisationError as error:
             reasons.append(str(error))
         except BeamchainError:

@@ -106,7 +106,7 @@ def evenly_cut(beam: bc.Beam, modes: dict[str, int], **more: object) -> bc.Fit:
                 beyond=beyond,
             )
         )
-    _, _, cut = cut_chain(beam, groups, ())
+    cut = cut_chain(beam, groups, ()).cut
     return bc.fit(
         beam, modes=modes, options=FitOptions(cuts=tuple(float(x) for x in cut.x)), **more
     )

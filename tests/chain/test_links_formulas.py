@@ -304,12 +304,12 @@ def test_hinges_are_shared_out_as_modes_move_the_ports(weights, counts):
 def test_a_root_without_mass_stands_on_a_hinge():
     """What no mode carries away is 1e-9 of a motion's mass at least."""
     rigid = np.diag([2.0, 2.0, 2.0, 0.5, 8.0, 8.0])
-    line = SimpleNamespace(hinge_lines={"xz": (0.7,)})
+    line = SimpleNamespace(whole=rigid, hinge_lines={"xz": (0.7,)})
     for part, bare in ((0.9, True), (1.1, False)):
         row = [[np.sqrt(8.0 * (1.0 - part * 1e-9)), 0.0][::-1]]
-        found = required_hinges(line, modes(row, ("xz",)), [1.5], rigid)
+        found = required_hinges(line, modes(row, ("xz",)), [1.5])
         assert found == {"xz": (0.0, 0.7, 1.5) if bare else (0.7, 1.5)}
-    found = required_hinges(line, modes([[0.5, 0.0, 0.1]], ("xy", "torsion")), [0.4, 0.2], rigid)
+    found = required_hinges(line, modes([[0.5, 0.0, 0.1]], ("xy", "torsion")), [0.4, 0.2])
     assert found == {"xy": (0.2, 0.4), "torsion": (0.2, 0.4)}
 
 
@@ -393,12 +393,12 @@ def test_what_is_too_wide_for_thin_links_gets_bodies_of_its_rigid_mass(taken, mo
     monkeypatch.setattr("beamchain.chain.build.spread_mass", spread)
     monkeypatch.setattr("beamchain.chain.build.settle_links", settle)
     rows = np.array([[0.3, 0.4]])
-    chain, how, cut = cut_chain(line, [modes(rows)], [1.1])
+    built = cut_chain(line, [modes(rows)], [1.1])
     assert tried == [power for power in (0, 1, 2, 4) if power <= taken]
-    assert chain.rigid_mass() == pytest.approx(line.rigid_mass(), abs=1e-9)
-    assert 1.1 in cut.x.tolist()
-    assert "too wide" in how
-    assert chain.port("xy").participation[0] == pytest.approx(rows[0], rel=1e-6)
+    assert built.chain.rigid_mass() == pytest.approx(line.rigid_mass(), abs=1e-9)
+    assert 1.1 in built.cut.x.tolist()
+    assert "too wide" in built.how
+    assert built.chain.port("xy").participation[0] == pytest.approx(rows[0], rel=1e-6)
 
 
 def test_an_appendage_without_modes_is_one_body():

@@ -10,6 +10,7 @@ from scipy.linalg import eigh
 
 import beamchain as bc
 from beamchain import PortModel
+from beamchain.chain.build import Built
 from beamchain.errors import RealisationError
 from beamchain.structure.readers.imported import Imported
 from formulas import (
@@ -469,7 +470,7 @@ def test_what_coupled_ports_ask_of_their_chain(target, monkeypatch):
 
     def cut_chain(line, groups, lines, most_added):
         asked.extend([line, groups, lines, most_added])
-        return "chain", "so", "cut"
+        return Built("chain", {}, "so", cut="cut")
 
     monkeypatch.setattr("beamchain.fitting.realise.cut_chain", cut_chain)
     kept = case(of, (1, 2, 4), target, scene=bc.Scene(bandwidth=50.0))

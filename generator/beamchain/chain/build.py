@@ -22,7 +22,7 @@ from beamchain.chain.links import (
     with_polar,
 )
 from beamchain.chain.recursion import Nodes, planar_links, realise, realise_scalar
-from beamchain.chain.residual_margin import HingeDemand, shortest_link
+from beamchain.chain.residual_margin import SAME_PLACE, HingeDemand, shortest_link
 from beamchain.chain.tendons import ModeGroup, given_modes, group_motion, springs_as_modes
 from beamchain.errors import InputError, RealisationError
 from beamchain.ports.model import PortModel
@@ -142,16 +142,16 @@ def _cut_beam(
     missing: list[str] = []
     targets = {port: _available(target_of, port, count, missing) for port, count in kept.items()}
     groups = [_modes_of(port, target, wishes, kept[port]) for port, target in targets.items()]
-    chain, how, cut = cut_chain(beam, groups, wishes.lines, wishes.further, wishes.cut)
+    built = cut_chain(beam, groups, wishes.lines, wishes.further, wishes.cut)
     for port, target in () if wishes.further else targets.items():
-        found = chain.port(port).frequencies[: target.modes]
+        found = built.chain.port(port).frequencies[: target.modes]
         miss = float(np.max(np.abs(found / target.frequencies - 1.0)))
         if miss > LOST_DIGITS:
             raise RealisationError(
                 f"digits are lost with {target.modes} modes in {port}: a frequency is off by "
                 f"{miss:.1e}; keep fewer modes."
             )
-    return Built(chain, targets, how, tuple(missing), tuple(history), cut)
+    return replace(built, targets=targets, missing=tuple(missing), history=tuple(history))
 
 
 def _modes_of(port: str, target: PortModel, wishes: BuildOptions, count: int) -> ModeGroup:
@@ -335,84 +335,73 @@ def cut_chain(
     further: Sequence[float] = (),
     cut: Cut | None = None,
     most_added: int = MOST_ADDED,
-) -> tuple[Chain, str, Cut]:
-    """A chain with one tendon per mode, how it was found, and the cut;
+) -> Built:
+    """A chain with one tendon per mode, whose targets the caller knows;
     `most_added`: see `choose_cut`."""
-    rigid = line.whole
     groups = [
-        group.fitting(group_motion(group.ports).T @ rigid @ group_motion(group.ports))
+        group.fitting(group_motion(group.ports).T @ line.whole @ group_motion(group.ports))
         for group in groups
     ]
-    wanted = [
-        HingeDemand(group, _counts(group), _required_hinges(line, group, lines, rigid))
-        for group in groups
-    ]
-    wanted = [
-        HingeDemand(
-            w.modes, {p: max(count, len(w.fixed[p])) for p, count in w.counts.items()}, w.fixed
-        )
-        for w in wanted
-    ]
-    cut = cut or choose_cut(line, wanted, lines, further, most_added)
+    demands = [_hinge_demand(line, group, lines) for group in groups]
+    cut = cut or choose_cut(line, demands, lines, further, most_added)
     try:
         links = settle_links(line, bodies(line, cut.x), cut.x)
     except RealisationError:
         if not line.exact:
             raise
-        # too wide for thin links: bodies of the same rigid mass whose breadth stands in
-        # all three inertias
-        chain, how, cut = _wide(line, groups, lines, further)
-        return (
-            chain,
-            f"{how}, bodies of the appendage's rigid mass as it is too wide for thin links",
-            cut,
-        )
+        return _cut_wide_chain(line, groups, lines, further)
     hinges = tuple(
-        Hinge(x=float(x), stiffness=dict.fromkeys(p, 0.0))
-        for x, p in zip(cut.x, cut.ports, strict=True)
+        Hinge(x=float(x), stiffness=dict.fromkeys(ports, 0.0))
+        for x, ports in zip(cut.x, cut.ports, strict=True)
     )
-    chain = Chain(tuple(links), hinges, line.length)
-    placed = [
-        group.on(np.array([hinges[i].x for i, _ in chain.freedoms(group.ports)]))
-        for group in groups
-    ]
+    limp = Chain(tuple(links), hinges, line.length)
     damped = any(np.any(group.damping > 0.0) for group in groups)
-    chain = given_modes(chain, placed, further, ratio=FILLER_RATIO if damped else 0.0)
-    short = shortest_link(cut.x, line.length)
+    chain = given_modes(limp, groups, further, ratio=FILLER_RATIO if damped else 0.0)
     how = (
-        f"one tendon per mode on {len(hinges)} chosen cuts, shortest link {short:.3g} of the length"
+        f"one tendon per mode on {len(hinges)} chosen cuts, shortest link "
+        f"{shortest_link(cut.x, line.length):.3g} of the length"
     )
-    if cut.added:
-        how += f", {cut.added} more than the modes alone would need"
-        if lines:
-            count = len(cut.x) - cut.added
-            free = [
-                x
-                for x in cut.x
-                if not np.any(np.isclose(x, lines, rtol=0.0, atol=1e-9 * line.length))
-            ]
-            how += (
-                f" (with {count}, {len(lines)} of them from fit.cuts, {cut.reason}; now hinges "
-                "stand also at "
-            )
-            how += ", ".join(f"{x:.3g}" for x in free) + " m)"
-    return chain, how, cut
+    return Built(chain, {}, how + _added_hinges(cut, lines, line.length), cut=cut)
 
 
-def _wide(
+def _added_hinges(cut: Cut, lines: Sequence[float], length: float) -> str:
+    """How many hinges a cut has beyond those that the modes need, why, and where; "" for none."""
+    if not cut.added:
+        return ""
+    count = f", {cut.added} more than the modes alone would need"
+    if not lines:
+        return count
+    away = np.min(np.abs(cut.x[:, None] - np.array(lines)), axis=1) > SAME_PLACE * length
+    places = ", ".join(f"{x:.3g}" for x in cut.x[away])
+    return (
+        f"{count} (with {len(cut.x) - cut.added}, {len(lines)} of them from fit.cuts, {cut.reason};"
+        f" now hinges stand also at {places} m)"
+    )
+
+
+def _cut_wide_chain(
     line: MassLine, groups: Sequence[ModeGroup], lines: Sequence[float], further: Sequence[float]
-) -> tuple[Chain, str, Cut]:
-    """The chain on bodies of the appendage's rigid mass, with little near the root."""
-    reason: RealisationError | None = None
+) -> Built:
+    """The chain of an appendage too wide for thin links, on bodies of its rigid mass whose breadth
+    stands in all three inertias, with little near the root."""
+    refusals: list[str] = []
     for power in (0, 1, 2, 4):
         try:
-            return cut_chain(
-                spread_mass(line.rigid_mass(), line.length, power=power), groups, lines, further
-            )
+            spread = spread_mass(line.rigid_mass(), line.length, power=power)
+            built = cut_chain(spread, groups, lines, further)
         except (RealisationError, InputError) as error:
-            reason = reason or RealisationError(str(error))
-    assert reason is not None
-    raise reason
+            refusals.append(str(error))
+            continue
+        why = "bodies of the appendage's rigid mass as it is too wide for thin links"
+        return replace(built, how=f"{built.how}, {why}")
+    raise RealisationError(refusals[0])
+
+
+def _hinge_demand(line: MassLine, group: ModeGroup, lines: Sequence[float]) -> HingeDemand:
+    """The hinges that a group needs: as many as its modes, and all that must stand."""
+    required = _required_hinges(line, group, lines)
+    counts = {port: max(count, len(required[port])) for port, count in _counts(group).items()}
+    return HingeDemand(group, counts, required)
 
 
 def _counts(group: ModeGroup) -> dict[str, int]:
@@ -434,11 +423,11 @@ def _counts(group: ModeGroup) -> dict[str, int]:
 
 
 def _required_hinges(
-    line: MassLine, group: ModeGroup, lines: Sequence[float], rigid: Array
+    line: MassLine, group: ModeGroup, lines: Sequence[float]
 ) -> dict[str, tuple[float, ...]]:
     """Per port, x of the hinges that must stand: the user's, real ones, a massless root."""
     motion = group_motion(group.ports)
-    mass = motion.T @ rigid @ motion
+    mass = motion.T @ line.whole @ motion
     size = np.sqrt(np.diag(mass))
     part = group.rows[:, : len(mass)] / size
     bare = float(np.linalg.eigvalsh(mass / np.outer(size, size) - part.T @ part)[0]) < NOTHING

@@ -326,6 +326,7 @@ def given_modes(
         # static responses of further ports set the step anyway
         top = max(highest, float(group.frequencies[-1]))
         freedoms = chain.freedoms(group.ports)
+        group = group.on(np.array([chain.hinges[i].x for i, _ in freedoms]))
         motion = group_motion(group.ports)
         rigid, elastic = chain.rows(freedoms)
         port = [port_rows(chain, freedoms, motion, x) for x in further]

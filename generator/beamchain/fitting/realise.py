@@ -300,14 +300,14 @@ def _couple_ports(body: Body, kept: Kept, line: MassLine, most_added: int) -> Bu
                 neutral=kept.target != "clamped",
             )
         )
-    chain, how, cut = cut_chain(line, groups, spec.fit.cuts, most_added=most_added)
+    built = cut_chain(line, groups, spec.fit.cuts, most_added=most_added)
     alive = [
         port
         for port in PORTS
         if np.all(np.diag(PORT_MOTION[port].T @ modes.rigid_mass @ PORT_MOTION[port]) > 0.0)
     ]
     targets = {port: model for port in alive if (model := _visible_modes(modes, port)).modes}
-    return Built(chain, targets, how, cut=cut)
+    return replace(built, targets=targets)
 
 
 def _check_body(data: ModalData) -> None:
