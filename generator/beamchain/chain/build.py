@@ -6,6 +6,7 @@ Theory: docs/theory.md, sections 3 and 4.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -89,46 +90,50 @@ class BuildOptions:
 def build_exact(
     beam: MassLine, kept: Mapping[str, int], target_of: TargetOf, wishes: BuildOptions | None = None
 ) -> Built:
-    """The exact chain of all kept ports."""
+    """The exact chain of all kept ports: the recursion's, else that on a chosen cut, else the
+    recursion's with fewer modes."""
     if not kept:
         return _rigid(beam)
     wishes = wishes or BuildOptions()
+    _check_springs(wishes)
 
     def whole_target(port: str, count: int) -> PortModel:
         return with_modes(target_of(port, count), count, port)
 
-    if wishes.springs == "hinges" and (wishes.lines or wishes.further or wishes.per_mode):
-        what = (
-            "fit.cuts"
-            if wishes.lines
-            else "a further port"
-            if wishes.further
-            else 'damping.form = "modal"'
-        )
-        raise InputError(
-            f'fit.springs = "hinges" and {what} do not go together: that takes a tendon per mode; '
-            'use fit.springs = "auto".'
-        )
     history: list[str] = []
-    if not wishes.lines and not wishes.further and wishes.cut is None:
-        try:
-            return _recursive(
-                beam, kept, whole_target, wishes, history, fewer=wishes.springs == "hinges"
-            )
-        except RealisationError as error:
-            if wishes.springs == "hinges":
-                raise
-            history.append(f"recursion: {error}")
+    cut_beam = partial(_cut_beam, beam, kept, whole_target, wishes, history)
+    recursive = partial(_recursive, beam, kept, whole_target, wishes, history)
+    if wishes.lines or wishes.further or wishes.cut is not None:
+        return cut_beam()
+    if wishes.springs == "hinges":
+        return recursive(fewer=True)
     try:
-        return _cut_beam(beam, kept, whole_target, wishes, history)
+        return recursive(fewer=False)
+    except RealisationError as error:
+        history.append(f"recursion: {error}")
+    try:
+        return cut_beam()
+    except RealisationError as error:
+        refusal = error
+    try:
+        return recursive(fewer=True)
     except RealisationError:
-        if not history:
-            raise
-        try:  # the modes that the recursion holds
-            return _recursive(beam, kept, whole_target, wishes, history, fewer=True)
-        except RealisationError:
-            pass
-        raise
+        raise refusal from None
+
+
+def _check_springs(wishes: BuildOptions) -> None:
+    """Springs are not asked to stand on the hinges where a tendon per mode is needed."""
+    reasons = {
+        "fit.cuts": wishes.lines,
+        "a further port": wishes.further,
+        'damping.form = "modal"': wishes.per_mode,
+    }
+    reason = next((name for name, asked in reasons.items() if asked), None)
+    if wishes.springs == "hinges" and reason:
+        raise InputError(
+            f'fit.springs = "hinges" and {reason} do not go together: that takes a tendon per '
+            'mode; use fit.springs = "auto".'
+        )
 
 
 def _cut_beam(
