@@ -18,7 +18,6 @@ from beamchain.chain.residual_margin import (
     MARGIN,
     SAME_PLACE,
     SHORTEST,
-    Effort,
     HingeDemand,
     Margins,
     shortest_link,
@@ -43,7 +42,8 @@ MOST_ADDED = 4  # hinges tried beyond what the modes need
 
 @dataclass(frozen=True, eq=False)
 class Cut:
-    """Where the hinges stand: x `(c,)` [m], their ports, and the least margin."""
+    """Where the hinges stand: x `(c,)` [m], their ports, and the least margin; how many are `added`
+    to those that the modes need, and the `reason`: what the cut without them lacks."""
 
     x: Array
     ports: tuple[tuple[str, ...], ...]
@@ -63,56 +63,44 @@ def choose_cut(
 
     Up to `most_added` hinges, and one per line, are tried beyond those that the modes need.
     """
-    length = line.length
-    fixed = _merge_close(
-        [*lines, *(x for group in wanted for places in group.fixed.values() for x in places)],
-        length,
-    )
-    groups = list(wanted)
-    effort = Effort()
-    first: str | None = None
-    tried = 0
-    for added in range(most_added + fixed.size + 1 if most_added else 1):
-        if effort.tried > MOST_TRIED:
-            break
-        tried = added
-        search = Margins(line, tuple(groups), tuple(further), effort)
-        size = max(fixed.size, *(count for group in groups for count in group.counts.values()))
-        x, margin = _best(search, fixed, size - fixed.size)
-        enough = LEAST_MARGIN if further else MARGIN
+    standing = (x for group in wanted for places in group.fixed.values() for x in places)
+    fixed = _merge_close([*lines, *standing], line.length)
+    most = most_added + fixed.size if most_added else 0
+    enough = LEAST_MARGIN if further else MARGIN
+    search = Margins(line, tuple(wanted), tuple(further))
+    added = 0
+    reason = ""
+    while True:
+        count = max(count for group in search.wanted for count in group.counts.values())
+        x, margin = _best(search, fixed, count - fixed.size)
         if margin >= enough:
-            least = tuple(_fewest(search, x, wanted, groups))
-            search = Margins(line, least, tuple(further), effort)
-            x = _even(search, x, fixed)
-            margin, chosen, _ = search.assigned(x)
-            ports = [
-                tuple(p for group in chosen for i, p in group if i == k) for k in range(x.size)
-            ]
-            used = [k for k in range(x.size) if ports[k]]
-            return Cut(x[used], tuple(ports[k] for k in used), margin, added, first or "")
-        margins = search.assigned(x)[2] if np.isfinite(margin) else [-np.inf] * len(groups)
-        if first is None:
-            first = _margin_sentence(groups, margins)
-        groups = [g.more() if m < MARGIN else g for g, m in zip(groups, margins, strict=True)]
-    raise RealisationError(
-        f"no cut of the appendage holds these modes: {first} (further hinges tried: {tried}); "
-        + (
-            "keep fewer modes, or fewer points beside the root (a port in the middle can be the "
-            "end of one appendage, with a second one right on it)."
-            if further
-            else "keep fewer modes, or check the rigid mass and the participation."
+            search = search.of(*_fewest(search, x, wanted))
+            return _cut_at(search, _even(search, x, fixed), added, reason)
+        margins = search.assigned(x)[2] if np.isfinite(margin) else [-np.inf] * len(wanted)
+        reason = reason or _margin_sentence(search.wanted, margins)
+        if added == most or search.effort.tried > MOST_TRIED:
+            raise RealisationError(_no_cut_sentence(reason, added, further))
+        added += 1
+        search = search.of(
+            *(g.more() if m < MARGIN else g for g, m in zip(search.wanted, margins, strict=True))
         )
-    )
 
 
-def _fewest(
-    search: Margins, x: Array, wanted: Sequence[HingeDemand], groups: Sequence[HingeDemand]
-) -> list[HingeDemand]:
-    """The groups, each with no more hinges than it needs on a cut that others needed."""
-    out = list(groups)
+def _cut_at(search: Margins, x: Array, added: int, reason: str) -> Cut:
+    """The hinges at `x` that a group takes."""
+    margin, chosen, _ = search.assigned(x)
+    ports = [tuple(port for group in chosen for i, port in group if i == k) for k in range(x.size)]
+    used = [k for k in range(x.size) if ports[k]]
+    return Cut(x[used], tuple(ports[k] for k in used), margin, added, reason)
+
+
+def _fewest(search: Margins, x: Array, wanted: Sequence[HingeDemand]) -> list[HingeDemand]:
+    """The groups of a search, each with no more hinges than it needs on a cut that others needed;
+    `wanted`: as they were before hinges were added."""
+    out = list(search.wanted)
     for k, first in enumerate(wanted):
         least = first
-        while least.counts != groups[k].counts:
+        while least.counts != search.wanted[k].counts:
             if search.of(least).assigned(x)[0] >= MARGIN:
                 out[k] = least
                 break
@@ -124,6 +112,19 @@ def _fewest(
                     break
                 out[k] = fewer
     return out
+
+
+def _no_cut_sentence(reason: str, added: int, further: Sequence[float]) -> str:
+    cure = (
+        "fewer points beside the root (a port in the middle can be the end of one appendage, with "
+        "a second one right on it)."
+        if further
+        else "check the rigid mass and the participation."
+    )
+    return (
+        f"no cut of the appendage holds these modes: {reason} (further hinges tried: {added}); "
+        f"keep fewer modes, or {cure}"
+    )
 
 
 def _margin_sentence(groups: Sequence[HingeDemand], margins: Sequence[float]) -> str:

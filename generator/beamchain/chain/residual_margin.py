@@ -76,9 +76,9 @@ class Margins:
         default_factory=dict[int, tuple[Array, Array, Array, Array]]
     )
 
-    def of(self, group: HingeDemand) -> "Margins":
-        """Those of one group alone."""
-        return Margins(self.line, (group,), self.further, self.effort)
+    def of(self, *groups: HingeDemand) -> "Margins":
+        """Those of other groups, at the same effort."""
+        return Margins(self.line, groups, self.further, self.effort)
 
     def margins(
         self, group: HingeDemand, x: Array, choices: Sequence[Sequence[Freedom]], behind: Array
