@@ -7,7 +7,7 @@ participation `L_k` can be given to these bodies if and only if `sum_k L_k L_k^T
 Theory: docs/theory.md, section 4.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -123,58 +123,85 @@ def _root(matrix: Array) -> Array:
 def modal_matrix(
     kinematics: Array, inertia: Array, modes: ModeGroup, fillers: tuple[float, float]
 ) -> tuple[Array, Array, Array]:
-    """Mass-normalised modes in hinge coordinates `(f, f)`, wanted ones first,
-    the armature `(f, f)` they need, and the frequencies of all `(f,)`.
+    """Mass-normalised modes T in hinge coordinates `(f, f)`, wanted ones first,
+    the armature mu `(f, f)` they need, and the frequencies of all `(f,)`.
 
     `kinematics` `(m, f)`: P over the rows of further ports; `inertia` `(f, f)`: Q;
     `fillers`: lowest and highest frequency of fillers [rad/s].
     """
-    n = modes.frequencies.size
-    size = inertia.shape[0]
+    n, size = modes.frequencies.size, len(inertia)
+    apart = modes.neutral and size > n
+    # Q = C C^T, T = C^-T U
     root = np.linalg.cholesky(inertia)
-    unit = np.linalg.solve(root, kinematics.T).T
-    scale = np.sqrt(np.sum(unit**2, axis=1))
+    seen, unseen, on_seen = _split(kinematics, root)
+    # U: the modes, motions that the root does not feel, and what is left, as fillers
+    guide = None if modes.momenta is None else unseen.T @ np.linalg.solve(root, modes.momenta.T)
+    u = _lift(on_seen(modes.rows), seen, unseen, guide, room=ROOM if apart else 1.0)
+    if apart:
+        u = np.column_stack([u, _unfelt(u, seen, unseen, size - n)])
+    left = np.linalg.svd(u)[0][:, u.shape[1] :]
+    _check_condition(np.column_stack([u, left]))
+    beyond, least = on_seen(_rows_left_out(modes)), FAINT if apart else SLIGHT
+    turn, high = _fillers(seen.T @ left, beyond, modes.last, fillers, least=least)
+    frequencies = np.concatenate([modes.frequencies, np.full(u.shape[1] - n, fillers[0]), high])
+    u = np.column_stack([u, left @ turn])
+    # mu = C ((U U^T)^-1 - 1) C^T
+    missing = np.linalg.inv(u @ u.T) - np.eye(size)
+    armature = root @ ((missing + missing.T) / 2.0) @ root.T
+    shapes = np.asarray(np.linalg.solve(root.T, u), dtype=np.float64)
+    return shapes, armature, frequencies
+
+
+def _split(kinematics: Array, root: Array) -> tuple[Array, Array, Callable[[Array], Array]]:
+    """Motions of the hinges that root and ports see, W1 `(f, r)`, and do not see, W2 `(f, f - r)`,
+    of `A = P C^-T = V S W1^T`, and the motions `S^-1 V^T L^T` `(r, k)` in W1 that rows L have."""
+    a = np.linalg.solve(root, kinematics.T).T
+    scale = np.linalg.norm(a, axis=1)
     scale = np.where(scale > 0.0, scale, 1.0)
-    left, s, right = np.linalg.svd(unit / scale[:, None])
+    left, s, right = np.linalg.svd(a / scale[:, None])
     rank = int(np.sum(s > SINGULAR * s[0]))
-    seen = right[:rank].T
-    unseen = right[rank:].T
 
     def on_seen(rows: Array) -> Array:
-        """What of `seen` has these rows `(k, m)` at root and ports, `(rank, k)`."""
         return (left[:, :rank].T @ (rows / scale).T) / s[:rank, None]
 
-    b = on_seen(modes.rows)
+    return right[:rank].T, right[rank:].T, on_seen
+
+
+def _lift(b: Array, seen: Array, unseen: Array, guide: Array | None, *, room: float) -> Array:
+    """`(f, n)` U = W1 B + W2 Z E with `E = (1 - B^T B)^(1/2)` and `|Z|` at most `room`: modes whose
+    participation is B `(r, n)` in W1."""
     _, values, vt = np.linalg.svd(b)
-    count = int(np.sum(values > SINGULAR * values[:1]))
-    if size < n + rank - count:
+    rank = int(np.sum(values > SINGULAR * values[:1]))
+    _check_hinges(len(seen), seen=seen.shape[1], modes=len(vt), rank=rank)
+    _check_weight(values)
+    squares = np.zeros(len(vt))
+    squares[: values.size] = np.minimum(values, 1.0) ** 2
+    e = (vt.T * np.sqrt(1.0 - squares)) @ vt
+    z = room * _nearest_turn(e, vt[rank:].T, unseen.shape[1], guide)
+    return seen @ b + unseen @ z @ e
+
+
+def _check_hinges(hinges: int, *, seen: int, modes: int, rank: int) -> None:
+    """`N >= n + rank P - rank L`."""
+    needed = modes + seen - rank
+    if hinges < needed:
         raise RealisationError(
-            f"{size} hinges hold {max(size - rank + count, 0)} of the {n} modes asked for, which "
-            f"take {n + rank - count}; keep fewer modes."
+            f"{hinges} hinges hold {max(hinges - seen + rank, 0)} of the {modes} modes asked for, "
+            f"which take {needed}; keep fewer modes."
         )
+
+
+def _check_weight(values: Array) -> None:
+    """`L^T L <= P Q^-1 P^T`, of the singular values of B."""
     if np.any(values > 1.0 + TOO_HEAVY):
         raise RealisationError(
             f"the modes move {float(values[0]) ** 2:.6g} times the mass that the limp chain lets "
             "go, where 1 is the limit; cut the appendage nearer to its root, or keep fewer modes."
         )
-    values = np.minimum(values, 1.0)
-    gaps = np.ones(n)
-    gaps[: values.size] = np.sqrt(1.0 - values**2)
-    lift = (vt.T * gaps) @ vt
-    free = vt[count:].T
-    guide: Array | None = None
-    if modes.momenta is not None:
-        guide = np.asarray(unseen.T @ np.linalg.solve(root, modes.momenta.T), dtype=np.float64)
-    turned = _nearest_turn(lift, free, unseen.shape[1], guide)
-    apart = modes.neutral and size > n
-    if apart:
-        turned = ROOM * turned  # leaves the surplus hinges motions that the root does not feel
-    u = seen @ b + unseen @ turned @ lift
-    if apart:
-        u = np.column_stack([u, _unfelt(u, seen, unseen, size - n)])
-    known = u.shape[1]
-    if size > n:
-        u = np.column_stack([u, np.linalg.svd(u, full_matrices=True)[0][:, known:]])
+
+
+def _check_condition(u: Array) -> None:
+    """The columns of U are independent enough."""
     stretch = np.linalg.svd(u, compute_uv=False)
     if stretch[-1] * WORST_CONDITION < stretch[0]:
         raise RealisationError(
@@ -182,22 +209,14 @@ def modal_matrix(
             f"{stretch[0] / max(stretch[-1], 1e-300):.1e}, limit {WORST_CONDITION:g}); keep fewer "
             "modes, or cut the appendage elsewhere."
         )
-    frequencies = np.concatenate([modes.frequencies, np.full(size - n, fillers[0])])
-    if size > known:
-        # on one hub the modes are exact as they are
-        beyond = None if apart else modes.left_out
-        rows = np.zeros((0, len(scale))) if beyond is None else beyond.yielding(modes.last)
-        turn, frequencies[known:] = _fillers(
-            seen.T @ u[:, known:],
-            on_seen(rows),
-            modes.last,
-            fillers,
-            least=FAINT if apart else SLIGHT,
-        )
-        u[:, known:] = u[:, known:] @ turn
-    missing = np.linalg.inv(u @ u.T) - np.eye(size)
-    shapes = np.asarray(np.linalg.solve(root.T, u), dtype=np.float64)
-    return shapes, root @ ((missing + missing.T) / 2.0) @ root.T, frequencies
+
+
+def _rows_left_out(modes: ModeGroup) -> Array:
+    """`(j, m)` rows whose sum of squares is the flexibility that fillers shall have; none on one
+    hub, where the modes are exact as they are."""
+    if modes.neutral or modes.left_out is None:
+        return np.zeros((0, modes.rows.shape[1]))
+    return modes.left_out.yielding(modes.last)
 
 
 def _fillers(
