@@ -26,6 +26,8 @@ INNER = 0.2  # of the length: no point stands nearer to the root, unless the mom
 STATED = 1e-6  # relative, to which a line that is stated has the rigid mass matrix
 GAUSS = 6  # points, exact for densities of the eighth degree times x^2
 EDGE = 1e-9  # of the length: a body so near an edge stands at it
+NO_MASS = 1e-12  # of the whole: a point with less is none
+ROUNDING = 1e-14  # of moments on a unit length and mass
 SMOOTH = 0.02  # least share of the smooth part where one is possible: no link is without mass
 
 
@@ -290,78 +292,43 @@ def _mass_beside_axis(rigid_mass: Array) -> tuple[float, MassBesideAxis] | None:
     return second, MassBesideAxis(locked(lean), locked(covariance))
 
 
-class _Remainder(NamedTuple):
-    """Moments on a unit length and mass that remain beside a smooth part that grows with x^power.
+def _smooth_share(whole: Array, smooth: Array) -> float:
+    """Largest share of the smooth part beside which the rest can be a point at the tip and one
+    before it.
 
-    `centre` and `second` are those of all mass; a smooth part of unit mass has
-    `(power + 1) / (power + 2)` and `(power + 1) / (power + 3)`.
+    `whole`, `smooth`: mass, first and second moment `(3,)` of unit mass on a unit length.
     """
 
-    centre: float
-    second: float
-    power: int
+    def share_behind(x: float) -> float:
+        """Largest share that leaves neither point nearer to the root than `x`."""
+        # sum of m (s - x) (1 - s) >= 0 over points at s
+        weights = np.array([-x, 1.0 + x, -1.0])
+        return float(weights @ whole / (weights @ smooth))
 
-    @property
-    def smooth_centre(self) -> float:
-        """First moment of the smooth part of unit mass."""
-        return (self.power + 1.0) / (self.power + 2.0)
+    # W - share S >= 0, both [mass, first; first, second]: share is below the eigenvalues of
+    # L^-1 W L^-T, S = L L^T
+    matrix = np.array([[0, 1], [1, 2]])
+    scale = np.linalg.inv(np.linalg.cholesky(smooth[matrix]))
+    of_masses = float(np.linalg.eigvalsh(scale @ whole[matrix] @ scale.T)[0])
+    share = max(0.0, min(of_masses, share_behind(INNER)))
+    possible = min(of_masses, share_behind(0.0))
+    return max(share, SMOOTH) if possible >= SMOOTH else share
 
-    @property
-    def smooth_second(self) -> float:
-        """Second moment of the smooth part of unit mass."""
-        return (self.power + 1.0) / (self.power + 3.0)
 
-    @property
-    def is_smooth(self) -> bool:
-        """Whether the smooth part has these moments by itself."""
-        same_centre = abs(self.centre - self.smooth_centre) < 1e-12
-        return same_centre and abs(self.second - self.smooth_second) < 1e-12
+def _two_points(moments: Array) -> list[tuple[float, float]]:
+    """Place and mass of a point at the tip of a unit length and of one before it; those without
+    mass are left out.
 
-    def moments(self, share: float) -> tuple[float, float, float]:
-        """Mass, first and second moment beside a smooth part with a `share` of the mass."""
-        mass = 1.0 - share
-        first = self.centre - share * self.smooth_centre
-        second = self.second - share * self.smooth_second
-        return mass, first, second
-
-    def is_feasible(self, share: float) -> bool:
-        """Whether masses on [0, 1] have them: `first^2 / mass <= second <= first`."""
-        m, s, j = self.moments(share)
-        rounding = 1e-14 * m
-        return m > 0.0 and s >= 0.0 and j <= s + rounding and s * s <= j * m + rounding * m
-
-    def inner_place(self, share: float) -> float:
-        """Where the inner of two points stands that have them together with one at the tip."""
-        m, s, j = self.moments(share)
-        return (s - j) / (m - s) if m > s else 1.0
-
-    def largest_share(self) -> float:
-        """Largest share of the smooth part beside which two such points remain."""
-        if self.is_smooth:
-            return 1.0
-        innermost = min(INNER, self.inner_place(0.0))
-        if self.is_feasible(SMOOTH):
-            innermost = min(innermost, self.inner_place(SMOOTH))
-        low = 0.0
-        high = 1.0
-        for _ in range(60):
-            middle = (low + high) / 2.0
-            if self.is_feasible(middle) and self.inner_place(middle) >= innermost:
-                low = middle
-            else:
-                high = middle
-        return low
-
-    def points(self, share: float) -> list[tuple[float, float]]:
-        """Place and mass of the two points, on a unit length and mass."""
-        rest = 1.0 - share
-        if rest <= 1e-12:
-            return []
-        centre = (self.centre - share * self.smooth_centre) / rest
-        inner = self.inner_place(share)
-        part = (1.0 - centre) / (1.0 - inner) if inner < 1.0 else 0.0
-        points = [(inner, part), (1.0, 1.0 - part)]
-        return [(place, max(part, 0.0) * rest) for place, part in points if part > 1e-15]
+    `moments` `(3,)`: mass, first and second moment of both.
+    """
+    mass, first, second = moments.tolist()
+    if mass <= NO_MASS:
+        return []
+    # the tip has no part in the sums of m (1 - x) and m x (1 - x)
+    short = mass - first
+    place = (first - second) / short if short > 0.0 else 1.0
+    inner = min(mass, short / (1.0 - place)) if place < 1.0 else 0.0
+    return [(x, m) for x, m in ((place, inner), (1.0, mass - inner)) if m > NO_MASS]
 
 
 def spread_mass(
@@ -398,15 +365,16 @@ def spread_mass(
         )
     c = along.first / mass / length
     q = along.second / mass / length**2
-    remainder = _Remainder(centre=c, second=q, power=power)
-    if not (0.0 < c <= 1.0 and remainder.is_feasible(0.0)):
+    if not (0.0 < c <= 1.0 and c**2 - ROUNDING <= q <= c + ROUNDING):
         raise InputError(
             f"length = {length:.6g} m does not hold the mass: its centre lies at x = "
             f"{c * length:.6g} m with a radius of gyration of "
             f"{np.sqrt(max(q - c * c, 0.0)) * length:.6g} m; check length, reference (the port), "
             "axes (x from the root outwards) and units."
         )
-    share = remainder.largest_share()
+    whole = np.array([1.0, c, q])
+    smooth = (power + 1.0) / (power + np.array([1.0, 2.0, 3.0]))
+    share = _smooth_share(whole, smooth)
     # inertias per mass are those of the whole everywhere
     inertias = np.array([along.polar, along.rotary_xy, along.rotary_xz]) / mass
     pieces: tuple[MassPiece, ...] = ()
@@ -416,7 +384,7 @@ def spread_mass(
         pieces = (MassPiece(0.0, length, densities),)
     rows = [
         [place * length, part * mass, *(part * mass * inertias)]
-        for place, part in remainder.points(share)
+        for place, part in _two_points(whole - share * smooth)
     ]
     return MassLine(
         length,
