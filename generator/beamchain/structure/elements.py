@@ -103,7 +103,6 @@ class MotionRows:
         stations: Sequence[float] = (),
     ) -> None:
         self.bending: bool = bending
-        self.functions: int = functions
         self.count: int = len(pieces)
         self.half: Array = np.array([piece.length for piece in pieces]) / 2.0
         tip = pieces[-1].start + pieces[-1].length
@@ -113,20 +112,27 @@ class MotionRows:
         self.points: tuple[float, ...] = (tip, *stations)
         self.ends: list[int] = [self.count, *self._nearest_nodes(stations).tolist()]
 
-        # strains and their integrals; coordinates whose strain energy is |y|^2 / 2
+        # strain and shear of coordinates whose strain energy is |y|^2 / 2
         xi, weights = gauss(pieces[0].stiffness.size)
-        series = legendre_series(functions, xi.size)
-        strain: Array = series[0]
-        self.once: Array = series[1]
-        self.twice: Array = series[2]
-        self.end_twice: Array = series[3]
-        self.reach: Array = 1.0 + xi
+        series, once, twice, end_twice = legendre_series(functions, xi.size)
+        h = self.half[:, None, None]
         lengths = weights * self.half[:, None]
         stiffness = np.array([piece.stiffness for piece in pieces])
-        self.scale: Array = inverse_stiffness_root(strain, lengths * stiffness)
-        self.shear_scale: Array | None = _shear_scale(pieces, strain, lengths)
+        strain = inverse_stiffness_root(series, lengths * stiffness)
+        shear = _shear_scale(pieces, series, lengths)
+        if shear is not None:
+            strain, shear = np.dstack([strain, 0.0 * shear]), np.dstack([0.0 * strain, shear])
         hinge_stiffness = np.array([hinge.stiffness for hinge in hinges], dtype=np.float64)
         self.jumps: Array = 1.0 / np.sqrt(hinge_stiffness)
+        self.arm: Array = self.half[:, None] * (1.0 + xi)  #: `(p, q)` of points from the start
+        # turn and displacement against the start of a piece: at its points, and at its end
+        self.turn_within: Array = h * (once @ strain)
+        self.turn_gain: Array = 2.0 * h[:, 0] * strain[:, 0]
+        self.move_within: Array = h**2 * (twice @ strain)
+        self.move_gain: Array = h[:, 0] ** 2 * (end_twice @ strain)
+        if shear is not None:
+            self.move_within += h * (once @ shear)
+            self.move_gain += 2.0 * h[:, 0] * shear[:, 0]
 
         # square roots of the inertia that moves and that turns
         inertia = np.sqrt(lengths * np.array([piece.inertia for piece in pieces]))
@@ -157,18 +163,7 @@ class MotionRows:
     @property
     def size(self) -> int:
         """Strain coordinates."""
-        strains = 1 if self.shear_scale is None else 2
-        return strains * self.count * self.functions + self.jumps.size
-
-    def _split(self, y: Array) -> tuple[Array, Array | None, Array]:
-        """Strain series, shear series and hinge angles of coordinates `(b, n)`."""
-        block = self.count * self.functions
-        shape = (y.shape[0], self.count, self.functions, 1)
-        strain = np.matmul(self.scale, y[:, :block].reshape(shape))[..., 0]
-        if self.shear_scale is None:
-            return strain, None, y[:, block:]
-        shear = np.matmul(self.shear_scale, y[:, block : 2 * block].reshape(shape))[..., 0]
-        return strain, shear, y[:, 2 * block :]
+        return self.turn_gain.size + self.jumps.size
 
     def rows(self, y: Array) -> tuple[Array, Array]:
         """Weighted motion `(b, r)`, and that of the ends `(b, t)`, for `y` `(b, n)`.
@@ -176,86 +171,65 @@ class MotionRows:
         With `xi` from -1 to 1 in a piece of half length `h`, curvature `e` and shear `g`:
         `turn = turn_0 + h int e`, `move = move_0 + h (1 + xi) turn_0 + h^2 int int e + h int g`.
         """
-        count = y.shape[0]
-        strain, shear, angles = self._split(y)
-        half = self.half
-        jump = np.zeros((count, self.count + 1))
-        np.add.at(jump.T, self.hinge_nodes, (angles * self.jumps).T)
+        count = len(y)
+        strains = y[:, : self.turn_gain.size].reshape(count, self.count, -1)
+        jump = self._at_nodes(self.hinge_nodes, y[:, self.turn_gain.size :] * self.jumps)
         # turn at each node before its own hinge, and at the start of each piece behind it
-        node_turn = np.zeros_like(jump)
-        node_turn[:, 1:] = np.cumsum(jump[:, :-1] + 2.0 * half * strain[:, :, 0], axis=1)
-        start_turn = (node_turn + jump)[:, :-1]
-        blocks = [node_turn[:, self.body_nodes] * self.body_turn]
+        turn = _sums_before(jump[:, :-1] + np.sum(strains * self.turn_gain, axis=2))
+        start = (turn + jump)[:, :-1]
+        blocks = [turn[:, self.body_nodes] * self.body_turn]
         if self.turns:
-            turn = start_turn[:, :, None] + half[:, None] * (strain @ self.once.T)
-            blocks.append((self.turn * turn).reshape(count, -1))
+            turned = start[:, :, None] + _each(strains, self.turn_within)
+            blocks.append((self.turn * turned).reshape(count, -1))
         if not self.bending:
-            return np.hstack(blocks), node_turn[:, self.ends]
-        # displacement from the start of each piece, then from the root
-        curved = half[:, None] ** 2 * (strain @ self.twice.T)
-        move = curved + (half[:, None] * self.reach) * start_turn[:, :, None]
-        growth = 2.0 * half * start_turn + half**2 * (strain @ self.end_twice)
-        if shear is not None:
-            move += half[:, None] * (shear @ self.once.T)
-            growth = growth + 2.0 * half * shear[:, :, 0]
-        node_move = np.zeros_like(jump)
-        node_move[:, 1:] = np.cumsum(growth, axis=1)
-        move += node_move[:, :-1, None]
-        blocks.append(node_move[:, self.body_nodes] * self.body_move)
-        blocks.append((self.move * move).reshape(count, -1))
-        ends = np.stack([node_move[:, self.ends], node_turn[:, self.ends]], axis=2)
+            return np.hstack(blocks), turn[:, self.ends]
+        move = _sums_before(2.0 * self.half * start + np.sum(strains * self.move_gain, axis=2))
+        moved = move[:, :-1, None] + self.arm * start[:, :, None] + _each(strains, self.move_within)
+        blocks.append(move[:, self.body_nodes] * self.body_move)
+        blocks.append((self.move * moved).reshape(count, -1))
+        ends = np.stack([move[:, self.ends], turn[:, self.ends]], axis=2)
         return np.hstack(blocks), ends.reshape(count, -1)
 
     def loads(self, rows: Array, tip: Array) -> Array:
-        """The transpose of `rows`: loads `(b, n)` of forces `(b, r)` and `(b, t)`."""
-        count = rows.shape[0]
-        # as `rows` stacks them: turns of bodies and points, then displacements of both
-        bodies = self.body_nodes.size
-        points = bodies + self.turn.size * self.turns
-        body_moments = rows[:, :bodies] * self.body_turn
+        """The transpose of `rows`, its lines from the last to the first: loads `(b, n)` of forces
+        `(b, r)` and `(b, t)`."""
+        count = len(rows)
+        sizes = [self.body_nodes.size, self.turn.size * self.turns, self.body_nodes.size]
+        body_turn, turned, body_move, moved = np.split(rows, np.cumsum(sizes), axis=1)
         shape = (count, *self.turn.shape)
-        half = self.half
-        moment = np.zeros((count, self.count + 1))  # on each node, before its hinge
-        np.add.at(moment.T, self.body_nodes, body_moments.T)
-        motions = 2 if self.bending else 1
-        np.add.at(moment.T, self.ends, tip[:, motions - 1 :: motions].T)
-        strain = np.zeros((count, self.count, self.functions))
-        start = np.zeros((count, self.count))  # moment of each piece's loads about its start
-        if self.turns:
-            turn = rows[:, bodies:points].reshape(shape) * self.turn
-            strain = half[:, None] * (turn @ self.once)
-            start = np.sum(turn, axis=2)
-        shear = None
+        strains = np.zeros((count, *self.turn_gain.shape))
+        start = np.zeros((count, self.count))
         if self.bending:
-            body_forces = rows[:, points : points + bodies] * self.body_move
-            move = rows[:, points + bodies :].reshape(shape) * self.move
-            force = np.zeros((count, self.count + 1))
-            np.add.at(force.T, self.body_nodes, body_forces.T)
-            force[:, :-1] += np.sum(move, axis=2)
-            np.add.at(force.T, self.ends, tip[:, ::2].T)
-            outer_force = _sums_behind(force)
-            start = start + half * (move @ self.reach) + 2.0 * half * outer_force
-            curving = move @ self.twice + outer_force[:, :, None] * self.end_twice
-            strain += half[:, None] ** 2 * curving
-            if self.shear_scale is not None:
-                shear = half[:, None] * (move @ self.once)
-                shear[:, :, 0] += 2.0 * half * outer_force
-        moment[:, :-1] += start
-        outer_moment = _sums_behind(moment)
-        strain[:, :, 0] += 2.0 * half * outer_moment
-        hinge = np.zeros((count, self.count + 1))
-        hinge[:, :-1] = start + outer_moment
-        blocks = [np.matmul(strain[:, :, None, :], self.scale)[:, :, 0].reshape(count, -1)]
-        if shear is not None and self.shear_scale is not None:
-            shear_block = np.matmul(shear[:, :, None, :], self.shear_scale)[:, :, 0]
-            blocks.append(shear_block.reshape(count, -1))
-        blocks.append(hinge[:, self.hinge_nodes] * self.jumps)
-        return np.hstack(blocks)
+            moved = moved.reshape(shape) * self.move
+            move = self._at_nodes(self.body_nodes, body_move * self.body_move)
+            move += self._at_nodes(self.ends, tip[:, ::2])
+            move[:, :-1] += np.sum(moved, axis=2)
+            gain = _sums_behind(move)
+            start = np.sum(moved * self.arm, axis=2) + 2.0 * self.half * gain
+            strains += _each(moved, self.move_within.swapaxes(1, 2))
+            strains += gain[:, :, None] * self.move_gain
+        if self.turns:
+            turned = turned.reshape(shape) * self.turn
+            start += np.sum(turned, axis=2)
+            strains += _each(turned, self.turn_within.swapaxes(1, 2))
+        turn = self._at_nodes(self.body_nodes, body_turn * self.body_turn)
+        turn += self._at_nodes(self.ends, tip[:, 1::2] if self.bending else tip)
+        turn[:, :-1] += start
+        gain = _sums_behind(turn)
+        strains += gain[:, :, None] * self.turn_gain
+        jump = np.pad(start + gain, ((0, 0), (0, 1)))
+        return np.hstack([strains.reshape(count, -1), jump[:, self.hinge_nodes] * self.jumps])
+
+    def _at_nodes(self, nodes: Indices | list[int], values: Array) -> Array:
+        """`(b, p + 1)` sums of `values` `(b, k)` that stand at `nodes` `(k,)`."""
+        out = np.zeros((self.count + 1, len(values)))
+        np.add.at(out, nodes, values.T)
+        return out.T
 
     @property
     def _gauss_places(self) -> Array:
         """x of the Gauss points of all pieces [m]."""
-        return (self.nodes[:-1, None] + self.half[:, None] * self.reach).ravel()
+        return (self.nodes[:-1, None] + self.arm).ravel()
 
     @property
     def _turned(self) -> Array:
@@ -388,6 +362,16 @@ def _first_loads(line: MotionRows) -> Array:
     root_rows = np.zeros((len(rigid), count))
     any_row = np.zeros((1, count))
     return line.loads(forces, np.vstack([root_rows, np.eye(count), any_row]))
+
+
+def _each(values: Array, matrices: Array) -> Array:
+    """`(b, p, j)`: each piece's `matrices` `(p, j, k)` times its `values` `(b, p, k)`."""
+    return np.matmul(values.swapaxes(0, 1), matrices.swapaxes(1, 2)).swapaxes(0, 1)
+
+
+def _sums_before(values: Array) -> Array:
+    """`(b, p + 1)` sums at the nodes, of values `(b, p)` in the pieces before each."""
+    return np.pad(np.cumsum(values, axis=1), ((0, 0), (1, 0)))
 
 
 def _sums_behind(values: Array) -> Array:
