@@ -494,6 +494,7 @@ from beamchain.structure.readers.craig_bampton import _is_soft as is_soft
 from beamchain.structure.readers.craig_bampton import _largest_forces as largest_forces
 from beamchain.structure.readers.craig_bampton import _largest_inner as largest_inner
 from beamchain.structure.readers.craig_bampton import _noise_of_freedoms as noise_of_freedoms
+from beamchain.structure.readers.craig_bampton import _partition as partition
 from beamchain.structure.readers.craig_bampton import _rigid_motion as rigid_motion_of_inner
 from beamchain.structure.readers.imported import check_outwards, proposed_axes, with_length
 from beamchain.structure.readers.nastran_bulk import System, dmig_matrices, read_bulk
@@ -965,6 +966,7 @@ __all__ = [
     "pairs_of_modes",
     "partial_fractions",
     "participation_of_tendon",
+    "partition",
     "patterns_of_cuts",
     "peak_clusters",
     "peak_of_grid",

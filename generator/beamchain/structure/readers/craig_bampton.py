@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import linalg
 
 from beamchain.errors import InputError
@@ -168,40 +169,126 @@ def from_matrices(
         _check_boundary(boundary, d, name, first)
         boundary = Boundary(tuple(boundary), np.eye(6))
     _check_matrices(mass, stiffness, name)
-    mass, stiffness = (mass + mass.T) / 2.0, (stiffness + stiffness.T) / 2.0
-    outer = list(boundary.rows)
-    inner = [i for i in range(d) if i not in set(outer)]
-    if not inner:
+    parts = _partition(mass, stiffness, boundary)
+    if not parts.inner.size:
         raise InputError(
             f"{name}: all {d} freedoms belong to the port, so that nothing can vibrate; export "
             "modes, or inner freedoms, too."
         )
-    k_ii = stiffness[np.ix_(inner, inner)]
-    m_ii = mass[np.ix_(inner, inner)]
-    m_ib = mass[np.ix_(inner, outer)] @ boundary.motion
-    m_bb = boundary.motion.T @ mass[np.ix_(outer, outer)] @ boundary.motion
-    # inner motion per rigid motion of the port: G = -K_ii^-1 K_ib
-    follow, strained = _rigid_motion(mass, stiffness, inner, boundary, name, precision)
-    # M_rigid = M_bb + G^T M_ib + M_ib^T G + G^T M_ii G
-    rigid = m_bb + follow.T @ m_ib + m_ib.T @ follow + follow.T @ m_ii @ follow
-    k_ib = stiffness[np.ix_(inner, outer)] @ boundary.motion
+    follow, strained = _rigid_motion(parts, boundary, name, precision)
+    body = _moving_body(parts, follow, precision)
+    frequencies, shapes = _held_modes(body.inner, parts.k_ii, name)
+    # L = Phi^T P, Phi of unit mass
+    participation = shapes @ body.coupling
+    if body.rigid is not body.stated:
+        participation = within_body(participation, body.rigid, body_departure(body.stated))
+    further = tuple(
+        FurtherPoint(
+            point.name,
+            point.place,
+            shapes[:, np.searchsorted(parts.inner, point.rows)] @ np.kron(np.eye(2), point.axes),
+        )
+        for point in boundary.free
+    )
+    held = len(boundary.rows)
+    steps = [
+        f"matrices of {d} freedoms, {'six' if held == 6 else held} of them the port's; the lowest "
+        f"{frequencies.size} modes with the port held"
+    ]
+    if held != 6:
+        steps.append(
+            f"rigid-body check: forces of {strained:.1e} of the terms they are the sum of, where "
+            f"{max(STRAINED, ROUNDED * precision):.0e} is taken"
+        )
+    if body.departure:
+        steps.append(body.departure)
+    return ModalData(
+        body.rigid,
+        frequencies,
+        participation,
+        precision=precision,
+        source=name,
+        steps=tuple(steps),
+        further=further,
+        origin=shapes,
+    )
+
+
+class _Partition(NamedTuple):
+    """Mass and stiffness of the `inner` freedoms, i, and of those of the boundary, o, whose
+    `motion` is `(o, 6)` per motion of the port."""
+
+    inner: NDArray[np.intp]
+    motion: Array
+    m_ii: Array
+    m_io: Array
+    m_oo: Array
+    k_ii: Array
+    k_io: Array
+    k_oo: Array
+
+    def masses(self, follow: Array) -> tuple[Array, Array]:
+        """`(6, 6)` mass of the port's motion and `(n, 6)` its coupling to the inner freedoms, which
+        `follow` it."""
+        # G = follow, R = motion: P = M_ii G + M_io R, M = R^T M_oo R + G^T M_io R + P^T G
+        between = self.m_io @ self.motion
+        coupling = self.m_ii @ follow + between
+        rigid = self.motion.T @ self.m_oo @ self.motion + follow.T @ between + coupling.T @ follow
+        return rigid, coupling
+
+
+def _partition(mass: Array, stiffness: Array, boundary: Boundary) -> _Partition:
+    """The symmetric parts of mass and stiffness, by the freedoms of a boundary and the others."""
+    outer = np.array(boundary.rows)
+    inner = np.setdiff1d(np.arange(len(mass)), outer)
+    blocks = [
+        (matrix[np.ix_(rows, columns)] + matrix[np.ix_(columns, rows)].T) / 2.0
+        for matrix in (mass, stiffness)
+        for rows, columns in ((inner, inner), (inner, outer), (outer, outer))
+    ]
+    return _Partition(inner, boundary.motion, *blocks)
+
+
+class _MovingBody(NamedTuple):
+    """Masses of a structure in motions of the port `(6, 6)` and of inner freedoms `(n, n)`, and
+    their `coupling` `(n, 6)`.
+
+    `stated`: the rigid mass as it followed from the matrices, before it was made a rigid body's;
+    `departure`: a sentence on how far that is from one, where it is worth a word.
+    """
+
+    rigid: Array
+    coupling: Array
+    inner: Array
+    stated: Array
+    departure: str
+
+
+def _moving_body(parts: _Partition, follow: Array, precision: float) -> _MovingBody:
+    """Masses of a structure whose inner freedoms `follow` `(n, 6)` the port."""
+    stated, coupling = parts.masses(follow)
     # modes with the grids held do not follow the grids: then K_ib is zero but for rounding
-    is_rounding = np.abs(k_ib) <= STRAINED * NOISE * _largest_inner(stiffness, inner, boundary)
-    size = np.sqrt(np.abs(np.diag(rigid)))
-    is_near = np.abs(rigid - m_bb) <= ALMOST_BODY * np.outer(size, size)
-    if is_rounding.all() and is_near.all() and body_departure(m_bb) < body_departure(rigid):
-        follow, rigid = np.zeros_like(follow), m_bb
-    raw = rigid
-    rigid, departure = _almost_body(raw, precision)
-    # P = M_ii G + M_ib
-    coupling = m_ii @ follow + m_ib
-    if departure:
-        whole = np.block([[rigid, coupling.T], [coupling, m_ii]])
-        noise = np.concatenate([noise_of_motions(raw), _noise_of_freedoms(m_ii, raw)])
-        whole = independent_parts(whole, k_ii, np.sqrt(NOISY) * noise)
-        rigid, coupling, m_ii = realisable_body(whole[:6, :6]), whole[6:, :6], whole[6:, 6:]
+    still, still_coupling = parts.masses(np.zeros_like(follow))
+    k_ib = parts.k_io @ parts.motion
+    is_rounding = np.abs(k_ib) <= STRAINED * NOISE * _largest_inner(parts)
+    size = np.sqrt(np.abs(np.diag(stated)))
+    is_near = np.abs(stated - still) <= ALMOST_BODY * np.outer(size, size)
+    if is_rounding.all() and is_near.all() and body_departure(still) < body_departure(stated):
+        stated, coupling = still, still_coupling
+    rigid, departure = _almost_body(stated, precision)
+    if not departure:
+        return _MovingBody(rigid, coupling, parts.m_ii, stated, departure)
+    whole = np.block([[rigid, coupling.T], [coupling, parts.m_ii]])
+    noise = [noise_of_motions(stated), _noise_of_freedoms(parts.m_ii, stated)]
+    whole = independent_parts(whole, parts.k_ii, np.sqrt(NOISY) * np.concatenate(noise))
+    rigid = realisable_body(whole[:6, :6])
+    return _MovingBody(rigid, whole[6:, :6], whole[6:, 6:], stated, departure)
+
+
+def _held_modes(mass: Array, stiffness: Array, name: str) -> tuple[Array, Array]:
+    """Frequencies `(m,)` [rad/s] and shapes `(m, n)` of unit mass, the lowest `MOST`."""
     # for 1/w^2: massless freedoms do no harm, low modes keep their digits
-    inverse, shapes = linalg.eigh(m_ii, k_ii)
+    inverse, shapes = linalg.eigh(mass, stiffness)
     order = np.argsort(inverse)[::-1]
     order = order[inverse[order] > 1e-14 * inverse[order[0]]][:MOST]
     if not order.size or inverse[order[0]] <= 0.0:
@@ -209,43 +296,8 @@ def from_matrices(
             f"{name}: no freedom beside the port's has mass, so that nothing can vibrate; export "
             "the mass matrix again."
         )
-    w = 1.0 / np.sqrt(inverse[order])
-    # L = Phi^T P, Phi of unit mass
-    normal = (w * shapes[:, order]).T
-    participation = normal @ coupling
-    if rigid is not raw:
-        participation = within_body(participation, rigid, body_departure(raw))
-    number = {row: k for k, row in enumerate(inner)}
-    further = tuple(
-        FurtherPoint(
-            point.name,
-            point.place,
-            normal[:, [number[row] for row in point.rows]] @ np.kron(np.eye(2), point.axes),
-        )
-        for point in boundary.free
-    )
-    held = "six" if len(outer) == 6 else str(len(outer))
-    steps = [
-        f"matrices of {d} freedoms, {held} of them the port's; the lowest {w.size} modes with the "
-        "port held"
-    ]
-    if len(outer) != 6:
-        steps.append(
-            f"rigid-body check: forces of {strained:.1e} of the terms they are the sum of, where "
-            f"{max(STRAINED, ROUNDED * precision):.0e} is taken"
-        )
-    if departure:
-        steps.append(departure)
-    return ModalData(
-        rigid,
-        w,
-        participation,
-        precision=precision,
-        source=name,
-        steps=tuple(steps),
-        further=further,
-        origin=normal,
-    )
+    frequencies = 1.0 / np.sqrt(inverse[order])
+    return frequencies, (frequencies * shapes[:, order]).T
 
 
 def _almost_body(rigid: Array, precision: float) -> tuple[Array, str]:
@@ -310,21 +362,12 @@ def _check_matrices(mass: Array, stiffness: Array, name: str) -> None:
 
 
 def _rigid_motion(
-    mass: Array,
-    stiffness: Array,
-    inner: list[int],
-    boundary: Boundary,
-    name: str,
-    precision: float,
+    parts: _Partition, boundary: Boundary, name: str, precision: float
 ) -> tuple[Array, float]:
     """`(n, 6)` motion of the inner freedoms per motion of the port, which must not strain them;
     and the largest force that is left at the port, relative to the terms it is the sum of."""
-    outer = list(boundary.rows)
-    motion = boundary.motion
-    k_ii = stiffness[np.ix_(inner, inner)]
-    k_io = stiffness[np.ix_(inner, outer)]
-    k_oo = stiffness[np.ix_(outer, outer)]
-    k_ib = k_io @ motion
+    motion, k_ii, k_io, k_oo = parts.motion, parts.k_ii, parts.k_io, parts.k_oo
+    held = len(motion)
     try:
         factor = linalg.cho_factor(k_ii)
         # rounding decides whether a singular matrix is factored:
@@ -333,15 +376,16 @@ def _rigid_motion(
             raise linalg.LinAlgError
     except linalg.LinAlgError:
         raise InputError(
-            f"{name}: with the {'six ' if len(outer) == 6 else ''}boundary freedoms held the "
+            f"{name}: with the {'six ' if held == 6 else ''}boundary freedoms held the "
             "structure can still move (its stiffness is not positive definite); check "
             f"{'grids and the order of the freedoms' if boundary.names else 'boundary'}, and that "
             "massless freedoms have stiffness."
         ) from None
-    follow = -linalg.cho_solve(factor, k_ib)
+    # G = -K_ii^-1 K_ib
+    follow = -linalg.cho_solve(factor, k_io @ motion)
     # forces at the port's freedoms: zero where the port is the only support
     forces = k_oo @ motion + k_io.T @ follow
-    if len(outer) == 6 and _is_soft(motion.T @ forces, mass, k_ii, follow, inner, boundary):
+    if held == 6 and _is_soft(motion.T @ forces, parts, follow):
         return follow, 0.0
     terms = np.abs(k_oo) @ np.abs(motion) + np.abs(k_io.T) @ np.abs(follow)
     shares = np.abs(forces) / np.maximum(terms, NOISE * _largest_forces(k_oo, motion))
@@ -361,8 +405,8 @@ def _rigid_motion(
         return follow, strained
     condensed = motion.T @ forces
     scale = np.sqrt(np.sum(np.abs(motion) * terms, axis=0) + 1e-300)
-    held = np.max(np.abs(stiffness[outer])) > 0.0
-    if held and np.max(np.abs(condensed / np.outer(scale, scale))) > DETERMINATE:
+    is_sprung = np.any(k_oo) or np.any(k_io)
+    if is_sprung and np.max(np.abs(condensed / np.outer(scale, scale))) > DETERMINATE:
         raise InputError(
             f"{name}: moving the port as a rigid body strains the structure; it is held elsewhere "
             "too, or boundary does not name the port's freedoms in the order x, y, z, rotations."
@@ -370,22 +414,18 @@ def _rigid_motion(
     return follow, strained
 
 
-def _is_soft(
-    held: Array, mass: Array, k_ii: Array, follow: Array, inner: list[int], boundary: Boundary
-) -> bool:
+def _is_soft(held: Array, parts: _Partition, follow: Array) -> bool:
     """Whether a stiffness `held` `(6, 6)` against rigid motion is next to none for the mass that
     moves: that of a Craig-Bampton reduction is rounding of far larger numbers, which are not in
     the file any more.
 
     `follow`: motion of the inner freedoms per rigid motion of the port.
     """
-    motion = np.zeros((mass.shape[0], 6))
-    motion[list(boundary.rows)], motion[inner] = boundary.motion, follow
-    moved = np.sqrt(np.diag(motion.T @ mass @ motion).clip(0.0))
-    last = len(inner) - 1
+    moved = np.sqrt(np.diag(parts.masses(follow)[0]).clip(0.0))
+    last = len(follow) - 1
     # 1/w^2 of the first mode, massless freedoms or not
     (longest,) = linalg.eigh(
-        mass[np.ix_(inner, inner)], k_ii, eigvals_only=True, subset_by_index=(last, last)
+        parts.m_ii, parts.k_ii, eigvals_only=True, subset_by_index=(last, last)
     )
     return bool(np.all(np.abs(held) * longest <= SOFT * np.outer(moved, moved)))
 
@@ -406,10 +446,10 @@ def _largest_forces(stiffness: Array, motion: Array) -> Array:
     return np.sqrt(np.outer(own, energy)) + 1e-300
 
 
-def _largest_inner(stiffness: Array, inner: list[int], boundary: Boundary) -> Array:
+def _largest_inner(parts: _Partition) -> Array:
     """`(n, 6)` forces that no inner freedom exceeds under a motion of the port, by
     Cauchy-Schwarz as for the port's own."""
-    own = np.diag(stiffness)[inner].clip(0.0)
-    diagonal = np.diag(stiffness)[list(boundary.rows)].clip(0.0)
-    energy = np.sum(diagonal[:, None] * boundary.motion**2, axis=0)  # R^T diag(K) R
+    own = np.diag(parts.k_ii).clip(0.0)
+    diagonal = np.diag(parts.k_oo).clip(0.0)
+    energy = np.sum(diagonal[:, None] * parts.motion**2, axis=0)  # R^T diag(K) R
     return np.sqrt(np.outer(own, energy)) + 1e-300
