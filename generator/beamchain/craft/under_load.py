@@ -11,7 +11,7 @@ at the sag eta_0. The joints stay where the pose has them: what holds them is ta
 Theory: docs/theory.md, section 9.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -44,11 +44,13 @@ class _Hung(NamedTuple):
     load: int
 
 
-class _States(NamedTuple):
-    """Places of all mass in b states: `(b, e, 3)`, and the axes of each `(b, e, 3, 3)`."""
-
-    places: Array
-    axes: Array
+def _frames(places: Array, axes: Array) -> Array:
+    """`(..., 4, 4)` homogeneous, of places `(..., 3)` and axes `(..., 3, 3)` in columns."""
+    out = np.zeros((*axes.shape[:-2], 4, 4))
+    out[..., :3, :3] = axes
+    out[..., :3, 3] = places
+    out[..., 3, 3] = 1.0
+    return out
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,72 +120,53 @@ class LoadedTree:
         counts = [line.rows.size for line in self.lines]
         return np.cumsum([nv, *counts]).tolist()
 
-    def _states(self, moved: Array) -> Iterator[_States]:
-        """All mass at coordinates `moved` `(b, n)` about the pose, in batches."""
-        for part in np.array_split(moved, range(BATCH, len(moved), BATCH)):
-            yield self._placed(part)
-
-    def _placed(self, moved: Array) -> _States:
-        craft = self.craft
-        nv = craft.nv
-        data = mujoco.MjData(craft)
-        some, where = np.unique(moved[:, :nv], axis=0, return_inverse=True)
-        places = np.empty((len(some), craft.nbody, 3))
-        axes = np.empty((len(some), craft.nbody, 3, 3))
-        origins = np.empty((len(some), len(self.roots), 3))
-        frames = np.empty((len(some), len(self.roots), 3, 3))
-        for k, change in enumerate(some):
+    def _straight(self, joints: Array) -> tuple[Array, Array]:
+        """Frames of the masses of all bodies `(b, nbody, 4, 4)`, and of the roots of all appendages
+        `(b, roots, 4, 4)`, where none bends; `joints` `(b, nv)`: about the pose."""
+        data = mujoco.MjData(self.craft)
+        some, where = np.unique(joints, axis=0, return_inverse=True)
+        bodies = list[Array]()
+        roots = list[list[Array]]()
+        for change in some:
             data.qpos[:] = self.qpos
-            mujoco.mj_integratePos(craft, data.qpos, change, 1.0)
-            mujoco.mj_kinematics(craft, data)
-            places[k] = data.xipos
-            axes[k] = data.ximat.reshape(-1, 3, 3)
-            for i, mount in enumerate(self.mounts):
-                origins[k, i], frames[k, i] = root_frame(mount, data)
+            mujoco.mj_integratePos(self.craft, data.qpos, change, 1.0)
+            mujoco.mj_kinematics(self.craft, data)
+            bodies.append(_frames(data.xipos, data.ximat.reshape(-1, 3, 3)))
+            roots.append([_frames(*root_frame(mount, data)) for mount in self.mounts])
         where = where.reshape(-1)
-        places, axes, origins, frames = (a[where] for a in (places, axes, origins, frames))
+        return np.array(bodies)[where], np.array(roots)[where]
+
+    def _placed(self, moved: Array) -> Array:
+        """`(b, e, 4, 4)` frames of all mass, bodies and then cells, at coordinates `moved` `(b, n)`
+        about the pose."""
         of_place, of_body = self._carriers
-        bent = [
-            line.bent(moved[:, a:b])
-            for line, a, b in zip(self.lines, self._ends[:-1], self._ends[1:], strict=True)
-        ]
-        stood = origins.copy(), frames.copy()  # with every appendage straight
-
-        def carry(hung: _Hung, place: Array, turn: Array) -> tuple[Array, Array]:
-            """Where the port takes what stands at a place of the rigid spacecraft."""
-            i = hung.number
-            a, b = self._ends[i], self._ends[i + 1]
-            end, tilt = self.lines[i].port(hung.load, bent[i][0], bent[i][1], moved[:, a:b])
-            start = stood[0][:, i] + stood[1][:, i, :, 0] * self.roots[i].loads[hung.load].x
-            # from the axes of the straight root to those of the moved port
-            back = np.swapaxes(stood[1][:, i], 1, 2)
-            rotation = frames[:, i] @ tilt @ back
-            base = origins[:, i] + np.einsum("bij,bj->bi", frames[:, i], end)
-            return base + np.einsum("bij,bj->bi", rotation, place - start), rotation @ turn
-
+        bodies, straight = self._straight(moved[:, : self.craft.nv])
+        cells: list[Array] = [straight] * len(self.lines)
+        ports = {*of_place.values(), *of_body.values()}
+        shifts: dict[_Hung, Array] = {}  # of all that a port carries
         for i in self._order:
+            root = straight[:, i]
             if i in of_place:
-                origins[:, i], frames[:, i] = carry(of_place[i], stood[0][:, i], stood[1][:, i])
+                root = shifts[of_place[i]] @ root
+            eta = moved[:, self._ends[i] : self._ends[i + 1]]
+            turned, ends, centres = self.lines[i].bent(eta)
+            cells[i] = root[:, None] @ _frames(centres, turned)
+            for hung in (hung for hung in ports if hung.number == i):
+                port = _frames(*self.lines[i].port(hung.load, turned, ends, eta))
+                along = np.array([self.roots[i].loads[hung.load].x, 0.0, 0.0])
+                unbent = straight[:, i] @ _frames(along, np.eye(3))
+                shifts[hung] = root @ port @ np.linalg.inv(unbent)
         for body, hung in of_body.items():
-            places[:, body], axes[:, body] = carry(hung, places[:, body], axes[:, body])
-        cells = [
-            (
-                origins[:, i, None] + np.einsum("bij,bcj->bci", frames[:, i], centres),
-                frames[:, i, None] @ turned,
-            )
-            for i, (turned, _, centres) in enumerate(bent)
-        ]
-        return _States(
-            np.concatenate([places, *(place for place, _ in cells)], axis=1),
-            np.concatenate([axes, *(turn for _, turn in cells)], axis=1),
-        )
+            bodies[:, body] = shifts[hung] @ bodies[:, body]
+        return np.concatenate([bodies, *cells], axis=1)
 
     def _potential(self, moved: Array) -> Array:
         """`(b,)` potential of the field [J]."""
         mass = self._masses[0]
         field = self.loading.field
-        parts = [np.einsum("e,bei,i->b", mass, s.places, field) for s in self._states(moved)]
-        return -np.concatenate(parts)
+        batches = np.array_split(moved, range(BATCH, len(moved), BATCH))
+        places = (self._placed(batch)[..., :3, 3] for batch in batches)
+        return -np.concatenate([np.einsum("e,bei,i->b", mass, place, field) for place in places])
 
     @cached_property
     def sag(self) -> Array:
@@ -240,8 +223,8 @@ class LoadedTree:
         ahead, behind = (self._placed(at + sign * ways) for sign in (1.0, -1.0))
         here = self._placed(at[None])
         twice = 2.0 * self._steps[:, None, None]
-        speed = (ahead.places - behind.places) / twice
-        relative = ahead.axes @ np.swapaxes(behind.axes, -1, -2)
+        speed = (ahead - behind)[..., :3, 3] / twice
+        relative = ahead[..., :3, :3] @ np.swapaxes(behind[..., :3, :3], -1, -2)
         turn = np.stack(
             [
                 relative[..., 2, 1] - relative[..., 1, 2],
@@ -250,7 +233,7 @@ class LoadedTree:
             ],
             axis=-1,
         ) / (2.0 * twice)
-        own = np.einsum("neji,nej->nei", np.broadcast_to(here.axes, relative.shape), turn)
+        own = np.einsum("neji,nej->nei", np.broadcast_to(here[..., :3, :3], relative.shape), turn)
         flat = (speed * np.sqrt(mass)[:, None]).reshape(n, -1)
         turning = own.reshape(n, -1) @ np.einsum("eij,nej->nei", inertia, own).reshape(n, -1).T
         mass = flat @ flat.T + turning
