@@ -145,19 +145,77 @@ def exact_craft(
     `omega` the highest frequency of interest [rad/s]; `loaded`: under what acts in `pose`.
     """
     items = carried(embedded.model, embedded.appendages)
+    bare = _bare_point(embedded, items, point)
+    data = bare.data()
+    roots = [root_of(bare.model, data, item) for item in items]
+    motions: Sequence[Array] = [root.motion for root in roots]
+    carrying = carrying_of(bare.model, data, roots)
+    if carrying is None:
+        driven, seen = _local_signals(bare, inputs, outputs)
+        alone = linear_at(bare, driven, seen)
+    elif loaded:
+        raise InputError(
+            "the exact plant under a load is known without bodies on ports; leave loaded out."
+        )
+    else:
+        loose = loose_craft(embedded, roots)
+        place = loose.point(bare)
+        driven, seen = _local_signals(place, inputs, outputs)
+        alone = loose.linear(place, driven, seen)  # over (q, p)
+        motions = carrying.roots
+    lines = _lines(items, omega) if loaded else []
+    if loaded:
+        models = [line.model for line in lines]
+    else:
+        models = [
+            _whole(a, item, omega) for a, item in zip(embedded.appendages, items, strict=True)
+        ]
+    nv = bare.model.nv
+    modes = [
+        Signal(name, "")
+        for a, model in zip(embedded.appendages, models, strict=True)
+        for name in _names(a.prefix, model)
+    ]
+    coordinates = (*alone.coordinates[:nv], *modes)
+    linear = alone.with_appendages(models, motions)
+    if carrying is not None:
+        by_modes = carrying.by_modes(models)
+        # (q, p, modes) by (q, modes)
+        tied = np.vstack([by_modes, np.eye(by_modes.shape[1])[nv:]])
+        linear = linear.in_coordinates(tied, coordinates)
+    linear = replace(linear, coordinates=coordinates)
+    internal: Array | None = None
+    if loaded:
+        load = _load(embedded, items, pose)
+        mounts = [item.mount for item in items]
+        tree = LoadedTree(bare.model, bare.qpos, roots, mounts, lines, load)
+        starts = np.cumsum([nv, *(model.modes for model in models)])[:-1]
+        linear = tree.loaded(linear, starts.tolist(), omega)
+        internal = internal_stiffness(linear.stiffness, load)
+    springs = np.diag(linear.stiffness if internal is None else internal)
+    sprung = np.flatnonzero(springs > 0.0)
+    rows = np.sqrt(springs[sprung])[:, None] * np.eye(springs.size)[sprung]
+    names = tuple(linear.coordinates[i].name for i in sprung)
+    return LinearCraft(linear, tuple(driven), tuple(seen), names, rows, bare, internal)
+
+
+def _bare_point(
+    embedded: Embedded, items: Sequence[PlacedBody], point: OperatingPoint
+) -> OperatingPoint:
+    """The point of the spacecraft without appendages at a point of the whole model."""
     new = {dof for item in items for dof in item.dofs}
     old = [i for i in range(embedded.model.nv) if i not in new]
     bare = operating_point(embedded.craft, embedded.bare_qpos(point.qpos))
-    bare = OperatingPoint(bare.model, bare.qpos, point.qvel[old])
-    data = bare.data()
-    roots = [root_of(bare.model, data, item) for item in items]
-    carrying = carrying_of(bare.model, data, roots)
-    internal: Array | None = None
-    loose = None if carrying is None else loose_craft(embedded, roots)
-    place = bare if loose is None else loose.point(bare)
+    return bare._replace(qvel=point.qvel[old])
+
+
+def _local_signals(
+    point: OperatingPoint, inputs: InputNames, outputs: OutputNames
+) -> tuple[Sequence[Input], Sequence[Output]]:
+    """Signals of a bare spacecraft; none may read what hangs on it."""
     try:
-        driven = inputs_of(place, inputs)
-        seen = outputs_of(place, outputs)
+        driven = inputs_of(point, inputs)
+        seen = outputs_of(point, outputs)
     except InputError as error:
         raise InputError(
             f"the exact plant has the bare spacecraft's signals only: {error}"
@@ -167,48 +225,7 @@ def exact_craft(
             f"output {far[0]!r} reads what hangs on its body, which the exact plant cannot; leave "
             "it out of outputs."
         )
-    lines = _lines(items, omega) if loaded else []
-    if loaded:
-        models = [line.model for line in lines]
-    else:
-        models = [
-            _whole(a, item, omega) for a, item in zip(embedded.appendages, items, strict=True)
-        ]
-    modes = [
-        Signal(name, "")
-        for a, model in zip(embedded.appendages, models, strict=True)
-        for name in _names(a.prefix, model)
-    ]
-    if carrying is None or loose is None:
-        alone = linear_at(bare, driven, seen)
-        linear = alone.with_appendages(models, [root.motion for root in roots])
-        coordinates = [*alone.coordinates, *modes]
-        if loaded:
-            load = _load(embedded, items, pose)
-            tree = LoadedTree(
-                bare.model, bare.qpos, roots, [item.mount for item in items], lines, load
-            )
-            counts = np.cumsum([len(alone.coordinates), *(model.modes for model in models)])
-            linear = tree.loaded(linear, counts[:-1].tolist(), omega)
-            internal = internal_stiffness(linear.stiffness, load)
-    elif loaded:
-        raise InputError(
-            "the exact plant under a load is known without bodies on ports; leave loaded out."
-        )
-    else:
-        alone = loose.linear(place, driven, seen)  # over (q, p)
-        linear = alone.with_appendages(models, carrying.roots)  # over (q, p, modes)
-        coordinates = [*alone.coordinates[: len(loose.own)], *modes]
-        by_modes = carrying.by_modes(models)
-        count = by_modes.shape[1]
-        tied = np.vstack([by_modes, np.eye(count)[len(loose.own) :]])
-        linear = linear.in_coordinates(tied, coordinates)
-    linear = replace(linear, coordinates=tuple(coordinates))
-    springs = np.diag(linear.stiffness if internal is None else internal)
-    sprung = np.flatnonzero(springs > 0.0)
-    rows = np.sqrt(springs[sprung])[:, None] * np.eye(springs.size)[sprung]
-    names = tuple(linear.coordinates[i].name for i in sprung)
-    return LinearCraft(linear, tuple(driven), tuple(seen), names, rows, bare, internal)
+    return driven, seen
 
 
 def internal_stiffness(stiffness: Array, load: Loading) -> Array:
