@@ -93,7 +93,6 @@ def evenly_cut(beam: bc.Beam, modes: dict[str, int], **more: object) -> bc.Fit:
     """A chain of the same modes on the cut that would be chosen if the recursion did not exist."""
     groups = []
     for port, target in bc.fit(beam, modes=modes).target.items():
-        beyond = float(beam.port(port, target.modes + 1).frequencies[-1])
         damping = np.zeros(target.modes)
         groups.append(
             ModeGroup(
@@ -103,10 +102,9 @@ def evenly_cut(beam: bc.Beam, modes: dict[str, int], **more: object) -> bc.Fit:
                 damping,
                 target.shapes,
                 rigid=target.rigid_mass,
-                beyond=beyond,
             )
         )
-    cut = cut_chain(beam, groups, ()).cut
+    cut = cut_chain(beam.line, groups, ()).cut
     return bc.fit(
         beam, modes=modes, options=FitOptions(cuts=tuple(float(x) for x in cut.x)), **more
     )

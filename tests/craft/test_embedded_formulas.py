@@ -372,7 +372,7 @@ def test_a_rigid_body_is_compared_up_to_what_its_scene_asks_for(bandwidth, band)
     scene = None if bandwidth == "no scene" else SimpleNamespace(bandwidth=bandwidth)
     spec = SimpleNamespace(scene=scene, slosh=None, undamped_ratio=0.03)
     body = SimpleNamespace(spec=spec, data="imported")
-    given = SimpleNamespace(fit=SimpleNamespace(body=body, exact=exact), mount="place", loads=())
+    given = SimpleNamespace(fit=SimpleNamespace(body=body, _exact=exact), mount="place", loads=())
     (found,) = carried_by_craft(None, [given])
     assert found.band == {"rigid": band}
     assert (found.mount, found.whole, found.undamped, found.line) == ("place", whole, 0.03, None)

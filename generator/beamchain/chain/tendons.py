@@ -132,7 +132,7 @@ def modal_matrix(
     n, size = modes.frequencies.size, len(inertia)
     apart = modes.neutral and size > n
     # Q = C C^T, T = C^-T U
-    root = np.linalg.cholesky(inertia)
+    root = np.asarray(np.linalg.cholesky(inertia), dtype=np.float64)
     seen, unseen, on_seen = _split(kinematics, root)
     # U: the modes, motions that the root does not feel, and what is left, as fillers
     guide = None if modes.momenta is None else unseen.T @ np.linalg.solve(root, modes.momenta.T)

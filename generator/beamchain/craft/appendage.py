@@ -28,7 +28,7 @@ from beamchain.errors import EngineError, InputError
 from beamchain.fitting.body import Body
 from beamchain.fitting.exact import ExactAppendage
 from beamchain.fitting.hub import Hub
-from beamchain.fitting.result import Fit
+from beamchain.fitting.result import Fit, exact_of
 from beamchain.fitting.spec import Spec
 from beamchain.mjcf import compatibility, insert, write
 from beamchain.ports.motions import UPRIGHT, Array
@@ -312,7 +312,7 @@ def carried(model: "mujoco.MjModel | None", appendages: Sequence[Appendage]) -> 
     """The exact appendages; without a model their degrees of freedom are left out."""
     out: list[PlacedBody] = []
     for a in appendages:
-        item = placed_body(a.mount, a.fit.body, a.fit.exact, a.loads)
+        item = placed_body(a.mount, a.fit.body, exact_of(a.fit), a.loads)
         if model is not None:
             own = ids_of(model, names([a]))
             dofs = own["dof"]

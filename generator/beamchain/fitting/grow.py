@@ -78,8 +78,9 @@ def grow(
         found = _best(judge, [item.model for item in ours], offers, PAYS * error, tolerance)
         if found is None:  # it takes several: the one that costs most
             parts = {(i, key): (name, i, ours[i].part(key)) for i, key in offers}
-            for part in set(parts.values()) - lacks.keys():
-                lacks[part] = judge.of_exchange(part[1], ours[part[1]].without(part[2]))
+            for part in parts.values():
+                if part not in lacks:
+                    lacks[part] = judge.of_exchange(part[1], ours[part[1]].without(part[2]))
             found = max(offers, key=lambda k: lacks[parts[k]])
             if lacks[parts[found]] < IDLE * error:
                 break  # nothing that modes could mend

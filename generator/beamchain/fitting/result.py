@@ -228,7 +228,7 @@ class Fit:
         return self.kept.choice
 
     @cached_property
-    def exact(self) -> ExactAppendage:
+    def _exact(self) -> ExactAppendage:
         """The exact appendage in six motions."""
         return exact_appendage(self.body, self.kept, self.measured.rigid_mass)
 
@@ -480,7 +480,7 @@ class Fit:
         band = (scene.bandwidth if scene else None) or min(self.bandwidth.values())
         model = self._scenes[0]
         hub = self.hub.mass_matrix()
-        whole = self.exact.model
+        whole = self._exact.model
         if scene is None or scene.bandwidth is None:  # as `in_band_error`: ports with modes
             moved = np.any(group_motion(list(self.bandwidth)), axis=1)
             keep = np.flatnonzero(moved).tolist()
@@ -688,3 +688,8 @@ class Fit:
         }
         write_files(files, force=force)
         return list(files)
+
+
+def exact_of(fit: Fit) -> ExactAppendage:
+    """The exact appendage of a fit in six motions, worked out once."""
+    return fit._exact
