@@ -10,6 +10,7 @@ import pytest
 
 import beamchain as bc
 from beamchain.craft.fits import Fits, _same_hub
+from beamchain.errors import RealisationError
 from formulas import (
     Body,
     Candidate,
@@ -22,6 +23,7 @@ from formulas import (
     carried_by_craft,
     fits_that_keep,
     lightest_of_bodies,
+    realised_or_before,
     warnings_of_loads,
 )
 
@@ -322,6 +324,37 @@ def test_of_an_appendage_that_carries_the_model_stays_what_was_asked_for(loads):
     assert (found.at, found.mount, found.loads, found.fit) == ("a", "mount", loads, fit)
     assert (found.candidate.kept, found.candidate.added) == (kept, "mode 4 in xy")
     assert found.candidate.measured == (None if loads else "as MuJoCo has it")
+
+
+@pytest.mark.parametrize(
+    ("most", "kept", "refused"), [(5, 5, []), (3, 3, [5, 4]), (2, 2, [5, 4, 3]), (1, None, None)]
+)
+def test_where_no_chain_has_all_modes_the_last_before_them_that_has_one_is_taken(
+    most, kept, refused
+):
+    """Five modes are wanted, grown from two."""
+    body = Body(boom(root=bc.spec.Root(hub=HUBS[0])), {})
+    grown = Candidate(body, Kept("clamped", {"xy": 2}))
+    item = Placed("a", "mount", (), grown)
+    for n in (3, 4, 5):
+        grown = replace(grown, kept=Kept("clamped", {"xy": n}), before=grown)
+
+    def fit(candidate):
+        if candidate.modes > most:
+            raise RealisationError(f"not {candidate.modes}.")
+        return SimpleNamespace(kept=candidate.kept, measured=SimpleNamespace(space="measured"))
+
+    if kept is None:
+        with pytest.raises(RealisationError, match="not 2"):
+            realised_or_before(item, grown, fit)
+        return
+    found, failed = realised_or_before(item, grown, fit)
+    assert (found.candidate.modes, found.candidate.measured) == (kept, "measured")
+    assert failed == [f"a: no chain has {n} modes: not {n}." for n in refused]
+    # where it had a chain before, that one stands
+    before = Placed("a", "mount", (), item.candidate, "fit of two")
+    found, failed = realised_or_before(before, grown, fit)
+    assert (found is before) == (kept == 2)
 
 
 def test_equal_booms_on_unequal_hubs_have_fits_of_their_own():

@@ -159,6 +159,13 @@ def test_where_no_mode_pays_that_grows_whose_lack_alone_costs_most(alone, modes)
     assert whose(steps) == ["b"] * (modes[1] - 1) + ["a"] * (modes[0] - 1)
 
 
+@pytest.mark.parametrize(("alone", "modes"), [(0.22, [3, 1]), (0.2, [1, 1])])
+def test_what_alone_costs_more_than_the_tolerance_is_mended_however_large_the_error(alone, modes):
+    """0.21, where a twentieth of the error is 0.45."""
+    found, _ = grown(lambda m, n: 0.1 if m > 2 else 9.0, (alone, 0.02))
+    assert found == modes
+
+
 def test_what_a_lack_costs_is_asked_anew_where_a_mode_was_added():
     """A lack costs as much as there are modes missing to five, so that both grow in turns; the
     sixth mode pays."""

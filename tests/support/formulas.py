@@ -161,6 +161,7 @@ from beamchain.craft.moving_modes import moving_modes
 from beamchain.craft.plant_load import check_standing, liquid_prefixes
 from beamchain.craft.poses import Way, pose_label, poses_of
 from beamchain.craft.promise import Placed, candidate_of, fits_that_keep, joint_request
+from beamchain.craft.promise import _realised as realised_or_before
 from beamchain.craft.proof import _bent_keyframes as bent_keyframes
 from beamchain.craft.proof import _check_ports as check_ports_of_file
 from beamchain.craft.proof import _elements as elements_of_file
@@ -1012,6 +1013,7 @@ __all__ = [
     "realise",
     "realise_controller",
     "realise_fraction",
+    "realised_or_before",
     "recovered_beam",
     "recovered_delivery",
     "reduced_to_kept",

@@ -151,16 +151,10 @@ def _keep_on_base(
         if best and not steps:
             break
         for i, candidate in enumerate(wanted):
-            item = ours[i]
-            try:
-                made = item.fit if candidate is item.candidate else fit(candidate)
-                ours[i] = item.with_fit(candidate, made or fit(candidate))
-            except RealisationError as error:
-                if candidate is item.candidate:
-                    raise
+            ours[i], failed = _realised(ours[i], candidate, fit)
+            told += failed
+            if failed:
                 barred.add(i)
-                told.append(f"{item.at}: no chain has {candidate.modes} modes: {error}")
-                ours[i] = item.with_fit(item.candidate, item.fit or fit(item.candidate))
         error, _ = worst(poses, [item.candidate.model for item in ours])
         if error < least or not best:
             best = [item.fit for item in ours if item.fit is not None]
@@ -168,3 +162,24 @@ def _keep_on_base(
         if keeps_tolerance(least, want.tolerance):
             break
     return best
+
+
+def _realised(
+    item: Placed, candidate: Candidate, fit: Callable[[Candidate], Fit]
+) -> tuple[Placed, list[str]]:
+    """An appendage with the chain of a candidate, or of the last before it that has one; and a line
+    for each that has none.
+
+    Raises:
+        RealisationError: not even what it began with has one.
+    """
+    failed = list[str]()
+    while candidate is not item.candidate or item.fit is None:
+        try:
+            return item.with_fit(candidate, fit(candidate)), failed
+        except RealisationError as error:
+            if candidate.before is None:
+                raise
+            failed.append(f"{item.at}: no chain has {candidate.modes} modes: {error}")
+            candidate = candidate.before
+    return item, failed

@@ -56,6 +56,7 @@ class Candidate:
         body: every mode of it; what its specification states of modes is the user's.
         kept: the modes that it would keep.
         measured: what MuJoCo has of a chain with these modes, in six motions, where there is one.
+        before: what it grew from by one mode; None where it did not grow.
         added: the mode that was added last, in words; empty where none was.
         newest: frequency of that mode [rad/s].
     """
@@ -63,6 +64,7 @@ class Candidate:
     body: Body
     kept: Kept
     measured: PortModel | None = None
+    before: "Candidate | None" = None
     added: str = ""
     newest: float = 0.0
 
@@ -185,4 +187,5 @@ class Candidate:
         return weights(with_damping(exact, self.body.spec.undamped_ratio), hub, band, motions)
 
     def _with(self, kept: Kept, added: str, newest: float) -> "Candidate":
-        return replace(self, kept=kept, measured=None, added=added, newest=float(newest))
+        changes = {"before": self, "added": added, "newest": float(newest)}
+        return replace(self, kept=kept, measured=None, **changes)

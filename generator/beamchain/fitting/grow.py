@@ -82,7 +82,8 @@ def grow(
                 if part not in lacks:
                     lacks[part] = judge.of_exchange(part[1], ours[part[1]].without(part[2]))
             found = max(offers, key=lambda k: lacks[parts[k]])
-            if lacks[parts[found]] < IDLE * error:
+            # what alone costs more than the tolerance has to be mended whatever else is
+            if lacks[parts[found]] < min(IDLE * error, tolerance):
                 break  # nothing that modes could mend
         i, key = found
         for each in judges:
