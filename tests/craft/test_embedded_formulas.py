@@ -345,7 +345,7 @@ def test_where_no_chain_has_all_modes_the_last_before_them_that_has_one_is_taken
         return SimpleNamespace(kept=candidate.kept, measured=SimpleNamespace(space="measured"))
 
     if kept is None:
-        with pytest.raises(RealisationError, match="not 2"):
+        with pytest.raises(RealisationError, match="a: not 2"):
             realised_or_before(item, grown, fit)
         return
     found, failed = realised_or_before(item, grown, fit)

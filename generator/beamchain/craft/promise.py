@@ -179,7 +179,7 @@ def _realised(
             return item.with_fit(candidate, fit(candidate)), failed
         except RealisationError as error:
             if candidate.before is None:
-                raise
+                raise RealisationError(f"{item.at}: {error}") from None
             failed.append(f"{item.at}: no chain has {candidate.modes} modes: {error}")
             candidate = candidate.before
     return item, failed
