@@ -90,11 +90,10 @@ class Promise:
 
         def error(others: Sequence[PortModel]) -> float:
             other = self._only(others)
-            values = [
-                reference.curve(i, self._seen(other, motions), omega)
-                for reference, i, motions, omega in tops
-            ]
-            return float(np.max(np.concatenate(values), initial=0.0))
+            return max(
+                reference.error_at(i, self._seen(other, motions), points)
+                for reference, i, motions, points in tops
+            )
 
         return error
 

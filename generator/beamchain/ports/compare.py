@@ -282,11 +282,17 @@ class Reference:
             tolerance=tolerance,
         )
 
-    def highest(self, number: int, model: PortModel, most: int) -> Array:
-        """`(k,)` up to `most` frequencies at which the error of a model is highest, where the exact
-        one has its peaks [rad/s]."""
-        omega, values = self._on_grid(number, with_damping(model, self.undamped))
-        return omega[crests(values)[:most]]
+    def highest(self, number: int, model: PortModel, most: int) -> NDArray[np.int64]:
+        """`(k,)` numbers of up to `most` points at which the error of a model is highest, of those
+        that resolve the exact peaks."""
+        _, values = self._on_grid(number, with_damping(model, self.undamped))
+        return crests(values)[:most]
+
+    def error_at(self, number: int, model: PortModel, points: NDArray[np.int64]) -> float:
+        """The largest error of a model at some points of `highest`."""
+        omega, exact, size = (known[points] for known in self._exact[number])
+        block, model = self.blocks[number], with_damping(model, self.undamped)
+        return float(np.max(norm_ratios(block.response(model, omega) - exact, size), initial=0.0))
 
     def _on_grid(self, number: int, model: PortModel) -> tuple[Array, Array]:
         """Frequencies that resolve the exact peaks, and the error of a damped model there."""
