@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from msgspec import structs
 
-from beamchain.fitting.body import Body
+from beamchain.fitting.body import Body, with_inertia
 from beamchain.fitting.exact import ExactAppendage, exact_appendage, kept_model
 from beamchain.fitting.kept import Kept, numbered, of_ports
 from beamchain.fitting.needs import AXES
@@ -119,7 +119,7 @@ class Candidate:
         ports.pop(part, None)
         if count := self.kept.counts.get(part):
             ports[part] = self.body.reduced(self.kept.target, part, count)
-        return model_in_space(ports, self.exact.model.rigid_mass)
+        return model_in_space(ports, with_inertia(self.body.rigid_mass))
 
     def droppable(self, band: float, least: Kept) -> tuple[str, ...]:
         """What `dropping` may be asked for: the ports, or of modes that couple them those beyond

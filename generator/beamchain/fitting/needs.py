@@ -88,12 +88,18 @@ class Promise:
             for i, motions in enumerate(blocks)
         ]
 
+        known: dict[tuple[object, ...], float] = {}
+
+        def of_block(top: int, other: PortModel) -> float:
+            reference, i, motions, points = tops[top]
+            key = (top, *(array.tobytes() for array in self._modes_seen(other, motions)))
+            if key not in known:
+                known[key] = reference.error_at(i, self._seen(other, motions), points)
+            return known[key]
+
         def error(others: Sequence[PortModel]) -> float:
             other = self._only(others)
-            return max(
-                reference.error_at(i, self._seen(other, motions), points)
-                for reference, i, motions, points in tops
-            )
+            return max(of_block(top, other) for top in range(len(tops)))
 
         return error
 

@@ -290,9 +290,10 @@ class Reference:
 
     def error_at(self, number: int, model: PortModel, points: NDArray[np.int64]) -> float:
         """The largest error of a model at some points of `highest`."""
-        omega, exact, size = (known[points] for known in self._exact[number])
+        omega, exact, size = self._exact[number]
         block, model = self.blocks[number], with_damping(model, self.undamped)
-        return float(np.max(norm_ratios(block.response(model, omega) - exact, size), initial=0.0))
+        off = block.response(model, omega[points]) - exact[points]
+        return float(np.max(norm_ratios(off, size[points]), initial=0.0))
 
     def _on_grid(self, number: int, model: PortModel) -> tuple[Array, Array]:
         """Frequencies that resolve the exact peaks, and the error of a damped model there."""
