@@ -298,7 +298,7 @@ from beamchain.engine.slew import _on_hub as drive_on_hub
 from beamchain.engine.slew import _run as run_of_push
 from beamchain.engine.slew import _without_actuators as without_actuators
 from beamchain.engine.slew import simulate as simulate_slew
-from beamchain.fitting.body import Body, body_of
+from beamchain.fitting.body import Body, body_of, with_polar_inertia
 from beamchain.fitting.body import _modes_below as half_waves
 from beamchain.fitting.body import _ports_of_beam as ports_of_beam
 from beamchain.fitting.body import _ratios as damping_of_file
@@ -313,7 +313,7 @@ from beamchain.fitting.grow import _best as best_mode
 from beamchain.fitting.hub import assumed_hub, default_hub, port_hub_mass
 from beamchain.fitting.kept import Kept, first_of_ports, numbered, of_ports
 from beamchain.fitting.look import look_of
-from beamchain.fitting.needs import Promise, with_polar_inertia
+from beamchain.fitting.needs import Promise
 from beamchain.fitting.proof import _cautions as cautions_of_fit
 from beamchain.fitting.proof import _in_space as compared_in_space
 from beamchain.fitting.proof import needs_hub

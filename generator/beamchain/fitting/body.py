@@ -8,7 +8,7 @@ import numpy as np
 
 from beamchain.errors import InputError
 from beamchain.fitting.hub import port_hub_mass
-from beamchain.fitting.needs import AXES, FAR, MOST, Promise, with_polar_inertia
+from beamchain.fitting.needs import AXES, FAR, MOST, Promise
 from beamchain.fitting.options import Damping
 from beamchain.fitting.spec import Spec
 from beamchain.mjcf.write import check_hub
@@ -38,12 +38,18 @@ class Body:
     spec: Spec
     ports: Mapping[str, PortModel]
     data: ModalData | None = None
-    _reduced: dict[tuple[str, str, int], PortModel] = field(default_factory=dict, init=False)
+    _reduced: dict[tuple[str, str, int], PortModel] = field(
+        default_factory=dict, init=False, repr=False
+    )
 
     @property
     def hub(self) -> Array | None:
         """`(6, 6)` of the hub that the specification states, about the root; None without one."""
         return None if self.spec.root.hub is None else self.spec.root.hub.mass_matrix()
+
+    def port_hub(self, port: str) -> Array | None:
+        """`(m, m)` of that hub in the motions of a port; None without one."""
+        return None if self.hub is None else port_hub_mass(self.hub, port)
 
     @cached_property
     def rigid_mass(self) -> Array:
@@ -87,8 +93,7 @@ class Body:
         key = target, port, count
         if key not in self._reduced:
             full, points = self.ports[port], tuple(self.spec.further.values())
-            hub = None if self.hub is None else port_hub_mass(self.hub, port)
-            model = reduced_port(full, target, count, hub=hub, points=points)
+            model = reduced_port(full, target, count, hub=self.port_hub(port), points=points)
             self._reduced[key] = (
                 self.spec.with_ratios(port, model)
                 if points
@@ -125,7 +130,7 @@ class Body:
         if scene is None or not self._bandwidth:
             return None
         if self.data is None:
-            exact = model_in_space(self.in_band, with_polar_inertia(self.rigid_mass))
+            exact = model_in_space(self.in_band, with_inertia(self.rigid_mass))
         else:
             exact = with_damping(self.data.space(), self.spec.undamped_ratio)
             exact = exact.condensed(FAR * self._bandwidth)
@@ -245,9 +250,15 @@ def reduced_port(
 def with_inertia(mass: Array, of_chain: Array | None = None) -> Array:
     """`(6, 6)` with what an appendage states none of: the chain's, or before there is one that of
     its other motions and a trace of polar inertia."""
-    lacking = np.diag(mass) <= 0.0
     if of_chain is None:
         mass = with_polar_inertia(mass)
         of_chain = np.max(np.diag(mass)[:3]) * np.eye(6)
-        lacking = np.diag(mass) <= 0.0
+    lacking = np.diag(mass) <= 0.0
     return mass + np.diag(np.where(lacking, np.diag(of_chain), 0.0))
+
+
+def with_polar_inertia(rigid_mass: Array) -> Array:
+    """`(6, 6)` with a trace of polar inertia where an appendage states none."""
+    mass = np.array(rigid_mass)
+    rotary = np.diag(mass)[3:]
+    return mass + np.diag([0.0] * 3 + list(np.maximum(1e-9 * rotary.max() - rotary, 0.0)))

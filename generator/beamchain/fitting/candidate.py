@@ -181,11 +181,12 @@ class Candidate:
     def weights(self, band: float) -> Array:
         """`(n,)` how much each of all modes moves the hub, or a light one, up to `band` [rad/s] in
         the motions that the scene asks for."""
-        exact, scene = self.exact.model, self.body.spec.scene
+        exact, scene = self.body.space, self.body.spec.scene
         motions = range(6) if scene is None else [AXES[axis] for axis in scene.axes]
         hub = STANDARD_HUBS[0] * exact.rigid_mass if self.body.hub is None else self.body.hub
         return weights(with_damping(exact, self.body.spec.undamped_ratio), hub, band, motions)
 
     def _with(self, kept: Kept, added: str, newest: float) -> "Candidate":
-        changes = {"before": self, "added": added, "newest": float(newest)}
-        return replace(self, kept=kept, measured=None, **changes)
+        return replace(
+            self, kept=kept, measured=None, before=self, added=added, newest=float(newest)
+        )

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from beamchain.errors import InputError
 from beamchain.fitting.body import Body, reduced_port, with_inertia
-from beamchain.fitting.hub import port_hub_mass
 from beamchain.fitting.kept import Kept
 from beamchain.ports.compose import model_in_space
 from beamchain.ports.model import PortModel
@@ -84,8 +83,7 @@ def reduced_to_kept(
 
     `points`: x of the appendage's further points [m].
     """
-    hub = None if body.hub is None else port_hub_mass(body.hub, port)
-    return reduced_port(full, kept.target, count, hub=hub, points=points)
+    return reduced_port(full, kept.target, count, hub=body.port_hub(port), points=points)
 
 
 def _of_imported(body: Body, kept: Kept, rigid_mass: Array | None) -> ExactAppendage:

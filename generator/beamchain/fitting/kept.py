@@ -108,17 +108,12 @@ class Kept:
         return next((ports for ports in groups if len(ports) > 1), ())
 
 
-def numbered(
-    body: Body,
-    numbers: Sequence[int],
-    target: str = "clamped",
-    choice: Choice | None = None,
-) -> Kept:
+def numbered(body: Body, numbers: Sequence[int], target: str = "clamped") -> Kept:
     """The modes of these numbers in the file, from 1."""
     assert body.data is not None
     belongs = [body.data.belongs[k - 1] for k in numbers]
     counts = {port: belongs.count(port) for port in PORTS if port in belongs}
-    return Kept(target, counts, body.data, tuple(sorted(numbers)), choice)
+    return Kept(target, counts, body.data, tuple(sorted(numbers)))
 
 
 def first_of_ports(data: ModalData, counts: Mapping[str, int]) -> tuple[int, ...]:
@@ -141,8 +136,3 @@ def of_ports(body: Body, counts: Mapping[str, int], target: str = "clamped") -> 
     if body.data is None:
         return Kept(target, counts)
     return numbered(body, first_of_ports(body.data, counts), target)
-
-
-def mode_name(data: ModalData, k: int) -> str:
-    """Mode k of imported ones, from 0, in words."""
-    return f"mode {k + 1} of the file ({data.belongs[k]}, {data.frequencies[k]:.3g} rad/s)"

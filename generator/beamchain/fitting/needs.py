@@ -19,6 +19,9 @@ FAR = 25.0  # times the bandwidth: modes above act through their static flexibil
 COUPLED = 1e-12  # relative, below which nothing couples two motions
 MOST = 8  # modes tried per port: beyond, the exact chain is rarely physical
 
+#: Errors by the number of a block and the modes that move there.
+Known = dict[tuple[object, ...], float]
+
 #: Motions of the hub by the names of SPEC's `scene.axes`.
 AXES = {"tx": 0, "ty": 1, "tz": 2, "x": 3, "y": 4, "z": 5}
 
@@ -57,17 +60,19 @@ class Promise:
             if hub_mass is None
             else [hub_mass]
         )
-        self._blocks = [self._coupled_motions(hub) for hub in self.hubs]
-        self._references = [
-            Reference([self._block(hub, motions) for motions in blocks], bandwidth, undamped)
-            for hub, blocks in zip(self.hubs, self._blocks, strict=True)
-        ]
-        self._known: dict[tuple[object, ...], float] = {}
+        # the blocks of every hub: its reference, their number there, their motions
+        self._blocks: list[tuple[Reference, int, list[int]]] = []
+        for hub in self.hubs:
+            blocks = self._coupled_motions(hub)
+            of_hub = [self._block(hub, motions) for motions in blocks]
+            reference = Reference(of_hub, bandwidth, undamped)
+            self._blocks += [(reference, i, motions) for i, motions in enumerate(blocks)]
+        self._known: dict[float | None, Known] = {}
 
     def reaches(self, port: str) -> bool:
         """Whether a port can move any hub motion that matters."""
         moved = np.any(PORT_MOTION[port] != 0.0, axis=1)[list(self.motions)]
-        return any(np.any(moved[block]) for blocks in self._blocks for block in blocks)
+        return any(np.any(moved[motions]) for _, _, motions in self._blocks)
 
     def of_models(self, models: Sequence[PortModel], tolerance: float | None = None) -> float:
         """In-band error of the one model, in six motions; see `error`."""
@@ -83,25 +88,16 @@ class Promise:
         smaller."""
         model = self._only(models)
         tops = [
-            (reference, i, motions, reference.highest(i, self._seen(model, motions), TOPS))
-            for reference, blocks in zip(self._references, self._blocks, strict=True)
-            for i, motions in enumerate(blocks)
+            reference.highest(i, self._seen(model, motions), TOPS)
+            for reference, i, motions in self._blocks
         ]
 
-        known: dict[tuple[object, ...], float] = {}
+        def at_tops(block: int, seen: PortModel) -> float:
+            reference, i, _ = self._blocks[block]
+            return reference.error_at(i, seen, tops[block])
 
-        def of_block(top: int, other: PortModel) -> float:
-            reference, i, motions, points = tops[top]
-            key = (top, *(array.tobytes() for array in self._modes_seen(other, motions)))
-            if key not in known:
-                known[key] = reference.error_at(i, self._seen(other, motions), points)
-            return known[key]
-
-        def error(others: Sequence[PortModel]) -> float:
-            other = self._only(others)
-            return max(of_block(top, other) for top in range(len(tops)))
-
-        return error
+        known: Known = {}
+        return lambda others: self._largest(at_tops, self._only(others), known)
 
     def _only(self, models: Sequence[PortModel]) -> PortModel:
         """The one model in the motions of the promise."""
@@ -115,27 +111,25 @@ class Promise:
 
         Its rigid mass does not count. `tolerance`: as of `ports.compare.maximum_of`, for a search.
         """
-        worst = 0.0
-        for number, blocks in enumerate(self._blocks):
-            for i, motions in enumerate(blocks):
-                worst = max(worst, self._block_error(number, i, motions, model, tolerance))
-        return worst
 
-    def _block_error(
-        self,
-        number: int,
-        i: int,
-        motions: list[int],
-        model: PortModel,
-        tolerance: float | None,
+        def in_band(block: int, seen: PortModel) -> float:
+            reference, i, _ = self._blocks[block]
+            return reference.error(i, seen, tolerance)
+
+        return self._largest(in_band, model, self._known.setdefault(tolerance, {}))
+
+    def _largest(
+        self, error: Callable[[int, PortModel], float], model: PortModel, known: Known
     ) -> float:
-        """In-band error in block i on hub `number`, known for models that were asked for before."""
-        values = self._modes_seen(model, motions)
-        key = (number, i, tolerance, *(array.tobytes() for array in values))
-        if key not in self._known:
-            seen = self._seen(model, motions)
-            self._known[key] = self._references[number].error(i, seen, tolerance)
-        return self._known[key]
+        """The largest error of a block, by its number and the model in its motions; `known` for
+        modes that were asked for before."""
+        worst = 0.0
+        for block, (_, _, motions) in enumerate(self._blocks):
+            key = (block, *(array.tobytes() for array in self._modes_seen(model, motions)))
+            if key not in known:
+                known[key] = error(block, self._seen(model, motions))
+            worst = max(worst, known[key])
+        return worst
 
     def _coupled_motions(self, hub: Array) -> list[list[int]]:
         """Blocks of motions that are coupled on a hub; those without a wanted one are left out."""
@@ -168,10 +162,3 @@ class Promise:
         rows = model.participation[modes][:, motions]
         damping = model.damping[np.ix_(*[modes] * model.damping.ndim)]
         return model.frequencies[modes], rows, damping
-
-
-def with_polar_inertia(rigid_mass: Array) -> Array:
-    """`(6, 6)` with a trace of polar inertia where an appendage states none."""
-    mass = np.array(rigid_mass)
-    rotary = np.diag(mass)[3:]
-    return mass + np.diag([0.0] * 3 + list(np.maximum(1e-9 * rotary.max() - rotary, 0.0)))

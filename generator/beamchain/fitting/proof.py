@@ -11,7 +11,7 @@ from beamchain.chain.build import Built
 from beamchain.chain.chain import Chain
 from beamchain.engine.bench import Measured
 from beamchain.fitting.body import Body
-from beamchain.fitting.hub import default_hub, port_hub_mass
+from beamchain.fitting.hub import default_hub
 from beamchain.fitting.kept import Choice, Kept, LeftOut
 from beamchain.fitting.options import Scene
 from beamchain.fitting.realise import why
@@ -143,7 +143,7 @@ def _port_errors(
         # static shapes of loads on further points stand behind the modes
         modes = min(kept.counts[port], target.modes) if spec.further else target.modes
         bandwidth[port] = (spec.scene or Scene()).bandwidth or float(target.frequencies[modes - 1])
-        hub = None if body.hub is None else port_hub_mass(body.hub, port)
+        hub = body.port_hub(port)
         in_band = in_band_error(
             measured.damped_port(port),
             body.view(port),

@@ -15,7 +15,6 @@ from beamchain.fitting.kept import (
     Kept,
     LeftOut,
     first_of_ports,
-    mode_name,
     numbered,
     of_ports,
 )
@@ -218,12 +217,13 @@ def _ledger_of_modes(item: Candidate) -> Iterator[LeftOut]:
     for k in left[:LISTED]:
         where = "outside" if data.frequencies[k] > promise.band else "inside"
         others = [other for other in range(data.modes) if other != k]
-        cost = promise.of_exchange(0, item.exact.model.picked(others))
-        yield LeftOut(mode_name(data, int(k)), f"{where} {promise.band:.4g} rad/s", cost)
+        cost = promise.of_exchange(0, item.body.space.picked(others))
+        what = f"mode {k + 1} of the file ({data.belongs[k]}, {data.frequencies[k]:.3g} rad/s)"
+        yield LeftOut(what, f"{where} {promise.band:.4g} rad/s", cost)
     rest = left[LISTED:]
     if rest:
         kept = [k for k in range(data.modes) if k not in rest]
-        cost = promise.of_models([item.exact.model.picked(kept)])
+        cost = promise.of_models([item.body.space.picked(kept)])
         yield LeftOut(f"{len(rest)} lighter modes", "together within the tolerance", cost)
 
 
