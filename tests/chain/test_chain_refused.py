@@ -13,6 +13,7 @@ from beamchain.chain.recursion import realise
 from beamchain.chain.tendons import ModeGroup
 from beamchain.errors import RealisationError
 from beamchain.spec import FitOptions
+from formulas import check_masses
 
 LINK = Link(0.0, 1.0, 1.0, 0.5, (0.1, 0.1, 0.1))
 
@@ -91,6 +92,20 @@ def test_what_a_chain_cannot_be_is_refused(case):
     said = str(caught.value)
     assert [word for word in words if word not in said] == []
     assert "\n" not in said
+
+
+@pytest.mark.parametrize(("mass", "fine"), [(0.0, False), (0.9e-12, False), (1.1e-12, True)])
+def test_links_beyond_the_first_have_mass(mass, fine):
+    """Of 1 kg; what stands before the first hinge does not move against the root."""
+    spin = (1e-3, 1e-3, 1e-3)
+    links = [Link(0.0, 0.5, 0.0, 0.2, spin), Link(0.5, 0.5, mass, 0.7, spin)]
+    links.append(Link(1.0, 0.5, 1.0, 1.2, spin))
+    cuts = np.array([0.5, 1.0])
+    if fine:
+        check_masses(links, cuts)
+        return
+    with pytest.raises(RealisationError, match=r"link 2, from x = 0.5 m, would have no mass: .*"):
+        check_masses(links, cuts)
 
 
 def test_stiffness_of_a_hinge_is_not_set_later():

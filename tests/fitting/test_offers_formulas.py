@@ -70,6 +70,17 @@ def test_modes_of_a_file_that_keep_to_their_ports_are_offered_port_by_port(scene
     assert list(found["xz"].offers(4.5)) == ["xy"]  # the file has no more in the other
 
 
+def test_a_free_root_is_offered_no_mode_that_it_has_not():
+    """With all inertia about x behind one spring nothing is left to swing against."""
+    rows = np.eye(6)[[3, 1]]
+    body = body_of(
+        bc.Spec(name="rotor", imported=Imported(file="f.op2")),
+        bc.ModalData(MASS, FILE[:2], rows, length=2.0),
+    )
+    assert list(Candidate(body, of_ports(body, {}, "free")).offers(9.0)) == ["xy"]
+    assert list(Candidate(body, of_ports(body, {})).offers(9.0)) == ["xy", "torsion"]
+
+
 @pytest.mark.parametrize("coupled", [True, False])
 def test_typed_ports_are_never_offered(coupled):
     """Nor by a mode that belongs there and moves another port as well."""

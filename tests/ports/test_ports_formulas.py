@@ -314,6 +314,7 @@ def test_norms_that_cannot_be_the_largest_are_left_out():
     # what they are divided by counts
     both = np.array([np.diag([3.0, 3.0, 3.0]), np.diag([1.0, 0.0, 0.0])]) + 0j
     assert norm_ratios(both, np.array([4.0, 1.0])).tolist() == [0.75, 1.0]
+    assert norm_ratios(both[:0], np.zeros(0)).tolist() == []  # where no frequency is high
 
 
 def test_an_error_is_over_the_larger_of_the_exact_and_of_the_rigid_response():

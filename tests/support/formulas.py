@@ -2,6 +2,7 @@
 
 from beamchain.chain.baselines import rigid_link
 from beamchain.chain.build import BuildOptions, build_exact, with_real_polar
+from beamchain.chain.build import _check_masses as check_masses
 from beamchain.chain.build import _counts as hinge_counts
 from beamchain.chain.build import _modes_of as modes_to_give
 from beamchain.chain.build import _required_hinges as required_hinges
@@ -719,6 +720,7 @@ __all__ = [
     "check_free_modes",
     "check_freedoms",
     "check_inertia",
+    "check_masses",
     "check_outwards",
     "check_ports_of_file",
     "check_pushes",

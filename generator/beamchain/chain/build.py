@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from beamchain.chain.chain import Chain, Hinge, sprung
+from beamchain.chain.chain import Chain, Hinge, Link, sprung
 from beamchain.chain.cut import MOST_ADDED, Cut, choose_cut
 from beamchain.chain.links import (
     NO_POLAR,
@@ -28,7 +28,7 @@ from beamchain.chain.tendons import ModeGroup, given_modes, group_motion, spring
 from beamchain.errors import InputError, RealisationError
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array
-from beamchain.structure.mass_line import MassLine, Moments, spread_mass
+from beamchain.structure.mass_line import NO_MASS, MassLine, Moments, spread_mass
 from beamchain.structure.settle_modes import PRINTED
 
 Springs = Literal["auto", "hinges", "modes"]
@@ -355,6 +355,7 @@ def cut_chain(
         if not line.exact:
             raise
         return _cut_wide_chain(line, groups, lines, further)
+    _check_masses(links, cut.x)
     hinges = tuple(
         Hinge(x=float(x), stiffness=dict.fromkeys(ports, 0.0))
         for x, ports in zip(cut.x, cut.ports, strict=True)
@@ -367,6 +368,17 @@ def cut_chain(
         f"{shortest_link(cut.x, line.length):.3g} of the length"
     )
     return Built(chain, {}, how + _added_hinges(cut, lines, line.length), cut=cut)
+
+
+def _check_masses(links: Sequence[Link], cuts: Array) -> None:
+    """Every link that moves against the root has mass."""
+    least = NO_MASS * sum(link.mass for link in links)
+    for number, (link, start) in enumerate(zip(links[1:], cuts, strict=True), 2):
+        if link.mass <= least:
+            raise RealisationError(
+                f"link {number}, from x = {start:.3g} m, would have no mass: the appendage has "
+                "none there that its modes need; keep fewer modes, or state fit.cuts."
+            )
 
 
 def _added_hinges(cut: Cut, lines: Sequence[float], length: float) -> str:

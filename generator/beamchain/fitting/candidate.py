@@ -162,9 +162,12 @@ class Candidate:
             body = self.body.with_modes(port, count)
             if body is None:
                 continue
+            frequencies = body.reduced(target, port, count).frequencies
+            if frequencies.size < count:
+                continue  # without the hub's inertia there are not so many
             kept = of_ports(body, {**self.kept.counts, port: count}, target)
-            newest = body.reduced(target, port, count).frequencies[-1]
-            yield port, replace(self._with(kept, f"mode {count} in {port}", newest), body=body)
+            added = f"mode {count} in {port}"
+            yield port, replace(self._with(kept, added, frequencies[count - 1]), body=body)
 
     def _by_number(self, band: float) -> "Iterator[tuple[str, Candidate]]":
         numbers, data = self.kept.numbers, self.body.data

@@ -512,7 +512,7 @@ def norm_ratios(matrices: NDArray[np.complex128], size: Array) -> Array:
         return spectral_norms(matrices) / size
     # |A|_F / sqrt(m) <= |A|_2 <= |A|_F: the largest lies where the Frobenius norm is within sqrt(m)
     bounds = np.linalg.norm(matrices, axis=(1, 2)) / size
-    near = ~(bounds < 0.999 * bounds.max() / np.sqrt(motions))
+    near = ~(bounds < 0.999 * bounds.max(initial=0.0) / np.sqrt(motions))
     out = np.zeros(bounds.size)
     out[near] = spectral_norms(matrices[near]) / size[near]
     return out

@@ -26,7 +26,7 @@ INNER = 0.2  # of the length: no point stands nearer to the root, unless the mom
 STATED = 1e-6  # relative, to which a line that is stated has the rigid mass matrix
 GAUSS = 6  # points, exact for densities of the eighth degree times x^2
 EDGE = 1e-9  # of the length: a body so near an edge stands at it
-NO_MASS = 1e-12  # of the whole: a point with less is none
+NO_MASS = 1e-12  # of the whole: a point or a link with less has none
 ROUNDING = 1e-14  # of moments on a unit length and mass
 SMOOTH = 0.02  # least share of the smooth part where one is possible: no link is without mass
 
