@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
-from beamchain.ports.compare import STANDARD_HUBS, Block, Reference
+from beamchain.ports.compare import STANDARD_HUBS, Block, Reference, with_damping
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, Array
 
@@ -19,8 +19,8 @@ FAR = 25.0  # times the bandwidth: modes above act through their static flexibil
 COUPLED = 1e-12  # relative, below which nothing couples two motions
 MOST = 8  # modes tried per port: beyond, the exact chain is rarely physical
 
-#: Errors by the number of a block and the modes that move there.
-Known = dict[tuple[object, ...], float]
+#: Errors by the number of a block and the model in its motions.
+Known = dict[tuple[int, PortModel], float]
 
 #: Motions of the hub by the names of SPEC's `scene.axes`.
 AXES = {"tx": 0, "ty": 1, "tz": 2, "x": 3, "y": 4, "z": 5}
@@ -60,6 +60,8 @@ class Promise:
             if hub_mass is None
             else [hub_mass]
         )
+        self._undamped: float = undamped
+        self._models: dict[tuple[object, ...], PortModel] = {}
         # the blocks of every hub: its reference, their number there, their motions
         self._blocks: list[tuple[Reference, int, list[int]]] = []
         for hub in self.hubs:
@@ -125,10 +127,10 @@ class Promise:
         modes that were asked for before."""
         worst = 0.0
         for block, (_, _, motions) in enumerate(self._blocks):
-            key = (block, *(array.tobytes() for array in self._modes_seen(model, motions)))
-            if key not in known:
-                known[key] = error(block, self._seen(model, motions))
-            worst = max(worst, known[key])
+            seen = self._seen(model, motions)
+            if (block, seen) not in known:
+                known[block, seen] = error(block, seen)
+            worst = max(worst, known[block, seen])
         return worst
 
     def _coupled_motions(self, hub: Array) -> list[list[int]]:
@@ -152,13 +154,16 @@ class Promise:
         return Block(hub[np.ix_(motions, motions)], self._seen(self.exact, motions), keep)
 
     def _seen(self, model: PortModel, motions: list[int]) -> PortModel:
-        """A model in the motions of a block, with the modes that move there."""
-        rigid_mass = self.exact.rigid_mass[np.ix_(motions, motions)]
-        return PortModel(rigid_mass, *self._modes_seen(model, motions))
-
-    def _modes_seen(self, model: PortModel, motions: list[int]) -> tuple[Array, Array, Array]:
-        """Frequencies, participation and damping of the modes that move there."""
+        """A model in the motions of a block, with the modes that move there; the same one for the
+        same modes."""
         modes = np.any(self._moved(model)[:, motions], axis=1)
-        rows = model.participation[modes][:, motions]
-        damping = model.damping[np.ix_(*[modes] * model.damping.ndim)]
-        return model.frequencies[modes], rows, damping
+        arrays = (
+            model.frequencies[modes],
+            model.participation[modes][:, motions],
+            model.damping[np.ix_(*[modes] * model.damping.ndim)],
+        )
+        key = (*motions, *(array.tobytes() for array in arrays))
+        if key not in self._models:
+            rigid_mass = self.exact.rigid_mass[np.ix_(motions, motions)]
+            self._models[key] = with_damping(PortModel(rigid_mass, *arrays), self._undamped)
+        return self._models[key]

@@ -41,8 +41,8 @@ def select(body: Body, target: str | None = None) -> Kept:
     if not spec.chooses or named is not None:
         return _stated(body)
     _check_typed(body)
-    able = ["clamped", "free" if body.hub is None else "hub"]
-    if body.couples or spec.further:
+    able = ["clamped", "hub"]
+    if body.couples or spec.further or body.hub is None:
         able = able[:1]
     wanted = target or spec.root.target
     return _chosen(body, able if wanted in (None, "auto") else [str(wanted)])
@@ -108,16 +108,20 @@ def _chosen(body: Body, targets: Sequence[str]) -> Kept:
     assert scene is not None
     tried: list[Kept] = []
     free = free_ports(body.spec)
+    enough = np.inf  # modes with which a target before keeps the promise
+
+    def may_keep(_: int, item: Candidate) -> bool:
+        counts = item.kept.counts
+        few = body.couples or all(counts.get(port, 0) <= MOST for port in free)
+        return few and item.modes <= enough
+
     for target in targets:
         least = _least(body, target)
-        grown, steps = grow(
-            {"hub": promise},
-            [Candidate(body, least)],
-            scene.tolerance,
-            lambda _, item: body.couples or all(item.kept.counts.get(p, 0) <= MOST for p in free),
-        )
+        grown, steps = grow({"hub": promise}, [Candidate(body, least)], scene.tolerance, may_keep)
         found = prune(promise, grown[0], least, scene.tolerance)
         error = promise.of_models([found.model])
+        if keeps_tolerance(error, scene.tolerance):
+            enough = found.modes
         choice = Choice(
             modes={port: found.kept.counts.get(port, 0) for port in body.ports},
             target=target,
