@@ -12,6 +12,7 @@ from formulas import (
     Loading,
     PlacedBody,
     Pose,
+    PoseUnderLoad,
     acting,
     bent_line,
     check_standing,
@@ -55,9 +56,11 @@ def items():
 
 
 def pose(items, field):
+    if not any(field):
+        return Pose(MODEL, np.zeros(1), items, 2.0, (5,))
     nothing = np.zeros(0)
     load = Loading(np.zeros(3), nothing, nothing, np.array(field), None, np.zeros((1, 1)))
-    return Pose(MODEL, np.zeros(1), items, 2.0, (5,), loading=load if any(field) else None)
+    return PoseUnderLoad(load, MODEL, np.zeros(1), items, 2.0, (5,))
 
 
 @pytest.mark.parametrize("gravity", [0.0, 0.2])

@@ -212,8 +212,10 @@ class Pose:
 
     `wanted`: motions of the base body that count; all six stand for those that it can make. `band`:
     upper end [rad/s]; `own`: the craft's own degrees of freedom in the compiled model, where left
-    out those that are not of `carried`; `loading`: what acts on the craft there, None for nothing.
+    out those that are not of `carried`.
     """
+
+    loading: Loading | None = None
 
     def __init__(
         self,
@@ -223,9 +225,7 @@ class Pose:
         band: float,
         wanted: Sequence[int],
         own: Sequence[int] | None = None,
-        loading: Loading | None = None,
     ) -> None:
-        self.loading: Loading | None = loading
         self._qpos: Array = qpos
         self._model: mujoco.MjModel = craft
         self._own: Sequence[int] | None = own
@@ -361,14 +361,8 @@ class Pose:
 
     @cached_property
     def with_exact(self) -> Linear:
-        """The craft with the exact appendages, their modes for coordinates; under its load,
-        where it has one."""
-        craft = self.with_appendages(self.models)
-        if self.loading is None:
-            return craft
-        counts = [model.modes for model in self.models]
-        bases = len(self.bare.mass) + np.cumsum([0, *counts])[:-1]
-        return self._tree.loaded(craft, bases.tolist(), self.band)
+        """The craft with the exact appendages, their modes for coordinates."""
+        return self.with_appendages(self.models)
 
     @property
     def bare_model(self) -> "mujoco.MjModel":
@@ -377,68 +371,34 @@ class Pose:
 
     @cached_property
     def models(self) -> list[PortModel]:
-        """The exact appendages: all their modes or, under a load, those that feel it."""
-        if self.loading is None:
-            return self.whole
-        return self._damped([line.model for line in self._lines])
+        """The exact appendages: all their modes."""
+        return self.whole
 
     @cached_property
     def kept(self) -> list[NDArray[np.bool_]]:
         """Which modes of `models` the chains were asked to keep."""
-        if self.loading is None:
-            return [item.kept for item in self.carried]
-        return [
-            np.array(
-                [
-                    np.any(np.isclose(item.slack * item.whole.frequencies[item.kept], w))
-                    for w in each
-                ]
-            )
-            for item, model in zip(self.carried, self.models, strict=True)
-            for each in [model.frequencies]
-        ]
-
-    @cached_property
-    def _lines(self) -> list[BentLine | HangingLiquid]:
-        return [item.line(self.band) for item in self.carried if item.line is not None]
-
-    @cached_property
-    def _tree(self) -> LoadedTree:
-        assert self.loading is not None
-        return LoadedTree(
-            self._model,
-            self._qpos,
-            self.roots,
-            [item.mount for item in self.carried],
-            self._lines,
-            self.loading,
-        )
+        return [item.kept for item in self.carried]
 
     @cached_property
     def peaks(self) -> Array:
         """`(k, 2)` peaks of the exact craft: frequency [rad/s] and damping ratio."""
-        if self.loading is not None:
-            return peaks_of_craft(self.with_exact)
-        return self._peaks(self.near)
+        return peaks_of_craft(self.with_appendages(self.near))
 
     @cached_property
     def known(self) -> tuple[Array, Array, NDArray[np.complex128]]:
         """Peaks of the exact craft, a grid that resolves them, and the exact response there."""
         omega = grid_of([self.peaks], self.band)
-        if self.loading is not None:
-            return self.peaks, omega, self.exact(omega)
-        return self.peaks, omega, self.response(self.whole, omega)
+        return self.peaks, omega, self._exactly(omega)
 
-    def exact(self, omega: Array) -> NDArray[np.complex128]:
-        """`response` with the exact appendages, all their modes."""
-        if self.loading is not None:
-            return self.accelerance(self.with_exact, omega)
-        return self._of_exact(omega)
+    def _exactly(self, omega: Array) -> NDArray[np.complex128]:
+        """`exact`, solved at each frequency."""
+        return self.response(self.whole, omega)
 
     @cached_property
-    def _of_exact(self) -> Response:
+    def exact(self) -> Response:
+        """`response` with the exact appendages, all their modes."""
         if self.carrying is None:
-            return partial(self.response, self.whole)
+            return self._exactly
         return self._by_poles(self.with_exact, self.whole)[0]
 
     def _gathered(self, bands: float) -> list[PortModel]:
@@ -509,23 +469,15 @@ class Pose:
         return self._error(response, peaks_of_craft(compiled, poles))
 
     def compiled(self, model: "mujoco.MjModel", qpos: Array, body: int) -> Linear:
-        """The quiet compiled `model` at `qpos`, as it is compared with the exact craft; under its
-        load, where it has one."""
-        linear = self.comparable(craft_at(model, qpos, body))
-        if self.loading is None:
-            return linear
-        free = self.loading.free
-        if free is not None:
-            free = int(self.own_dofs(model.nv)[free])
-        dofs = [dof for item in self.carried for dof in item.dofs]
-        return loaded_linear(linear, model, qpos, dofs, replace(self.loading, free=free))
+        """The quiet compiled `model` at `qpos`, as it is compared with the exact craft."""
+        return self.comparable(craft_at(model, qpos, body))
 
     def changed_by(
         self, loading: Loading, model: "mujoco.MjModel", qpos: Array, body: int
     ) -> float:
         """In-band change of the compiled `model` by a load; infinity where it finds no rest."""
-        loaded = Pose(
-            self._model, self._qpos, self.carried, self.band, self.motions, self._own, loading
+        loaded = PoseUnderLoad(
+            loading, self._model, self._qpos, self.carried, self.band, self.motions, self._own
         )
         before = self.compiled(model, qpos, body)
         try:
@@ -535,9 +487,6 @@ class Pose:
         omega = grid_of([peaks_of_craft(before), peaks_of_craft(after)], self.band)
         moved, still = (self.accelerance(each, omega) for each in (after, before))
         return float(np.max(relative_error(moved, still, self.frozen)))
-
-    def _peaks(self, models: Sequence[PortModel]) -> Array:
-        return peaks_of_craft(self.with_appendages(models))
 
     def _error(self, response: Response, peaks: Array, tolerance: float | None = None) -> float:
         """In-band error of any `response` that has these `peaks`."""
@@ -565,6 +514,73 @@ class Pose:
             return float(np.max(relative_error(moved, exact, self.frozen), initial=0.0))
 
         return error
+
+
+class PoseUnderLoad(Pose):
+    """A pose under what acts on the craft there, its `loading`: the exact appendages bend."""
+
+    def __init__(
+        self,
+        loading: Loading,
+        craft: "mujoco.MjModel",
+        qpos: Array,
+        carried: Sequence[PlacedBody],
+        band: float,
+        wanted: Sequence[int],
+        own: Sequence[int] | None = None,
+    ) -> None:
+        super().__init__(craft, qpos, carried, band, wanted, own)
+        self.loading: Loading = loading
+
+    @cached_property
+    def _lines(self) -> list[BentLine | HangingLiquid]:
+        return [item.line(self.band) for item in self.carried if item.line is not None]
+
+    @cached_property
+    def models(self) -> list[PortModel]:
+        """The exact appendages: the modes that feel the load."""
+        return self._damped([line.model for line in self._lines])
+
+    @cached_property
+    def kept(self) -> list[NDArray[np.bool_]]:
+        """Which modes of `models` the chains were asked to keep."""
+        wanted = [item.slack * item.whole.frequencies[item.kept] for item in self.carried]
+        return [
+            np.isclose(each[:, None], model.frequencies).any(axis=0)
+            for each, model in zip(wanted, self.models, strict=True)
+        ]
+
+    @cached_property
+    def with_exact(self) -> Linear:
+        """The craft with the exact appendages under its load, their modes for coordinates."""
+        mounts = [item.mount for item in self.carried]
+        tree = LoadedTree(self._model, self._qpos, self.roots, mounts, self._lines, self.loading)
+        counts = [model.modes for model in self.models]
+        bases = len(self.bare.mass) + np.cumsum([0, *counts])[:-1]
+        return tree.loaded(self.with_appendages(self.models), bases.tolist(), self.band)
+
+    @cached_property
+    def peaks(self) -> Array:
+        """`(k, 2)` peaks of the exact craft: frequency [rad/s] and damping ratio."""
+        return peaks_of_craft(self.with_exact)
+
+    def _exactly(self, omega: Array) -> NDArray[np.complex128]:
+        return self.accelerance(self.with_exact, omega)
+
+    @cached_property
+    def exact(self) -> Response:
+        """The accelerance of the exact craft under its load."""
+        return self._exactly
+
+    def compiled(self, model: "mujoco.MjModel", qpos: Array, body: int) -> Linear:
+        """The quiet compiled `model` at `qpos` under its load, as it is compared with the exact
+        craft."""
+        free = self.loading.free
+        if free is not None:
+            free = int(self.own_dofs(model.nv)[free])
+        dofs = [dof for item in self.carried for dof in item.dofs]
+        linear = super().compiled(model, qpos, body)
+        return loaded_linear(linear, model, qpos, dofs, replace(self.loading, free=free))
 
 
 def _scaled(accelerance: Response, scale: Array, omega: Array) -> NDArray[np.complex128]:
@@ -597,20 +613,16 @@ def craft_poses(
     quiet = quiet_copy(craft)
     groups = by_base(quiet, [item.mount for item in carried])
     loadings = loadings_of(craft, carried) if loaded else {}
+
+    def at(name: str, qpos: Array, base: int) -> Pose:
+        members = [carried[i] for i in groups[base]]
+        loading = loadings.get((name, base))
+        if loading is None:
+            return Pose(quiet, qpos, members, band, wanted, own)
+        return PoseUnderLoad(loading, quiet, qpos, members, band, wanted, own)
+
     return {
-        name: [
-            Pose(
-                quiet,
-                qpos,
-                [carried[i] for i in members],
-                band,
-                wanted,
-                own,
-                loadings.get((name, base)),
-            )
-            for base, members in groups.items()
-        ]
-        for name, qpos in positions(quiet).items()
+        name: [at(name, qpos, base) for base in groups] for name, qpos in positions(quiet).items()
     }
 
 
