@@ -271,35 +271,8 @@ def _couple_ports(body: Body, kept: Kept, line: MassLine, most_added: int) -> Bu
             'use fit.springs = "auto".'
         )
     _check_body(modes)
-    if kept.target != "clamped":
-        reduced = kept.in_space(body)
-        with_modes(reduced, modes.modes, " and ".join(kept.coupled_ports))
-        rows = np.zeros((modes.modes, 6))
-        rows[:, body.live] = reduced.participation
-        modes = replace(modes, frequencies=reduced.frequencies, participation=rows, tip=None)
-    damping = modes.damping if _damps_modes(body, kept) else np.zeros(modes.modes)
-    groups: list[ModeGroup] = []
-    for ports in modes.groups:
-        parts = modes.parts[:, [PORTS.index(port) for port in ports]]
-        own = np.flatnonzero([port in ports for port in modes.belongs])
-        weights = {port: float(np.sum(parts[own, i] ** 2)) for i, port in enumerate(ports)}
-        numbers = tuple(range(1, own.size + 1)) if len(ports) == 1 else tuple((own + 1).tolist())
-        rows = modes.participation[own] @ group_motion(ports)
-        mass = group_motion(ports).T @ modes.rigid_mass @ group_motion(ports)
-        groups.append(
-            ModeGroup(
-                ports,
-                modes.frequencies[own],
-                rows,
-                damping[own],
-                numbers=numbers,
-                weights=weights,
-                rigid=mass,
-                left_out=_left_out(body, kept, ports),
-                band=_band(body, kept),
-                neutral=kept.target != "clamped",
-            )
-        )
+    modes = _for_target(body, kept, modes)
+    groups = [_group(body, kept, modes, ports) for ports in modes.groups]
     built = cut_chain(line, groups, spec.fit.cuts, most_added=most_added)
     alive = [
         port
@@ -308,6 +281,37 @@ def _couple_ports(body: Body, kept: Kept, line: MassLine, most_added: int) -> Bu
     ]
     targets = {port: model for port in alive if (model := _visible_modes(modes, port)).modes}
     return replace(built, targets=targets)
+
+
+def _for_target(body: Body, kept: Kept, modes: ModalData) -> ModalData:
+    """The kept modes of a file, for another target than the clamped one as many on its hub."""
+    if kept.target == "clamped":
+        return modes
+    reduced = kept.in_space(body)
+    with_modes(reduced, modes.modes, " and ".join(kept.coupled_ports))
+    rows = np.zeros((modes.modes, 6))
+    rows[:, body.live] = reduced.participation
+    return replace(modes, frequencies=reduced.frequencies, participation=rows, tip=None)
+
+
+def _group(body: Body, kept: Kept, modes: ModalData, ports: tuple[str, ...]) -> ModeGroup:
+    """Those of the modes that some ports share, as a cut asks for them."""
+    motion = group_motion(ports)
+    own = np.flatnonzero([port in ports for port in modes.belongs])
+    parts = modes.parts[np.ix_(own, [PORTS.index(port) for port in ports])]
+    damping = modes.damping[own] if _damps_modes(body, kept) else np.zeros(own.size)
+    return ModeGroup(
+        ports,
+        modes.frequencies[own],
+        modes.participation[own] @ motion,
+        damping,
+        numbers=tuple(range(1, own.size + 1)) if len(ports) == 1 else tuple((own + 1).tolist()),
+        weights=dict(zip(ports, np.sum(parts**2, axis=0).tolist(), strict=True)),
+        rigid=motion.T @ modes.rigid_mass @ motion,
+        left_out=_left_out(body, kept, ports),
+        band=_band(body, kept),
+        neutral=kept.target != "clamped",
+    )
 
 
 def _check_body(data: ModalData) -> None:
