@@ -36,11 +36,8 @@ from .craft.embedding import marked_appendages as marked_appendages
 from .craft.linear_craft import LinearCraft as LinearCraft
 from .craft.linear_craft import craft_with_signals as craft_with_signals
 from .craft.modal_form import ModalForm as ModalForm
-from .craft.model_fields import apply as apply
 from .craft.plant_load import limp_cautions as limp_cautions
 from .craft.promise import joint_request as joint_request
-from .craft.quantities import Quantity as Quantity
-from .craft.quantities import draws as draws
 from .craft.quantities import quantities as quantities
 from .craft.recovered_body import tip_displacement as tip_displacement
 from .craft.source import compiled_model as compiled_model
@@ -59,6 +56,7 @@ from .engine.linear import Signal as Signal
 from .engine.linearise import NUMBERS as NUMBERS
 from .engine.linearise import compile_model as compile_model
 from .engine.linearise import mass_matrix as mass_matrix
+from .engine.model_fields import with_fields as with_fields
 from .engine.model_rows import along as along
 from .engine.model_rows import gravity_of as gravity_of
 from .engine.model_rows import wraps as wraps
@@ -73,6 +71,9 @@ from .engine.signals import actuator_names as actuator_names
 from .engine.signals import base as base
 from .engine.signals import control_names as control_names
 from .fitting.fit import as_spec as as_spec
+from .fitting.quantity import Quantity as Quantity
+from .fitting.quantity import apply as apply
+from .fitting.quantity import draws as draws
 from .fitting.toml_files import read_struct as read_struct
 from .fitting.uncertain import OF_MODES as OF_MODES
 from .fitting.uncertain import read_uncertain as read_uncertain
@@ -102,4 +103,3 @@ from .variants.fields import Fields as Fields
 from .variants.fields import Source as Source
 from .variants.fields import runs_exact as runs_exact
 from .variants.fields import source_of as source_of
-from .variants.fields import with_fields as with_fields

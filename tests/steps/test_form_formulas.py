@@ -141,7 +141,7 @@ def test_modes_that_are_too_fast_are_slowed_until_the_step_is_stable(integrator)
     stiffness = np.array([[30.0, 4e4], [30.0, 900.0]])
     damping = np.array([[0.05, 0.8], [0.05, 0.1]])
     c = np.array([[[0.9, 0.1], [0.1, 0.5]]])
-    found = form2_many(integrator, c, stiffness, damping, STEP)
+    found = form2_many(integrator, c[:, None], stiffness, damping, STEP)
     for k in range(2):
         mass = c[0] + np.diag(found.mass[k] - 1.0)
         got = squared_phase(

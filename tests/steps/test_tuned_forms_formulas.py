@@ -63,7 +63,7 @@ def test_the_phase_limit_is_lowered_just_until_the_craft_is_stable(integrator):
             return runge_kutta(LIGHT, k, t.damping, t.mass, reach) <= 1.0 + 1e-9
         return pencil(integrator, LIGHT, k, t.damping, t.mass) <= 3.8
 
-    many = form2_many(integrator, LIGHT, stiffness, damping, STEP)
+    many = form2_many(integrator, LIGHT[:, None], stiffness, damping, STEP)
     usual = 2.0 if integrator == "RK4" else 2.6
     assert [within(number, usual) for number in range(3)] == [False, True, False]
     for number in range(3):

@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from beamchain.steps.modal import TimingMark
 from formulas import (
     FreeAppendage,
     Names,
@@ -352,7 +353,7 @@ def test_draws_of_a_tree_keep_their_factor_where_that_is_safe(integrator, late, 
     made = TreeDraws(integrator, H, factor, gap, softer, more, parts)
     stiffness = np.array([nominal, 0.8 * nominal, 60.0 * nominal])
     damping = np.array([[0.3, 0.2, 0.1]] * 3)
-    found = made.drawn(stiffness, damping)
+    found = made.drawn(stiffness, damping, np.ones((3, 3)))
     assert found.stiffness == pytest.approx(stiffness * softer)
     assert found.damping == pytest.approx(damping * more)
     squares = H**2 * stiffness * softer
@@ -381,24 +382,18 @@ def test_draws_of_a_tree_keep_their_factor_where_that_is_safe(integrator, late, 
     [("Euler", 0.5, 0.25), ("implicitfast", -0.5, 0.25), ("RK4", 0.0, 0.125)],
 )
 def test_draws_are_of_what_the_nominal_tree_was_given(monkeypatch, integrator, late, limit):
-    model = SimpleNamespace(
-        tendon_armature=np.array([0.0, 0.1, 0.2]),
-        tendon_stiffness=np.zeros(3),
-        tendon_damping=np.zeros(3),
-    )
+    model = SimpleNamespace(tendon_armature=np.array([0.0, 0.1, 0.2]))
     modal = SimpleNamespace(
         index=np.array([2, 0]), stiffness=np.array([80.0, 50.0]), damping=np.array([0.4, 0.0])
     )
 
-    def retime_by(form, timed, *asked, **named):
-        assert (form, asked, named) == (5, (H, integrator), {"band": 7.0})
-        timed.tendon_armature = np.array([0.03, 0.1, 0.25])
-        timed.tendon_stiffness = np.array([51.0, 9.0, 78.0])
-        timed.tendon_damping = np.array([0.0, 9.0, 0.44])
-
-    monkeypatch.setattr("beamchain.steps.tree_draws.retime_by", retime_by)
+    timed = SimpleNamespace(
+        tendon_armature=np.array([0.03, 0.1, 0.25]),
+        tendon_stiffness=np.array([51.0, 9.0, 78.0]),
+        tendon_damping=np.array([0.0, 9.0, 0.44]),
+    )
     monkeypatch.setattr("beamchain.steps.tree_draws.appendages_alone", lambda *_: ["alone"])
-    found = TreeDraws.of(model, modal, integrator, H, 7.0)
+    found = TreeDraws.of(model, modal, timed, TimingMark(H, integrator, 5))
     assert (found.integrator, found.timestep) == (integrator, H)
     squares = H**2 * np.array([78.0, 51.0])
     own = np.array([0.05 - late * H * 0.44, 0.03])

@@ -157,8 +157,6 @@ from beamchain.craft.loads import (
 from beamchain.craft.loose_ports import loose_craft
 from beamchain.craft.modal_form import ModalForm, column_range, modal_form
 from beamchain.craft.mode_names import cantilever_names, mode_names
-from beamchain.craft.model_fields import Maker as VariantMaker
-from beamchain.craft.model_fields import apply as apply_draw
 from beamchain.craft.moving_modes import moving_modes
 from beamchain.craft.plant_load import check_standing, liquid_prefixes
 from beamchain.craft.poses import Way, pose_label, poses_of
@@ -168,8 +166,8 @@ from beamchain.craft.proof import _bent_keyframes as bent_keyframes
 from beamchain.craft.proof import _check_ports as check_ports_of_file
 from beamchain.craft.proof import _elements as elements_of_file
 from beamchain.craft.proof import _with_poses_of as bare_at_poses_of
-from beamchain.craft.quantities import Quantity, draws, inertia_matrix, quantities
 from beamchain.craft.quantities import _check_inertia as check_inertia
+from beamchain.craft.quantities import inertia_matrix, quantities
 from beamchain.craft.recording import run_of as run_of_data
 from beamchain.craft.recovered_body import (
     RecoveredBody,
@@ -320,6 +318,8 @@ from beamchain.fitting.proof import _cautions as cautions_of_fit
 from beamchain.fitting.proof import _in_space as compared_in_space
 from beamchain.fitting.proof import needs_hub
 from beamchain.fitting.proof import step_limits as limits_of_chain
+from beamchain.fitting.quantity import Quantity, drawn_fields, draws
+from beamchain.fitting.quantity import apply as apply_draw
 from beamchain.fitting.realise import _band as fillers_above
 from beamchain.fitting.realise import _check_body as check_body
 from beamchain.fitting.realise import _check_free as check_free_modes
@@ -538,12 +538,12 @@ from beamchain.structure.settle_modes import (
 )
 from beamchain.structure.slosh import Slosh
 from beamchain.variants.fields import Modes as DrawnModes
-from beamchain.variants.fields import _tree_fields as fields_of_tree
 from beamchain.variants.refit import Refit
 from beamchain.variants.samples import Gain as GainOfModes
+from beamchain.variants.samples import Samples, normal_shapes, usual_gain
+from beamchain.variants.samples import _is_positive as is_positive
 from beamchain.variants.samples import _scale_participation as scaled_participation
 from beamchain.variants.samples import gain as gain_of_pair
-from beamchain.variants.samples import normal_shapes, usual_gain
 from beamchain.variants.samples import vary as vary_samples
 from beamchain.variants.sweep import Sweep
 from beamchain.variants.sweep import _correlations as correlations_of_craft
@@ -551,6 +551,12 @@ from beamchain.variants.sweep import _draw as drawn_samples
 from beamchain.variants.sweep import _nominal_fit as nominal_fit
 from beamchain.variants.sweep import _spread as spread_of
 from beamchain.variants.sweep import _varied_fields as varied_fields
+from beamchain.variants.timing import (
+    DrawTiming,
+    drawn_masses,
+    participation_of,
+    with_participation,
+)
 
 __all__ = [
     "Activations",
@@ -567,6 +573,7 @@ __all__ = [
     "Composite",
     "Craft",
     "CraftError",
+    "DrawTiming",
     "Drawn",
     "DrawnModes",
     "Drive",
@@ -639,6 +646,7 @@ __all__ = [
     "RootMotion",
     "RunOfDrive",
     "SampledError",
+    "Samples",
     "SceneOfSlews",
     "Sections",
     "Seen",
@@ -665,7 +673,6 @@ __all__ = [
     "TreeDraws",
     "Trial",
     "Turn",
-    "VariantMaker",
     "Way",
     "acting",
     "activation_names",
@@ -776,6 +783,8 @@ __all__ = [
     "dmig_matrices",
     "doubtful",
     "draw_frames",
+    "drawn_fields",
+    "drawn_masses",
     "drawn_samples",
     "draws",
     "drift_of_momentum",
@@ -798,7 +807,6 @@ __all__ = [
     "extra_damping",
     "far_mount",
     "fewest_hinges",
-    "fields_of_tree",
     "fillers_above",
     "fillers_of",
     "find_cure",
@@ -853,6 +861,7 @@ __all__ = [
     "inverse_of_torques",
     "inverse_stiffness_root",
     "is_noisy",
+    "is_positive",
     "is_soft",
     "is_stop",
     "is_worth_timing",
@@ -970,6 +979,7 @@ __all__ = [
     "owners_of_poles",
     "pairs_of_modes",
     "partial_fractions",
+    "participation_of",
     "participation_of_tendon",
     "partition",
     "patterns_of_cuts",
@@ -1161,6 +1171,7 @@ __all__ = [
     "with_held_input",
     "with_length",
     "with_liquids_sprung",
+    "with_participation",
     "with_polar_inertia",
     "with_real_polar",
     "within_body",

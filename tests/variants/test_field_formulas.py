@@ -8,8 +8,11 @@ import numpy as np
 import pytest
 
 import beamchain as bc
-from beamchain.variants.fields import Modes, Table, runs_exact, source_of, with_fields
-from formulas import fields_of_tree
+from beamchain.engine.model_fields import DrawnFields, with_fields
+from beamchain.steps.modal import TimingMark
+from beamchain.variants import fields
+from beamchain.variants.fields import Modes, Table, runs_exact, source_of
+from formulas import DrawTiming
 
 STEP = 0.05
 CRAFT = """<mujoco><option gravity="0 0 0"/><worldbody>
@@ -122,15 +125,16 @@ def test_a_table_of_one_variant(model):
     assert made.nbytes == sum(sizes.values())
 
 
-def test_tendons_of_a_tree_s_draws_are_marked_with_how_much_stiffer_they_are():
+def test_tendons_of_a_tree_s_draws_are_marked_with_how_much_stiffer_they_are(model):
     """Of three, the last and the first are modes."""
+    fields = DrawnFields(model, 2)
     plain = {
         "tendon_stiffness": np.array([[80.0, 7.0, 50.0], [90.0, 7.0, 40.0]]),
         "tendon_damping": np.array([[0.3, 0.7, 0.5], [0.2, 0.7, 0.4]]),
         "tendon_armature": np.array([[0.1, 0.2, 0.3]] * 2),
         "tendon_solimp_lim": np.full((2, 3, mujoco.mjNIMP), 0.9),
     }
-    before = {name: values.copy() for name, values in plain.items()}
+    fields.update({name: values.copy() for name, values in plain.items()})
     modes = [2, 0]
     wanted = SimpleNamespace(
         armature=np.array([[0.01, 0.02], [0.03, 0.04]]),
@@ -138,19 +142,19 @@ def test_tendons_of_a_tree_s_draws_are_marked_with_how_much_stiffer_they_are():
         damping=np.array([[0.6, 0.31], [0.41, 0.19]]),
     )
 
-    def drawn(stiffness, damping):
+    def drawn(stiffness, damping, participation):
         assert stiffness.tolist() == [[50.0, 80.0], [40.0, 90.0]]
         assert damping.tolist() == [[0.5, 0.3], [0.4, 0.2]]
+        assert participation.tolist() == [[1.0, 1.0]] * 2
         return wanted
 
-    timing = SimpleNamespace(timestep=STEP, drawn=drawn)
     modal = SimpleNamespace(index=np.array(modes))
-    found = fields_of_tree(plain, modal, timing, "implicitfast")
-    assert all(np.array_equal(plain[name], before[name]) for name in plain)
-    np.testing.assert_allclose(found["tendon_armature"], [[0.12, 0.2, 0.31], [0.14, 0.2, 0.33]])
-    np.testing.assert_allclose(found["tendon_stiffness"], [[78.0, 7.0, 51.0], [94.0, 7.0, 39.0]])
-    np.testing.assert_allclose(found["tendon_damping"], [[0.31, 0.7, 0.6], [0.19, 0.7, 0.41]])
-    marks = found["tendon_solimp_lim"]
+    mark = TimingMark(STEP, "implicitfast", 5)
+    DrawTiming(mark, modal, None, SimpleNamespace(drawn=drawn)).write(fields)
+    np.testing.assert_allclose(fields["tendon_armature"], [[0.12, 0.2, 0.31], [0.14, 0.2, 0.33]])
+    np.testing.assert_allclose(fields["tendon_stiffness"], [[78.0, 7.0, 51.0], [94.0, 7.0, 39.0]])
+    np.testing.assert_allclose(fields["tendon_damping"], [[0.31, 0.7, 0.6], [0.19, 0.7, 0.41]])
+    marks = fields["tendon_solimp_lim"]
     assert marks[:, 1].tolist() == [[0.9] * mujoco.mjNIMP] * 2
     number = float(mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
     for world, k in np.ndindex(2, 2):
@@ -175,17 +179,18 @@ def test_variants_that_carry_bodies_are_timed_one_by_one_as_a_tree(monkeypatch):
     asked = []
 
     def retime_by(form, model, *given, **named):
-        asked.append((form, given, named, float(np.ravel(model.tendon_stiffness.T)[0])))
-        model.tendon_armature[0] = 0.1 * len(asked)
+        asked.append((given, named, float(np.ravel(model.tendon_stiffness.T)[0])))
+        return timed(form, model, *given, **named)
 
-    monkeypatch.setattr("beamchain.variants.fields.retime_by", retime_by)
+    timed = fields.retime_by
+    monkeypatch.setattr(fields, "retime_by", retime_by)
     model = mujoco.MjModel.from_xml_string(TREE)
     stiffness = np.array([[9.0], [12.0]])
     found = Table(model, {"tendon_stiffness": stiffness}, STEP, 7.0, {})
-    assert asked == [(5, (STEP,), {"band": 7.0}, value) for value in (9.0, 12.0)]
-    np.testing.assert_allclose(
-        found.fields(np.array([[1], [0]]))["tendon_armature"], [[0.2], [0.1]]
-    )
+    assert asked == [((STEP,), {"band": 7.0}, value) for value in (9.0, 12.0)]
+    marks = found.fields(np.array([[1], [0]]))["tendon_solimp_lim"][:, 0]
+    assert np.round(marks[:, 2]).tolist() == [5.0, 5.0]
+    assert marks[:, 4].tolist() == [12.0, 9.0]
 
 
 def test_what_follows_from_the_masses_of_variants(model):

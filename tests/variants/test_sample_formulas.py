@@ -13,11 +13,12 @@ from msgspec import structs
 from scipy.linalg import eigh
 
 import beamchain as bc
-from beamchain.craft.model_fields import FIELDS
+from beamchain.engine.model_fields import FIELDS
 from beamchain.fitting.uncertain import UncertainBody, UncertainCraft, UncertainModes
 from formulas import (
     DrawnModes,
     GainOfModes,
+    Samples,
     Sweep,
     correlations_of_craft,
     craft_from_text,
@@ -145,30 +146,47 @@ def test_the_usual_gain_is_that_of_a_free_base_with_a_name():
 
 def test_participation_by_the_factors_of_its_tendons():
     rows = np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]])
-    factors = {"arm_mode1_xz": 7.0, "arm_mode3_xy": 2.0, "arm_mode1_xy": 0.5}
-    found = scaled_participation(rows, "xy", factors)
-    assert found.tolist() == [[0.5, 1.0], [3.0, 4.0], [10.0, 12.0]]
+    factors = {
+        "arm_mode1_xz": np.array([7.0, 8.0]),
+        "arm_mode3_xy": np.array([2.0, 1.0]),
+        "arm_mode1_xy": np.array([0.5, 3.0]),
+    }
+    found = scaled_participation(rows, "xy", factors, 2)
+    assert found.tolist() == [
+        [[0.5, 1.0], [3.0, 4.0], [10.0, 12.0]],
+        [[3.0, 6.0], [3.0, 4.0], [5.0, 6.0]],
+    ]
 
 
 # -- jobs ------------------------------------------------------------------------------------------
-class Samples:
+class Refitted:
     """Every third sample cannot be made."""
 
-    refits = ()
-    model = SimpleNamespace()
+    refits = (None,)
 
-    def sample(self, seed, index):
+    def fit_and_draw(self, seed, index):
         if index % 3 == 1:
             raise bc.BeamchainError(f"no {index}")
-        return {"coupled": np.array([seed, index], dtype=float)}
+        return Samples([index], {"coupled": np.array([[seed, index]], dtype=float)}, {})
 
 
 def test_samples_that_cannot_be_made_are_told_apart():
-    found = vary_samples(Samples(), 5, 1, 6)
-    assert found["samples"] == [2, 3, 5]
-    assert found["why"] == {1: "no 1", 4: "no 4"}
-    assert found["arrays"]["coupled"].tolist() == [[5, 2], [5, 3], [5, 5]]
-    assert vary_samples(Samples(), 5, 1, 2) == {"samples": [], "why": {1: "no 1"}, "arrays": {}}
+    found = vary_samples(Refitted(), 5, 1, 6)
+    assert found.indices == [2, 3, 5]
+    assert found.left_out == {1: "no 1", 4: "no 4"}
+    assert found.arrays["coupled"].tolist() == [[5, 2], [5, 3], [5, 5]]
+    assert vary_samples(Refitted(), 5, 1, 2) == ([], {}, {1: "no 1"})
+
+
+class Drawn(Refitted):
+    """Those of the nominal chains, together."""
+
+    refits = ()
+
+    def draw(self, seed, indices):
+        good = [index for index in indices if index % 3 != 1]
+        why = {index: f"no {index}" for index in indices if index % 3 == 1}
+        return Samples(good, {"coupled": np.array([[seed, i] for i in good])}, why)
 
 
 def test_all_samples_are_drawn_in_jobs(monkeypatch):
@@ -177,21 +195,20 @@ def test_all_samples_are_drawn_in_jobs(monkeypatch):
 
     def run(work, given, **_):
         jobs.extend((first, end) for _, _, first, end in given)
-        return [work(Samples(), *rest) for _, *rest in given]
+        return [work(*job) for job in given]
 
     monkeypatch.setattr("beamchain.variants.sweep.run_jobs", run)
     monkeypatch.setattr("beamchain.variants.sweep.replace", lambda case: case)
-    for refits in ((), (None,)):
+    for case in (Drawn(), Refitted()):
         jobs.clear()
-        case = SimpleNamespace(refits=refits)
         found = drawn_samples(case, seed=2, samples=205, workers=1, progress=None)
         assert [a for a, _ in jobs] == [0, *(b for _, b in jobs[:-1])]
         assert jobs[-1][1] == 205
         sizes = {b - a for a, b in jobs[:-1]}
         assert len(sizes) == 1
-        assert found.samples == [k for k in range(205) if k % 3 != 1]
+        assert found.indices == [k for k in range(205) if k % 3 != 1]
         assert sorted(found.left_out) == [k for k in range(205) if k % 3 == 1]
-        assert found.arrays["coupled"][:, 1].tolist() == found.samples
+        assert found.arrays["coupled"][:, 1].tolist() == found.indices
 
 
 def test_only_fields_that_vary_are_kept():
@@ -360,9 +377,9 @@ def test_one_sample_of_a_craft_s_text_has_the_numbers_that_were_drawn():
     case = dataclasses.replace(found.case, participation={"xy": rows})
     factors = [drawn[f"arm_mode{k}_xy.participation"] for k in (1, 2)]
     assert min(np.abs(np.array(factors) - 1.0)) > 1e-3
-    sample = case.sample(3, 0)
-    assert sample["port xy"] == pytest.approx(rows * np.array(factors)[:, None])
-    assert sample["values"] == pytest.approx(found.values[0])
+    sample = case.draw(3, [0]).arrays
+    assert sample["port xy"][0] == pytest.approx(rows * np.array(factors)[:, None])
+    assert sample["values"][0] == pytest.approx(found.values[0])
     with pytest.raises(bc.InputError, match="nothing is uncertain"):
         bc.sweep(ARM, 1)
 

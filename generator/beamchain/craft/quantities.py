@@ -1,9 +1,7 @@
-"""The uncertain quantities of a compiled craft: which they are, their nominal values,
-and how they are drawn."""
+"""The uncertain quantities of a compiled craft: which they are, and their nominal values."""
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import product
 from typing import NamedTuple
 
@@ -15,74 +13,21 @@ from beamchain.engine.library import mujoco, rotation_matrix
 from beamchain.engine.mount import held_joints
 from beamchain.engine.signals import AXES
 from beamchain.errors import InputError
+from beamchain.fitting.quantity import Quantity, names_to_places
 from beamchain.fitting.uncertain import (
     CUT,
-    OF_MODES,
     Correlation,
     UncertainBody,
     UncertainCraft,
     UncertainJoint,
     UncertainModes,
     Uncertainty,
-    correlate,
-    score,
 )
 from beamchain.ports.motions import Array
 from beamchain.steps.modal import modal_tendons
 
 MODE = re.compile(r"(.*?)(mode\d+(?:_(?:xy|xz|torsion|axial)\d*)?)$")
 UNITS = {"mass": "kg", "centre": "m", "inertia": "kg m^2"}
-
-
-@dataclass(frozen=True)
-class Quantity:
-    """One uncertain number of a craft.
-
-    Args:
-        name: `array_mode1_xy.frequency`, `bus.mass`, `bus.inertia_xy`, `drive.stiffness`,
-            `array_segment1.stiffness`, `array_joint1.stiffness_xz`.
-        unit: of its value; a participation is a factor, and so are stiffness and density of a
-            segment.
-        nominal: value in the model as it is.
-        uncertainty: how it varies.
-        index: number of the tendon, body or joint in the model; -1: of a structure,
-            which is fitted again.
-        key: quantities with the same one are drawn together.
-        alias: another name, of a mode by its number among all that are kept,
-            `array_mode3.frequency`.
-    """
-
-    name: str
-    unit: str
-    nominal: float
-    uncertainty: Uncertainty
-    index: int
-    key: str
-    alias: str = ""
-
-    @property
-    def owner(self) -> str:
-        """Name of the tendon, body or joint."""
-        return self.name.rpartition(".")[0]
-
-    @property
-    def kind(self) -> str:
-        """`frequency`, `damping`, `participation`, `mass`, `centre_x`, `inertia_xy`,
-        `stiffness`, ..."""
-        return self.name.rpartition(".")[2]
-
-    def of_mode(self, model: "mujoco.MjModel") -> bool:
-        """Whether it is one of a mode, whose tendon has its owner's name."""
-        return (
-            self.kind in OF_MODES
-            and self.index < model.ntendon
-            and model.tendon(self.index).name == self.owner
-        )
-
-    @property
-    def reach(self) -> float:
-        """How far from the nominal value it may come."""
-        return self.uncertainty.reach(self.nominal)
 
 
 def quantities(
@@ -116,7 +61,7 @@ def quantities(
 
 def _check_correlations(uncertain: Sequence[Quantity], correlated: Sequence[str]) -> None:
     """Each correlated quantity is there, normal, and drawn by itself."""
-    places = _places(uncertain)
+    places = names_to_places(uncertain)
     for name in correlated:
         if name not in places:
             raise unknown("of in correlation", name, [q.name for q in uncertain])
@@ -135,33 +80,6 @@ def _check_correlations(uncertain: Sequence[Quantity], correlated: Sequence[str]
                 f"correlation: {name} is drawn together with {other[0]}, fully correlated; give "
                 "each = true and no group, so that the matrix can say how they go together."
             )
-
-
-def _places(uncertain: Sequence[Quantity]) -> dict[str, int]:
-    """Numbers of the quantities by their names, and by their other names."""
-    names = {q.name: i for i, q in enumerate(uncertain)}
-    aliases = {q.alias: i for i, q in enumerate(uncertain)}
-    return aliases | names
-
-
-def draws(
-    uncertain: Sequence[Quantity],
-    indices: Sequence[int],
-    seed: int,
-    correlations: Sequence[Correlation],
-) -> Array:
-    """`(k, n)` values of the quantities in the samples `indices`;
-    a sample depends on nothing but seed and index."""
-    keys = dict.fromkeys(q.key for q in uncertain)
-    rows = ({key: score(seed, index, key) for key in keys} for index in indices)
-    scores = np.array([[row[q.key] for q in uncertain] for row in rows])
-    scores = scores.reshape(len(indices), len(uncertain))
-    table = correlate(scores, _places(uncertain), tuple(correlations))
-    values = [
-        [q.uncertainty.value(q.nominal, float(z)) for q, z in zip(uncertain, row, strict=True)]
-        for row in table
-    ]
-    return np.array(values)
 
 
 def inertia_matrix(model: "mujoco.MjModel", body: int) -> Array:

@@ -75,23 +75,18 @@ class Uncertainty(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
                 f'group = "{self.group}" and each = true contradict each other; leave one out.'
             )
 
-    def value(self, nominal: float, score: float) -> float:
-        """The quantity for a draw.
+    def value(self, nominal: float, score: Array | float) -> Array:
+        """The quantity for draws.
 
         Args:
             nominal: its value without uncertainty.
-            score: standard normal.
+            score: standard normal, of every draw.
         """
-        reach = (
-            float(np.clip(score, -CUT, CUT))
-            if self.distribution == "normal"
-            else 2.0 * float(ndtr(score)) - 1.0
-        )
-        return (
-            nominal * (1.0 + self.relative * reach)
-            if self.relative is not None
-            else nominal + reach * (self.absolute or 0.0)
-        )
+        normal = self.distribution == "normal"
+        reach = np.clip(score, -CUT, CUT) if normal else 2.0 * np.asarray(ndtr(score)) - 1.0
+        if self.relative is not None:
+            return np.asarray(nominal * (1.0 + self.relative * reach))
+        return np.asarray(nominal + reach * (self.absolute or 0.0))
 
     def reach(self, nominal: float) -> float:
         """How far from the nominal value the quantity may come, in its unit.

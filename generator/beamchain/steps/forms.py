@@ -96,7 +96,7 @@ def _limit(integrator: str) -> float:
 def form2(modal: Modal, c: Array, integrator: str, h: float) -> TendonValues:
     """Every mode of the held appendage exact; the phase limit lowered until the craft is stable in
     every pose; `c` as of `stability`."""
-    many, phase = _form2(integrator, c, modal.stiffness[None], modal.damping[None], h)
+    many, phase = _form2(integrator, c[:, None], modal.stiffness[None], modal.damping[None], h)
     t = Timed(*(values[0] for values in many))
     largest = stability(integrator, c, modal.stiffness, t.damping, t.mass - 1.0, h)
     zeta = modal.damping / (2.0 * modal.frequency)
@@ -114,8 +114,9 @@ def form2_many(
 ) -> Timed:
     """What `form2` gives each of k crafts, in one array operation for all of them.
 
-    `c` as of `stability`; `stiffness` [1/s^2] and `damping` [1/s] `(k, n)` of the tendons before
-    they were made exact.
+    `c` `(p, k, n, n)`, or `(p, 1, n, n)` where it is the same for all: condensed mass of each in
+    every pose; `stiffness` [1/s^2] and `damping` [1/s] `(k, n)` of the tendons before they were
+    made exact.
     """
     return _form2(integrator, c, stiffness, damping, timestep)[0]
 
@@ -126,6 +127,7 @@ def _form2(
     """The modes of k crafts, and their phase limits `(k, 1)`."""
     w = np.sqrt(stiffness)
     zeta = damping / (2.0 * w)
+    c = np.broadcast_to(c, (len(c), len(w), *c.shape[2:]))
     phase = np.full((w.shape[0], 1), SCHEMES[integrator].phase)
     out = time_modes(integrator, w, zeta, timestep, phase=phase)
     short = np.flatnonzero(~_stable(integrator, c, stiffness, out, timestep))
@@ -135,7 +137,7 @@ def _form2(
         for _ in range(HALVINGS):
             middle = np.sqrt(low * high)
             tried = time_modes(integrator, w[short], zeta[short], timestep, phase=middle)
-            good = _stable(integrator, c, stiffness[short], tried, timestep)[:, None]
+            good = _stable(integrator, c[:, short], stiffness[short], tried, timestep)[:, None]
             low, high = np.where(good, middle, low), np.where(good, high, middle)
         phase[short] = low
         out = time_modes(integrator, w, zeta, timestep, phase=phase)

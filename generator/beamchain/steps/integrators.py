@@ -306,10 +306,10 @@ def spare_armature(
 
 
 def is_stable(mass: Array, spare: Array) -> NDArray[np.bool_]:
-    """`(k,)`: whether `C + diag(g) >= 0` of a condensed mass `(n, n)` and the spare armatures
-    `(k, n)` of many draws."""
-    size = 1.0 / np.sqrt(np.diag(mass) + np.abs(spare))
-    whole = mass + spare[:, :, None] * np.eye(mass.shape[0])
+    """`(k,)`: whether `C + diag(g) >= 0` of condensed masses `(n, n)` or `(k, n, n)` and the spare
+    armatures `(k, n)` of many draws."""
+    size = 1.0 / np.sqrt(np.diagonal(mass, axis1=-2, axis2=-1) + np.abs(spare))
+    whole = mass + spare[:, :, None] * np.eye(mass.shape[-1])
     lowest = np.linalg.eigvalsh(whole * size[:, :, None] * size[:, None, :])[:, 0]
     return np.asarray(lowest >= -ROUNDING)
 

@@ -99,12 +99,23 @@ def timing_marks(model: "mujoco.MjModel") -> list[TimingMark | None]:
 
 
 def condensed_mass(mass: Array, rows: Array) -> tuple[Array, Array]:
-    """`C = (B M^-1 B^T)^-1` `(n, n)`, and `M^-1 B^T C` `(nv, n)`, the motion per mode."""
+    """`C = (B M^-1 B^T)^-1` `(..., n, n)` of masses `(..., nv, nv)`, and `M^-1 B^T C`
+    `(..., nv, n)`, the motion per mode."""
     spread = np.linalg.solve(mass, rows.T)
     flexible = rows @ spread
-    c = np.linalg.inv((flexible + flexible.T) / 2.0)
-    c = (c + c.T) / 2.0
+    c = np.linalg.inv((flexible + np.swapaxes(flexible, -1, -2)) / 2.0)
+    c = (c + np.swapaxes(c, -1, -2)) / 2.0
     return c, np.asarray(spread @ c, dtype=np.float64)
+
+
+def participating(mass: Array, participation: Array) -> Array:
+    """`(k, n, n)` condensed mass of modes of other participations, `(k, n)` over the nominal ones:
+
+        P C P + 1 - P^2
+
+    since their rows are `P^-1 B` and their armatures `1 - P^2`."""
+    both = participation[:, :, None] * participation[:, None, :]
+    return both * mass + (1.0 - participation**2)[:, :, None] * np.eye(mass.shape[-1])
 
 
 def foreign(what: str) -> InputError:

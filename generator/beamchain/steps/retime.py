@@ -408,7 +408,7 @@ def coupled_mass(model: "mujoco.MjModel", modal: Modal, qpos: Array | None) -> A
                 "mode is not 1; rename it if it is not an appendage's, or write the appendage "
                 "again."
             )
-    return np.array([condensed_mass(each, modal.rows)[0] for each in masses])
+    return condensed_mass(np.array(masses), modal.rows)[0]
 
 
 def _modal_mass(mass: Array, row: Array) -> float:

@@ -5,23 +5,24 @@ Both sources give each world a key, from which its fields follow at every step.
 """
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from beamchain.checks import number, of_type
-from beamchain.craft.model_fields import DERIVED
 from beamchain.engine.library import mujoco
-from beamchain.engine.linearise import INTEGRATORS, NUMBERS
+from beamchain.engine.linearise import NUMBERS
+from beamchain.engine.model_fields import DERIVED, with_fields
 from beamchain.errors import InputError
+from beamchain.fitting.quantity import Quantity, drawn_fields
+from beamchain.fitting.uncertain import Uncertainty
 from beamchain.ports.motions import Array
-from beamchain.steps.forms import form2_many
 from beamchain.steps.integrators import SCHEMES
-from beamchain.steps.modal import Ints, Modal, TimingMark, foreign, modal_tendons, timing_marks
-from beamchain.steps.retime import carries_bodies, coupled_mass, retime_by, without_timing
-from beamchain.steps.tree_draws import TreeDraws
+from beamchain.steps.modal import Modal, foreign, modal_tendons, timing_marks
+from beamchain.steps.retime import retime_by, without_timing
+from beamchain.variants.timing import DrawTiming
 
 RANGES = ("frequency", "damping")
 #: All that a draw of modes changes.
@@ -54,13 +55,12 @@ class Modes:
     ) -> None:
         self._band = band
         self._widths = [_width(name, ranges.get(name, 0.0)) for name in RANGES]
-        self.timestep: float | None = timestep
-        self._integrator = NUMBERS[int(model.opt.integrator)]
+        self._timed = model
         self._model = without_timing(model)
         self._modal = modal_tendons(self._model)
         if not self._modal.names:
             raise InputError(f"{foreign('a draw of modes')} {RIGID}")
-        self._tree = carries_bodies(self._model, self._modal, None)
+        self._quantities = _quantities_of_modes(self._modal, self._widths)
         self._timing = self._timing_for(timestep)
         #: of the fields of one world
         self.nbytes: int = sum(getattr(model, name).nbytes for name in TENDONS)
@@ -71,43 +71,51 @@ class Modes:
 
     def fields(self, keys: Keys) -> Fields:
         """The four arrays of tendons that hold modes."""
-        nominal = self._modal
-        w = nominal.frequency * self._factors(0, keys)
-        ratio = nominal.damping / (2.0 * nominal.frequency) * self._factors(1, keys)
-        out: Fields = {}
-        for name in TENDONS:
-            values = np.asarray(getattr(self._model, name))
-            out[name] = np.repeat(values[None], len(keys), 0)
-        out["tendon_stiffness"][:, nominal.index] = w**2
-        out["tendon_damping"][:, nominal.index] = 2.0 * ratio * w
-        if self.timestep is None or self._timing is None:
-            return out
-        if isinstance(self._timing, TreeDraws):
-            return _tree_fields(out, nominal, self._timing, self._integrator)
-        return exact_fields(out, nominal, self._timing, self._integrator, self.timestep)
+        drawn = keys[:, [width > 0.0 for width in self._widths]].reshape(len(keys), -1)
+        values = np.array([q.nominal for q in self._quantities])
+        values = values + drawn * np.array([q.reach for q in self._quantities])
+        fields = drawn_fields(self._model, self._quantities, values)
+        if self._timing is not None:
+            self._timing.write(fields)
+        return {name: fields[name] for name in TENDONS}
 
     def drawn(self, keys: Keys) -> dict[str, Array]:
         """`(k, n)` factors on the nominal frequencies and damping ratios."""
-        return {name: self._factors(i, keys) for i, name in enumerate(RANGES)}
-
-    def _factors(self, which: int, keys: Keys) -> Array:
-        return np.asarray(1.0 + self._widths[which] * keys[:, which])
+        return {
+            name: 1.0 + width * keys[:, i]
+            for i, (name, width) in enumerate(zip(RANGES, self._widths, strict=True))
+        }
 
     def at(self, timestep: float) -> "Modes":
         """The same ranges for another step."""
         out = copy.copy(self)
-        out.timestep = timestep
         out._timing = self._timing_for(timestep)
         return out
 
-    def _timing_for(self, timestep: float | None) -> "Array | TreeDraws | None":
-        """What makes draws exact in time: the condensed masses, or, where appendages carry bodies,
-        the timing of the nominal model."""
+    def _timing_for(self, timestep: float | None) -> DrawTiming | None:
+        """What makes draws exact in time."""
         if timestep is None:
             return None
-        if self._tree:
-            return TreeDraws.of(self._model, self._modal, self._integrator, timestep, self._band)
-        return coupled_mass(self._model, self._modal, None)
+        integrator = NUMBERS[int(self._timed.opt.integrator)]
+        return DrawTiming.of(self._timed, timestep, integrator, self._band)
+
+
+def _quantities_of_modes(modal: Modal, widths: Sequence[float]) -> list[Quantity]:
+    """The frequencies and the damping ratios of all modes that are drawn, each for itself."""
+    nominal = (modal.frequency, modal.damping / (2.0 * modal.frequency))
+    return [
+        Quantity(
+            name=f"{tendon}.{kind}",
+            unit="",
+            nominal=float(value),
+            uncertainty=Uncertainty(relative=width, distribution="uniform"),
+            index=int(index),
+            key=f"{tendon}.{kind}",
+        )
+        for kind, width, values in zip(RANGES, widths, nominal, strict=True)
+        if width > 0.0
+        for tendon, index, value in zip(modal.names, modal.index, values, strict=True)
+    ]
 
 
 class Table:
@@ -177,8 +185,6 @@ class Table:
         if not modal_tendons(base).names:
             timestep = None  # nothing is to be made exact
         derived: list[dict[str, Array]] = []
-        nominal = without_timing(base)
-        is_tree = carries_bodies(nominal, modal_tendons(nominal), None)
         marks = self._rows.get("tendon_solimp_lim")
         if marks is None and "tendon_armature" in self._rows and any(timing_marks(base)):
             # armatures on a timed model hold its timing, and its marks are those of every variant
@@ -187,23 +193,14 @@ class Table:
             base = without_timing(base)
         elif marks is not None and np.all(marks[:, modal_tendons(base).index, 0] == timestep):
             timestep = None  # they are exact already
+        names = DERIVED if timestep is None else (*DERIVED, *TENDONS)
         for i in range(self.size):
             model = with_fields(base, {name: values[i] for name, values in self._rows.items()})
             mujoco.mj_setConst(model, mujoco.MjData(model))
-            fields = {name: np.array(getattr(model, name)) for name in DERIVED}
-            if timestep is not None and is_tree:
-                retime_by(5, model, timestep, band=self._band)
-                fields |= {name: np.array(getattr(model, name)) for name in TENDONS}
-            elif timestep is not None:
-                plain = without_timing(model)
-                tendons = {name: np.array(getattr(plain, name))[None] for name in TENDONS}
-                modal = modal_tendons(plain)
-                mass = coupled_mass(plain, modal, None)
-                integrator = NUMBERS[int(plain.opt.integrator)]
-                timed = exact_fields(tendons, modal, mass, integrator, timestep)
-                fields |= {name: values[0] for name, values in timed.items()}
-            derived.append(fields)
-        for name in derived[0]:
+            if timestep is not None:
+                retime_by(2, model, timestep, band=self._band)
+            derived.append({name: np.array(getattr(model, name)) for name in names})
+        for name in names:
             rows = np.array([fields[name] for fields in derived])
             if np.any(rows != getattr(self._model, name)):
                 self._rows[name] = rows
@@ -235,55 +232,6 @@ def source_of(
     quantities = getattr(variants, "quantities", ())  # of a sweep
     columns: dict[str, Array] = {q.name: variants.values[:, i] for i, q in enumerate(quantities)}
     return Table(model, given, timestep, band, columns)
-
-
-def exact_fields(
-    plain: Fields, modal: Modal, mass: Array, integrator: str, timestep: float
-) -> Fields:
-    """Fields of tendons without timing, made exact in time by form 2 and marked as
-    `retime` marks them."""
-    at = modal.index
-    stiffness = plain["tendon_stiffness"][:, at]
-    damping = plain["tendon_damping"][:, at]
-    plan = form2_many(integrator, mass, stiffness, damping, timestep)
-    out = _marked(plain, at, TimingMark(timestep, integrator, 2))
-    out["tendon_armature"][:, at] = plan.mass - 1.0
-    out["tendon_damping"][:, at] = plan.damping
-    return out
-
-
-def _tree_fields(plain: Fields, modal: Modal, timing: TreeDraws, integrator: str) -> Fields:
-    """Fields of tendons without timing, timed by form 5 and marked as `retime` marks them."""
-    at = modal.index
-    plan = timing.drawn(plain["tendon_stiffness"][:, at], plain["tendon_damping"][:, at])
-    out = _marked(plain, at, TimingMark(timing.timestep, integrator, 5))
-    out["tendon_armature"][:, at] += plan.armature
-    out["tendon_stiffness"][:, at] = plan.stiffness
-    out["tendon_damping"][:, at] = plan.damping
-    stiffer = plan.stiffness / plain["tendon_stiffness"][:, at] - 1.0
-    out["tendon_solimp_lim"][:, at, 2] += stiffer
-    return out
-
-
-def _marked(plain: Fields, at: Ints, mark: TimingMark) -> Fields:
-    """A copy of fields of tendons without timing, with what `retime` writes of them and of what
-    they are made for."""
-    out = {name: values.copy() for name, values in plain.items()}
-    marks = out["tendon_solimp_lim"]
-    marks[:, at, 0] = mark.timestep
-    marks[:, at, 1] = INTEGRATORS[mark.integrator]
-    marks[:, at, 2] = mark.form
-    marks[:, at, 3] = plain["tendon_damping"][:, at]
-    marks[:, at, 4] = plain["tendon_stiffness"][:, at]
-    return out
-
-
-def with_fields(model: "mujoco.MjModel", values: Mapping[str, Array]) -> "mujoco.MjModel":
-    """A copy of a model with one world's fields."""
-    out = copy.copy(model)
-    for name, value in values.items():
-        getattr(out, name)[:] = value
-    return out
 
 
 def _check_connected(name: str, given: Array, own: NDArray[Any]) -> None:

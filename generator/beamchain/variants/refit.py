@@ -9,7 +9,6 @@ from msgspec import structs
 
 from beamchain.chain.links import raise_polar_inertia
 from beamchain.craft.appendage import compiled_alone
-from beamchain.craft.quantities import Quantity
 from beamchain.craft.timing import fit_on_tendons
 from beamchain.engine.library import mujoco
 from beamchain.engine.model_rows import wraps
@@ -17,6 +16,7 @@ from beamchain.errors import RealisationError
 from beamchain.fitting.body import body_of
 from beamchain.fitting.fit import LEAST_INERTIA
 from beamchain.fitting.options import Modes
+from beamchain.fitting.quantity import Quantity
 from beamchain.fitting.realise import chain_of
 from beamchain.fitting.result import Fit
 from beamchain.fitting.select import select

@@ -1,26 +1,35 @@
 """Samples of an uncertain craft as plain data, what a worker of a sweep makes: fields,
 coupled frequencies, modal gains."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
 from beamchain.craft.linear_craft import linear_craft
-from beamchain.craft.model_fields import FIELDS, Maker, apply
-from beamchain.craft.quantities import Quantity, draws, quantities
+from beamchain.craft.quantities import quantities
 from beamchain.engine.library import mujoco, one_thread
+from beamchain.engine.linearise import mass_matrix
+from beamchain.engine.model_fields import FIELDS, DrawnFields, put_fields
 from beamchain.engine.model_rows import along
 from beamchain.engine.signals import base
-from beamchain.errors import BeamchainError, InputError, RealisationError
+from beamchain.errors import BeamchainError, InputError
+from beamchain.fitting.quantity import Quantity, drawn_fields, draws
 from beamchain.fitting.uncertain import Correlation, UncertainCraft, UncertainModes
 from beamchain.ports.motions import Array
-from beamchain.steps.modal import FILLER
+from beamchain.steps.modal import FILLER, modal_tendons, timing_marks
+from beamchain.steps.retime import without_timing
 from beamchain.variants.refit import Refit
+from beamchain.variants.timing import DrawTiming, drawn_masses, participation_of, with_participation
 
+SINGULAR = 1e-10  # relative: a mass matrix nearer to singular is none
+TOO_MUCH = (
+    "its participation takes more mass than the appendage has beside its modes; give a smaller "
+    "uncertainty."
+)
 # relative: squares of frequencies below it are of springs that others make superfluous
 ZERO = 1e-12
 
@@ -130,25 +139,18 @@ class Case:
     participation: Mapping[str, Array] = field(default_factory=dict[str, Array])
 
     @cached_property
-    def maker(self) -> Maker:
-        """What makes the variants."""
-        return Maker(self.model, refitted=bool(self.refits))
+    def untimed(self) -> "mujoco.MjModel":
+        """The nominal model without timing."""
+        out = without_timing(self.model)
+        mujoco.mj_setConst(out, mujoco.MjData(out))
+        return out
 
     @cached_property
     def quantities(self) -> tuple[Quantity, ...]:
         """All that is uncertain, at its nominal value: of modes, bodies and joints,
         then of structures."""
         structural = [q for refit in self.refits for q in refit.quantities]
-        return (*self.model_quantities, *structural)
-
-    @cached_property
-    def model_quantities(self) -> tuple[Quantity, ...]:
-        """Those of the nominal model."""
-        return self.quantities_on(self.maker.model)
-
-    def check_quantities(self) -> None:
-        """Refuse unknown names and impossible ranges; the sentence names what is wrong."""
-        self.quantities_on(self.maker.model)
+        return (*self.quantities_on(self.untimed), *structural)
 
     def quantities_on(self, model: "mujoco.MjModel") -> tuple[Quantity, ...]:
         """The uncertain quantities of modes, bodies and joints of an untimed model,
@@ -156,72 +158,144 @@ class Case:
         return quantities(model, self.uncertain, self.modes, self.correlations)
 
     @cached_property
-    def all_correlations(self) -> tuple[Correlation, ...]:
-        """Those of the appendages and of the craft."""
-        return (*self.correlations, *self.uncertain.correlation)
+    def modes_counted(self) -> int:
+        """Number of coupled modes of the nominal craft."""
+        return normal_shapes(self.untimed, mass_matrix(self.untimed))[0].size
 
-    def sample(self, seed: int, index: int) -> dict[str, Any]:
-        """The arrays of one sample."""
-        model = copy(self.maker.model)
+    def draw(self, seed: int, indices: Sequence[int]) -> "Samples":
+        """Samples of the nominal chains."""
+        return self._samples(self.model, self.untimed, self.participation, seed, indices)
+
+    def fit_and_draw(self, seed: int, index: int) -> "Samples":
+        """One sample, its structures fitted again."""
+        model = copy(self.untimed)
         participation = dict(self.participation)
-        structural = [refit.draw(seed, index) for refit in self.refits]
         for refit in self.refits:
             refitted = refit.into(model, seed, index)
             participation = {port: refitted[port] for port in participation}
-        if self.refits:
-            mujoco.mj_setConst(model, self.maker.data)
-        on_model = self.quantities_on(model) if self.refits else self.model_quantities
-        values = draws(on_model, [index], seed, self.all_correlations)[0]
-        apply(model, on_model, values, self.maker.data)
-        mass = self.maker.mass(model)
-        w, shapes = normal_shapes(model, mass)
-        if w.size != self.modes_counted:
-            raise RealisationError(
-                f"{w.size} coupled modes where the nominal craft has {self.modes_counted}"
-            )
-        self.maker.time(model, mass)
+        mujoco.mj_setConst(model, mujoco.MjData(model))
+        out = self._samples(model, model, participation, seed, [index])
+        structural = [refit.draw(seed, index)[None] for refit in self.refits]
+        values = np.hstack([out.arrays["values"], *structural])
+        return out._replace(arrays=out.arrays | {"values": values})
+
+    def _samples(
+        self,
+        timed: "mujoco.MjModel",
+        model: "mujoco.MjModel",
+        participation: Mapping[str, Array],
+        seed: int,
+        indices: Sequence[int],
+    ) -> "Samples":
+        """Samples of one untimed `model`, exact in time as the nominal one; `timed`: with timing
+        that may be carried over to them."""
+        uncertain = self.quantities_on(model)
+        correlations = (*self.correlations, *self.uncertain.correlation)
+        values = draws(uncertain, indices, seed, correlations)
+        fields = drawn_fields(model, uncertain, values)
+        masses = drawn_masses(fields)
+        shapes, left_out = self._shapes(fields, masses[0], indices)
+        good = [i for i, index in enumerate(indices) if index not in left_out]
+        if not good:
+            return Samples([], {}, left_out)
+        values, fields = values[good], fields.of_draws(good)
+        mark = next((mark for mark in timing_marks(self.model) if mark is not None), None)
+        if mark is not None:
+            timing = DrawTiming.of(timed, mark.timestep, mark.integrator)
+            timing.write(fields, masses[:, good] if masses.shape[1] > 1 else masses)
+        arrays = {"values": values, "coupled": np.array([w for w, _ in shapes])}
+        arrays |= {f"field {name}": rows for name, rows in _all_fields(fields).items()}
+        for i, gain in enumerate(self.gains):
+            arrays[f"gain {i}"] = np.array([gain.sizes(*each) for each in shapes])
         factors = {
-            q.owner: value
-            for q, value in zip(on_model, values, strict=True)
+            q.owner: column
+            for q, column in zip(uncertain, values.T, strict=True)
             if q.kind == "participation"
         }
-        arrays = {"values": np.concatenate([values, *structural]), "coupled": w}
-        for name in FIELDS:
-            arrays[f"field {name}"] = np.asarray(getattr(model, name), dtype=np.float64)
-        for i, gain in enumerate(self.gains):
-            arrays[f"gain {i}"] = gain.sizes(w, shapes)
         for port, rows in participation.items():
-            arrays[f"port {port}"] = _scale_participation(rows, port, factors)
-        return arrays
+            arrays[f"port {port}"] = _scale_participation(rows, port, factors, len(good))
+        return Samples([indices[i] for i in good], arrays, left_out)
 
-    @cached_property
-    def modes_counted(self) -> int:
-        """Number of coupled modes of the nominal craft."""
-        return normal_shapes(self.maker.model, self.maker.mass(self.maker.model))[0].size
+    def _shapes(
+        self, fields: DrawnFields, masses: Array, indices: Sequence[int]
+    ) -> tuple[list[tuple[Array, Array]], dict[int, str]]:
+        """Coupled modes of the draws as `normal_shapes` has them, and why others have none;
+        `masses` `(k, nv, nv)` or `(1, nv, nv)`."""
+        modal = modal_tendons(fields.model)
+        participation = participation_of(fields, modal)
+        scratch = copy(fields.model)
+        shapes: list[tuple[Array, Array]] = []
+        left_out: dict[int, str] = {}
+        for i, index in enumerate(indices):
+            put_fields(scratch, fields.of(i))
+            mass = with_participation(masses[i % len(masses)], modal.rows, participation[i])
+            w, of_modes = normal_shapes(scratch, mass)
+            if not _is_positive(mass):
+                left_out[index] = TOO_MUCH
+            elif w.size != self.modes_counted:
+                left_out[index] = (
+                    f"{w.size} coupled modes where the nominal craft has {self.modes_counted}"
+                )
+            else:
+                shapes.append((w, of_modes))
+        return shapes, left_out
 
 
-def _scale_participation(rows: Array, port: str, factors: Mapping[str, float]) -> Array:
-    """Participation `(n, motions)` of a port's modes by the factors drawn for their tendons."""
-    scale = np.ones(len(rows))
+def _is_positive(mass: Array) -> bool:
+    """Whether a mass matrix is one."""
+    size = np.sqrt(np.diag(mass).clip(1e-300))
+    return float(np.linalg.eigvalsh(mass / np.outer(size, size))[0]) >= SINGULAR
+
+
+def _all_fields(fields: DrawnFields) -> dict[str, Array]:
+    """All fields `(k, ...)` that may differ from the nominal ones, with what MuJoCo derives."""
+    model = copy(fields.model)
+    data = mujoco.MjData(model)
+    rows: dict[str, list[Array]] = {name: [] for name in FIELDS}
+    for i in range(fields.count):
+        put_fields(model, fields.of(i))
+        mujoco.mj_setConst(model, data)
+        for name in FIELDS:
+            rows[name].append(np.array(getattr(model, name), dtype=np.float64))
+    return {name: np.array(values) for name, values in rows.items()}
+
+
+def _scale_participation(rows: Array, port: str, factors: Mapping[str, Array], count: int) -> Array:
+    """`(count, n, motions)` participation of a port's modes, `(n, motions)` by the factors
+    `(count,)` drawn for their tendons."""
+    scale = np.ones((count, len(rows)))
     for k in range(len(rows)):
         for owner, factor in factors.items():
             if owner.endswith(f"mode{k + 1}_{port}"):
-                scale[k] = factor
-    return rows * scale[:, None]
+                scale[:, k] = factor
+    return rows * scale[:, :, None]
 
 
-def vary(case: Case, seed: int, first: int, end: int) -> dict[str, Any]:
+class Samples(NamedTuple):
+    """Those that became variants, by number; their arrays by name; why others did not."""
+
+    indices: list[int]
+    arrays: dict[str, Array]
+    left_out: dict[int, str]
+
+
+def join_samples(jobs: Sequence[Samples]) -> Samples:
+    """Those of several jobs."""
+    indices = [index for job in jobs for index in job.indices]
+    good = [job.arrays for job in jobs if job.indices]
+    arrays = {name: np.concatenate([job[name] for job in good]) for name in (good or [{}])[0]}
+    return Samples(indices, arrays, {i: why for job in jobs for i, why in job.left_out.items()})
+
+
+@one_thread()
+def vary(case: Case, seed: int, first: int, end: int) -> Samples:
     """One job: samples `first` to `end`."""
-    rows: dict[int, dict[str, Any]] = {}
-    why: dict[int, str] = {}
-    with one_thread():
-        for index in range(first, end):
-            try:
-                rows[index] = case.sample(seed, index)
-            except BeamchainError as error:
-                why[index] = str(error)
-    names = next(iter(rows.values()), {})
-    arrays = {
-        name: np.array([row[name] for row in rows.values()], dtype=np.float64) for name in names
-    }
-    return {"samples": list(rows), "why": why, "arrays": arrays}
+    if not case.refits:
+        return case.draw(seed, range(first, end))
+    done: list[Samples] = []
+    for index in range(first, end):
+        try:
+            done.append(case.fit_and_draw(seed, index))
+        except BeamchainError as error:
+            done.append(Samples([], {}, {index: str(error)}))
+    return join_samples(done)

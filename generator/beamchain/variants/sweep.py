@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib.resources import files as package_files
 from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from msgspec import structs
@@ -16,14 +16,14 @@ from beamchain import report
 from beamchain.checks import is_mjcf_text, list_of_names, whole_number
 from beamchain.craft.embedded import Embedded
 from beamchain.craft.embedding import check_places, embed
-from beamchain.craft.model_fields import FIELDS
-from beamchain.craft.quantities import Quantity
 from beamchain.engine.jobs import Progress, check_workers, run_jobs
 from beamchain.engine.library import mujoco, one_thread
 from beamchain.engine.linearise import compile_model
+from beamchain.engine.model_fields import FIELDS
 from beamchain.errors import InputError
 from beamchain.files import noted_inputs, to_json, write_files
 from beamchain.fitting.fit import as_spec, fit
+from beamchain.fitting.quantity import Quantity
 from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec, read_spec
 from beamchain.fitting.uncertain import Correlation, Uncertain, UncertainCraft, read_uncertain
@@ -33,7 +33,7 @@ from beamchain.ports.motions import Array
 from beamchain.structure.beam import Beam
 from beamchain.structure.modal_data import ModalData
 from beamchain.variants.refit import Refit
-from beamchain.variants.samples import Case, gain, usual_gain, vary
+from beamchain.variants.samples import Case, Samples, gain, join_samples, usual_gain, vary
 
 NAMES = {"body": "nbody", "jnt": "njnt", "site": "nsite", "tendon": "ntendon"}
 MOST = 2**31  # samples, and seed
@@ -274,7 +274,9 @@ def sweep(
     """
     start = time.perf_counter()
     pairs = _check_arguments(samples, seed, mounts, gains, workers)
-    is_spec = isinstance(source, Spec) or (mounts is None and str(source).endswith(".toml"))
+    is_spec = isinstance(source, Spec)
+    if isinstance(source, str | Path) and mounts is None:
+        is_spec = str(source).endswith(".toml")
     if is_spec and mounts is not None:
         raise InputError(
             "mounts are given with a specification, but need the craft that carries them; give the "
@@ -296,7 +298,7 @@ def sweep(
         source=nominal,
         case=case,
         seed=seed,
-        indices=np.array(drawn.samples),
+        indices=np.array(drawn.indices),
         values=arrays["values"],
         fields=_varied_fields(case, arrays),
         coupled=arrays["coupled"],
@@ -418,12 +420,11 @@ def _case(nominal: Nominal, given: UncertainCraft, pairs: Sequence[str] | None) 
         refits=tuple(refits),
         participation=_participation(nominal),
     )
-    model = case.maker.model
+    model = case.untimed
+    case.quantities_on(model)  # refuses what cannot vary, before any sample is made
     if pairs is None:
         pairs = usual_gain(model)
-    case = replace(case, gains=tuple(gain(model, pair) for pair in pairs))
-    case.check_quantities()  # before any sample is made
-    return case
+    return replace(case, gains=tuple(gain(model, pair) for pair in pairs))
 
 
 def _fits_by_prefix(nominal: Nominal) -> dict[str, Fit]:
@@ -454,30 +455,17 @@ def _participation(nominal: Nominal) -> dict[str, Array]:
 
 
 # -- the variants ----------------------------------------------------------------------------------
-class _Draws(NamedTuple):
-    """What was drawn: the samples that became variants, their arrays, why the others did not."""
-
-    samples: list[int]
-    arrays: dict[str, Array]
-    left_out: dict[int, str]
-
-
 def _draw(
     case: Case, *, seed: int, samples: int, workers: int | None, progress: Progress | None
-) -> _Draws:
+) -> Samples:
     """All samples, in jobs."""
     step = CHUNK if case.refits else QUICK_CHUNK
     bare = replace(case)  # without what was worked out, which need not travel
     jobs = [(bare, seed, first, min(first + step, samples)) for first in range(0, samples, step)]
-    results = run_jobs(vary, jobs, workers=workers, progress=progress)
-    left_out = {index: why for job in results for index, why in job["why"].items()}
-    good = [job for job in results if job["samples"]]
-    if not good:
-        raise InputError(f"no sample became a variant: {next(iter(left_out.values()))}")
-    arrays = {
-        name: np.concatenate([job["arrays"][name] for job in good]) for name in good[0]["arrays"]
-    }
-    return _Draws([index for job in good for index in job["samples"]], arrays, left_out)
+    drawn = join_samples(run_jobs(vary, jobs, workers=workers, progress=progress))
+    if not drawn.indices:
+        raise InputError(f"no sample became a variant: {next(iter(drawn.left_out.values()))}")
+    return drawn
 
 
 def _varied_fields(case: Case, arrays: Mapping[str, Array]) -> dict[str, Array]:
