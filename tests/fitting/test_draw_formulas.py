@@ -12,8 +12,9 @@ from scipy.linalg import sqrtm
 from scipy.special import ndtr
 
 import beamchain as bc
+from beamchain.fitting.quantity import draws
 from beamchain.fitting.uncertain import correlate
-from beamchain.fitting.varied import structural_draw, structural_quantities, vary_spec
+from beamchain.fitting.varied import structural_quantities, vary_spec
 from formulas import half_waves
 
 
@@ -155,23 +156,24 @@ def test_the_numbers_of_a_structure_are_drawn_in_their_order(each):
         *(("lump1.mass", "kg", 2.0, "lump", 0), ("lump2.mass", "kg", 4.0, "lump", 1)),
         ("payload.mass", "kg", 5.0, "payload", 0),
     ]
-    found = structural_quantities(spec)
-    assert [(q.name, q.unit, q.nominal, q.key, q.number) for q in found] == wanted
+    found = structural_quantities(spec, "arm_", "left_")
+    assert [(q.name, q.unit, q.nominal, q.index) for q in found] == [
+        (f"arm_{name}", unit, nominal, -1) for name, unit, nominal, *_ in wanted
+    ]
     values = [
         nominal * drawn_factor(name, f"left_{name}{number}" if each else f"left_{name}")
         for _, _, nominal, name, number in wanted
     ]
-    assert structural_draw(spec, 5, 8, "left_") == pytest.approx(values, rel=1e-14)
+    assert draws(found, [8], 5, ())[0] == pytest.approx(values, rel=1e-14)
     for sure in (structure(), structs.replace(structure(), uncertain=None)):
         assert structural_quantities(sure) == ()
-        assert structural_draw(sure, 5, 8).size == 0
-        assert vary_spec(sure, 5, 8) == sure
+        assert vary_spec(sure, ()) == sure
 
 
 def test_a_drawn_structure_is_stiffer_and_heavier_by_what_was_drawn():
     """The inertia of a body goes with its mass; what a section does not state stays unstated."""
     spec = structure(**{name: normal(relative=w, each=True) for name, w in WIDTHS.items()})
-    found = vary_spec(spec, 5, 8)
+    found = vary_spec(spec, draws(structural_quantities(spec), [8], 5, ())[0])
     stiff, dense = (
         [drawn_factor(name, f"{name}{i}") for i in (0, 1)] for name in ("stiffness", "density")
     )

@@ -4,6 +4,8 @@ matrices."""
 import numpy as np
 from scipy.linalg import eigh
 
+from beamchain.fitting.quantity import draws
+from beamchain.fitting.varied import structural_quantities, vary_spec
 from mechanics import mass_matrix as mass_of
 from mechanics import stiffness_matrix as stiffness_of
 from specs import spec_of
@@ -19,6 +21,11 @@ CRAFT = """<mujoco><option timestep="0.02" integrator="implicitfast" gravity="0 
 <body name="wheel" pos="0.1 0 0"><joint name="wheel" axis="0 0 1"/>
 <inertial pos="0 0 0" mass="4" diaginertia="0.05 0.05 0.1"/></body>
 </body></worldbody><actuator><motor name="wheel" joint="wheel"/></actuator></mujoco>"""
+
+
+def drawn_spec(spec, seed, index, owner=""):
+    """The specification of one sample of a sweep."""
+    return vary_spec(spec, draws(structural_quantities(spec, "", owner), [index], seed, ())[0])
 
 
 def beam(name, length=6.0, uncertain=None, **modes):

@@ -7,9 +7,10 @@ from msgspec import structs
 from test_sweep import ARRAY, SAME, variants
 
 import beamchain as bc
+from beamchain.fitting.quantity import draws
 from beamchain.fitting.uncertain import Uncertain, Uncertainty
-from beamchain.fitting.varied import vary_spec
-from varied_crafts import CRAFT, beam, frequencies
+from beamchain.fitting.varied import structural_quantities
+from varied_crafts import CRAFT, beam, drawn_spec, frequencies
 
 CHANCE = 5.0  # standard errors a statistic of 4,000 draws may lie off
 # relative: a sweep fits a structure again for the bus of the file, by whose mass its fillers
@@ -21,22 +22,32 @@ __all__ = ["variants"]  # the fixture
 
 @pytest.mark.slow
 def test_draws_are_what_they_say():
-    table = Uncertain(
+    uncertain = Uncertain(
         stiffness=Uncertainty(relative=0.1, group="a"),
         density=Uncertainty(relative=0.1, group="a"),
         joint_stiffness=Uncertainty(relative=0.2, each=True),
         lump=Uncertainty(relative=0.5, distribution="uniform"),
     )
-    counts = {"stiffness": 2, "density": 2, "joint_stiffness": 3, "lump": 1}
-    rows = [table.scores(7, i, counts) for i in range(4000)]
-    again = table.scores(7, 123, counts)
-    assert again == rows[123]
-    assert all(r["stiffness"][0] == r["stiffness"][1] == r["density"][0] for r in rows)
-    each = np.array([r["joint_stiffness"] for r in rows])
+    segment = bc.Segment(
+        length=1.0, section=bc.Equivalent(bending_stiffness_xy=900.0, linear_mass=3.0)
+    )
+    spec = bc.Spec(
+        segment=(segment,) * 4,
+        joint=tuple(bc.Joint(after_segment=i, stiffness_xy=10.0 * i) for i in (1, 2, 3)),
+        lump=(bc.Lump(x=1.0, mass=0.01),),
+        uncertain=uncertain,
+    )
+    numbers = structural_quantities(spec)
+    rows = draws(numbers, range(4000), 7, ())
+    np.testing.assert_array_equal(draws(numbers, [123], 7, ())[0], rows[123])
+    values = dict(zip([q.name for q in numbers], rows.T, strict=True))
+    for name in ("segment2.stiffness", "segment1.density"):
+        np.testing.assert_array_equal(values["segment1.stiffness"], values[name])
+    each = np.array([values[f"joint{i}.stiffness_xy"] / (10.0 * i) - 1.0 for i in (1, 2, 3)]) / 0.2
     error = 1.0 / np.sqrt(4000.0)
-    assert np.max(np.abs(each.mean(axis=0))) < CHANCE * error
-    assert np.max(np.abs(np.corrcoef(each.T) - np.eye(3))) < CHANCE * error
-    lump = np.array([table.lump.value(0.01, r["lump"][0]) for r in rows])
+    assert np.max(np.abs(each.mean(axis=1))) < CHANCE * error
+    assert np.max(np.abs(np.corrcoef(each) - np.eye(3))) < CHANCE * error
+    lump = values["lump1.mass"]
     assert 0.005 < lump.min() < 0.0052
     assert 0.0148 < lump.max() < 0.015
     assert lump.std() == pytest.approx(0.005 / np.sqrt(3.0), rel=0.05)
@@ -52,7 +63,7 @@ def test_normal_draws_are_cut():
 @pytest.mark.slow
 def test_a_variant_is_the_fit_of_its_spec(variants):
     i = 4
-    spec = vary_spec(variants.nominal.spec, 3, int(variants.indices[i]))
+    spec = drawn_spec(variants.nominal.spec, 3, int(variants.indices[i]))
     assert spec != variants.nominal.spec
     fresh = bc.fit(structs.replace(spec, uncertain=None))
     for port, values in variants.participation.items():
@@ -64,7 +75,7 @@ def test_a_variant_is_the_fit_of_its_spec(variants):
 @pytest.mark.slow
 def test_every_variant_has_the_mass_that_was_drawn(variants):
     for mass, sample in zip(variants.fields["body_mass"], variants.indices, strict=True):
-        spec = vary_spec(variants.nominal.spec, 3, int(sample))
+        spec = drawn_spec(variants.nominal.spec, 3, int(sample))
         assert np.sum(mass) == pytest.approx(spec.beam.rigid_mass()[0, 0] + 500.0, rel=1e-9)
 
 
@@ -119,7 +130,7 @@ def test_the_drawn_structure_is_recorded(variants, tmp_path):
 
 def test_varied_scales_what_it_should():
     spec = bc.read_spec(ARRAY)
-    one = vary_spec(spec, 0, 1)
+    one = drawn_spec(spec, 0, 1)
     yoke, panel = one.segment[0], one.segment[1]
     stiff = yoke.material.youngs_modulus / 7e10
     heavy = yoke.material.density / 2700.0
@@ -147,7 +158,7 @@ def test_structures_are_fitted_again_in_the_craft(tmp_path):
     for i in range(2):
         left = bc.Spec(
             **{
-                name: getattr(vary_spec(at["left"], 2, i, "left_"), name)
+                name: getattr(drawn_spec(at["left"], 2, i, "left_"), name)
                 for name in ("name", "segment", "modes", "damping")
             }
         )

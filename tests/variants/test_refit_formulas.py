@@ -9,6 +9,7 @@ import pytest
 
 import beamchain as bc
 from beamchain.errors import RealisationError
+from beamchain.fitting.varied import varied_fit
 from formulas import Refit
 
 ALONE = """<mujoco><worldbody><body name="hub"><freejoint/>
@@ -39,22 +40,28 @@ OTHER = {**DRAWN, "hinge": "joint1"}
 def into(monkeypatch, drawn):
     """The craft, its appendage fitted again, which is `drawn`."""
     spec = SimpleNamespace(name="boom")
-    fits = {"nominal": SimpleNamespace(spec=spec, of=NOMINAL), "drawn": SimpleNamespace(of=drawn)}
+    port = SimpleNamespace(participation=np.array([[1.0, 2.0], [3.0, 4.0]]))
+    chain = SimpleNamespace(tendons=(), port=lambda _: port)
+    target = {"xy": SimpleNamespace(modes=1)}
+    fits = {
+        "nominal": SimpleNamespace(spec=spec, of=NOMINAL, chain=chain, target=target),
+        "drawn": SimpleNamespace(of=drawn, chain=chain),
+    }
     asked = []
 
-    def fitted(_, seed, index):
-        asked.append((seed, index))
-        return fits["drawn"], {"xy": np.ones((1, 2))}
+    def fitted(nominal, draw):
+        asked.append((nominal, draw))
+        return fits["drawn"]
 
-    monkeypatch.setattr("beamchain.variants.refit.Refit._fit", fitted)
+    monkeypatch.setattr("beamchain.variants.refit.varied_fit", fitted)
     monkeypatch.setattr(
         "beamchain.variants.refit.compiled_alone",
         lambda fit: mujoco.MjModel.from_xml_string(ALONE.format(**fit.of)),
     )
     craft = mujoco.MjModel.from_xml_string(CRAFT)
-    found = Refit("l_", fits["nominal"], "l_").into(craft, 4, 2)
-    assert found["xy"].shape == (1, 2)
-    assert asked == [(4, 2)]
+    found = Refit("l_", fits["nominal"], "l_").into(craft, [0.9])
+    assert found["xy"].tolist() == [[1.0, 2.0]]
+    assert asked == [(fits["nominal"], [0.9])]
     return craft
 
 
@@ -119,15 +126,26 @@ def nominal(modes, stiffness):
 
 
 def test_numbers_of_a_structure_have_the_appendage_s_prefix():
-    first, second = Refit("l_", nominal(1, 0.0), "l_").quantities
+    first, second = Refit("l_", nominal(1, 0.0), "o_").quantities
     assert (first.name, second.name) == ("l_segment1.stiffness", "l_segment1.density")
-    assert (first.key, first.nominal, first.index) == (first.name, 1.0, -1)
+    assert (first.key, first.nominal, first.index) == ("o_stiffness", 1.0, -1)
+
+
+def test_a_cantilever_is_fitted_again_with_what_is_drawn():
+    """Its first mode moves 0.7829915 and 0.5688256 of the root of its mass, per displacement and
+    per turn and length."""
+    stiff, dense = 1.07, 0.96
+    sample = varied_fit(nominal(1, 0.0), [stiff, dense])
+    root = np.sqrt(4.0 * 8.0 * dense)
+    wanted = np.array([[0.7829915, 0.5688256 * 8.0]]) * root
+    port = sample.chain.port("xy")
+    assert np.abs(port.participation[:1]) == pytest.approx(wanted, rel=1e-6)
+    found = port.frequencies[0]
+    assert found == pytest.approx(1.8751040687**2 * np.sqrt(500.0 * stiff / dense) / 64.0, rel=1e-6)
 
 
 @pytest.mark.parametrize("stiffness", [0.0, 0.05])
-def test_a_cantilever_is_fitted_again_with_what_is_drawn(stiffness, monkeypatch):
-    """Its first mode moves 0.7829915 and 0.5688256 of the root of its mass, per displacement and
-    per turn and length; on tendons where the nominal one is."""
+def test_it_is_on_tendons_where_the_nominal_one_is(stiffness, monkeypatch):
     turned = []
 
     def on_tendons(fit):
@@ -135,17 +153,15 @@ def test_a_cantilever_is_fitted_again_with_what_is_drawn(stiffness, monkeypatch)
         return fit
 
     monkeypatch.setattr("beamchain.variants.refit.fit_on_tendons", on_tendons)
-    refit = Refit("l_", nominal(1, stiffness), "l_")
-    stiff, dense = refit.draw(4, 0)
-    sample, participation = refit._fit(4, 0)
-    root = np.sqrt(4.0 * 8.0 * dense)
-    wanted = np.array([[0.7829915, 0.5688256 * 8.0]]) * root
-    assert np.abs(participation["xy"]) == pytest.approx(wanted, rel=1e-6)
-    found = sample.chain.port("xy").frequencies[0]
-    assert found == pytest.approx(1.8751040687**2 * np.sqrt(500.0 * stiff / dense) / 64.0, rel=1e-6)
+    monkeypatch.setattr("beamchain.variants.refit.varied_fit", lambda fit, _: fit)
+    monkeypatch.setattr("beamchain.variants.refit.compiled_alone", lambda _: empty)
+    empty = mujoco.MjModel.from_xml_string("<mujoco/>")
+    fit = nominal(1, stiffness)
+    fit.chain.port = lambda _: SimpleNamespace(participation=np.ones((1, 2)))
+    Refit("l_", fit, "l_").into(empty, [1.0, 1.0])
     assert len(turned) == (1 if stiffness else 0)
 
 
 def test_a_sample_that_holds_fewer_modes_than_the_nominal_one_is_none():
     with pytest.raises(RealisationError, match="fewer modes in xy"):
-        Refit("l_", nominal(2, 0.0), "l_")._fit(4, 0)
+        varied_fit(nominal(2, 0.0), [1.0, 1.0])

@@ -344,25 +344,6 @@ class Uncertain(UncertainModes, frozen=True, kw_only=True, forbid_unknown_fields
         """The properties of the structure that vary, for which samples must be fitted again."""
         return tuple(name for name in STRUCTURAL if getattr(self, name) is not None)
 
-    def scores(
-        self, seed: int, index: int, counts: dict[str, int], owner: str = ""
-    ) -> dict[str, list[float]]:
-        """Standard normal scores of sample `index`,
-        `counts[name]` per quantity equal if drawn together.
-
-        They depend on nothing but seed, index and `owner`, so that any machine draws the same;
-        appendages with another `owner` draw apart but for what is in a group.
-        """
-        out: dict[str, list[float]] = {}
-        for name in self.structural:
-            given: Uncertainty = getattr(self, name)
-            keys = [
-                f"{owner}{name}{i}" if given.each else given.group or owner + name
-                for i in range(counts[name])
-            ]
-            out[name] = [score(seed, index, key) for key in keys]
-        return out
-
 
 def score(seed: int, index: int, key: str) -> float:
     """Standard normal score of a quantity or a group in a sample."""

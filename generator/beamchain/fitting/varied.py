@@ -1,102 +1,73 @@
-"""A specification with its structure drawn from [uncertain], and the numbers that are drawn."""
+"""A specification with numbers of its structure drawn, and its fit on the nominal cut."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
-import numpy as np
 from msgspec import structs
 
+from beamchain.chain.links import raise_polar_inertia
+from beamchain.errors import RealisationError
+from beamchain.fitting.body import body_of
+from beamchain.fitting.fit import LEAST_INERTIA
+from beamchain.fitting.quantity import Quantity
+from beamchain.fitting.realise import chain_of
+from beamchain.fitting.result import Fit
+from beamchain.fitting.select import select
 from beamchain.fitting.spec import Spec
 from beamchain.fitting.uncertain import Uncertainty
-from beamchain.ports.motions import Array
 
 JOINT_LINES = ("stiffness_xy", "stiffness_xz", "stiffness_torsion")
 
 
-@dataclass(frozen=True)
-class StructuralQuantity:
-    """One number of a structure that is drawn.
+def structural_quantities(spec: Spec, prefix: str = "", owner: str = "") -> tuple[Quantity, ...]:
+    """The numbers of a structure that its [uncertain] draws: `segment1.stiffness`,
+    `joint2.stiffness_xz`, `lump1.mass`, `payload.mass`; stiffness and density of a segment are
+    factors.
 
-    Args:
-        name: `segment1.stiffness`, `joint2.stiffness_xz`, `lump1.mass`, `payload.mass`.
-        unit: of its value; stiffness and density of a segment are factors.
-        nominal: its value in the specification.
-        uncertainty: how it varies.
-        key: what [uncertain] calls it, `joint_stiffness`.
-        number: of its element among those of its kind, from 0.
+    `prefix`: of the names; appendages with another `owner` draw apart but for what is in a group.
     """
-
-    name: str
-    unit: str
-    nominal: float
-    uncertainty: Uncertainty
-    key: str
-    number: int
-
-
-def structural_quantities(spec: Spec) -> tuple[StructuralQuantity, ...]:
-    """The numbers of a structure that its [uncertain] draws, in the order of `structural_draw`."""
     given = spec.uncertain
     if given is None:
         return ()
-    out: list[StructuralQuantity] = []
-    for key, uncertainty in (("stiffness", given.stiffness), ("density", given.density)):
-        if uncertainty is not None:
-            out += [
-                StructuralQuantity(f"segment{i + 1}.{key}", "", 1.0, uncertainty, key, i)
-                for i in range(len(spec.segment))
-            ]
-    if given.joint_stiffness is not None:
-        out += [
-            StructuralQuantity(
-                f"joint{i + 1}.{line}",
-                "N m/rad",
-                getattr(joint, line),
-                given.joint_stiffness,
-                "joint_stiffness",
-                i,
-            )
-            for i, joint in enumerate(spec.joint)
-            for line in JOINT_LINES
-            if getattr(joint, line) is not None
-        ]
-    if given.lump is not None:
-        out += [
-            StructuralQuantity(f"lump{i + 1}.mass", "kg", lump.mass, given.lump, "lump", i)
-            for i, lump in enumerate(spec.lump)
-        ]
+    out: list[Quantity] = []
+
+    def add(name: str, unit: str, nominal: float, how: str, number: int) -> None:
+        uncertainty: Uncertainty = getattr(given, how)
+        key = f"{owner}{how}{number}" if uncertainty.each else uncertainty.group or owner + how
+        out.append(Quantity(prefix + name, unit, nominal, uncertainty, index=-1, key=key))
+
+    for how in ("stiffness", "density"):
+        for i in range(len(spec.segment) if getattr(given, how) is not None else 0):
+            add(f"segment{i + 1}.{how}", "", 1.0, how, i)
+    for i, joint in enumerate(spec.joint if given.joint_stiffness is not None else ()):
+        for line in JOINT_LINES:
+            if getattr(joint, line) is not None:
+                add(f"joint{i + 1}.{line}", "N m/rad", getattr(joint, line), "joint_stiffness", i)
+    for i, lump in enumerate(spec.lump if given.lump is not None else ()):
+        add(f"lump{i + 1}.mass", "kg", lump.mass, "lump", i)
     if given.payload is not None and spec.payload is not None:
-        mass = spec.payload.mass
-        out.append(StructuralQuantity("payload.mass", "kg", mass, given.payload, "payload", 0))
+        add("payload.mass", "kg", spec.payload.mass, "payload", 0)
     return tuple(out)
 
 
-def structural_draw(spec: Spec, seed: int, index: int, owner: str = "") -> Array:
-    """`(n,)` values of the structural quantities in sample `index`; arguments as of `varied`."""
-    given = spec.uncertain
-    if given is None:
-        return np.zeros(0)
-    segments = len(spec.segment)
-    counts = {"stiffness": segments, "density": segments, "payload": 1}
-    counts |= {"lump": len(spec.lump), "joint_stiffness": len(spec.joint)}
-    scores = given.scores(seed, index, counts, owner)
-    return np.array(
-        [
-            q.uncertainty.value(q.nominal, scores[q.key][q.number])
-            for q in structural_quantities(spec)
-        ]
-    )
+def varied_fit(fit: Fit, draw: Sequence[float]) -> Fit:
+    """A fit whose specification states its modes, with the values of its structural quantities
+    drawn, on the same cut."""
+    spec = vary_spec(fit.spec, draw)
+    body = body_of(spec)
+    built, _ = chain_of(body, select(body), fit.cut)
+    for port, target in built.targets.items():
+        if target.modes < fit.target[port].modes:
+            raise RealisationError(f"fewer modes in {port}: {' '.join(built.missing)}")
+    return replace(fit, spec=spec, chain=raise_polar_inertia(built.chain, LEAST_INERTIA)[0])
 
 
-def vary_spec(spec: Spec, seed: int, index: int, owner: str = "") -> Spec:
-    """The spec of one sample, its structure drawn; refused where a value is not allowed,
-    such as a mass below zero.
-
-    `owner`: prefix of the appendage, where a craft has several.
-    """
+def vary_spec(spec: Spec, draw: Sequence[float]) -> Spec:
+    """A specification with the values of its structural quantities; refused where one is not
+    allowed, such as a mass below zero."""
     names = [q.name for q in structural_quantities(spec)]
-    draw = structural_draw(spec, seed, index, owner)
-    values = dict(zip(names, draw.tolist(), strict=True))
+    values = dict(zip(names, map(float, draw), strict=True))
     segments = [
         scaled_segment(
             segment,

@@ -1,26 +1,21 @@
 """An appendage of a compiled craft fitted again with its structure drawn, on the nominal cut,
 and put into the model."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 from msgspec import structs
 
-from beamchain.chain.links import raise_polar_inertia
 from beamchain.craft.appendage import compiled_alone
 from beamchain.craft.timing import fit_on_tendons
 from beamchain.engine.library import mujoco
 from beamchain.engine.model_rows import wraps
 from beamchain.errors import RealisationError
-from beamchain.fitting.body import body_of
-from beamchain.fitting.fit import LEAST_INERTIA
 from beamchain.fitting.options import Modes
 from beamchain.fitting.quantity import Quantity
-from beamchain.fitting.realise import chain_of
 from beamchain.fitting.result import Fit
-from beamchain.fitting.select import select
-from beamchain.fitting.varied import structural_draw, structural_quantities, vary_spec
+from beamchain.fitting.varied import structural_quantities, varied_fit
 from beamchain.ports.motions import Array
 
 KINDS = {"body": "nbody", "joint": "njnt", "site": "nsite", "tendon": "ntendon"}
@@ -60,10 +55,12 @@ class Refit:
             owner,
         )
 
-    def into(self, model: "mujoco.MjModel", seed: int, index: int) -> Mapping[str, Array]:
-        """Put sample `index` into an untimed model of the craft, in place;
+    def into(self, model: "mujoco.MjModel", draw: Sequence[float]) -> Mapping[str, Array]:
+        """Put a draw into an untimed model of the craft, in place;
         the participation of its modes per port."""
-        sample, participation = self._fit(seed, index)
+        sample = varied_fit(self.fit, draw)
+        if any(tendon.stiffness > 0.0 for tendon in self.fit.chain.tendons):
+            sample = fit_on_tendons(sample)
         alone = compiled_alone(sample)
         if _topology(alone) != self._nominal_topology:
             raise RealisationError(
@@ -84,48 +81,19 @@ class Refit:
                 elif kind == "tendon":
                     for there, here in zip(wraps(model, j), wraps(alone, i), strict=True):
                         model.wrap_prm[there] = alone.wrap_prm[here]
-        return participation
+        return {
+            port: sample.chain.port(port).participation[: target.modes]
+            for port, target in self.fit.target.items()
+        }
 
     @cached_property
     def quantities(self) -> tuple[Quantity, ...]:
-        """The numbers of the structure that are drawn, in the order of `draw`."""
-        return tuple(
-            Quantity(
-                name=f"{self.prefix}{q.name}",
-                unit=q.unit,
-                nominal=q.nominal,
-                uncertainty=q.uncertainty,
-                index=-1,
-                key=f"{self.prefix}{q.name}",
-            )
-            for q in structural_quantities(self.fit.spec)
-        )
-
-    def draw(self, seed: int, index: int) -> Array:
-        """`(n,)` values of the structural quantities in sample `index`."""
-        return structural_draw(self.fit.spec, seed, index, self.owner)
+        """The numbers of the structure that are drawn."""
+        return structural_quantities(self.fit.spec, self.prefix, self.owner)
 
     @cached_property
     def _nominal_topology(self) -> dict[str, list[str]]:
         return _topology(compiled_alone(self.fit))
-
-    def _fit(self, seed: int, index: int) -> tuple[Fit, dict[str, Array]]:
-        spec = vary_spec(self.fit.spec, seed, index, self.owner)
-        body = body_of(spec)
-        built, _ = chain_of(body, select(body), self.fit.cut)
-        for port, target in built.targets.items():
-            if target.modes < self.fit.target[port].modes:
-                raise RealisationError(f"fewer modes in {port}: {' '.join(built.missing)}")
-        sample = replace(
-            self.fit, spec=spec, chain=raise_polar_inertia(built.chain, LEAST_INERTIA)[0]
-        )
-        if any(tendon.stiffness > 0.0 for tendon in self.fit.chain.tendons):
-            sample = fit_on_tendons(sample)
-        participation = {
-            port: sample.chain.port(port).participation[: target.modes]
-            for port, target in built.targets.items()
-        }
-        return sample, participation
 
 
 def _topology(model: "mujoco.MjModel") -> dict[str, list[str]]:

@@ -170,12 +170,12 @@ class Case:
         """One sample, its structures fitted again."""
         model = copy(self.untimed)
         participation = dict(self.participation)
-        for refit in self.refits:
-            refitted = refit.into(model, seed, index)
+        structural = [draws(refit.quantities, [index], seed, ()) for refit in self.refits]
+        for refit, drawn in zip(self.refits, structural, strict=True):
+            refitted = refit.into(model, drawn[0])
             participation = {port: refitted[port] for port in participation}
         mujoco.mj_setConst(model, mujoco.MjData(model))
         out = self._samples(model, model, participation, seed, [index])
-        structural = [refit.draw(seed, index)[None] for refit in self.refits]
         values = np.hstack([out.arrays["values"], *structural])
         return out._replace(arrays=out.arrays | {"values": values})
 
