@@ -66,7 +66,7 @@ test-kernels: $(VENV)/.installed
 		OPENBLAS_CORETYPE=$$kernel OPENBLAS_NUM_THREADS=$$threads $(MAKE) --no-print-directory tests || exit 1; \
 	done; done
 
-HOSTS ?= oldest newest dm_control basilisk nastran sections opensees worlds
+HOSTS ?= oldest newest dm_control basilisk nastran sections opensees cluster worlds
 
 hosts:
 	for host in $(HOSTS); do $(PYTHON) tests/hosts/run.py $$host || exit 1; done

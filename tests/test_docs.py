@@ -31,6 +31,7 @@ EMPTY = [ROOT / "docs" / "start.md", ROOT / "docs" / "gallery.md", *HOWTO]
 # pages that need one
 HOSTS = {
     "basilisk": "Basilisk.simulation.mujoco",
+    "cluster": "distributed",
     "mjx": "mujoco.mjx",
     "newton": "newton",
     "sections": "sectionproperties.analysis",
@@ -132,7 +133,7 @@ def test_everything_on_the_page_runs(page, tmp_path, monkeypatch):
     if page not in EMPTY:
         starting_files()
     text = page.read_text(encoding="utf-8")
-    names: dict[str, object] = {}
+    names: dict[str, object] = {"__name__": "__main__"}
     draws = any(map(draws_with, ("egl", "osmesa")))
     for kind, content in pieces(text):
         if kind == "python":

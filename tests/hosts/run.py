@@ -95,6 +95,7 @@ HOSTS = {
         ["openseespy"],
         ["tests/hosts/test_opensees.py"],
     ),
+    "cluster": ("distributed", "", ["distributed"], [PAGE.format("cluster")]),
     # of mjx, what make test-full runs
     "worlds": ("mujoco.mjx", "[mjx]", [], MANY),
     "mjx": ("mujoco.mjx", "[mjx]", KERNEL, [*MJX, NOTEBOOK, PAGE.format("mjx")]),
