@@ -1,6 +1,7 @@
 """Closed forms beside fields of worlds (internals of `variants.fields`): two masses on springs that
 Euler steps, of which each world's poles are known."""
 
+import copy
 from types import SimpleNamespace
 
 import mujoco
@@ -52,16 +53,23 @@ def check_exact(fields, stiffness, damping, step=STEP):
         np.testing.assert_allclose(fields["tendon_solimp_lim"][at], wanted, rtol=1e-12)
 
 
+def timed(model, step):
+    out = copy.copy(model)
+    out.opt.timestep = step
+    bc.retime(out, step)
+    return out
+
+
 def test_draws_of_modes_are_exact_in_time_with_their_own_numbers(model):
-    made = Modes(model, RANGES, STEP, None)
+    made = Modes(timed(model, STEP), RANGES)
     factors = 1.0 + np.array([0.1, 0.4])[:, None] * KEYS
     wanted = W * factors[:, 0], DAMPING * factors[:, 0] * factors[:, 1]
-    plain = Modes(model, RANGES, None, None).fields(KEYS)
+    plain = Modes(model, RANGES).fields(KEYS)
     np.testing.assert_allclose(plain["tendon_stiffness"][:, MODES], wanted[0] ** 2)
     np.testing.assert_allclose(plain["tendon_damping"][:, MODES], wanted[1])
     assert not plain["tendon_armature"].any()
     for step in (STEP, 0.02):
-        check_exact(made.at(step).fields(KEYS), wanted[0] ** 2, wanted[1], step)
+        check_exact(made.at(timed(model, step)).fields(KEYS), wanted[0] ** 2, wanted[1], step)
     for name, of in zip(("frequency", "damping"), (0, 1), strict=True):
         np.testing.assert_allclose(made.drawn(KEYS)[name], factors[:, of])
     keys = made.keys(500, np.random.default_rng(0))
@@ -81,7 +89,7 @@ def test_variants_of_tendons_are_exact_in_time(model):
     again = Table(model, worlds, STEP, None, {}).fields(np.array([[0], [1]]))
     for name, values in worlds.items():  # they are exact already
         np.testing.assert_array_equal(again[name], values)
-    slower = made.at(0.02).fields(np.array([[0], [1]]))
+    slower = made.at(timed(model, 0.02)).fields(np.array([[0], [1]]))
     check_exact(slower, *(values[:, MODES] for values in rows.values()), 0.02)
     assert made.size == 2
     assert made.nbytes == 3 * (3 + mujoco.mjNIMP) * 8
@@ -116,7 +124,7 @@ def test_variants_that_are_exact_already_are_taken_as_they_are(model):
 
 
 def test_a_table_of_one_variant(model):
-    made = source_of(model, {"body_mass": np.array([[0.0, 3.0, 4.0]])}, None)
+    made = source_of(model, model, {"body_mass": np.array([[0.0, 3.0, 4.0]])}, None)
     found = made.fields(made.keys(2, np.random.default_rng(0)))
     np.testing.assert_allclose(found["dof_M0"], [[3.0, 4.0]] * 2)
     fields = ("body_mass", "body_subtreemass", "body_invweight0", "dof_invweight0", "dof_M0")
@@ -180,9 +188,9 @@ def test_variants_that_carry_bodies_are_timed_one_by_one_as_a_tree(monkeypatch):
 
     def retime_by(form, model, *given, **named):
         asked.append((given, named, float(np.ravel(model.tendon_stiffness.T)[0])))
-        return timed(form, model, *given, **named)
+        return retimed(form, model, *given, **named)
 
-    timed = fields.retime_by
+    retimed = fields.retime_by
     monkeypatch.setattr(fields, "retime_by", retime_by)
     model = mujoco.MjModel.from_xml_string(TREE)
     stiffness = np.array([[9.0], [12.0]])
@@ -207,9 +215,9 @@ def test_what_follows_from_the_masses_of_variants(model):
 
 
 def test_what_variants_mean(model):
-    assert source_of(model, None, STEP) is None
-    assert isinstance(source_of(model, {"damping": 0.1}, STEP), Modes)
-    assert isinstance(source_of(model, {"body_mass": np.ones((2, 3))}, None), Table)
+    assert source_of(model, model, None, STEP) is None
+    assert isinstance(source_of(model, model, {"damping": 0.1}, STEP), Modes)
+    assert isinstance(source_of(model, model, {"body_mass": np.ones((2, 3))}, None), Table)
     for given, words in (
         ({}, "not understood"),
         ({"frequency": 0.1, "body_mass": np.ones((2, 3))}, "variants mix 'frequency'"),
@@ -221,12 +229,12 @@ def test_what_variants_mean(model):
         ({"body_parentid": np.ones((2, 3), dtype=int)}, "how the model is connected"),
     ):
         with pytest.raises(bc.InputError, match=words):
-            source_of(model, given, None)
+            source_of(model, model, given, None)
     assert (
-        source_of(model, {"frequency": 0.0}, None).drawn(KEYS)["frequency"].tolist()
+        source_of(model, model, {"frequency": 0.0}, None).drawn(KEYS)["frequency"].tolist()
         == [[1.0, 1.0]] * 2
     )
     # what no range is given of stays
-    drawn = source_of(model, {"damping": 0.4}, None).drawn(KEYS)
+    drawn = source_of(model, model, {"damping": 0.4}, None).drawn(KEYS)
     assert drawn["frequency"].tolist() == [[1.0, 1.0]] * 2
     np.testing.assert_allclose(drawn["damping"], 1.0 + 0.4 * KEYS[:, 1])

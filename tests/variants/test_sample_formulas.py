@@ -289,7 +289,7 @@ def test_drawn_modes_have_their_frequencies_and_ratios():
     model = mujoco.MjModel.from_xml_string(CHAIN.format(filler=9.0))
     stiffness, damping = np.array(model.tendon_stiffness), np.array([0.3, 0.4, 0.5, 0.6])
     model.tendon_damping[:] = damping
-    drawn = DrawnModes(model, {"frequency": 0.05, "damping": 0.3}, None, None)
+    drawn = DrawnModes(model, {"frequency": 0.05, "damping": 0.3})
     modes = [0, 2, 3]
     keys = np.array([[[1.0, -0.5, 0.2], [-1.0, 0.4, 0.1]], [[0.0, 0.7, -1.0], [0.3, 1.0, 0.0]]])
     found = drawn.fields(keys)

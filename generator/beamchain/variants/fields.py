@@ -4,7 +4,6 @@ or modes drawn from ranges and made exact in time.
 Both sources give each world a key, from which its fields follow at every step.
 """
 
-import copy
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -37,37 +36,32 @@ Keys = NDArray[Any]
 
 class Modes:
     """Modal tendons of a model with frequencies and damping drawn uniformly,
-    each mode of each world for itself.
+    each mode of each world for itself; exact in time for its step where the model is.
 
     `ranges`: half widths relative to the nominal values, `{"frequency": 0.05, "damping": 0.3}`.
-    `timestep`: for which draws are made exact in time [s]; None: they are not. `band`: as of
-    `retime` [rad/s].
     """
 
     size: int | None = None  #: any number can be drawn
 
-    def __init__(
-        self,
-        model: "mujoco.MjModel",
-        ranges: Mapping[str, float],
-        timestep: float | None,
-        band: float | None,
-    ) -> None:
-        self._band = band
+    def __init__(self, model: "mujoco.MjModel", ranges: Mapping[str, float]) -> None:
+        self._ranges = ranges
         self._widths = [_width(name, ranges.get(name, 0.0)) for name in RANGES]
-        self._timed = model
         self._model = without_timing(model)
-        self._modal = modal_tendons(self._model)
-        if not self._modal.names:
+        modal = modal_tendons(self._model)
+        if not modal.names:
             raise InputError(f"{foreign('a draw of modes')} {RIGID}")
-        self._quantities = _quantities_of_modes(self._modal, self._widths)
-        self._timing = self._timing_for(timestep)
+        self._count = len(modal.names)
+        self._quantities = _quantities_of_modes(modal, self._widths)
+        self._timing: DrawTiming | None = None
+        if any(timing_marks(model)):
+            integrator = NUMBERS[int(model.opt.integrator)]
+            self._timing = DrawTiming.of(model, float(model.opt.timestep), integrator)
         #: of the fields of one world
         self.nbytes: int = sum(getattr(model, name).nbytes for name in TENDONS)
 
     def keys(self, count: int, rng: np.random.Generator, *, first: bool = False) -> Keys:  # noqa: ARG002
         """`(count, 2, n)` numbers from -1 to 1."""
-        return rng.uniform(-1.0, 1.0, (count, 2, len(self._modal.names)))
+        return rng.uniform(-1.0, 1.0, (count, 2, self._count))
 
     def fields(self, keys: Keys) -> Fields:
         """The four arrays of tendons that hold modes."""
@@ -86,18 +80,9 @@ class Modes:
             for i, (name, width) in enumerate(zip(RANGES, self._widths, strict=True))
         }
 
-    def at(self, timestep: float) -> "Modes":
-        """The same ranges for another step."""
-        out = copy.copy(self)
-        out._timing = self._timing_for(timestep)
-        return out
-
-    def _timing_for(self, timestep: float | None) -> DrawTiming | None:
-        """What makes draws exact in time."""
-        if timestep is None:
-            return None
-        integrator = NUMBERS[int(self._timed.opt.integrator)]
-        return DrawTiming.of(self._timed, timestep, integrator, self._band)
+    def at(self, timed: "mujoco.MjModel") -> "Modes":
+        """The same ranges for the model at another step."""
+        return Modes(timed, self._ranges)
 
 
 def _quantities_of_modes(modal: Modal, widths: Sequence[float]) -> list[Quantity]:
@@ -174,9 +159,10 @@ class Table:
         rows = keys[:, 0]
         return {"row": rows.copy(), **{name: of[rows] for name, of in self._columns.items()}}
 
-    def at(self, timestep: float) -> "Table":
-        """The same variants for another step."""
-        return Table(self._model, self._given, timestep, self._band, self._columns)
+    def at(self, timed: "mujoco.MjModel") -> "Table":
+        """The same variants for the model at another step."""
+        step = float(timed.opt.timestep)
+        return Table(self._model, self._given, step, self._band, self._columns)
 
     def _derive(self, timestep: float | None) -> None:
         """What follows from the fields: MuJoCo's constants, and numbers exact in time;
@@ -210,9 +196,14 @@ Source = Modes | Table
 
 
 def source_of(
-    model: "mujoco.MjModel", variants: Any, timestep: float | None, band: float | None = None
+    model: "mujoco.MjModel",
+    timed: "mujoco.MjModel",
+    variants: Any,
+    timestep: float | None,
+    band: float | None = None,
 ) -> Source | None:
-    """What `variants` means; None for worlds that are all the same."""
+    """What `variants` of a model mean, which runs as `timed`; `timestep`, `band` as of `Table`.
+    None for worlds that are all the same."""
     given = getattr(variants, "fields", variants)
     if given is None:
         return None
@@ -223,7 +214,7 @@ def source_of(
             'ranges on the modes: {"frequency": 0.05, "damping": 0.3}.'
         )
     if set(given) <= set(RANGES):
-        return Modes(model, given, timestep, band)
+        return Modes(timed, given)
     if wrong := [name for name in given if name in RANGES]:
         raise InputError(
             f"variants mix {wrong[0]!r}, a range on modes, with fields of MuJoCo's model; give one "

@@ -41,10 +41,8 @@ class DrawTiming:
     tree: TreeDraws | None
 
     @classmethod
-    def of(
-        cls, model: "mujoco.MjModel", timestep: float, integrator: str, band: float | None = None
-    ) -> "DrawTiming":
-        """For draws of a model, timed or not; `band` as of `retime`."""
+    def of(cls, model: "mujoco.MjModel", timestep: float, integrator: str) -> "DrawTiming":
+        """For draws of a model, timed or not."""
         untimed = without_timing(model)
         modal = modal_tendons(untimed)
         mark = TimingMark(timestep, integrator, TREE)
@@ -54,7 +52,7 @@ class DrawTiming:
                 mass = coupled_mass(untimed, modal, None)[:, None]
                 return cls(mark._replace(form=2), modal, mass, None)
             timed = copy.copy(untimed)
-            retime_by(TREE, timed, timestep, integrator, band=band)
+            retime_by(TREE, timed, timestep, integrator)
         return cls(mark, modal, np.zeros(0), TreeDraws.of(untimed, modal, timed, mark))
 
     def write(self, fields: DrawnFields, masses: Array | None = None) -> None:

@@ -109,10 +109,11 @@ def make(
     band = None
     if isinstance(model, Embedded):
         band = joint_request([a.spec for a in model.appendages]).band
-    source = source_of(compiled, variants, step if timed or timestep is not None else None, band)
-    timing = None
+    given, timing = with_fields(compiled, {}), None
     if timestep is not None and modal_tendons(compiled).names:
         timing = retime(compiled, step, band=band)
+    exact_for = step if timed or timestep is not None else None
+    source = source_of(given, compiled, variants, exact_for, band)
     size = None if source is None else source.size
     if count is None and size is None:
         raise InputError("count is missing: say how many worlds to make, for example count=64.")
@@ -341,7 +342,7 @@ class Worlds:
             self._timing = retime(model, float(timestep), band=self._band)
         self.model = model
         if self._source is not None:
-            self._source = self._source.at(float(timestep))
+            self._source = self._source.at(model)
         self._build()
 
     @one_thread()
