@@ -384,6 +384,32 @@ def test_one_sample_of_a_craft_s_text_has_the_numbers_that_were_drawn():
         bc.sweep(ARM, 1)
 
 
+def test_samples_whose_modes_take_too_much_mass_are_left_out_alone():
+    """Of a hinge of 0.3 kg m^2 whose mode has the mass 1: `w^2 = k / (1 - 0.7 p^2)`."""
+    text = ARM.replace(
+        'mass="1" diaginertia="1 1 1"/></body>\n<body name="arm_link2">',
+        'mass="1" diaginertia="0.3 0.3 0.3"/></body>\n<body name="arm_link2">',
+    )
+    wide = bc.spec.Uncertainty(relative=0.4, distribution="uniform")
+    given = UncertainCraft(
+        appendage={
+            "arm_": UncertainModes(
+                mode=(bc.spec.UncertainMode(number=1, port="xy", participation=wide),)
+            )
+        }
+    )
+    found = bc.sweep(text, 40, uncertain=given, seed=3)
+    assert found.indices.tolist() == [i for i in range(40) if i not in found.left_out]
+    assert 5 < len(found.left_out) < 25
+    assert all("takes more mass than the appendage has" in w for w in found.left_out.values())
+    p = found.values[:, 0]
+    assert max(p) < np.sqrt(1.0 / 0.7)
+    for row, factor in zip(found.coupled, p, strict=True):
+        own = np.sqrt([30.0 / (1.0 - 0.7 * factor**2), 200.0, 90.0 / 3.0])
+        assert row == pytest.approx(np.sort(own), rel=1e-4)
+    assert found.fields["tendon_armature"][:, 0] == pytest.approx(1.0 - p**2)
+
+
 def test_a_sweep_is_written_beside_its_model(tmp_path, monkeypatch):
     monkeypatch.setattr("beamchain.report.sweep_pictures", lambda _: {"a.svg": "<svg/>"})
     written = swept().write(tmp_path)

@@ -176,6 +176,8 @@ class Case:
             participation = {port: refitted[port] for port in participation}
         mujoco.mj_setConst(model, mujoco.MjData(model))
         out = self._samples(model, model, participation, seed, [index])
+        if not out.indices:
+            return out
         values = np.hstack([out.arrays["values"], *structural])
         return out._replace(arrays=out.arrays | {"values": values})
 
@@ -229,10 +231,11 @@ class Case:
         for i, index in enumerate(indices):
             put_fields(scratch, fields.of(i))
             mass = with_participation(masses[i % len(masses)], modal.rows, participation[i])
-            w, of_modes = normal_shapes(scratch, mass)
             if not _is_positive(mass):
                 left_out[index] = TOO_MUCH
-            elif w.size != self.modes_counted:
+                continue
+            w, of_modes = normal_shapes(scratch, mass)
+            if w.size != self.modes_counted:
                 left_out[index] = (
                     f"{w.size} coupled modes where the nominal craft has {self.modes_counted}"
                 )
