@@ -215,8 +215,6 @@ class Pose:
     out those that are not of `carried`.
     """
 
-    loading: Loading | None = None
-
     def __init__(
         self,
         craft: "mujoco.MjModel",
@@ -254,6 +252,11 @@ class Pose:
         scale = np.sqrt(np.diag(inverse))[list(self.motions)]
         self.scale: Array = np.outer(scale, scale)
         self.frozen: float = spectral_norm(rigid[np.ix_(self.motions, self.motions)] * self.scale)
+
+    @property
+    def loading(self) -> Loading | None:
+        """What acts on the craft there; None for nothing."""
+        return None
 
     def _refuse_axes(self, wanted: Sequence[int], able: Sequence[int]) -> NoReturn:
         names = {number: name for name, number in AXES.items()}
@@ -530,7 +533,12 @@ class PoseUnderLoad(Pose):
         own: Sequence[int] | None = None,
     ) -> None:
         super().__init__(craft, qpos, carried, band, wanted, own)
-        self.loading: Loading = loading
+        self._acting = loading
+
+    @property
+    def loading(self) -> Loading:
+        """What acts on the craft there."""
+        return self._acting
 
     @cached_property
     def _lines(self) -> list[BentLine | HangingLiquid]:
@@ -546,7 +554,7 @@ class PoseUnderLoad(Pose):
         """Which modes of `models` the chains were asked to keep."""
         wanted = [item.slack * item.whole.frequencies[item.kept] for item in self.carried]
         return [
-            np.isclose(each[:, None], model.frequencies).any(axis=0)
+            np.asarray(np.any(np.isclose(each[:, None], model.frequencies), axis=0), dtype=np.bool_)
             for each, model in zip(wanted, self.models, strict=True)
         ]
 
