@@ -298,7 +298,7 @@ def _group(body: Body, kept: Kept, modes: ModalData, ports: tuple[str, ...]) -> 
     """Those of the modes that some ports share, as a cut asks for them."""
     motion = group_motion(ports)
     own = np.flatnonzero([port in ports for port in modes.belongs])
-    parts = modes.parts[np.ix_(own, [PORTS.index(port) for port in ports])]
+    parts = modes.parts[own][:, [PORTS.index(port) for port in ports]]
     damping = modes.damping[own] if _damps_modes(body, kept) else np.zeros(own.size)
     return ModeGroup(
         ports,
