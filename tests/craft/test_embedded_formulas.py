@@ -22,6 +22,7 @@ from formulas import (
     Setting,
     carried_by_craft,
     fits_that_keep,
+    joint_request,
     lightest_of_bodies,
     realised_or_before,
     warnings_of_loads,
@@ -308,7 +309,8 @@ def test_where_no_scene_states_a_band_what_is_ready_is_taken_and_the_rest_fitted
         Placed(at, "mount", (), Candidate(body, Kept("clamped", {"xy": n})), fit)
         for at, n, fit in (("a", 1, ready), ("b", 2, None))
     ]
-    made, steps = fits_that_keep(model, items, 12, lambda item: f"fit of {item.modes}")
+    nothing = joint_request([])
+    made, steps = fits_that_keep(model, items, nothing, 12, lambda item: f"fit of {item.modes}")
     assert (made, steps) == ([ready, "fit of 2"], ())
 
 

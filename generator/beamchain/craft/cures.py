@@ -14,7 +14,7 @@ from beamchain.craft.timing import decide_timing, fit_on_tendons, with_timing
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import INTEGRATORS
 from beamchain.fitting.candidate import free_ports
-from beamchain.fitting.cure import FREE, kept_words, with_free_modes, with_modal_damping
+from beamchain.fitting.cure import FREE, modes_entry, with_free_modes, with_modal_damping
 from beamchain.fitting.spec import Spec
 from beamchain.steps.cures import Setting
 
@@ -57,7 +57,7 @@ def changes_of(
                 appendages[i].at: structs.replace(one.stated, root=free[i].root)
                 for i, one in wished.items()
             }
-            said = f"keep one mode more ({kept_words(next(iter(specs.values())))})"
+            said = f"keep one mode more ({modes_entry(next(iter(specs.values())))})"
             left = max(pose.of_models(ours) for pose in poses)
             found.append((left, _words(said, appendages, group), specs))
     found.sort(key=lambda one: one[0])

@@ -10,7 +10,7 @@ import numpy as np
 from beamchain.craft.appendage import Appendage, rigid_mass
 from beamchain.craft.documents import AppendageRequest
 from beamchain.craft.loads import Item, Load, hanging_notes, loads_of
-from beamchain.craft.promise import Placed, fits_that_keep
+from beamchain.craft.promise import Placed, fits_that_keep, joint_request
 from beamchain.engine import mount as mounting
 from beamchain.engine.bench import composite
 from beamchain.engine.library import mujoco, one_thread, rest
@@ -69,12 +69,9 @@ def fit_all(
         placed.append(item if fit is None else item.with_fit(chosen, fit))
         warnings += _notes(name, wish.spec, mounts[name], hubs[name])
         warnings += _place_notes(model, item, wish, loads)
-    steps: tuple[str, ...] = ()
-    if rigid:
-        made = [item.fit or fits(item.candidate) for item in placed]
-    else:
-        with one_thread():
-            made, steps = fits_that_keep(model, placed, most, fits)
+    want = joint_request([] if rigid else [wish.spec for wish in wanted.values()])
+    with one_thread():
+        made, steps = fits_that_keep(model, placed, want, most, fits)
     appendages = tuple(
         Appendage(
             item.at,

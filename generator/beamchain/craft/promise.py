@@ -100,16 +100,16 @@ def candidate_of(a: Appendage, spec: Spec | None = None) -> Candidate:
 def fits_that_keep(
     craft: "mujoco.MjModel",
     placed: Sequence[Placed],
+    want: JointRequest,
     most: int,
     fit: Callable[[Candidate], Fit],
 ) -> tuple[list[Fit], tuple[str, ...]]:
     """The chains of all appendages, with as many modes as the craft's promise needs, and the steps
     taken; counts that were typed stay.
 
-    `placed`: with the modes that each needs by itself; `most`: modes of an appendage;
-    `fit` makes the chain of a candidate.
+    `placed`: with the modes that each needs by itself; `want`: what is promised; `most`: modes of
+    an appendage; `fit` makes the chain of a candidate.
     """
-    want = joint_request([item.candidate.body.spec for item in placed])
     if want.band is None or want.tolerance is None:
         return [item.fit or fit(item.candidate) for item in placed], ()
     made: dict[int, Fit] = {}

@@ -13,7 +13,7 @@ from beamchain.ports.motions import PORTS
 from beamchain.steps.cures import SHORTEST, Cure, Names, Setting, find_cure
 
 
-def kept_words(spec: Spec) -> str:
+def modes_entry(spec: Spec) -> str:
     """The modes that a specification names, as it is written there."""
     if spec.slosh is not None:
         return f"slosh.modes = {spec.slosh.modes}"
@@ -54,7 +54,7 @@ def cure_of(made: Fit, again: Callable[[Spec], Fit]) -> Cure | None:
     if modal is not None:
         wished['write damping.form = "modal"'] = modal
     for spec in _one_mode_more(made):
-        wished[f"keep one mode more ({kept_words(spec)})"] = spec
+        wished[f"keep one mode more ({modes_entry(spec)})"] = spec
     if judged and with_free_modes(made.spec) != made.spec:
         wished[FREE] = with_free_modes(made.spec)
     tried: dict[str, Fit | None] = {"": made}

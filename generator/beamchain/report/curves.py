@@ -8,7 +8,6 @@ import numpy as np
 
 from beamchain.chain import baselines
 from beamchain.chain.chain import Chain
-from beamchain.fitting.hub import port_hub_mass
 from beamchain.ports.compare import (
     DEFAULT_RATIO,
     STANDARD_HUBS,
@@ -187,8 +186,8 @@ def responses(fit: "Fit", port: str, *, with_rivals: bool) -> dict[str, Response
 def worst_hub(fit: "Fit", port: str) -> tuple[Array, str]:
     """The hub `(m, m)` of the in-band error, in words too: the spec's,
     or the worst of the standard three."""
-    if fit.hub_mass is not None:
-        return port_hub_mass(fit.hub_mass, port), "on the hub of the spec"
+    if (hub := fit.body.port_hub(port)) is not None:
+        return hub, "on the hub of the spec"
     rigid = fit.full[port].rigid_mass
     band = fit.bandwidth[port]
     limits = (min(span(fit, port)[0], 0.5 * band), band)

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from beamchain.fitting.hub import assumed_hub, port_hub_mass
+from beamchain.fitting.hub import assumed_hub
 from beamchain.ports.compare import in_band_error, keeps_tolerance
 from beamchain.report import plots
 from beamchain.report.curves import (
@@ -91,7 +91,7 @@ def rival_errors(fit: "Fit") -> RivalErrors:
     out: RivalErrors = {}
     for port in fit.target:
         beam = beam_model(fit, port)
-        hub = None if fit.hub_mass is None else port_hub_mass(fit.hub_mass, port)
+        hub = fit.body.port_hub(port)
         out[port] = {
             label: in_band_error(rival_model(fit, port, chain), beam, hub, fit.bandwidth[port])
             for label, chain in rival_chains(fit, port).items()

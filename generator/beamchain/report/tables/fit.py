@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamchain.fitting.hub import port_hub_mass
 from beamchain.ports.compare import DEFAULT_RATIO
 from beamchain.ports.motions import PORTS
 from beamchain.report.curves import CHAIN, CLASSICAL
@@ -430,8 +429,7 @@ def model_error_table(fit: "Fit", port: str) -> Table:
         ("root held", beam.frequencies, chain.frequencies),
         ("nothing attached", beam.free_frequencies, chain.free_frequencies),
     ]
-    if fit.hub_mass is not None:
-        hub = port_hub_mass(fit.hub_mass, port)
+    if (hub := fit.body.port_hub(port)) is not None:
         coupled_beam = beam.with_hub(hub).free_frequencies
         coupled_chain = chain.with_hub(hub).free_frequencies
         cases.append(("on the hub", coupled_beam, coupled_chain))
