@@ -50,9 +50,9 @@ ROW = np.array([2.0, -1.0])
 MASS = np.diag([2.0, 5.0])
 
 
-def growing(k, explicit, implicit):
+def growing(k, explicit, implicit, mass=MASS):
     """The worst pole of a step, and its positions and rates."""
-    left = np.linalg.inv(MASS + H * implicit)
+    left = np.linalg.inv(mass + H * implicit)
     faster = np.hstack([-H * left @ k, -H * left @ (explicit + implicit)])
     change = np.vstack([H * faster + np.hstack([np.zeros((2, 2)), H * np.eye(2)]), faster])
     values, vectors = np.linalg.eig(np.eye(4) + change)
@@ -99,6 +99,32 @@ def test_what_carries_most_of_the_energy_of_what_grows(joints, between, damper):
     assert found.moves == {"a": "2 kg", "b": "5 kg", "between": ""}[name]
     motions = growing_frequencies(model, np.zeros(2))
     assert np.min(np.abs(motions - found.frequency)) < 1e-6
+
+
+@pytest.mark.parametrize(("armature", "named"), [(1.05, "drive"), (0.7, "wing_mode1_xy")])
+def test_an_appendage_that_is_stable_without_the_springs_around_it_is_not_to_blame(armature, named):
+    """It has most of the strain energy of what grows all the same."""
+    k = np.array([6000.0, 30000.0])  # of the drive and of the mode behind it
+    heavier = armature * k[1] * H**2 / 4.0  # stable whatever it stands on from 1 on
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><option gravity="0 0 0" timestep="{H}"/><worldbody>
+        <body><joint name="drive" type="slide" stiffness="{k[0]}"/>
+        <inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/><body>
+        <joint name="wing" type="slide"/><inertial pos="0 0 0" mass="5" diaginertia="1 1 1"/>
+        </body></body></worldbody><tendon><fixed name="wing_mode1_xy" stiffness="{k[1]}"
+        armature="{heavier}" springlength="0 0"><joint joint="wing" coef="1"/></fixed></tendon>
+        </mujoco>"""
+    )
+    mass, nothing = np.array([[7.0, 5.0], [5.0, 5.0 + heavier]]), np.zeros((2, 2))
+    alone, *_ = growing(np.diag([0.0, k[1]]), nothing, nothing, mass)
+    assert (alone > 1.01) == (named != "drive")
+    growth, shape, _ = growing(np.diag(k), nothing, nothing, mass)
+    energies = k * np.abs(shape) ** 2
+    assert growth > 1.01
+    assert energies[1] > 2.0 * energies[0]
+    found = culprit(model, np.zeros(2))
+    assert (found.name, found.growth) == (named, pytest.approx(growth))
+    assert found.share == pytest.approx(energies[int(named != "drive")] / energies.sum())
 
 
 def test_a_servo_is_named_by_its_joint_and_nothing_by_the_spacecraft():

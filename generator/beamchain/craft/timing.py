@@ -129,10 +129,10 @@ def time_notes(
     without_timing: TimeError,
 ) -> list[str]:
     """What timing did to a craft, `untimed` before: exact, or by how much each pole is off at most,
-    with timing and without."""
+    with timing and without; nothing of a step that the craft's own springs make unstable."""
     name = NUMBERS[int(model.opt.integrator)]
     step = f"{name} at {float(model.opt.timestep):g} s"
-    if name == "RK4":
+    if name == "RK4" or growing_poses(model, poses(model)):
         return []
     said = ["feed each actuator the mean of the current and the previous input (bc.HeldInput)"]
     if changed := _stiffness_change(model):
@@ -210,11 +210,13 @@ def fit_on_tendons(fit: Fit) -> Fit:
 
 def is_worth_timing(plain: float, timed: float, tolerance: float | None) -> bool:
     """Whether timing lowers the error at the step enough for its price, changed stiffnesses and
-    averaged inputs: by a third, or to within the tolerance."""
-    kept = tolerance is not None and keeps_tolerance(timed, tolerance)
+    averaged inputs: by a third, or to within the tolerance. Where the step is unstable without it,
+    always: what keeps it so is the craft's own."""
     lower = timed <= (1.0 - LEAST_GAIN) * plain
-    return bool(np.isfinite(timed)) and (
-        lower or (kept and tolerance is not None and not keeps_tolerance(plain, tolerance))
+    return lower or (
+        tolerance is not None
+        and keeps_tolerance(timed, tolerance)
+        and not keeps_tolerance(plain, tolerance)
     )
 
 

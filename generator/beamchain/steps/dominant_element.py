@@ -1,6 +1,9 @@
-"""What makes a step unstable: the spring, servo or tendon that carries the pole which grows."""
+"""What makes a step unstable: the spring, servo or tendon that carries the pole which grows.
 
-from collections.abc import Callable
+Appendages that are stable without the springs around them, as with timing, are not to blame for it.
+"""
+
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -8,11 +11,12 @@ import numpy as np
 from beamchain.engine.library import mujoco
 from beamchain.ports.motions import Array
 from beamchain.steps.elements import Element, elements
-from beamchain.steps.step_map import motion_at
+from beamchain.steps.step_map import Motion, motion_at
 
 SAFE = 0.9  # of a largest stable step
 HALVINGS = 6
 LEAST = 1e-6  # of the step that was tried: no shorter one is looked for
+STOPPED = 1e-2  # of what a pole grows by: growth below it is none
 
 
 class Culprit(NamedTuple):
@@ -47,15 +51,20 @@ def culprit(model: "mujoco.MjModel", qpos: Array) -> Culprit:
     k = int(np.argmax(np.abs(1.0 + values)))
     shape = motion.shapes @ vectors[:n, k]
     rate = motion.shapes @ vectors[n:, k] / h
+    every = elements(model, qpos)
     found = [
         (
             element.stiffness * np.abs(element.row @ shape) ** 2,
             h * element.explicit * element.damping * np.abs(element.row @ rate) ** 2,
             element,
         )
-        for element in elements(model, qpos)
+        for element in every
     ]
     total = max(sum(spring + damper for spring, damper, _ in found), 1e-300)
+    around = [element for element in every if element.kind != "appendage"]
+    growth = float(np.abs(1.0 + values[k]))
+    if around and _growth_without(motion, around) - 1.0 < STOPPED * (growth - 1.0):
+        found = [part for part in found if part[2].kind != "appendage"]
     nothing = Element(
         np.zeros(model.nv), 0.0, 0.0, 0.0, "of the spacecraft", "spring", "the spacecraft"
     )
@@ -74,11 +83,19 @@ def culprit(model: "mujoco.MjModel", qpos: Array) -> Culprit:
         element.kind,
         element.words,
         float((spring + damper) / total),
-        float(np.abs(1.0 + values[k])),
+        growth,
         float(frequency),
         bool(damper > spring),
         inertia_words(model, int(np.argmax(np.abs(row))), 1.0 / yields) if of_joint else "",
     )
+
+
+def _growth_without(motion: Motion, springs: Sequence[Element]) -> float:
+    """The largest |z| of the step without some springs."""
+    rows = np.array([element.row for element in springs]) @ motion.shapes
+    stiffness = np.array([element.stiffness for element in springs])
+    nothing = np.zeros_like(stiffness)
+    return float(motion.with_tendons(rows, -stiffness, nothing, nothing).growth)
 
 
 def stable_step(grows: Callable[[float], bool], step: float) -> float:
