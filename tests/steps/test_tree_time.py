@@ -256,3 +256,12 @@ def test_discrete_leaves_an_arm_alone(tmp_path):
     bc.retime(model, 0.01, "discrete", joints=True)
     for name in ("tendon_stiffness", "tendon_damping", "tendon_armature", "dof_armature"):
         np.testing.assert_allclose(getattr(model, name), getattr(plain, name), rtol=1e-12)
+
+
+@pytest.mark.slow
+def test_the_error_in_continuous_time_does_not_depend_on_the_timing(tmp_path):
+    """Of modes with less damping than errors are compared at, which their mass alone tells."""
+    light = Arm((ONE.links[0],), hand=20.0, hand_inertia=(0.5, 0.5, 0.5), ratio=1e-4)
+    plain, timed = (embedded(tmp_path, light, 0.05, retime=retime) for retime in (False, True))
+    assert timed.sampled_error != plain.sampled_error
+    assert timed.promise.poses == plain.promise.poses

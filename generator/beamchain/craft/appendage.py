@@ -35,6 +35,7 @@ from beamchain.ports.motions import UPRIGHT, Array
 from beamchain.steps.budget import preload
 from beamchain.steps.driven import keyframes, limit_sentences
 from beamchain.steps.large_motion import LargeMotion
+from beamchain.steps.retime import without_timing
 from beamchain.steps.retime_file import put_time
 from beamchain.structure.modal_data import ModalData
 from beamchain.structure.slosh import Slosh
@@ -363,8 +364,9 @@ def _line(body: Body, exact: ExactAppendage, loads: Sequence[Load], band: float)
 
 
 def _mass_alone(model: "mujoco.MjModel", bodies: Sequence[int], dofs: Sequence[int]) -> Array:
-    """`(n, n)` mass of an appendage's degrees of freedom without what hangs on its ports."""
-    return mass_of_alone(quiet_copy(model), bodies)[np.ix_(dofs, dofs)]
+    """`(n, n)` mass of an appendage's degrees of freedom without what hangs on its ports, and
+    without timing."""
+    return mass_of_alone(quiet_copy(without_timing(model)), bodies)[np.ix_(dofs, dofs)]
 
 
 def rigid_mass(spec: Spec, data: ModalData | None = None) -> Array:
