@@ -75,7 +75,7 @@ def test_tendons_of_the_unknowns(integrator):
 def test_the_barrier_and_its_derivatives(integrator, limit):
     made = room(integrator)
     c, s, _ = UNKNOWNS.reshape(3, 3)
-    more = (c - (1.0 + s) * limit) * STEP**2 * STIFFNESS
+    more = (0.98 * c - (1.0 + s) * limit) * STEP**2 * STIFFNESS
     pair = 0.98 * PAIR + np.diag(more[[0, 2]])
     determinant = (pair[0, 0] * pair[1, 1] - pair[0, 1] ** 2) * (0.98 * 0.8 + more[1])
     edges = np.concatenate([UNKNOWNS - made.low, made.high - UNKNOWNS])

@@ -35,7 +35,7 @@ from beamchain.engine.linearise import mass_of_alone
 from beamchain.engine.operating_point import poses, quiet_copy, rest_point
 from beamchain.ports.motions import Array, offset_matrix
 from beamchain.steps.forms import ModeTime, TendonValues, stability
-from beamchain.steps.integrators import SCHEMES, Scheme, continuous_poles, spare_armature
+from beamchain.steps.integrators import SCHEMES, Scheme, continuous_poles
 from beamchain.steps.modal import Modal, condensed_mass
 from beamchain.steps.step_map import last_kept, motion_for
 from beamchain.steps.tree_response import ResponseResidual, Seen, Tendons, outer_dofs
@@ -47,7 +47,7 @@ MOST_PARTS = 12  # of the way from one keyframe to the next
 TURNED = (np.pi / 4.0, np.pi / 2.0, 3.0 * np.pi / 4.0)  # where no keyframe turns anything
 FASTEST = 0.5  # rad per step up to which the response is kept
 UNASKED = 0.2  # the same where no band is asked for: the lower, the nearer
-ROOM = 0.02  # of S that is left over at least
+ROOM = 0.02  # of S + diag(c x^2) that is left over at least
 START = 0.3  # of c above its limit, where the search begins
 HIGHEST = 3.0  # c: a larger one would bring the tendon's own mode down towards the band
 SOFTEST, STIFFEST = 0.01, 0.05  # bounds of |s|: a static error of that size
@@ -300,7 +300,7 @@ class _TendonBounds:
             x2 = self.timestep**2 * self.stiffness[alone.tendons]
             slopes = np.zeros((alone.tendons.size, 3 * n))  # of the diagonal, by c and s
             own = np.arange(alone.tendons.size)
-            slopes[own, alone.tendons] = x2
+            slopes[own, alone.tendons] = (1.0 - ROOM) * x2
             slopes[own, n + alone.tendons] = -self._scheme.limit * x2
             gradient -= slopes.T @ np.diag(inverse)
             hessian += slopes.T @ inverse**2 @ slopes
@@ -316,9 +316,10 @@ class _TendonBounds:
         )
 
     def _spare(self, unknowns: Array) -> list[Array]:
-        """`(1 - ROOM) S + diag(g)` of every appendage: `P(-1)`, with room."""
-        stiffness, damping, armature = self._unbounded(unknowns)
-        spare = spare_armature(self.integrator, armature, stiffness, damping, self.timestep)
+        """`(1 - ROOM) (S + diag(c x^2)) - diag((1 + s) x^2/4)` of every appendage, of RK4 `/8`."""
+        c, s, _ = np.split(unknowns, 3)
+        held = (1.0 - ROOM) * c - self._scheme.limit * (1.0 + s)
+        spare = held * self.timestep**2 * self.stiffness
         return [
             (1.0 - ROOM) * alone.free + np.diag(spare[alone.tendons]) for alone in self.appendages
         ]
