@@ -65,6 +65,8 @@ from .engine.operating_point import OperatingPoint as OperatingPoint
 from .engine.operating_point import Pose as Pose
 from .engine.operating_point import Rates as Rates
 from .engine.operating_point import operating_point as operating_point
+from .engine.runs import readings as readings
+from .engine.runs import roll as roll
 from .engine.signals import AXES as AXES
 from .engine.signals import Input as Input
 from .engine.signals import actuator_names as actuator_names

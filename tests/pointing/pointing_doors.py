@@ -4,9 +4,14 @@ from beamchain.pointing.disturbed_craft import _check_linear as check_linear_in_
 from beamchain.pointing.disturbed_craft import _joint_force as torque_of_drive
 from beamchain.pointing.disturbed_craft import _thermal_force as load_of_snap
 from beamchain.pointing.disturbed_craft import disturbed_craft, wheel_inputs
-from beamchain.pointing.error_indices import deviation_share, largest_deviation, windowed_variance
+from beamchain.pointing.error_indices import (
+    closed_in,
+    deviation_share,
+    largest_deviation,
+    windowed_variance,
+)
 from beamchain.pointing.modal_response import ModalResponse
-from beamchain.pointing.modal_response import _exponential_states as states_of_a_rising_load
+from beamchain.pointing.modal_response import rising_states as states_of_a_rising_load
 from beamchain.pointing.plots import plot_pointing
 from beamchain.pointing.pointing import _appendages as appendages_of_craft
 from beamchain.pointing.pointing import _beyond as beyond_modes_kept
@@ -15,9 +20,7 @@ from beamchain.pointing.pointing import _imbalances as imbalances_of_wheels
 from beamchain.pointing.pointing import _settling as settling_of_modes
 from beamchain.pointing.pointing import _total as total_index
 from beamchain.pointing.source_errors import _along as contributions_along_their_sum
-from beamchain.pointing.source_errors import _closed_in as closed_in
 from beamchain.pointing.source_errors import _integral as nodes_of_density
-from beamchain.pointing.source_errors import _mode_at as oscillator_nearest
 from beamchain.pointing.source_errors import _named_shares as named_shares
 from beamchain.pointing.source_errors import _periodic as periodic_of_harmonics
 from beamchain.pointing.source_errors import _running_mean as running_mean
@@ -34,7 +37,6 @@ from beamchain.pointing.source_errors import (
 from beamchain.pointing.tables import pointing_mode_table, pointing_table
 from beamchain.pointing.wheel_run import _amplitudes as amplitudes_in_record
 from beamchain.pointing.wheel_run import _nutation as nutation_of_craft
-from beamchain.pointing.wheel_run import _place as place_of_output
 from beamchain.pointing.wheel_run import run_wheel
 from beamchain.pointing.wheel_sweep import WheelSweep
 from beamchain.pointing.wheel_sweep import _high_places as high_places
@@ -60,9 +62,7 @@ __all__ = [
     "nodes_of_density",
     "noise_error",
     "nutation_of_craft",
-    "oscillator_nearest",
     "periodic_of_harmonics",
-    "place_of_output",
     "plot_pointing",
     "pointing_mode_table",
     "pointing_table",

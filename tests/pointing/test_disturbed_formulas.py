@@ -16,7 +16,7 @@ from beamchain.craft.modal_form import ModalForm
 from beamchain.engine.linear import Linear
 from beamchain.engine.operating_point import operating_point
 from beamchain.pointing.pointing import Pointing
-from beamchain.pointing.wheel_run import Acting, WheelRun
+from beamchain.pointing.wheel_run import WheelRun
 from pointing_doors import (
     amplitudes_in_record,
     appendages_of_craft,
@@ -27,7 +27,6 @@ from pointing_doors import (
     imbalances_of_wheels,
     load_of_snap,
     nutation_of_craft,
-    place_of_output,
     plot_pointing,
     pointing_mode_table,
     pointing_table,
@@ -507,13 +506,7 @@ def test_amplitudes_of_driven_frequencies_in_a_record_that_drifts():
     assert amplitudes_in_record(t, record, [2.0, 5.0], [3.3]) == pytest.approx([0.5, 1.2])
 
 
-def test_places_of_outputs_and_nutation():
-    craft = SimpleNamespace(
-        outputs=[SimpleNamespace(labels=range(3)), SimpleNamespace(labels="ab")]
-    )
-    assert [place_of_output(craft, k) for k in range(5)] == [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1)]
-    with pytest.raises(IndexError):
-        place_of_output(craft, 5)
+def test_nutation_and_the_difference_of_a_run():
     turning = craft_of([("one", 4.0, 0.05), ("nutation_1", 0.7, 0.1)])
     assert nutation_of_craft(turning) == pytest.approx([0.7])
     assert WheelRun("", "", 1.0, 2.0, 2.5, (), None, None, 0.1).difference == 0.25
@@ -525,19 +518,23 @@ SPRING = """<mujoco><option gravity="0 0 0"/><worldbody><body name="mass">
 <inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/></body></worldbody></mujoco>"""
 
 
+def pushed_craft():
+    """The mass on its spring, pushed along x, y and z; its place is the second output."""
+    model = compiled(SPRING)
+    craft = craft_of([("a", 1.0, 0.1)])
+    craft.point, craft.linear = operating_point(model, None, None), Linear.of(model, ["force:mass"])
+    craft.outputs = [
+        SimpleNamespace(read=lambda data: np.array([data.time])),
+        SimpleNamespace(read=lambda data: data.qpos + 0.7),
+    ]
+    return craft
+
+
 def test_a_run_of_two_orders_measures_their_amplitudes():
     """F / |k - m w^2 + j d w| of each, from rest; forty steps of the shortest period."""
-    model = compiled(SPRING)
-    point = operating_point(model, None, None)
-
-    def push(data, value):
-        data.xfrc_applied[1, 0] += value
-
-    craft = craft_of([("a", 1.0, 0.1)])
-    craft.point, craft.linear, force = point, Linear.of(model), SimpleNamespace(apply=push)
-    craft.outputs = [SimpleNamespace(labels=("x",), read=lambda data: data.qpos + 0.7)]
-    acting = [Acting(3.0, np.array([0.4 - 0.3j]), 0.0), Acting(9.0, np.array([2.0j]), 0.0)]
-    times, values, found, step = run_wheel(craft, [force], acting, 0, 5.0)
+    craft = pushed_craft()
+    acting = np.array([[0.4 - 0.3j, 9.0, 0.0], [2.0j, 0.0, 7.0]])  # along x, and across
+    times, values, found, step = run_wheel(craft, np.array([3.0, 9.0]), acting, 1, 5.0)
     assert step == pytest.approx(2.0 * np.pi / 360.0)
     assert times.size == values.size == int(np.ceil(40.0 * np.pi / 3.0 / step))
     assert times[0] == pytest.approx(step * (int(np.ceil(25.0 / step)) + 1))
@@ -549,23 +546,17 @@ def test_a_run_of_two_orders_measures_their_amplitudes():
     )
     late = times > 45.0  # what began with the run has decayed
     np.testing.assert_allclose(values[late], settled[late], atol=0.01 * settled.max())
-    slow = [Acting(1e-3, np.array([1.0]), 0.0)]
+    one = np.array([[1.0, 0.0, 0.0]])
     count = int(np.ceil(5e7 / 0.5)) + int(np.ceil(40.0 * np.pi / 1e-3 / 0.5))
     with pytest.raises(bc.InputError, match=f"take {count} steps of 0.5 s"):
-        run_wheel(craft, [force], slow, 0, 1e7)
-    slower = [Acting(1e-4, np.array([1.0]), 0.0)]
+        run_wheel(craft, np.array([1e-3]), one, 1, 1e7)
     with pytest.raises(bc.InputError, match="more than the 2000000 taken"):
-        run_wheel(craft, [force], slower, 0, 1.0)
+        run_wheel(craft, np.array([1e-4]), one, 1, 1.0)
 
 
 def test_a_run_pushes_with_nothing_but_the_orders_of_its_wheel():
-    """An order that gives nothing leaves the mass at rest."""
-    model = compiled(SPRING)
-    craft = craft_of([("a", 1.0, 0.1)])
-    craft.point, craft.linear = operating_point(model, None, None), Linear.of(model)
-    craft.outputs = [SimpleNamespace(labels=("x",), read=lambda data: data.qpos.copy())]
-    force = SimpleNamespace(apply=lambda data, value: None)
-    acting = [Acting(9.0, np.array([0.0j]), 0.0)]
-    _, values, found, _ = run_wheel(craft, [force], acting, 0, 0.1)
+    """An order that pushes across the spring leaves the mass at rest."""
+    across = np.array([[0.0, 1.0j, 2.0]])
+    _, values, found, _ = run_wheel(pushed_craft(), np.array([9.0]), across, 1, 0.1)
     assert np.abs(values).max() < 1e-9
     assert found == pytest.approx([0.0], abs=1e-9)

@@ -16,7 +16,6 @@ from pointing_doors import (
     named_shares,
     nodes_of_density,
     noise_error,
-    oscillator_nearest,
     periodic_of_harmonics,
     snap_error,
     snap_times,
@@ -356,17 +355,17 @@ def test_contributions_along_their_sum_add_up_to_its_size():
 
 
 def test_shares_stand_by_size_and_those_of_nothing_are_left_out():
-    response = SimpleNamespace(names=("a", "b", "c", "d"))
-    found = named_shares(response, np.array([1.0, 0.0, -3.0, 4.0]))
+    names = ("a", "b", "c", "d")
+    found = named_shares(names, np.array([1.0, 0.0, -3.0, 4.0]))
     assert list(found.items()) == [("d", 2.0), ("c", -1.5), ("a", 0.5)]
-    assert named_shares(response, np.zeros(4)) == {}
+    assert named_shares(names, np.zeros(4)) == {}
 
 
 def test_the_mode_at_a_frequency_is_the_nearest():
     form = modal_form(("one", "two", "rigid_x"), np.ones((6, 1)), np.ones((1, 6)), [[0.0]],
                       (6.0, 11.0, 8.4), (0.3, 0.6, 0.1))  # fmt: skip
     response = ModalResponse(form, ("one", "two"))
-    assert oscillator_nearest(response, 8.4) == "one"
-    assert oscillator_nearest(response, 8.6) == "two"
-    none = SimpleNamespace(form=modal_form(("rigid_x",), [[1], [0]], [[1, 0]], [[0]], (6,), (0.1,)))
-    assert oscillator_nearest(none, 1.0) == "a mode"
+    assert response.oscillator_near(8.4) == "one"
+    assert response.oscillator_near(8.6) == "two"
+    rigid = modal_form(("rigid_x",), [[1], [0]], [[1, 0]], [[0]], (6,), (0.1,))
+    assert ModalResponse(rigid, ()).oscillator_near(1.0) == "a mode"

@@ -135,8 +135,7 @@ class Plant(StateSpace):
         """A pole `s` per flexible mode, the one above the real axis."""
         out: list[complex] = []
         for name in self.modes:
-            at = self._oscillators.states_of(name)
-            pole = np.linalg.eigvals(self._oscillators.a[np.ix_(at, at)]).astype(np.complex128)
+            pole = self._oscillators.poles_of(name)
             pole = np.log(pole) / self.dt if self.dt else pole
             out.append(complex(pole[np.argmax(pole.imag)]))
         return np.array(out, dtype=np.complex128)
@@ -174,7 +173,7 @@ class Plant(StateSpace):
             adjugate = np.array([[z - block[1, 1], block[0, 1]], [block[1, 0], z - block[0, 0]]])
             numerator = c[:, at] @ adjugate @ driven
             if self.dt:
-                poles = np.linalg.eigvals(block).astype(np.complex128)
+                poles = self._oscillators.poles_of(name)
                 numerator = numerator / _zero_pole_product(poles, z, self.dt)
             out[k] = np.abs(numerator)
         return locked(out)

@@ -116,6 +116,11 @@ class ModalForm:
         """Where an oscillator's amplitude and its rate stand among the states."""
         return [self.names.index(name) for name in (oscillator, f"{oscillator}_rate")]
 
+    def poles_of(self, oscillator: str) -> NDArray[np.complex128]:
+        """`(2,)` eigenvalues of an oscillator's block."""
+        at = self.states_of(oscillator)
+        return np.linalg.eigvals(self.a[np.ix_(at, at)]).astype(np.complex128)
+
     def minimal(self) -> "ModalForm":
         """Only the states that something drives and something sees."""
         return self.reduced(self.active()).spanned()

@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import INTEGRATORS, dense_mass
-from beamchain.engine.runs import initial_state, roll
+from beamchain.engine.runs import roll, state_of
 from beamchain.errors import EngineError
 from beamchain.ports.motions import Array, locked
 
@@ -198,7 +198,7 @@ def run(
         given[:, dofs] = torques[first:end]
         return given
 
-    states = initial_state(model)[None]
+    states = state_of(mujoco.MjData(model))[None]
     for piece, _ in roll(model, steps, forces, per_sample):
         states = np.vstack([states, piece[per_sample - 1 :: per_sample]])
     if len(states) < drive.samples:

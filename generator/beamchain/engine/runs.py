@@ -15,19 +15,36 @@ FORCES = int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
 LARGEST = 4_000_000  # numbers held at once; longer runs go in pieces
 
 
-def initial_state(model: "mujoco.MjModel") -> Array:
-    """`(size,)` the physical state in which a model begins: time, positions, velocities, ..."""
-    state = np.zeros(mujoco.mj_stateSize(model, STATE))
-    mujoco.mj_getState(model, mujoco.MjData(model), state, STATE)
+def state_of(data: "mujoco.MjData") -> Array:
+    """`(size,)` the physical state of data: time, positions, velocities, ..."""
+    state = np.zeros(mujoco.mj_stateSize(data.model, STATE))
+    mujoco.mj_getState(data.model, data, state, STATE)
     return state
 
 
+def readings(
+    model: "mujoco.MjModel", states: Array, read: Callable[["mujoco.MjData"], Array]
+) -> Array:
+    """`(k, ...)` what is read of states `(k, size)`, `mj_forward` done."""
+    data = mujoco.MjData(model)
+    out: list[Array] = []
+    for state in states:
+        mujoco.mj_setState(model, data, state, STATE)
+        mujoco.mj_forward(model, data)
+        out.append(np.array(read(data)))
+    return np.array(out)
+
+
 def roll(
-    model: "mujoco.MjModel", steps: int, forces: Callable[[int, int], Array], multiple: int = 1
+    model: "mujoco.MjModel",
+    steps: int,
+    forces: Callable[[int, int], Array],
+    multiple: int = 1,
+    start: "mujoco.MjData | None" = None,
 ) -> Iterator[tuple[Array, float]]:
     """States `(k, size)` after each of many steps, piece by piece, and the time that a piece took
-    [s]: by `mujoco.rollout` on the calling thread, from the initial state. Ends before its time
-    where MuJoCo warns, or a state is not finite.
+    [s]: by `mujoco.rollout` on the calling thread. Ends before its time where MuJoCo warns, or a
+    state is not finite.
 
     Args:
         model: at its own step and integrator.
@@ -35,9 +52,10 @@ def roll(
         forces: generalised forces `(k, nv)` of the steps from one to before another, each held
             over its step.
         multiple: of so many steps every piece consists.
+        start: data in the state in which the run begins; the model's initial one where left out.
     """
     data = mujoco.MjData(model)
-    state = initial_state(model)[None]
+    state = state_of(data if start is None else start)[None]
     piece = max(LARGEST // ((state.size + model.nv) * multiple), 1) * multiple
     for first in range(0, steps, piece):
         given = forces(first, min(first + piece, steps))[None]

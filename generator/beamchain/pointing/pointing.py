@@ -27,10 +27,9 @@ from beamchain.pointing.source_errors import (
     snap_error,
     stepper_error,
     wheel_error,
-    wheel_orders,
-    wheel_sweeps,
+    wheel_lines,
 )
-from beamchain.pointing.wheel_run import Acting, WheelRun, run_wheel
+from beamchain.pointing.wheel_run import WheelRun, run_wheel
 from beamchain.pointing.wheel_sweep import UNDAMPED
 from beamchain.toolkit import (
     FILLER,
@@ -405,21 +404,21 @@ def _simulate(budget: Pointing, name: str, source: WheelDisturbance, output: int
     assert error.speed is not None
     speed = float(error.speed[output])
     craft = whole.of_wheel(number, source.joint, speed)
-    sweeps = wheel_sweeps(whole, number, source, budget.window)
-    sweep = next(s for s, *_ in sweeps if s.direction == np.sign(speed))
-    acting: list[Acting] = []
-    for order, responses in zip(wheel_orders(source), sweep.responses(abs(speed)), strict=True):
-        patterns = order.patterns if speed > 0.0 else order.patterns.conj()
-        response = responses[output]
-        # turned so that all add up
-        turned = patterns * np.exp(-1j * np.angle(response))
-        amplitudes = speed**2 * turned.sum(axis=1)
-        acting.append(Acting(order.order * abs(speed), amplitudes, float(np.abs(response).sum())))
-    inputs = [whole.craft.inputs[i] for i in whole.drives[number]]
+    lines = wheel_lines(whole, number, source, speed)
+    responses = [line.parts[:, output].sum(axis=0) for line in lines]
+    # turned so that all add up
+    amplitudes = [
+        line.patterns @ np.exp(-1j * np.angle(response))
+        for line, response in zip(lines, responses, strict=True)
+    ]
+    expected = [float(np.abs(response).sum()) for response in responses]
     times, values, found, timestep = run_wheel(
-        craft, inputs, acting, output, _settling(craft, error.shares[output])
+        craft,
+        np.array([line.omega for line in lines]),
+        np.array(amplitudes),
+        output,
+        _settling(craft, error.shares[output]),
     )
-    expected = [order.expected for order in acting]
     return WheelRun(
         source=name,
         output=budget.outputs[output],
@@ -438,8 +437,7 @@ def _settling(craft: LinearCraft, shares: Mapping[str, float]) -> float:
     that rings and decays, 0 where nothing does."""
     form = craft.form().minimal()
     for mode in form.oscillators(list(shares)):
-        at = [form.names.index(name) for name in (mode, f"{mode}_rate")]
-        decay = -float(np.linalg.eigvals(form.a[np.ix_(at, at)]).real.max())
+        decay = -float(form.poles_of(mode).real.max())
         if decay > 0.0:
             return 1.0 / decay
     poles = ModalResponse(form, ()).poles

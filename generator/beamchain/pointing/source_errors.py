@@ -1,9 +1,9 @@
 """The pointing error that one source makes: a wheel over its speeds, a stepping drive, a random
 input, a thermal snap."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -12,9 +12,10 @@ from beamchain.pointing.disturbed_craft import DisturbedCraft
 from beamchain.pointing.error_indices import (
     SIGMAS,
     ErrorIndex,
+    closed_in,
     largest_deviation,
     mean_share,
-    windowed_variance,
+    mean_squares,
 )
 from beamchain.pointing.jitter_sources import (
     NoiseDisturbance,
@@ -117,47 +118,55 @@ def branches(source: WheelDisturbance) -> list[tuple[float, float, float]]:
     return [(direction, first, last) for direction, first, last in out if last >= first]
 
 
-def wheel_sweeps(
-    whole: DisturbedCraft, number: int, source: WheelDisturbance, window: float
-) -> list[tuple[WheelSweep, float, float]]:
-    """A wheel's disturbance in each direction of its range, with its lowest and highest speed."""
-    system = whole.spinning(number, source.joint)
-    return [
-        (WheelSweep(system, wheel_orders(source), direction, window), low, high)
-        for direction, low, high in branches(source)
-    ]
-
-
 def wheel_error(
     whole: DisturbedCraft, number: int, name: str, source: WheelDisturbance, window: float
 ) -> SourceError:
     """The error over a wheel's speeds, others turning as they do."""
+    system = whole.spinning(number, source.joint)
     curves: list[SpeedCurve] = []
-    for sweep, low, high in wheel_sweeps(whole, number, source, window):
+    for direction, low, high in branches(source):
+        sweep = WheelSweep(system, wheel_orders(source), direction, window)
         _check_crossings(whole, number, name, source, sweep, low, high)
         count = source.count if high > low else 1
         curves.append(sweep.resolved_curve(low, high, count))
     curve = SpeedCurve(*(locked(values) for values in joined(curves)))
     ape, rpe, speed = largest(curve)
-    shares = tuple(
-        _wheel_shares(whole, number, source, float(worst), output)
-        for output, worst in enumerate(speed)
-    )
-    return SourceError(name, "wheel", ape, rpe, locked(speed), shares, curve)
+    shares: list[dict[str, float]] = []
+    for output, worst in enumerate(speed):
+        lines = wheel_lines(whole, number, source, float(worst))
+        sizes = sum(_along(parts) for line in lines for parts in line.parts[:, output].T)
+        shares.append(_named_shares(lines[0].names, sizes))
+    return SourceError(name, "wheel", ape, rpe, locked(speed), tuple(shares), curve)
 
 
-def _wheel_shares(
-    whole: DisturbedCraft, number: int, source: WheelDisturbance, speed: float, output: int
-) -> dict[str, float]:
-    """Shares of the modes in an output's amplitude at a speed of a wheel."""
+class WheelLine(NamedTuple):
+    """One order of a wheel at a speed.
+
+    Args:
+        omega: its frequency [rad/s].
+        patterns: `(inputs, p)` complex amplitudes of what acts, each of a phase of its own.
+        names: of what contributes to the error.
+        parts: `(names, outputs, p)` its contributions.
+    """
+
+    omega: float
+    patterns: Complex
+    names: tuple[str, ...]
+    parts: Complex
+
+
+def wheel_lines(
+    whole: DisturbedCraft, number: int, source: WheelDisturbance, speed: float
+) -> list[WheelLine]:
+    """What a wheel does at a speed, order by order."""
     response = _modal_response(whole.of_wheel(number, source.joint, speed))
-    shares = np.zeros(len(response.names))
+    out: list[WheelLine] = []
     for order in wheel_orders(source):
-        omega = np.array([order.order * abs(speed)])
-        patterns = order.patterns if speed > 0.0 else order.patterns.conj()
-        for pattern in patterns.T:
-            shares += _along(response.parts(omega, pattern)[:, 0, output])
-    return _named_shares(response, shares)
+        omega = order.order * abs(speed)
+        patterns = speed**2 * order.turning(speed)
+        parts = [response.parts(np.array([omega]), pattern)[:, 0] for pattern in patterns.T]
+        out.append(WheelLine(omega, patterns, response.names, np.stack(parts, axis=2)))
+    return out
 
 
 def _along(parts: Complex) -> Array:
@@ -167,13 +176,13 @@ def _along(parts: Complex) -> Array:
     return np.asarray(size, dtype=np.float64)
 
 
-def _named_shares(response: ModalResponse, shares: Array) -> dict[str, float]:
+def _named_shares(names: Sequence[str], shares: Array) -> dict[str, float]:
     """Shares by name, largest first; of nothing, none."""
     total = float(shares.sum())
     if not total:
         return {}
     order = np.argsort(-np.abs(shares), kind="stable")
-    return {response.names[i]: float(shares[i]) / total for i in order if shares[i]}
+    return {names[i]: float(shares[i]) / total for i in order if shares[i]}
 
 
 def _modal_response(craft: LinearCraft) -> ModalResponse:
@@ -193,11 +202,9 @@ def _check_crossings(
     for crossing in sweep.crossings(low, high):
         if crossing.damping >= UNDAMPED:
             continue
-        speeds = crossing.speed * (1.0 + np.array([BESIDE, AWAY]))
-        beside, away = sweep.amplitudes(speeds).sum(axis=0)
-        if np.any(beside > DRIVEN * away):
+        if _resonates(lambda speed: sweep.amplitudes(speed).sum(axis=0), crossing.speed):
             there = whole.of_wheel(number, source.joint, sweep.direction * crossing.speed)
-            mode = _mode_at(_modal_response(there), crossing.frequency)
+            mode = _modal_response(there).oscillator_near(crossing.frequency)
             raise InputError(
                 f"{name}: at {sweep.direction * crossing.speed:.5g} rad/s its order "
                 f"{crossing.order:g} drives {mode!r} ({crossing.frequency:.5g} rad/s), which is "
@@ -206,44 +213,30 @@ def _check_crossings(
             )
 
 
-def _mode_at(response: ModalResponse, frequency: float) -> str:
-    """Name of the oscillator nearest to a frequency [rad/s]."""
-    form = response.form
-    names = form.oscillators([n for n in form.names if not n.startswith("rigid_")])
-    off: dict[str, float] = {}
-    for name in names:
-        at = [form.names.index(word) for word in (name, f"{name}_rate")]
-        speed = float(np.abs(np.linalg.eigvals(form.a[np.ix_(at, at)])).max())
-        off[name] = abs(speed - frequency)
-    return min(off, key=lambda name: off[name], default="a mode")
+def _resonates(gain: Callable[[Array], Array], at: float) -> bool:
+    """Whether a gain `(k, outputs)` over frequencies or speeds is far larger beside one of them
+    than a little farther away."""
+    beside, away = gain(at * (1.0 + np.array([BESIDE, AWAY])))
+    return bool(np.any(beside > DRIVEN * away))
 
 
 def noise_error(
     whole: DisturbedCraft, number: int, name: str, source: NoiseDisturbance, window: float
 ) -> SourceError:
-    """The error of a random input: `sigma^2 = integral of |G|^2 S df`."""
+    """The error of a random input: `sigma^2 = integral of |H|^2 S df`, a sum over lines of the
+    amplitude `sqrt(2 S df)`."""
     response = _modal_response(whole.of_source(number))
-    low, high = 2.0 * np.pi * source.frequency[0], 2.0 * np.pi * source.frequency[-1]
     drive = np.eye(response.form.b.shape[1])
-    _check_noise(response, name, drive, low, high)
+    _check_noise(response, name, source)
     omega, weights = _integral(response.poles, source, window)
-    density = np.exp(
-        np.interp(
-            np.log(omega), np.log(2.0 * np.pi * np.array(source.frequency)), np.log(source.density)
-        )
-    )
-    power = weights * density / (2.0 * np.pi)
-    kept = windowed_variance(omega, window)
-    outputs = response.form.c.shape[0]
-    variance = np.zeros(outputs)
-    deviation = np.zeros(outputs)
-    shares = np.zeros((len(response.names), outputs))
-    for signal in drive.T:
-        parts = response.parts(omega, signal)
-        total = parts.sum(axis=0)
-        variance += power @ np.abs(total) ** 2
-        deviation += (power * kept) @ np.abs(total) ** 2
-        shares += np.einsum("k,nko->no", power, np.real(parts * total.conj()))
+    frequency = 2.0 * np.pi * np.array(source.frequency)
+    density = np.exp(np.interp(np.log(omega), np.log(frequency), np.log(source.density)))
+    size = np.sqrt(2.0 * density * weights / (2.0 * np.pi))
+    squares = [
+        mean_squares(response.parts(omega, signal) * size[None, :, None], omega, window)
+        for signal in drive
+    ]
+    variance, deviation, shares = (sum(each) for each in zip(*squares, strict=True))
     ape, rpe = np.sqrt(variance), np.sqrt(deviation)
     return SourceError(
         name,
@@ -251,7 +244,7 @@ def noise_error(
         ErrorIndex(locked(ape), locked(SIGMAS * ape)),
         ErrorIndex(locked(rpe), locked(SIGMAS * rpe)),
         None,
-        tuple(_named_shares(response, column) for column in shares.T),
+        tuple(_named_shares(response.names, column) for column in shares.T),
     )
 
 
@@ -276,19 +269,22 @@ def _integral(poles: Complex, source: NoiseDisturbance, window: float) -> tuple[
     return omega.ravel(), (half[:, None] * weights).ravel()
 
 
-def _check_noise(response: ModalResponse, name: str, drive: Array, low: float, high: float) -> None:
+def _check_noise(response: ModalResponse, name: str, source: NoiseDisturbance) -> None:
     """Refuse a density that drives an undamped mode: its variance has no end."""
+    low, high = 2.0 * np.pi * source.frequency[0], 2.0 * np.pi * source.frequency[-1]
     poles = response.poles
     fastest = float(np.abs(poles).max(initial=0.0))
+
+    def gain(omega: Array) -> Array:
+        drive = np.eye(response.form.b.shape[1])
+        return np.sum([np.abs(response.parts(omega, u).sum(axis=0)) for u in drive], axis=0)
+
     for pole in poles[(low <= poles.imag) & (poles.imag <= high)]:
         if abs(pole) < RIGID * fastest or -pole.real >= UNDAMPED * abs(pole):
             continue
-        omega = pole.imag * (1.0 + np.array([BESIDE, AWAY]))
-        gains = [np.abs(response.parts(omega, signal).sum(axis=0)) for signal in drive.T]
-        beside, away = np.sum(gains, axis=0)
-        if np.any(beside > DRIVEN * away):
+        if _resonates(gain, pole.imag):
             raise InputError(
-                f"{name}: its frequencies hold that of {_mode_at(response, abs(pole))!r} "
+                f"{name}: its frequencies hold that of {response.oscillator_near(abs(pole))!r} "
                 f"({abs(pole):.5g} rad/s), which is undamped, so that its variance has no limit; "
                 "give the mode a damping ratio, or end the density before it."
             )
@@ -303,33 +299,29 @@ def stepper_error(
     fastest = float(np.abs(response.poles).max(initial=0.0))
     count = int(np.clip(np.ceil(BEYOND * fastest / base), *HARMONICS))
     n = np.arange(1.0, count + 1.0)
-    parts = response.parts(base * n, ONE) * stepper_harmonics(source, n)[None, :, None]
+    omega = base * n
+    parts = response.parts(omega, ONE) * stepper_harmonics(source, n)[None, :, None]
     error = parts.sum(axis=0)
-    power = np.abs(error) ** 2 / 2.0
-    kept = windowed_variance(base * n, window)
+    variance, windowed, shares = mean_squares(parts, omega, window)
     wanted = int(2.0 ** np.ceil(np.log2(max(IN_WINDOW / (window * source.rate), 4.0 * count))))
     samples = int(np.clip(wanted, *SAMPLES))
     half = np.ceil(window * source.rate * samples / 2.0)
     if half >= FEW:  # a whole number of samples
         samples = round(2.0 * half / (window * source.rate))
     values = _periodic(error, samples)
-    mean = _periodic(error * mean_share(base * n, window)[:, None], samples)
+    mean = _periodic(error * mean_share(omega, window)[:, None], samples)
     if half >= FEW:
         deviation = largest_deviation(values, mean, int(min(half, samples)), "wrap")
     else:  # a straight line in so short a window
-        slope = _periodic(error * (1j * base * n)[:, None], samples)
+        slope = _periodic(error * (1j * omega)[:, None], samples)
         deviation = np.abs(slope).max(axis=0) * window / 2.0
-    shares = np.real(parts * error.conj()).sum(axis=1)
     return SourceError(
         name,
         "stepper",
-        ErrorIndex(locked(np.sqrt(power.sum(axis=0))), locked(np.abs(values).max(axis=0))),
-        ErrorIndex(
-            locked(np.sqrt((power * kept[:, None]).sum(axis=0))),
-            locked(deviation),
-        ),
+        ErrorIndex(locked(np.sqrt(variance)), locked(np.abs(values).max(axis=0))),
+        ErrorIndex(locked(np.sqrt(windowed)), locked(deviation)),
         None,
-        tuple(_named_shares(response, column) for column in shares.T),
+        tuple(_named_shares(response.names, column) for column in shares.T),
     )
 
 
@@ -361,21 +353,21 @@ def snap_error(
 ) -> SourceError:
     """The error of a thermal snap, from rest until it has settled in its new shape."""
     response = _modal_response(whole.of_source(number))
-    tau = source.time_constant
+    rise = source.time_constant
 
-    def parts(times: Array) -> Array:
-        return response.exponential_parts(times, ONE, tau)
+    def error(times: Array) -> Array:
+        return response.rising_parts(times, rise).sum(axis=0)
 
-    times = _snap_times(response, tau, window)
+    times = _snap_times(response, rise, window)
     spacing = float(times[1])  # the first is zero
-    values = parts(times).sum(axis=0)
+    values = error(times)
     peaks = np.zeros(values.shape[1])
     shares: list[dict[str, float]] = []
     for output, place in enumerate(np.abs(values).argmax(axis=0)):
-        top = _closed_in(lambda t, o=output: np.abs(parts(t).sum(axis=0)[:, o]), times, int(place))
-        at_top = parts(np.array([top]))[:, 0, output]
+        top = closed_in(lambda t, o=output: np.abs(error(t)[:, o]), times, int(place))
+        at_top = response.rising_parts(np.array([top]), rise)[:, 0, output]
         peaks[output] = abs(float(at_top.sum()))
-        shares.append(_named_shares(response, at_top))
+        shares.append(_named_shares(response.names, at_top))
     reach = max(round(window / spacing / 2.0), 1)
     # at rest before, in its new shape afterwards
     padded = np.pad(values, ((2 * reach + 1, 0), (0, 0)))
@@ -396,7 +388,7 @@ def snap_error(
 
 def _snap_times(response: ModalResponse, tau: float, window: float) -> Array:
     """Times [s] that resolve all modes which show, and the load."""
-    frequency = np.array([_frequency(response, mode) for mode in response.names[:-1]])
+    frequency = np.array([response.frequency(mode) for mode in response.names[:-1]])
     slowest = float(frequency.min(initial=1.0 / tau))
     length = max(SNAP_TIMES * tau + SNAP_PERIODS * 2.0 * np.pi / slowest, window / 4.0)
     at_rest = response.parts(np.array([REST * slowest]), ONE)[:-1]
@@ -410,24 +402,6 @@ def _snap_times(response: ModalResponse, tau: float, window: float) -> Array:
     if window >= 2.0 * spacing:  # half a window is a whole number of them
         spacing = window / 2.0 / np.ceil(window / 2.0 / spacing)
     return spacing * np.arange(np.ceil(length / spacing) + 1.0)
-
-
-def _frequency(response: ModalResponse, name: str) -> float:
-    form = response.form
-    at = [form.names.index(word) for word in (name, f"{name}_rate")]
-    return float(np.abs(np.linalg.eigvals(form.a[np.ix_(at, at)])).max())
-
-
-def _closed_in(size: Callable[[Array], Array], times: Array, place: int) -> float:
-    """The time of a local maximum of `size`, between the neighbours of a sample."""
-    low, high = times[max(place - 1, 0)], times[min(place + 1, times.size - 1)]
-    at = times[place]
-    for _ in range(3):
-        near = np.unique(np.append(np.linspace(low, high, 41), at))
-        best = int(np.argmax(size(near)))
-        low, high = near[max(best - 1, 0)], near[min(best + 1, near.size - 1)]
-        at = near[best]
-    return float(at)
 
 
 def _running_mean(values: Array, reach: int) -> Array:

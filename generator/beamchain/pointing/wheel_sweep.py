@@ -17,6 +17,7 @@ from scipy.linalg import schur
 
 from beamchain.pointing.error_indices import (
     ErrorIndex,
+    closed_in,
     deviation_share,
     windowed_variance,
 )
@@ -27,7 +28,6 @@ AROUND = np.sinh(np.linspace(-6.0, 6.0, 37))
 LEAST = 1e-4  # of the highest speed: a range that begins at rest is looked at from there
 HIGH = 0.95  # of the highest sample: lower ones are no tops, for samples lie within 2 % of theirs
 MOST_TOPS = 6  # of an output
-ZOOMS, ZOOM = 3, 41  # rounds in which a peak is refined, and points of each
 CHUNK = 2000  # speeds that are looked at together
 UNDAMPED = 1e-6  # damping ratio below which a resonance has no end
 RIGID = 1e-6  # of the fastest pole: slower ones are rigid motion
@@ -55,6 +55,10 @@ class Order(NamedTuple):
 
     order: float
     patterns: Complex
+
+    def turning(self, direction: float) -> Complex:
+        """The patterns with the wheel turning about its axis, above zero, or against it."""
+        return self.patterns if direction > 0.0 else self.patterns.conj()
 
 
 class SpeedCurve(NamedTuple):
@@ -118,10 +122,6 @@ class WheelSweep:
         in the phases that are worst."""
         return np.array([np.abs(o.response(speed)).sum(axis=2) for o in self._orders])
 
-    def responses(self, speed: float) -> list[Complex]:
-        """Per order `(outputs, p)` complex amplitudes of the error at a speed, per pattern."""
-        return [order.response(np.array([speed]))[0] for order in self._orders]
-
     def curve(self, speed: Array) -> SpeedCurve:
         """The indices at speeds `(k,)`, whose sign is the direction."""
         size = self.amplitudes(speed)
@@ -153,20 +153,16 @@ class WheelSweep:
         pieces = [curve]
         for index in ("ape_peak", "ape_rms", "rpe_peak", "rpe_rms"):
             for output in range(curve.ape_rms.shape[1]):
-                pieces += [
-                    self._top(curve, index, output, place)
+
+                def size(speed: Array, index: str = index, output: int = output) -> Array:
+                    return getattr(self.curve(speed), index)[:, output]
+
+                tops = [
+                    closed_in(size, np.abs(curve.speed), place)
                     for place in _high_places(getattr(curve, index)[:, output])
                 ]
+                pieces.append(self.curve(np.array(tops)))
         return joined(pieces)
-
-    def _top(self, curve: SpeedCurve, index: str, output: int, place: int) -> SpeedCurve:
-        """A local maximum of an index of an output, refined from its sample."""
-        for _ in range(ZOOMS):
-            speed = np.abs(curve.speed)
-            first, last = speed[max(place - 1, 0)], speed[min(place + 1, speed.size - 1)]
-            curve = self.curve(np.unique(np.append(np.linspace(first, last, ZOOM), speed[place])))
-            place = int(np.argmax(getattr(curve, index)[:, output]))
-        return SpeedCurve(*(values[[place]] for values in curve))
 
 
 def _high_places(values: Array) -> list[int]:
@@ -201,7 +197,7 @@ class _OrderResponse:
     def __init__(self, system: SpinningSystem, order: Order, direction: float) -> None:
         a, b, c, d = system.still
         self.order = order.order
-        patterns = order.patterns if direction > 0.0 else order.patterns.conj()
+        patterns = order.turning(direction)
         by_speed = direction * system.by_speed[0]
         inverse = np.linalg.inv(np.eye(a.shape[0]) - by_speed / (1j * order.order))
         triangle, basis = schur(inverse @ a, output="complex")
