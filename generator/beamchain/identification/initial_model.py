@@ -14,7 +14,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from beamchain.identification.likelihood import Likelihood
-from beamchain.identification.response import Data, Piece, Raw, Spectrum
+from beamchain.identification.response import Data, Piece, Raw, Spectrum, real_columns
 from beamchain.identification.structure import delay_of_steps
 from beamchain.toolkit import Array
 
@@ -257,15 +257,13 @@ def add_mode(raw: Raw, pole: complex, pieces: Sequence[Data], scale: Array) -> R
             top[piece.output][np.ix_(at, at)] += (table.conj().T @ table).real
             right[piece.output][at] += (table.conj().T @ left).real
             continue
-        held = piece.held(raw.delay)
-        state = piece.state(pole, held, slopes=False)
+        driven = piece.state(pole, piece.held(raw.delay), slopes=False).value
+        free = piece.free(pole)
         for i in range(p):
             use = piece.use[:, i]
-            seen = piece.modal_motion(state, held, pole, i)
-            free = piece.free_motion(pole, i)
-            forced = np.stack([2.0 * seen.real, -2.0 * seen.imag], axis=2)
-            forced = forced.reshape(free.size, -1)[use]
-            basis = np.column_stack([free.real, -free.imag, piece.constants(i)])[use]
+            forced = real_columns(piece.read(driven, i))[use]
+            moves = real_columns(piece.read(free, i)[:, None])
+            basis = np.column_stack([moves, piece.constants(i)])[use]
             solved = np.linalg.lstsq(basis.T @ basis, basis.T @ forced)[0]
             forced = forced - basis @ solved
             top[i] += forced.T @ forced

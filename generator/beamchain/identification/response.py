@@ -1,14 +1,19 @@
 """The exact sampled response of a modal model to a log, its sensitivities,
 and the free response eliminated per piece.
 
-A modal model in raw form: poles, residues of rate per torque, rigid residues. The input is held
-between samples, so that a rate's sample depends on the torques before it; a delay moves every
-torque later by the same time. Within a piece of log without gaps, the free response (one amplitude
-and phase per mode) and the constants of the sensors are the linear unknowns that variable
-projection eliminates.
+A modal model in raw form: poles, residues of rate per torque, rigid residues. A mode's rate x and
+the angle a that integrates it are the states of
+
+    x' = p x + u,    a' = x,
+
+with p = 0 for the frozen craft, and every log is a row over them: a rate reads x, an attitude a, a
+mean rate the difference of a over the step. The input is held between samples, so that a rate's
+sample depends on the torques before it; a delay moves every torque later by the same time. Within a
+piece of log without gaps, the free response (one amplitude and phase per mode) and the constants of
+the sensors are the linear unknowns that variable projection eliminates.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -87,6 +92,14 @@ class Assessed(NamedTuple):
     meat: Array = np.zeros((0, 0))
 
 
+class Motion(NamedTuple):
+    """The two states that sensors read, each `(N,)` or `(N, m)`: a rate, and the angle that
+    integrates it, which is worked out where it is read."""
+
+    rate: Any
+    angle: Callable[[], Any]
+
+
 class Held(NamedTuple):
     """The torque that acts at each sample once it is delayed, and the motion of a frozen craft.
 
@@ -94,25 +107,30 @@ class Held(NamedTuple):
         sample: `(N,)` the one from which on it acts.
         since: `(N, 1)` or `(1, 1)` time [s] that it has acted.
         torque: `(N, m)`; zero before the first torque of the piece arrives.
-        acting: `(N, m)` the same; where it changes just then, the mean of both.
-        once, twice: `(N, m)` its integral over time, and that one's integral.
+        rigid: `(N, m)` its integral over time, and that one's integral.
+        by_time: `(N, m)` their derivatives; where the torque changes just then, the mean of both.
     """
 
     sample: NDArray[np.intp]
     since: Array
     torque: Array
-    acting: Array
-    once: Array
-    twice: Array
+    rigid: Motion
+    by_time: Motion
 
 
 class State(NamedTuple):
-    """Of one mode, per unit of its drive, each `(N, m)`:
-    its value, and the derivatives with respect to the pole and to time."""
+    """Of one mode, per unit of its drive: its motion, and the derivatives with respect to the pole
+    and to time."""
 
-    value: Complex
-    by_pole: Complex
-    rate: Complex
+    value: Motion
+    by_pole: Motion
+    by_time: Motion
+
+
+def real_columns(values: Complex) -> Array:
+    """`(N, 2 k)` columns for `(N, k)` complex ones: `2 Re(g x)` is their sum with the weights
+    `Re(g), Im(g)`."""
+    return np.stack([2.0 * values.real, -2.0 * values.imag], axis=2).reshape(len(values), -1)
 
 
 @dataclass(eq=False)
@@ -202,31 +220,48 @@ class Piece:
         once = self.once[index] + since * torque
         twice = self.twice[index] + since * self.once[index] + since**2 / 2.0 * torque
         twice[early] = 0.0
-        return Held(index, since, torque, acting, once, twice)
+        rigid = Motion(once, lambda: twice)
+        return Held(index, since, torque, rigid, Motion(acting, lambda: once))
 
     def state(self, pole: complex, held: Held, *, slopes: bool = True) -> State:
-        """The state of a mode under held torques; its derivatives are empty without `slopes`."""
+        """The state of a mode under held torques; without `slopes` its derivatives are not worked
+        out."""
         h = self.steps[:1] if self.even else self.steps
         decay = np.exp(pole * h)
         gain = np.expm1(pole * h) / pole
         u = self.inputs[:-1]
-        value = self._recur(pole, decay, gain[:, None] * u)
+        punctual = self._recur(pole, decay, gain[:, None] * u)
         # from its sample on, a state moves as x(t) = e^(p t) x + (e^(p t) - 1) / p u
         t = held.since
         later = np.exp(pole * t)
         driven = np.expm1(pole * t) / pole
-        start = value[held.sample]
-        moved = later * start + driven * held.torque
+        start = punctual[held.sample]
+        rate = later * start + driven * held.torque
+        value = Motion(rate, lambda: (rate - held.rigid.rate) / pole)  # x' = p x + u over time
         if not slopes:
-            return State(moved, moved[:0], moved[:0])
+            return State(value, value, value)
         tilt = h * decay / pole - gain / pole
-        by_pole = self._recur(pole, decay, (h * decay)[:, None] * value[:-1] + tilt[:, None] * u)
+        by_pole = self._recur(pole, decay, (h * decay)[:, None] * punctual[:-1] + tilt[:, None] * u)
         by_pole = (
             later * by_pole[held.sample]
             + t * later * start
             + (t * later / pole - driven / pole) * held.torque
         )
-        return State(moved, by_pole, pole * moved + held.acting)
+        return State(
+            value,
+            Motion(by_pole, lambda: (by_pole - value.angle()) / pole),
+            Motion(pole * rate + held.by_time.rate, lambda: rate),
+        )
+
+    def free(self, pole: complex) -> Motion:
+        """`(N,)` of a mode of unit amplitude that moves freely."""
+        rate = np.exp(pole * (self.time - self.time[0]))
+        return Motion(rate, lambda: rate / pole)
+
+    def free_by_pole(self, pole: complex, free: Motion) -> Motion:
+        """Derivative of a free motion with respect to its pole."""
+        t = self.time - self.time[0]
+        return Motion(t * free.rate, lambda: (t - 1.0 / pole) * free.angle())
 
     def _recur(self, pole: complex, e: Complex, v: Complex) -> Complex:
         """`x[j + 1] = e[j] x[j] + v[j]` from zero."""
@@ -246,34 +281,15 @@ class Piece:
             start = end
         return out
 
-    def _as_kind(self, values: Any, output: int) -> Any:
-        """Of rates or angles `(N, ...)`, as `_integrated` says, what the output reads:
-        of angles, a mean rate is the difference over the step."""
-        if self.kinds[output] != "mean_rate":
-            return values
-        out = np.zeros_like(values)
-        steps = self.steps.reshape(-1, *(1,) * (values.ndim - 1))
-        out[1:] = np.diff(values, axis=0) / steps
-        return out
-
-    def _integrated(self, output: int) -> bool:
-        """Whether an output follows from angles, not from rates."""
-        return self.kinds[output] != "rate"
-
-    def rigid_motion(self, output: int, held: Held) -> Array:
-        """`(N, m)` motion of an output per unit of acceleration by each torque
-        of a frozen craft."""
-        return self._as_kind(held.twice if self._integrated(output) else held.once, output)
-
-    def modal_motion(self, state: State, held: Held, pole: complex, output: int) -> Complex:
-        """`(N, m)` what an output sees of the states of a mode."""
-        value = (state.value - held.once) / pole if self._integrated(output) else state.value
-        return self._as_kind(value, output)
-
-    def free_motion(self, pole: complex, output: int) -> Complex:
-        """`(N,)` what an output sees of a mode of unit amplitude that moves freely."""
-        motion = np.exp(pole * (self.time - self.time[0]))
-        return self._as_kind(motion / pole if self._integrated(output) else motion, output)
+    def read(self, motion: Motion, output: int) -> Any:
+        """What an output shows of a motion."""
+        if self.kinds[output] == "rate":
+            return motion.rate
+        if self.kinds[output] == "attitude":
+            return motion.angle()
+        steps = np.diff(motion.angle(), axis=0)
+        mean = steps / self.steps.reshape(-1, *(1,) * (steps.ndim - 1))
+        return np.concatenate([np.zeros_like(mean[:1]), mean])
 
     def assess(
         self,
@@ -299,106 +315,97 @@ class Piece:
         outputs = range(self.outputs.shape[1])
         held = self.held(raw.delay)
         states = [self.state(complex(p), held, slopes=slopes is not None) for p in raw.poles]
-        bases = self._bases(raw)
-        count = bases[0].shape[1]
-        used = [_counted_samples(self.use[:, i]) for i in outputs]
-        shown = [basis[use] for basis, use in zip(bases, used, strict=True)]
-        normal = np.sum([weights[i] ** 2 * shown[i].T @ shown[i] for i in outputs], axis=0)
+        free = [self.free(complex(p)) for p in raw.poles]
+        bases = self._bases(raw, free)
+        weight = weights * self.use  # nothing of samples that do not count
+        shown = [weight[:, i, None] * bases[i] for i in outputs]
+        normal = _product(shown, shown)
         size = np.sqrt(np.diag(normal)) + 1e-300
-        scaled = normal / np.outer(size, size) + RIDGE * np.eye(count)
+        normal = normal / np.outer(size, size) + RIDGE * np.eye(size.size)
         residual = self.outputs - self._forced(raw, held, states)
-        amplitudes = np.zeros(count)
+        amplitudes = np.zeros(size.size)
         for _ in range(3):  # the second and third time for the digits that the normal matrix loses
-            right = np.sum(
-                [weights[i] ** 2 * shown[i].T @ residual[used[i], i] for i in outputs], axis=0
-            )
-            change = np.linalg.solve(scaled, right / size) / size
+            right = _product(shown, (weight * residual).T)
+            change = np.linalg.solve(normal, right / size) / size
             amplitudes += change
-            residual -= np.column_stack([basis @ change for basis in bases])
-        squares = np.array([np.sum(residual[used[i], i] ** 2) for i in outputs])
+            residual -= np.column_stack([columns @ change for columns in bases])
+        squares = np.sum(np.where(self.use, residual, 0.0) ** 2, axis=0)
         if not whole:
             residual = np.where(self.use, residual, 0.0)
         if slopes is None:
             return Assessed(squares), residual
         n = raw.poles.size
-        motion = amplitudes[: 2 * n : 2] + 1j * amplitudes[1 : 2 * n : 2]
-        total = np.zeros((slopes.shape[1], slopes.shape[1]))
-        cross = np.zeros((count, slopes.shape[1]))
-        gradient = np.zeros(slopes.shape[1])
-        rows = list[Array]()
-        for i in outputs:
-            table = self._by_raw(raw, held, states, motion, i)
-            slope = weights[i] * (table[used[i]] @ slopes[raw.columns(i)])
-            total += slope.T @ slope
-            cross += weights[i] * shown[i].T @ slope
-            gradient += slope.T @ (weights[i] * residual[used[i], i])
-            rows.append(slope)
-        solved = np.linalg.solve(scaled, cross / size[:, None]) / size[:, None]
-        meat = np.zeros_like(total)
+        sizes = amplitudes[: 2 * n : 2] + 1j * amplitudes[1 : 2 * n : 2]
+        left = (weight * residual).T
+        slope = [
+            weight[:, i, None]
+            * (self._by_raw(raw, held, states, free, sizes, i) @ slopes[raw.columns(i)])
+            for i in outputs
+        ]
+        cross = _product(shown, slope)
+        solved = np.linalg.solve(normal, cross / size[:, None]) / size[:, None]
+        meat = np.zeros((slopes.shape[1],) * 2)
         for i in outputs if lags else ():
-            left = weights[i] * residual[used[i], i]
-            score = (rows[i] - weights[i] * shown[i] @ solved) * left[:, None]
-            meat += _long_run(score, lags)
-        return Assessed(squares, total - cross.T @ solved, gradient, meat), residual
+            score = (slope[i] - shown[i] @ solved) * left[i][:, None]
+            meat += _long_run(score[self.use[:, i]], lags)
+        matrix = _product(slope, slope) - cross.T @ solved
+        return Assessed(squares, matrix, _product(slope, left), meat), residual
 
-    def _bases(self, raw: Raw) -> list[Array]:
+    def _bases(self, raw: Raw, free: Sequence[Motion]) -> list[Array]:
         """Per output `(N, columns)`: real and imaginary amplitude of each mode's free motion,
         and the constants of every sensor, of which the others' are zero."""
         outputs = range(self.outputs.shape[1])
         constants = [self.constants(i) for i in outputs]
         ends = np.cumsum([2 * raw.poles.size, *(c.shape[1] for c in constants)])
         bases = [np.zeros((self.time.size, int(ends[-1])), order="F") for _ in outputs]
+        for k, motion in enumerate(free):
+            for i, basis in enumerate(bases):
+                shown = raw.shapes[k, i] * self.read(motion, i)
+                basis[:, 2 * k : 2 * k + 2] = real_columns(shown[:, None])
         for i, basis in enumerate(bases):
-            for k, pole in enumerate(raw.poles):
-                motion = raw.shapes[k, i] * self.free_motion(pole, i)
-                basis[:, 2 * k] = motion.real
-                basis[:, 2 * k + 1] = -motion.imag
             basis[:, ends[i] : ends[i + 1]] = constants[i]
         return bases
 
     def _forced(self, raw: Raw, held: Held, states: Sequence[State]) -> Array:
-        out = np.column_stack(
-            [self.rigid_motion(i, held) @ rigid for i, rigid in enumerate(raw.rigid)]
-        )
-        for pole, residue, state in zip(raw.poles, raw.residues, states, strict=True):
+        out = np.column_stack([self.read(held.rigid, i) @ row for i, row in enumerate(raw.rigid)])
+        for residue, state in zip(raw.residues, states, strict=True):
             for i, row in enumerate(residue):
-                out[:, i] += 2.0 * (self.modal_motion(state, held, pole, i) @ row).real
+                out[:, i] += 2.0 * (self.read(state.value, i) @ row).real
         return out
 
     def _by_raw(
-        self, raw: Raw, held: Held, states: Sequence[State], motion: Complex, i: int
+        self,
+        raw: Raw,
+        held: Held,
+        states: Sequence[State],
+        free: Sequence[Motion],
+        sizes: Complex,
+        i: int,
     ) -> Array:
         """`(N, columns)` derivatives of an output with respect to its raw numbers;
-        see `Raw.columns`. `motion` `(n,)`: amplitudes of the free motion."""
+        see `Raw.columns`. `sizes` `(n,)` are the amplitudes of the free motion."""
         out = np.empty((self.time.size, raw.columns(i).size), order="F")
-        t = self.time - self.time[0]
         inputs = self.inputs.shape[1]
         width = 4 + 2 * inputs
-        integrated = self._integrated(i)
-        speed = (held.once if integrated else held.acting) @ raw.rigid[i]
-        for k, state in enumerate(states):
-            pole = raw.poles[k]
+        speed = self.read(held.by_time, i) @ raw.rigid[i]
+        for k, (state, motion) in enumerate(zip(states, free, strict=True)):
             residue = raw.residues[k, i]
-            seen = state.value
-            by_pole = state.by_pole
-            swing = state.rate
-            free = motion[k] * np.exp(pole * t) / 2.0  # halved: the bases do not double real parts
-            free_by_pole = t * free
-            if integrated:
-                seen = (state.value - held.once) / pole
-                by_pole = (state.by_pole - seen) / pole
-                swing = state.value
-                free = free / pole
-                free_by_pole = (t - 1.0 / pole) * free
-            speed = speed + 2.0 * (swing @ residue).real
-            turned = by_pole @ residue + raw.shapes[k, i] * free_by_pole
-            at = k * width
-            for c, column in enumerate((turned, *seen.T, free)):
-                np.multiply(column.real, 2.0, out=out[:, at + 2 * c])
-                np.multiply(column.imag, -2.0, out=out[:, at + 2 * c + 1])
-        out[:, width * len(states) : -1] = held.twice if integrated else held.once
+            moves = sizes[k] * self.read(motion, i)
+            turned = self.read(state.by_pole, i) @ residue
+            free_by_pole = self.free_by_pole(complex(raw.poles[k]), motion)
+            turned += raw.shapes[k, i] * sizes[k] * self.read(free_by_pole, i)
+            for c, column in enumerate((turned, *self.read(state.value, i).T, moves)):
+                at = k * width + 2 * c
+                out[:, at : at + 2] = real_columns(column[:, None])
+            speed = speed + 2.0 * (self.read(state.by_time, i) @ residue).real
+        out[:, width * len(states) : -1] = self.read(held.rigid, i)
         out[:, -1] = -speed
-        return self._as_kind(out, i)
+        return out
+
+
+def _product(left: Sequence[Array], right: Sequence[Array] | Array) -> Array:
+    """Sum of `A^T B` over the outputs."""
+    return np.sum([a.T @ b for a, b in zip(left, right, strict=True)], axis=0)
 
 
 def _long_run(score: Array, lags: int) -> Array:
@@ -408,14 +415,6 @@ def _long_run(score: Array, lags: int) -> Array:
         product = (1.0 - lag / lags) * score[:-lag].T @ score[lag:]
         out += product + product.T
     return out
-
-
-def _counted_samples(use: NDArray[np.bool_]) -> slice | NDArray[np.intp]:
-    """Samples that count, as a slice where they are one stretch."""
-    at = np.flatnonzero(use)
-    if at.size and at[-1] - at[0] + 1 == at.size:
-        return slice(int(at[0]), int(at[-1]) + 1)
-    return at
 
 
 @dataclass(eq=False)

@@ -46,7 +46,7 @@ def check_swapped(pieces: Sequence[Piece], torques: Sequence[str], sensed: Seque
     held = piece.held(0.0)
     for i, rate in enumerate(sensed):
         use = piece.use[:, i]
-        motion = piece.rigid_motion(i, held)
+        motion = piece.read(held.rigid, i)
         for m, torque in enumerate(torques):
             same[i, m] = torque[-2:] == rate[-2:]
             table[i, m] = _explained_part(piece.outputs[:, i], motion[:, m], use)
