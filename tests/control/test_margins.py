@@ -8,6 +8,7 @@ marginal motion grows or decays visibly in the time of a run.
 
 import re
 import sys
+from importlib.resources import files
 
 import control
 import mpmath
@@ -759,6 +760,23 @@ def test_a_wrong_sign_grows_from_rigid_motion(plant):
     assert (one.origin, one.kind, one.gain) == ("attitude_z", "rigid", 0.0)
     assert "without oscillation" in one.sentence
     assert "at any part of its gain" in one.sentence
+
+
+@pytest.mark.slow
+def test_wrong_signs_on_a_symmetric_satellite_are_those_of_each_axis():
+    """Two equal arrays opposite each other couple no axes: `J s^2 = k K(s)` has a positive root at
+    any gain k, whose motion is that of its own axis, though the lag is fast beside it."""
+    shipped = files("beamchain") / "examples"
+    arrays = dict.fromkeys(("left", "right"), shipped / "array.toml")
+    satellite = bc.plant(bc.embed(shipped / "satellite.xml", arrays), ["torque:bus"], ["attitude"])
+    loops = {
+        (f"torque_{axis}", f"attitude_{axis}"): -inertia * control.tf([0.42, 0.09], [0.05, 1.0])
+        for axis, inertia in zip("xyz", (140.0, 120.0, 150.0), strict=True)
+    }
+    found = [one for one in bc.margins(satellite, loops).instabilities if one.kind == "rigid"]
+    assert sorted((one.origin, *one.alone, *one.alone.values()) for one in found) == [
+        (f"attitude_{axis}", f"torque_{axis}", 0.0) for axis in "xyz"
+    ]
 
 
 def two_axes(*lags):

@@ -22,7 +22,7 @@ from formulas import (
     owners_of_poles,
     pole_moved,
     pole_settled,
-    shift_of_pole,
+    rate_of_pole,
     start_of_poles,
     way_from_open,
 )
@@ -51,7 +51,7 @@ def second_order(middle, last):
 
 
 # -- steps -----------------------------------------------------------------------------------------
-def test_left_eigenvectors_and_first_order_shifts_are_those_of_the_matrix():
+def test_left_eigenvectors_and_rates_of_poles_are_those_of_the_matrix():
     values, left, _ = eig(A, left=True)
     for pole in poles_at(between, 0.0):
         wanted = left[:, np.argmin(np.abs(values - pole.value))]
@@ -59,8 +59,16 @@ def test_left_eigenvectors_and_first_order_shifts_are_those_of_the_matrix():
         change = 1e-6 * B
         moved = np.linalg.eigvals(A + change)
         moved = moved[np.argmin(np.abs(moved - pole.value))] - pole.value
-        found = shift_of_pole(change, pole.right, pole.left)
+        found = 1e-6 * rate_of_pole(between, 0.0, pole.right, pole.left)
         assert abs(found - moved) < 1e-4 * abs(moved)
+
+
+def test_a_direction_that_is_off_is_found_again():
+    for pole in poles_at(between, 0.3):
+        found = pole_of(between, 0.3, pole.value, pole.right + 0.3)
+        assert abs(np.vdot(found.right, pole.right)) == pytest.approx(1.0)
+        off = between(0.3) @ found.right - pole.value * found.right
+        assert np.linalg.norm(off) < 1e-10
 
 
 def test_a_pole_settles_where_the_matrix_has_one():
@@ -116,9 +124,8 @@ def test_a_pole_moves_by_small_steps_and_not_past_a_doubt():
     real = poles_at(meeting, 1.5)[0]
     assert pole_moved(meeting, real, 1.51).value.imag == 0.0
     # a swap: the direction stays
-    crossed = [np.diag([1.0, 2.0]), np.diag([2.0, 1.0])]
-    pole = poles_at(lambda g: crossed[int(g)], 0.0)[0]
-    assert pole_moved(lambda g: crossed[int(g)], pole, 1.0).value == 2.0
+    pole = poles_at(lambda g: np.diag([1.0 + g, 2.0 - g]), 0.0)[0]
+    assert pole_moved(lambda g: np.diag([1.0 + g, 2.0 - g]), pole, 1.0).value == 2.0
 
 
 @pytest.mark.parametrize(("more", "taken"), [(2.9, True), (3.5, False)])
@@ -332,7 +339,7 @@ def test_a_pole_is_endless_beside_the_largest_of_either_side(before, after):
     """1 / (1/3 - g) goes to infinity and back; as its interval is halved it reaches 1e15."""
 
     def closed(gain):
-        return np.diag([1.0 / (gain - 1.0 / 3.0), -before if gain < 0.4 else -after])
+        return np.diag([1.0 / (gain - 1.0 / 3.0), -before if gain.real < 0.4 else -after])
 
     poles = [poles_at(closed, gain)[0] for gain in (0.0, 0.1, 0.3, 0.5)]
     found, there = crossing(closed, poles, growth)
@@ -482,8 +489,8 @@ def test_both_of_a_pair_are_followed_to_the_open_loop_itself(side, monkeypatch):
     -3 stands still, and until then its direction changes places with that of their rates."""
 
     def matrix(gain):
-        angle = np.pi / 2.0 * min(gain / 0.85, 1.0)
-        turn = np.eye(3)
+        angle = np.pi / 2.0 * (gain / 0.85 if gain.real < 0.85 else 1.0)
+        turn = np.eye(3) * gain**0
         turn[1:, 1:] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
         inner = np.array([[0.0, 1.0, 0.0], [-1.0, gain / 0.9 - 3.0, 0.0], [0.0, 0.0, -3.0]])
         return turn @ inner @ turn.T

@@ -80,8 +80,8 @@ from beamchain.control.pole_paths import _assigned as assigned_poles
 from beamchain.control.pole_paths import _continued as continued_poles
 from beamchain.control.pole_paths import _moved as pole_moved
 from beamchain.control.pole_paths import _number as number_of_pole
+from beamchain.control.pole_paths import _rate as rate_of_pole
 from beamchain.control.pole_paths import _settled as pole_settled
-from beamchain.control.pole_paths import _shift as shift_of_pole
 from beamchain.control.realisation import _zero_pole_product as zero_pole_product
 from beamchain.control.sampling import sampled as sampled_system
 from beamchain.control.scheduled import _follow as follow_modes
@@ -1018,6 +1018,7 @@ __all__ = [
     "quantities",
     "raise_polar_inertia",
     "ranks_of_modes",
+    "rate_of_pole",
     "reach",
     "read_bulk",
     "read_op4",
@@ -1084,7 +1085,6 @@ __all__ = [
     "share",
     "shared_nodes",
     "shares_of_energy",
-    "shift_of_pole",
     "shifted_peak",
     "shortest_link",
     "simulate_hub",

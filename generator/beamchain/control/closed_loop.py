@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import control
 import numpy as np
@@ -81,23 +81,21 @@ class ClosedLoop:
     held: System | None = None
     count: int | None = None
 
-    def closed(self, gain: float, loops: Array) -> Array:
+    def closed(self, gain: complex, loops: NDArray[Any]) -> NDArray[Any]:
         """The matrix of the closed loop with the gains of all loops times `gain`, and those of
         each input times 0 or 1."""
-        a, b, c, d = self.controller
-        # K = g C (s - A)^-1 B + g D, in equal parts on B and C: without gain nothing is coupled
-        root = np.sqrt(gain)
-        b, c, d = root * b, root * loops[:, None] * c, gain * loops[:, None] * d
         plant_a, plant_b, plant_c, plant_d = self.plant
+        a, b, c, d = self.controller
+        n = plant_a.shape[0]
+        # K = g C (s - A)^-1 B + g D, in equal parts on B and C: without gain nothing is coupled
+        root, by_input = np.sqrt(gain), loops[:, None]
         # u = -(C_K x_K + D_K y) with y = C x + D u
-        left = np.linalg.inv(np.eye(d.shape[0]) + d @ plant_d)
-        by_plant, by_controller = -left @ d @ plant_c, -left @ c
-        return np.block(
-            [
-                [plant_a + plant_b @ by_plant, plant_b @ by_controller],
-                [b @ (plant_c + plant_d @ by_plant), a + b @ plant_d @ by_controller],
-            ]
-        )
+        law = np.hstack([gain * by_input * (d @ plant_c), root * by_input * c])
+        u = np.linalg.solve(np.eye(loops.size) + gain * by_input * (d @ plant_d), -law)
+        open_loops = np.zeros((n + a.shape[0],) * 2, dtype=u.dtype)
+        open_loops[:n, :n], open_loops[n:, n:] = plant_a, a
+        open_loops[n:, :n] = root * (b @ plant_c)
+        return open_loops + np.vstack([plant_b, root * (b @ plant_d)]) @ u
 
     @cached_property
     def eigenvalues(self) -> Complex:

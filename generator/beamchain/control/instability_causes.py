@@ -16,7 +16,7 @@ from scipy.optimize import linear_sum_assignment
 
 from beamchain.control.closed_loop import ClosedLoop
 from beamchain.control.instability import WORDS, Instability, Kind
-from beamchain.control.pole_paths import Pole, crossing, follow, open_pole, pole_of
+from beamchain.control.pole_paths import Closed, Pole, crossing, follow, open_pole, pole_of
 from beamchain.control.systems import Complex
 from beamchain.ports.motions import Array
 
@@ -110,7 +110,7 @@ class _Way(NamedTuple):
         numbers: of the open poles from which it, and the other one of its pair, come.
     """
 
-    closed: Callable[[float], Array]
+    closed: Closed
     poles: Sequence[Pole]
     numbers: Sequence[int]
 

@@ -1,20 +1,19 @@
 """Single poles of a closed loop followed as its gain changes.
 
-A pole moves by `w* (A1 - A0) v / w* v` to first order, with v and w its right and left
-eigenvectors. From there inverse iteration finds it; a step is taken where the same rule, from its
-new place, says that it came from the old one. Where it does not, however small the step, poles meet
-or pass each other: then all poles on both sides are assigned to each other by distance and
-eigenvectors.
+A pole moves at the rate `w* A' v / w* v`, with v and w its right and left eigenvectors and A' the
+derivative of the matrix by the gain. From there inverse iteration finds it; a step is taken where
+the rate at its new place says that it came from the old one. Where it does not, however small the
+step, poles meet or pass each other: then all poles on both sides are assigned to each other by
+distance and eigenvectors.
 """
 
 from collections.abc import Callable, Sequence
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import lu_solve
-from scipy.linalg.lapack import zgetrf
+from scipy.linalg.lapack import zgetrf, zgetrs
 from scipy.optimize import linear_sum_assignment
 
 from beamchain.control.systems import Complex
@@ -36,7 +35,9 @@ HALVINGS = 48  # of the interval in which a pole crosses
 ENDLESS = 1e6  # a pole that grows by more as its interval is halved comes from infinity
 BESIDE = 1.0 - 1e-9  # of a gain at which there is no closed loop
 
-Closed = Callable[[float], Array]  # the matrix of the closed loop at a factor of its gain
+SLOPE = 1e-100  # of the gain beside the real axis, by which a matrix is differentiated
+
+Closed = Callable[[complex], NDArray[Any]]  # the matrix of the closed loop at a factor of its gain
 Eigen = tuple[Complex, Complex]  # poles `(n,)` and eigenvectors `(n, n)`
 
 
@@ -60,13 +61,18 @@ class Path(NamedTuple):
 
 
 def pole_of(closed: Closed, gain: float, value: complex, right: Complex) -> Pole:
-    """A pole whose value and eigenvector are known, with its left one."""
-    return Pole(gain, value, right, _left(closed(gain), value, right))
+    """A pole whose value is known and its eigenvector nearly: of a badly scaled matrix a library's
+    is far off where its pole is not."""
+    factors = _factors(closed(gain), value)
+    left = right
+    for _ in range(3):
+        right, left = _solved(factors, right), _solved(factors, left, adjoint=True)
+    return Pole(gain, value, right, left)
 
 
 def follow(closed: Closed, pole: Pole, end: float) -> Path:
     """A pole on its way to another gain; near 0 it ends at the smallest gain above it."""
-    closed = lru_cache(maxsize=2)(closed)  # a step begins where the last one ended
+    closed = lru_cache(maxsize=4)(closed)  # a step begins where the last one ended
     down = end < pole.gain
     end = max(end, FIRST) if down else end
     poles, partner = [pole], None
@@ -134,18 +140,17 @@ def crossing(
 def _moved(closed: Closed, pole: Pole, gain: float) -> Pole | None:
     """The pole at another gain; None where there is a doubt."""
     try:
-        before, after = closed(pole.gain), closed(gain)
+        after = closed(gain)
+        forward = (gain - pole.gain) * _rate(closed, pole.gain, pole.right, pole.left)
     except np.linalg.LinAlgError:
         return None
-    change = after - before
-    forward = _shift(change, pole.right, pole.left)
     found = _settled(after, pole.value + forward, pole.right, pole.left)
     if found is None:
         return None
     value, right, left = found
     if pole.value.imag == 0.0:
         value = complex(value.real)
-    backward = _shift(change, right, left)
+    backward = (gain - pole.gain) * _rate(closed, gain, right, left)
     way = value - pole.value
     noise = ROUNDED * float(np.linalg.norm(after))
     most = max(abs(way), abs(forward), abs(backward)) + 1e3 * noise
@@ -156,9 +161,10 @@ def _moved(closed: Closed, pole: Pole, gain: float) -> Pole | None:
     return Pole(gain, value, right, left)
 
 
-def _shift(change: Array, right: Complex, left: Complex) -> complex:
-    """What a change of the matrix does to a pole, to first order."""
-    return complex(np.vdot(left, change @ right) / np.vdot(left, right))
+def _rate(closed: Closed, gain: float, right: Complex, left: Complex) -> complex:
+    """At which a pole moves with the gain, `w* A' v / w* v`; `A' = Im A(gain + i h) / h`."""
+    slope = np.imag(closed(gain + 1j * SLOPE)) / SLOPE
+    return complex(np.vdot(left, slope @ right) / np.vdot(left, right))
 
 
 def _settled(
@@ -170,22 +176,12 @@ def _settled(
         if not np.isfinite(value):
             return None
         factors = _factors(matrix, value)
-        right = _unit(lu_solve(factors, right, check_finite=False))
-        left = _unit(lu_solve(factors, left, trans=2, check_finite=False))
+        right, left = _solved(factors, right), _solved(factors, left, adjoint=True)
         new = complex(np.vdot(left, matrix @ right) / np.vdot(left, right))
         if abs(new - value) <= SETTLED * abs(new) + noise:
             return new, right, left
         value = new
     return None
-
-
-def _left(matrix: Array, value: complex, right: Complex) -> Complex:
-    """The left eigenvector of a pole."""
-    factors = _factors(matrix, value)
-    left = right
-    for _ in range(3):
-        left = _unit(lu_solve(factors, left, trans=2, check_finite=False))
-    return left
 
 
 def _factors(matrix: Array, value: complex) -> tuple[Complex, NDArray[np.int32]]:
@@ -198,8 +194,12 @@ def _factors(matrix: Array, value: complex) -> tuple[Complex, NDArray[np.int32]]
     return np.asarray(lu, dtype=np.complex128), np.asarray(pivots, dtype=np.int32)
 
 
-def _unit(vector: Complex) -> Complex:
-    return vector / np.linalg.norm(vector)
+def _solved(
+    factors: tuple[Complex, NDArray[np.int32]], vector: Complex, *, adjoint: bool = False
+) -> Complex:
+    """A step of inverse iteration: a unit vector, by the matrix or its adjoint."""
+    solution, _ = zgetrs(*factors, vector, trans=2 if adjoint else 0)
+    return np.asarray(solution / np.linalg.norm(solution), dtype=np.complex128)
 
 
 def _assigned(closed: Closed, pole: Pole, gain: float) -> tuple[Pole, Pole | None]:

@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag, matrix_balance, schur, solve_sylvester
+from scipy.sparse.csgraph import connected_components
 
 from beamchain.craft.modal_form import column_range
 from beamchain.ports.motions import Array
@@ -181,14 +182,16 @@ def spectral_split(system: System, apart: Callable[[complex], bool]) -> tuple[Sy
 
 
 def response(system: System, s: Complex) -> Complex:
-    """`(k, outputs, inputs)` values at `s` `(k,)`."""
+    """`(k, outputs, inputs)` values at `s` `(k,)`; of many, part by part of what is coupled."""
     a, b, c, d = system
-    eye = np.eye(a.shape[0])
-    parts: list[Complex] = []
-    for chunk in np.array_split(s, max(1, -(-s.size // CHUNK))):
+    if s.size <= CHUNK or not a.size:
         # C (s - A)^-1 B + D
-        states = np.linalg.solve(
-            chunk[:, None, None] * eye - a, np.broadcast_to(b, (chunk.size, *b.shape))
-        )
-        parts.append((c @ states + d).astype(np.complex128))
-    return np.concatenate(parts)
+        states = np.linalg.solve(s[:, None, None] * np.eye(a.shape[0]) - a, b)
+        return (c @ states + d).astype(np.complex128)
+    count, number = connected_components(a != 0.0)
+    apart = (np.flatnonzero(number == k) for k in range(count))
+    parts = [(a[np.ix_(at, at)], b[at], c[:, at], 0.0 * d) for at in apart]
+    chunks = np.array_split(s, -(-s.size // CHUNK))
+    return np.concatenate(
+        [np.sum([response(part, some) for part in parts], axis=0) + d for some in chunks]
+    )
