@@ -119,7 +119,7 @@ PARTS = {
         "engine.normal_modes.NormalModes",
     ),
     "Linearisation": ("engine.linearise.Held",),
-    "Margins": ("control.margins.Extremum",),
+    "Margins": ("ports.peaks.Extremum",),
     "Plant": ("engine.allocation.Allocated",),
     "Recorder": ("engine.root_motion.Run",),
     "Recovery": (

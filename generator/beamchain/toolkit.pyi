@@ -13,7 +13,6 @@ from .control.feedback import Signals as Signals
 from .control.feedback import feedback as feedback
 from .control.margins import AT_ZERO as AT_ZERO
 from .control.margins import REAL as REAL
-from .control.margins import Extremum as Extremum
 from .control.margins import margins_of as margins_of
 from .control.mu import balanced_bounds as balanced_bounds
 from .control.source import PlantSource as PlantSource
@@ -86,6 +85,7 @@ from .ports.motions import PORTS as PORTS
 from .ports.motions import Array as Array
 from .ports.motions import body_mass_matrix as body_mass_matrix
 from .ports.motions import locked as locked
+from .ports.peaks import Extremum as Extremum
 from .steps.integrators import SCHEMES as SCHEMES
 from .steps.latch import LATCH_FIELDS as LATCH_FIELDS
 from .steps.latch import is_latched as is_latched

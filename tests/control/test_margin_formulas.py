@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq, minimize, minimize_scalar
 
-from beamchain.control.margins import Extremum
+from beamchain.ports.peaks import Extremum
 from formulas import (
     LoopOfMargins,
     balanced_bounds,
     long_delays,
     margin_figures,
     margins_of_all,
-    peak_of_grid,
     power_sum,
     refined_bounds,
     structured_bound,
@@ -225,7 +224,7 @@ def test_the_last_of_a_sampled_loop_is_real(step, value):
 # -- all at once -----------------------------------------------------------------------------------
 @pytest.fixture
 def quickly(monkeypatch):
-    monkeypatch.setattr("beamchain.control.margins.POLISHED", 1)
+    monkeypatch.setattr("beamchain.ports.peaks.POLISHED", 1)
     monkeypatch.setattr("beamchain.control.mu.SHARPER", (64.0, 4096.0))
 
 
@@ -282,21 +281,6 @@ def test_bounds_are_refined_from_the_highest_down_until_nothing_matters():
     matrices = np.array([size * np.outer(u, 1.0 / u) / 2.0 for size in exact])
     found = refined_bounds(matrices, np.array([2.1, 5.5, 1.5, 6.0]))
     assert found == pytest.approx([2.1, 5.0, 1.5, 4.9], rel=1e-5)
-
-
-def test_peaks_between_and_at_the_ends_of_a_grid():
-    omega = np.arange(1.0, 9.0)
-
-    def hills(w):
-        return 3.0 - (w - 2.3) ** 2 if w < 4.5 else 3.05 - 4.0 * (w - 6.4) ** 2
-
-    values = np.array([hills(w) for w in omega])
-    assert peak_of_grid(omega, values, hills) == pytest.approx((3.05, 6.4), rel=1e-9)
-    assert peak_of_grid(omega, values, hills, 3.04) == pytest.approx((3.05, 6.4), rel=1e-9)
-    assert peak_of_grid(omega, values, hills, 3.06) == (3.06, np.inf)
-    for sign, end in ((1.0, 8.0), (-1.0, 1.0)):
-        found = peak_of_grid(omega, sign * omega, lambda w, s=sign: s * w)
-        assert found == pytest.approx((sign * end, end), rel=1e-6)
 
 
 # -- scaling ---------------------------------------------------------------------------------------

@@ -28,7 +28,6 @@ from beamchain.control.systems import (
 )
 from beamchain.craft.modal_form import ModalForm
 from formulas import (
-    crossing_of_zero,
     growth_of_poles,
     limited_by_modes_above,
     limiting_modes,
@@ -260,16 +259,6 @@ def test_a_step_of_rk4_takes_its_input_at_once():
     for z in np.exp(h * np.array([0.4j, 2.8j, 9.0j])):
         wanted = (np.linalg.solve(z * np.eye(2) - a, b))[0, 0]
         assert found(z) == pytest.approx(wanted, rel=1e-5)
-
-
-@pytest.mark.parametrize(("low", "high"), [(0.5, 4.0), (0.5, 2.0), (2.0, 4.0)])
-def test_where_a_function_crosses_zero(low, high):
-    assert crossing_of_zero(lambda w: w**2 - 4.0, low, high) == pytest.approx(2.0, rel=1e-12)
-
-
-def test_without_a_change_of_sign_the_nearer_end_is_the_zero():
-    assert crossing_of_zero(lambda w: w - 1.0, 2.0, 3.0) == 2.0
-    assert crossing_of_zero(lambda w: 4.0 - w, 2.0, 3.0) == 3.0
 
 
 # -- controllers -----------------------------------------------------------------------------------

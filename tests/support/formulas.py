@@ -52,7 +52,6 @@ from beamchain.control.closed_loop import unstable_count
 from beamchain.control.controllers import loop_response as response_of_loop
 from beamchain.control.controllers import realise as realise_controller
 from beamchain.control.controllers import realise_fraction
-from beamchain.control.crossings import crossing as crossing_of_zero
 from beamchain.control.delay_margin import _between as crossings_between
 from beamchain.control.delay_margin import _by_state as loop_by_state
 from beamchain.control.delay_margin import _Crossings as SizeOneCrossings
@@ -70,7 +69,6 @@ from beamchain.control.margins import LoopMargins as LoopOfMargins
 from beamchain.control.margins import _figures as margin_figures
 from beamchain.control.margins import _long_delays as long_delays
 from beamchain.control.margins import _of_all as margins_of_all
-from beamchain.control.margins import _peak as peak_of_grid
 from beamchain.control.margins import _refined as refined_bounds
 from beamchain.control.mu import _power_sum as power_sum
 from beamchain.control.mu import balanced_bounds
@@ -760,7 +758,6 @@ __all__ = [
     "craft_error",
     "craft_from_text",
     "crossed",
-    "crossing_of_zero",
     "crossings_between",
     "crossings_of_size_one",
     "culprit",
@@ -984,7 +981,6 @@ __all__ = [
     "partition",
     "patterns_of_cuts",
     "peak_clusters",
-    "peak_of_grid",
     "peaks_at",
     "peaks_of",
     "peaks_of_craft",

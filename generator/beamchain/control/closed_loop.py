@@ -27,10 +27,11 @@ from beamchain.control.systems import (
 )
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
+from beamchain.ports.peaks import around, half_widths
 
 ORDERS = (ORDER, 8, 10, 12)  # of Pade approximations, until the number of unstable poles is right
 UNDAMPED = 1e-8  # damping ratio, and relative distance to a pole, that are rounding
-NEAR = np.sinh(np.linspace(-6.0, 6.0, 62))  # half widths of a resonance, at which it is looked at
+NEAR = half_widths(6.0, 62)
 PER_DECADE = 400  # frequencies
 ALGEBRAIC = 1e-12  # relative, of an algebraic loop that is singular
 BESIDE = 1e-6  # rad beside the imaginary axis, where Nyquist's criterion counts
@@ -187,12 +188,11 @@ class ClosedLoop:
             poles = np.ones(1, dtype=np.complex128)
         size = np.abs(poles)
         ratio = np.clip(np.abs(poles.real) / size, 1e-6, 0.02)
-        fine = size[:, None] * (1.0 + ratio[:, None] * near)
         low, high = 0.01 * min(float(size.min()), limit), min(10.0 * float(size.max()), limit)
         decades = np.log10(high / low)
         wide = np.geomspace(low, high, int(per_decade * decades) + 2)
         wide[-1] = high
-        grid = np.unique(np.concatenate([fine.ravel(), wide]))
+        grid = np.unique(np.concatenate([around(size, ratio * size, near), wide]))
         return grid[(grid >= low) & (grid <= high)]
 
 

@@ -6,36 +6,25 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from beamchain import report
 from beamchain.control.closed_loop import ClosedLoop, dead_beat
 from beamchain.control.controllers import Response
-from beamchain.control.crossings import crossing
 from beamchain.control.delay_margin import sampled_delay_margin
 from beamchain.control.instability import Instability, sentences
 from beamchain.control.mu import balanced_bounds, bound
 from beamchain.control.systems import Complex
 from beamchain.ports.motions import Array, locked
+from beamchain.ports.peaks import Extremum, crossings, largest
 from beamchain.warning_codes import Caution
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-POLISHED = 4  # maxima on the grid that are polished
 AT_ZERO = 1e-6  # of the lowest frequency, at which the response at rest is taken
 VANISHING = 1e-8  # size of a response beside that at neighbouring frequencies, which is rounding
 REAL = 1e-4  # imaginary by real part of a response that is real at rest
 NO = float("nan")
-
-
-class Extremum(NamedTuple):
-    """A figure that is the least, or the largest, over all frequencies, and where [rad/s]."""
-
-    value: float
-    frequency: float
-
-
 NONE = Extremum(NO, NO)
 
 
@@ -248,7 +237,7 @@ def margins_of(closed: ClosedLoop) -> Margins:
     omega = closed.omega
     loop = closed.open_loop(omega)
     eye = np.eye(len(closed.inputs))
-    sensitivity = np.asarray(np.linalg.inv(eye + loop), dtype=np.complex128)
+    sensitivity = sensitivity_of(loop)
     at_all, peak_s, peak_t = _of_all(closed, sensitivity)
     poles = closed.to_s(closed.eigenvalues)
     return Margins(
@@ -299,12 +288,11 @@ def _of_all(closed: ClosedLoop, sensitivity: Complex) -> tuple[Extremum, Extremu
     eye = np.eye(len(closed.inputs))
 
     def at(w: float) -> Complex:
-        loop = closed.open_loop(np.array([w]))[0]
-        return np.asarray(np.linalg.inv(eye + loop), dtype=np.complex128)
+        return sensitivity_of(closed.open_loop(np.array([w])))[0]
 
     def peak(values: Array, size: Callable[[Complex], float]) -> Extremum:
-        limit = None if closed.limit is None else size(_sensitivity_at_infinity(closed.limit))
-        return _peak(omega, values, lambda w: size(at(w)), limit)
+        limit = None if closed.limit is None else size(sensitivity_of(closed.limit))
+        return largest(omega, values, lambda w: size(at(w)), limit)
 
     peak_s = peak(_largest(sensitivity), lambda s: float(np.linalg.norm(s, 2)))
     peak_t = peak(_largest(eye - sensitivity), lambda s: float(np.linalg.norm(eye - s, 2)))
@@ -315,8 +303,9 @@ def _of_all(closed: ClosedLoop, sensitivity: Complex) -> tuple[Extremum, Extremu
     return Extremum(1.0 / mu.value, mu.frequency), peak_s, peak_t
 
 
-def _sensitivity_at_infinity(limit: Array) -> Complex:
-    return np.linalg.inv(np.eye(limit.shape[0]) + limit).astype(np.complex128)
+def sensitivity_of(loop: Complex | Array) -> Complex:
+    """`S = 1/(1 + L)` `(..., n, n)`."""
+    return np.linalg.inv(np.eye(loop.shape[-1]) + loop).astype(np.complex128)
 
 
 def _refined(matrices: Complex, bounds: Array) -> Array:
@@ -335,32 +324,6 @@ def _refined(matrices: Complex, bounds: Array) -> Array:
 def _largest(matrices: Complex) -> Array:
     """`(k,)` largest singular values of matrices `(k, n, n)`."""
     return np.asarray(np.linalg.norm(matrices, 2, axis=(1, 2)), dtype=np.float64)
-
-
-def _peak(
-    omega: Array,
-    values: Array,
-    function: Callable[[float], float],
-    limit: float | None = None,
-) -> Extremum:
-    """The largest of values on a grid, the highest maxima polished, and of their limit at infinite
-    frequency."""
-    before = np.concatenate([[-np.inf], values[:-1]])
-    after = np.concatenate([values[1:], [-np.inf]])
-    tops = np.flatnonzero((values >= before) & (values >= after))
-    tops = tops[np.argsort(-values[tops])][:POLISHED]
-    best = Extremum(float(values[tops[0]]), float(omega[tops[0]]))
-    for k in tops:
-        low, high = float(omega[max(k - 1, 0)]), float(omega[min(k + 1, omega.size - 1)])
-        found = minimize_scalar(
-            lambda w: -function(float(w)),
-            bounds=(low, high),
-            method="bounded",
-            options={"xatol": 1e-10 * high},
-        )
-        if -float(found.fun) > best.value:
-            best = Extremum(-float(found.fun), float(found.x))
-    return best if limit is None or limit <= best.value else Extremum(limit, float("inf"))
 
 
 class _Figures(NamedTuple):
@@ -402,14 +365,12 @@ def _figures(closed: ClosedLoop, i: int, response: Complex) -> _Figures:
     omega = closed.omega
 
     def at(w: float) -> complex:
-        loop = closed.open_loop(np.array([w]))[0]
-        inverse = np.linalg.inv(np.eye(len(closed.inputs)) + loop)
-        return complex(1.0 / inverse[i, i] - 1.0)
+        return complex(1.0 / sensitivity_of(closed.open_loop(np.array([w])))[0, i, i] - 1.0)
 
     # of the open loop at infinite frequency, the other loops closed
     limit = None
     if closed.limit is not None:
-        limit = complex(1.0 / _sensitivity_at_infinity(closed.limit)[i, i] - 1.0)
+        limit = complex(1.0 / sensitivity_of(closed.limit)[i, i] - 1.0)
     factors = _phase_crossings(closed, omega, response, at)
     if limit is not None and limit.real < 0.0:
         factors.append(Extremum(_factor(limit), np.inf))
@@ -423,14 +384,14 @@ def _figures(closed: ClosedLoop, i: int, response: Complex) -> _Figures:
     later = [float(np.radians(np.mod(one.value, 360.0))) / one.frequency for one in phases]
     if limit is not None and abs(limit) >= 1.0:
         later.append(0.0)  # however short, a dead time turns it to -1 at some high frequency
-    modulus = _peak(
+    modulus = largest(
         omega,
         -np.abs(1.0 + response),
         lambda w: -abs(1.0 + at(w)),
         None if limit is None else -abs(1.0 + limit),
     )
     size = np.abs((1.0 - response) / (1.0 + response))
-    disk = _peak(
+    disk = largest(
         omega,
         size,
         lambda w: abs((1.0 - at(w)) / (1.0 + at(w))),
@@ -452,12 +413,8 @@ def _phase_crossings(
     closed: ClosedLoop, omega: Array, response: Complex, at: Callable[[float], complex]
 ) -> list[Extremum]:
     """Factors of the gain that bring an open loop to -1, and where."""
-    changes = np.flatnonzero(np.sign(response.imag[1:]) * np.sign(response.imag[:-1]) < 0.0)
     out: list[Extremum] = []
-    for k in changes:
-        if response.real[k] >= 0.0 and response.real[k + 1] >= 0.0:
-            continue
-        w = crossing(lambda w: at(w).imag, float(omega[k]), float(omega[k + 1]))
+    for k, w in crossings(omega, response.imag, lambda w: at(w).imag):
         value = at(w)
         # at an undamped pole the response changes its sign through infinity, at an undamped zero
         # through nothing
@@ -482,12 +439,8 @@ def _gain_crossings(
     omega: Array, response: Complex, at: Callable[[float], complex]
 ) -> list[tuple[float, complex]]:
     """Frequencies at which an open loop has the size one, and its values."""
-    size = np.abs(response) - 1.0
-    changes = np.flatnonzero(np.sign(size[1:]) * np.sign(size[:-1]) < 0.0)
-    roots = [
-        crossing(lambda w: abs(at(w)) - 1.0, float(omega[k]), float(omega[k + 1])) for k in changes
-    ]
-    return [(w, at(w)) for w in roots]
+    found = crossings(omega, np.abs(response) - 1.0, lambda w: abs(at(w)) - 1.0)
+    return [(w, at(w)) for _, w in found]
 
 
 def _decibels(factor: float) -> float:

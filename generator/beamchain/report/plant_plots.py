@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from beamchain.ports.motions import Array
+from beamchain.ports.peaks import around, half_widths
 from beamchain.report.plots import (
     BEAM,
     OURS,
@@ -99,9 +100,9 @@ def _grid(plants: "Sequence[Plant]") -> Array:
     where an undamped plant is infinite."""
     modes = np.concatenate([plant.frequency for plant in plants])
     modes = modes if modes.size else np.ones(1)
-    near = np.outer(modes, 1.0 + 0.02 * np.sinh(np.linspace(-5.0, 5.0, 62)) / np.sinh(5.0))
+    near = around(modes, 0.02 / np.sinh(5.0) * modes, half_widths(5.0, 62))
     omega = np.unique(
-        np.concatenate([np.geomspace(0.02 * modes.min(), 5.0 * modes.max(), 400), near.ravel()])
+        np.concatenate([np.geomspace(0.02 * modes.min(), 5.0 * modes.max(), 400), near])
     )
     return np.asarray(
         omega[omega < np.pi / plants[0].dt] if plants[0].dt else omega, dtype=np.float64
