@@ -416,6 +416,18 @@ def test_loops_of_one_step(factor, kept):
 
 
 # -- modal gains -----------------------------------------------------------------------------------
+def source_of(signals, step=None, exact=None, errors=(None, None)):
+    """What a plant is made of: `exact` gives the form of the craft with all modes, and their
+    names."""
+
+    def craft(omega):
+        form, names = exact(omega)
+        return SimpleNamespace(form=lambda: SimpleNamespace(minimal=lambda: form), mode_names=names)
+
+    own = SimpleNamespace(signals=signals)
+    return SimpleNamespace(step=step or None, craft=own, exact=craft, step_errors=lambda: errors)
+
+
 def oscillators(step):
     w, ratio = np.array([3.0, 8.0]), np.array([0.02, 0.1])
     a = block_diag(*([[0.0, 1.0], [-(x**2), -2.0 * r * x]] for x, r in zip(w, ratio, strict=True)))
@@ -426,7 +438,7 @@ def oscillators(step):
     names = ("one", "one_rate", "two", "two_rate")
     form = ModalForm(*whole, names, ("",) * 4, np.ones(4), (0, 0))
     signals = (["torque"], ["angle"], ["N m"], ["rad"])
-    return Plant(form, signals, ["one", "two"], timestep=step or None), (a, b, c)
+    return Plant(form, signals, ["one", "two"], source=source_of(signals, step)), (a, b, c), form
 
 
 def sampled_by_hand(whole, step):
@@ -438,7 +450,7 @@ def sampled_by_hand(whole, step):
 @pytest.mark.parametrize("step", [0.0, 1e-3])
 def test_frequencies_dampings_and_gains_of_modes(step):
     """Numerators over s^2 + 2 zeta w s + w^2, at s = j w; of fine samples nearly the same."""
-    plant, (a, b, c) = oscillators(step)
+    plant, (a, b, c), _ = oscillators(step)
     assert plant.frequency == pytest.approx([3.0, 8.0])
     assert plant.damping_ratio == pytest.approx([0.02, 0.1])
     for k, w in enumerate((3.0, 8.0)):
@@ -452,7 +464,7 @@ def test_frequencies_dampings_and_gains_of_modes(step):
 def test_gains_of_a_plant_whose_states_hold_its_inputs():
     """x' = A x + B (u + p)/2, p' = u: over the size of its polynomial at s = j w a gain is the
     size of the mode's share of the response at z = exp(j w h)."""
-    _, (a, b, c) = oscillators(0.0)
+    _, (a, b, c), _ = oscillators(0.0)
     step = 0.3
     over, drive, _, _ = sampled_by_hand((a, b, c, None), step)
     whole = np.zeros((5, 5))
@@ -461,7 +473,7 @@ def test_gains_of_a_plant_whose_states_hold_its_inputs():
     into, seen = np.vstack([drive / 2.0, [[1.0]]]), np.hstack([c, [[0.0]]])
     form = ModalForm(whole, into, seen, np.zeros((1, 1)), names, ("",) * 5, np.ones(5), (0, 0))
     signals = (["torque"], ["angle"], ["N m"], ["rad"])
-    plant = Plant(form, signals, ["one", "two"], timestep=step)
+    plant = Plant(form, signals, ["one", "two"], source=source_of(signals, step))
     for k, (w, ratio) in enumerate(((3.0, 0.02), (8.0, 0.1))):
         assert plant.frequency[k] == pytest.approx(w)
         at = slice(2 * k, 2 * k + 2)
@@ -477,7 +489,7 @@ def test_gains_of_a_plant_whose_states_hold_its_inputs():
 @pytest.mark.parametrize("step", [0.0, 0.05])
 def test_what_leaving_a_mode_out_costs_in_every_channel(step):
     """|G - G_exact| / |G_exact|; of a channel that is none beside the largest, times 1e-12."""
-    exact, (a, b, c) = oscillators(0.0)
+    _, (a, b, c), every = oscillators(0.0)
     first = tuple(part[:2] if part is b else part[:, :2] for part in (b, c))
     kept = (a[:2, :2], *first, np.zeros((1, 1)))
     if step:
@@ -487,12 +499,12 @@ def test_what_leaving_a_mode_out_costs_in_every_channel(step):
 
     def beyond(omega):
         asked.append(omega)
-        return exact
+        return every, ["one", "two"]
 
     form = ModalForm(*kept, ("one", "one_rate"), ("",) * 2, np.ones(2), (0, 0))
     signals = (["torque"], ["angle"], ["N m"], ["rad"])
-    errors = lambda: ("worst", 0.25)  # noqa: E731
-    plant = Plant(form, signals, ["one"], timestep=step or None, exact=beyond, errors=errors)
+    source = source_of(signals, step, beyond, ("worst", 0.25))
+    plant = Plant(form, signals, ["one"], source=source)
     omega = np.array([1.0, 7.0, 4.0])
     found = plant.truncation(omega)
     for k, w in enumerate(omega):
@@ -500,7 +512,7 @@ def test_what_leaving_a_mode_out_costs_in_every_channel(step):
         ours = value(kept, np.exp(1j * w * step) if step else 1j * w)
         assert found[0, 0, k] == pytest.approx(abs((ours - true) / true)[0, 0])
     assert asked == [7.0]
-    assert plant.exact is exact
+    assert plant.exact.modes == ("one", "two")
     assert asked[1] == pytest.approx(3.0)
     assert (plant.time_error, plant.sampled_error) == ("worst", 0.25)
     assert plant.record()["Ts"] == step
@@ -509,20 +521,21 @@ def test_what_leaving_a_mode_out_costs_in_every_channel(step):
     assert (plant.input_names, plant.input_units) == (("torque",), ("N m",))
     assert (plant.output_names, plant.output_units) == (("angle",), ("rad",))
     with pytest.raises(bc.InputError, match="exact"):
-        _ = exact.exact
+        _ = plant.exact.exact
 
 
 def test_a_channel_that_is_none_is_compared_with_the_largest():
     """1e-12 of it, at the same frequency."""
 
-    def plant(quiet, exact=""):
+    def form(quiet):
         c = np.array([[1.0, 0.0], [quiet, 0.0]])
         a, b = np.array([[0.0, 1.0], [-9.0, -0.6]]), np.array([[0.0], [1.0]])
-        form = ModalForm(a, b, c, np.zeros((2, 1)), ("m", "m_rate"), ("",) * 2, np.ones(2), (0, 0))
-        return Plant(form, (["u"], ["x", "y"], [""], ["", ""]), ["m"], exact=exact)
+        names = ("m", "m_rate")
+        return ModalForm(a, b, c, np.zeros((2, 1)), names, ("",) * 2, np.ones(2), (0, 0))
 
-    exact = plant(1e-15)
-    found = plant(3e-12, lambda _: exact).truncation([1.0, 5.0])
+    signals = (["u"], ["x", "y"], [""], ["", ""])
+    source = source_of(signals, exact=lambda _: (form(1e-15), ["m"]))
+    found = Plant(form(3e-12), signals, ["m"], source=source).truncation([1.0, 5.0])
     assert found[0, 0] == pytest.approx([0.0, 0.0])
     assert found[1, 0] == pytest.approx([2.999, 2.999])
 

@@ -2,18 +2,17 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from beamchain.checks import positive, true_or_false
-from beamchain.control.at_step import at_step, retime_at, step_errors
-from beamchain.control.realisation import NO_EXACT, Plant
+from beamchain.control.at_step import at_step, retime_at
+from beamchain.control.realisation import Plant
 from beamchain.control.scheduled import ScheduledPlant, follow, in_one_order, reduced_alike
 from beamchain.control.source import PlantSource
 from beamchain.craft.embedded import Embedded
-from beamchain.craft.linear_craft import LinearCraft, exact_craft, linear_craft
+from beamchain.craft.linear_craft import LinearCraft, linear_craft
 from beamchain.craft.modal_form import ModalForm
 from beamchain.craft.plant_load import limp_cautions, thrust_cautions, under_load
 from beamchain.craft.poses import Poses, pose_label, poses_of
@@ -240,31 +239,22 @@ class _Given:
         if self.step is not None:
             said = [*said, *_growing(own, self.step)]
             form, own = (self._discrete(one, craft, self.step) for one in (form, own))
-        embedded = self.embedded
         allocations = allocations_of(craft.point, self.inputs)
         for name, allocated in allocations.items():
             said = [*said, *allocated.cautions(name)]
-        settled_inputs = settled(self.inputs, allocations)
-        source = PlantSource(craft, settled_inputs, self.outputs, embedded, self.loaded)
-        errors = (
-            None
-            if self.step is None
-            else partial(step_errors, self.model, craft.point, self.step, embedded)
+        source = PlantSource(
+            craft=craft,
+            inputs=settled(self.inputs, allocations),
+            outputs=self.outputs,
+            model=self.model,
+            embedded=self.embedded,
+            step=self.step,
+            loaded=self.loaded,
+            pose=pose,
+            label=label,
+            allocations=allocations,
         )
-        return Plant(
-            form,
-            craft.signals,
-            modes,
-            said,
-            self.step,
-            NO_EXACT if embedded is None else partial(_exact_plant, source, pose),
-            source,
-            errors,
-            allocations,
-            unreached,
-            label,
-            own,
-        )
+        return Plant(form, craft.signals, modes, said, source, unreached, own)
 
     def _discrete(self, form: ModalForm, craft: LinearCraft, step: float) -> ModalForm:
         """A step from `(A - 1)/h`, its input averaged where the integrator gives the
@@ -302,16 +292,6 @@ def _growing(form: ModalForm, step: float) -> list[str]:
             )
             said.append(Caution("turn-error", text))
     return said
-
-
-def _exact_plant(source: PlantSource, pose: Pose, omega: float) -> Plant:
-    """The plant with all modes of the appendages up to `omega` [rad/s]; a function of the module,
-    so that it pickles."""
-    craft, inputs, outputs, embedded, loaded = source
-    assert embedded is not None
-    true = exact_craft(embedded, craft.point, inputs, outputs, omega, pose, loaded=loaded)
-    kept = true.form().minimal()
-    return Plant(kept, craft.signals, kept.oscillators(true.mode_names))
 
 
 def _held_input(system: tuple[Array, Array, Array, Array]) -> tuple[Array, Array, Array, Array]:

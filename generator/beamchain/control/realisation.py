@@ -1,7 +1,7 @@
 """What `bc.plant` hands out: a `control.StateSpace` in modal form, with units, modal data,
 export and the exact plant."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from beamchain.checks import finite_array
 from beamchain.control.export import write_arrays
-from beamchain.control.source import PlantSource
+from beamchain.control.source import NO_EXACT, PlantSource
 from beamchain.control.state_space import StateSpace
 from beamchain.craft.modal_form import ModalForm
 from beamchain.engine.allocation import Allocated
@@ -20,11 +20,6 @@ from beamchain.engine.signals import control_names
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array, locked
 from beamchain.steps.step_map import TimeError
-
-NO_EXACT = (
-    "the model is only a file, which does not hold the modes that its chains leave out; "
-    "give what bc.embed returns."
-)
 
 
 class Plant(StateSpace):
@@ -42,15 +37,9 @@ class Plant(StateSpace):
         modes: names of the flexible modes that are kept,
             ascending in frequency at the operating point.
         warnings: what was left out.
-        timestep: [s]; None: continuous.
-        exact: makes the plant with all modes of the appendages up to a frequency;
-            or why there is none.
         source: what it was made of; None of a plant with all modes of the appendages.
-        errors: computes `time_error` and `sampled_error`; None: continuous.
-        allocations: what allocations among the inputs are in this pose, by name.
         unreached: names of the flexible modes that were taken out, since no input drives them or no
             output sees them.
-        pose: what its pose is called, joints in degrees or metres; empty where none was asked for.
         oscillators: the form in which each mode is two states; `form` where left out.
 
     Example:
@@ -76,9 +65,7 @@ class Plant(StateSpace):
     output_units: tuple[str, ...]
     modes: tuple[str, ...]
     warnings: tuple[str, ...]
-    allocations: Mapping[str, Allocated]
     unreached: tuple[str, ...]
-    pose: str
     source: PlantSource | None
 
     def __init__(
@@ -87,31 +74,23 @@ class Plant(StateSpace):
         signals: Sequence[Sequence[str]],
         modes: Sequence[str],
         warnings: Sequence[str] = (),
-        timestep: float | None = None,
-        exact: "Callable[[float], Plant] | str" = NO_EXACT,
         source: PlantSource | None = None,
-        errors: "Callable[[], tuple[TimeError, float | None]] | None" = None,
-        allocations: Mapping[str, Allocated] | None = None,
         unreached: Sequence[str] = (),
-        pose: str = "",
         oscillators: ModalForm | None = None,
     ) -> None:
         self.state_names, self.state_units = tuple(form.names), tuple(form.units)
         self.input_names, self.output_names = tuple(signals[0]), tuple(signals[1])
         self.input_units, self.output_units = tuple(signals[2]), tuple(signals[3])
         self.modes, self.warnings = tuple(modes), tuple(warnings)
-        self._exact, self.source = exact, source
+        self.source = source
         self._oscillators = oscillators or form
-        self._errors = errors
-        self.allocations = dict(allocations or {})
         self.unreached = tuple(unreached)
-        self.pose = pose
         super().__init__(
             form.a,
             form.b,
             form.c,
             form.d,
-            0 if timestep is None else timestep,
+            0 if source is None or source.step is None else source.step,
             name="plant",
             states=control_names(self.state_names),
             inputs=control_names(self.input_names),
@@ -130,6 +109,16 @@ class Plant(StateSpace):
             f"<Plant, {self.ninputs} inputs, {self.noutputs} outputs, {self.nstates} states, "
             f"{when}; modes: {few} rad/s>"
         )
+
+    @property
+    def allocations(self) -> Mapping[str, Allocated]:
+        """What allocations among the inputs are in this pose, by name."""
+        return {} if self.source is None else self.source.allocations
+
+    @property
+    def pose(self) -> str:
+        """What its pose is called, joints in degrees or metres; empty where none was asked for."""
+        return "" if self.source is None else self.source.label
 
     def _poles(self) -> NDArray[np.complex128]:
         """A pole `s` per flexible mode, the one above the real axis."""
@@ -180,7 +169,7 @@ class Plant(StateSpace):
 
     @cached_property
     def _at_step(self) -> "tuple[TimeError | None, float | None]":
-        return (None, None) if self._errors is None else self._errors()
+        return (None, None) if self.source is None else self.source.step_errors()
 
     @property
     def time_error(self) -> "TimeError | None":
@@ -206,9 +195,11 @@ class Plant(StateSpace):
 
     @one_thread()
     def _beyond(self, omega: float) -> "Plant":
-        if isinstance(self._exact, str):
-            raise InputError(f"exact: {self._exact}")
-        return self._exact(omega)
+        if self.source is None:
+            raise InputError(f"exact: {NO_EXACT}")
+        true = self.source.exact(omega)
+        kept = true.form().minimal()
+        return Plant(kept, self.source.craft.signals, kept.oscillators(true.mode_names))
 
     @one_thread()
     def truncation(self, omega: ArrayLike) -> Array:
