@@ -61,7 +61,7 @@ def roll(
         given = forces(first, min(first + piece, steps))[None]
         out = np.empty((1, given.shape[1], state.size))
         with quiet(), rollout_engine() as engine:
-            start = time.thread_time()
+            clock = time.thread_time()
             engine.rollout(
                 [model],
                 [data],
@@ -72,7 +72,7 @@ def roll(
                 nstep=given.shape[1],
                 state=out,
             )
-            seconds = time.thread_time() - start
+            seconds = time.thread_time() - clock
         if int(np.sum(data.warning.number)) > 0 or not np.all(np.isfinite(out[0, -1])):
             return
         yield out[0], seconds

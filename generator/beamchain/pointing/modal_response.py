@@ -77,7 +77,7 @@ class ModalResponse:
         through = np.outer(-np.expm1(-times / rise), self.form.d[:, 0])
         return self._by_name(states, through)
 
-    def _by_name(self, states: Sequence[Array | Complex], through: Any) -> Any:
+    def _by_name(self, states: Sequence[Any], through: Any) -> Any:
         """`(names, k, outputs)` what is seen of the states `(k, n)` of every block; what passes
         `through` `(k, outputs)` is of the rest."""
         out = np.zeros((len(self.names), *through.shape), dtype=through.dtype)

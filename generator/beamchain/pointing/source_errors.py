@@ -1,7 +1,7 @@
 """The pointing error that one source makes: a wheel over its speeds, a stepping drive, a random
 input, a thermal snap."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -134,8 +134,8 @@ def wheel_error(
     shares: list[dict[str, float]] = []
     for output, worst in enumerate(speed):
         lines = wheel_lines(whole, number, source, float(worst))
-        sizes = sum(_along(parts) for line in lines for parts in line.parts[:, output].T)
-        shares.append(_named_shares(lines[0].names, sizes))
+        sizes = [_along(parts) for line in lines for parts in line.parts[:, output].T]
+        shares.append(_named_shares(lines[0].names, np.sum(sizes, axis=0)))
     return SourceError(name, "wheel", ape, rpe, locked(speed), tuple(shares), curve)
 
 
@@ -176,7 +176,7 @@ def _along(parts: Complex) -> Array:
     return np.asarray(size, dtype=np.float64)
 
 
-def _named_shares(names: Sequence[str], shares: Array) -> dict[str, float]:
+def _named_shares(names: tuple[str, ...], shares: Array) -> dict[str, float]:
     """Shares by name, largest first; of nothing, none."""
     total = float(shares.sum())
     if not total:
@@ -236,7 +236,7 @@ def noise_error(
         mean_squares(response.parts(omega, signal) * size[None, :, None], omega, window)
         for signal in drive
     ]
-    variance, deviation, shares = (sum(each) for each in zip(*squares, strict=True))
+    variance, deviation, shares = (np.sum(each, axis=0) for each in zip(*squares, strict=True))
     ape, rpe = np.sqrt(variance), np.sqrt(deviation)
     return SourceError(
         name,
