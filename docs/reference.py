@@ -149,7 +149,7 @@ PARTS = {
         "steps.large_motion.LargeMotion",
     ),
     "Study": ("studies.pareto.Reach", "studies.run_time.Point", "studies.field.Entry"),
-    "Sweep": ("craft.quantities.Quantity",),
+    "Sweep": ("fitting.quantity.Quantity",),
     "UncertainPlant": (
         "robust.lft.Block",
         "robust.search.Loops",
