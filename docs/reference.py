@@ -152,8 +152,8 @@ PARTS = {
     "Sweep": ("fitting.quantity.Quantity",),
     "UncertainPlant": (
         "robust.lft.Block",
-        "robust.search.Loops",
-        "robust.search.Peak",
+        "robust.uncertain_loop.UncertainLoop",
+        "robust.uncertain_loop.Reach",
         "robust.least_margins.LeastMargin",
     ),
 }

@@ -9,6 +9,8 @@ from .control.controllers import read_controller as read_controller
 from .control.controllers import realise as realise
 from .control.controllers import signals_with as signals_with
 from .control.export import write_arrays as write_arrays
+from .control.feedback import Feedback as Feedback
+from .control.feedback import Given as Given
 from .control.feedback import Signals as Signals
 from .control.feedback import feedback as feedback
 from .control.margins import AT_ZERO as AT_ZERO

@@ -8,9 +8,8 @@ from beamchain.robust.bounds import _without_unknown as unknown_behind
 from beamchain.robust.bounds import frequencies as looked_at
 from beamchain.robust.delta_channels import channels as channels_of_craft
 from beamchain.robust.interval_loop import LocalLoop, delay_near, in_box, local_loop
-from beamchain.robust.least_margins import SampleLoops, smallness
-from beamchain.robust.least_margins import _beside as samples_beside
 from beamchain.robust.least_margins import figure as figure_of_sample
+from beamchain.robust.least_margins import smallness
 from beamchain.robust.multipliers import _between as between_ends
 from beamchain.robust.multipliers import _blocks as blocks_of_deltas
 from beamchain.robust.multipliers import _complex as from_real_symmetric
@@ -22,25 +21,23 @@ from beamchain.robust.multipliers import balanced as balanced_channels
 from beamchain.robust.multipliers import prove as proof_over
 from beamchain.robust.multipliers import solve_program, zero_crossings
 from beamchain.robust.plots import drawn_figure, plot_steps, plot_worst, worst_figure
-from beamchain.robust.search import Loops as LoopsOfSamples
-from beamchain.robust.search import _reaches as reaches_output
-from beamchain.robust.search import _stability_limit as stability_limit
-from beamchain.robust.search import ascent
-from beamchain.robust.search import search as worst_sample
+from beamchain.robust.search import Search, stability_limit
+from beamchain.robust.search import _beside as samples_beside
 from beamchain.robust.simulated_gain import SteppedController, simulated_gain
 from beamchain.robust.simulated_gain import _measure as measured_in_mujoco
 from beamchain.robust.simulated_gain import _plan as plan_of_run
 from beamchain.robust.simulated_gain import _whole as whole_count
 from beamchain.robust.tables import worst_margin_table, worst_table
-from beamchain.robust.uncertain_plant import _grid as frequencies_of_curves
-from beamchain.robust.uncertain_plant import _with_peak as with_frequency_of_peak
+from beamchain.robust.uncertain_loop import Figure, Reach, Sample, UncertainLoop, upper
 
 __all__ = [
+    "Figure",
     "LocalLoop",
-    "LoopsOfSamples",
-    "SampleLoops",
+    "Reach",
+    "Sample",
+    "Search",
     "SteppedController",
-    "ascent",
+    "UncertainLoop",
     "balanced_channels",
     "basis_of_hermitian",
     "between_ends",
@@ -50,7 +47,6 @@ __all__ = [
     "drawn_figure",
     "extended_multipliers",
     "figure_of_sample",
-    "frequencies_of_curves",
     "from_real_symmetric",
     "halves_of_box",
     "in_box",
@@ -65,7 +61,6 @@ __all__ = [
     "plot_worst",
     "positive_block",
     "proof_over",
-    "reaches_output",
     "real_symmetric",
     "samples_beside",
     "simulated_gain",
@@ -73,11 +68,10 @@ __all__ = [
     "solve_program",
     "stability_limit",
     "unknown_behind",
+    "upper",
     "whole_count",
-    "with_frequency_of_peak",
     "worst_figure",
     "worst_margin_table",
-    "worst_sample",
     "worst_table",
     "zero_crossings",
 ]

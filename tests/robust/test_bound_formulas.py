@@ -13,7 +13,7 @@ from beamchain.robust.multipliers import ComplexSystem, Multipliers
 from complex_systems import complex_system, gains_of, hermitian, value
 from robust_doors import (
     LocalLoop,
-    LoopsOfSamples,
+    UncertainLoop,
     extended_multipliers,
     halves_of_box,
     in_box,
@@ -52,7 +52,7 @@ def law(delays):
 
 
 def loops_of(delays, offset=0.0):
-    return LoopsOfSamples(
+    return UncertainLoop(
         PLANT, [0, 1], ["u", "v"], ["x", "y", "z"], law(delays), ("v", "x"), offset=offset
     )
 

@@ -10,22 +10,21 @@ from msgspec import structs
 
 import beamchain as bc
 from beamchain.robust.least_margins import LeastMargin, WorstMargins
-from beamchain.robust.search import Peak, Resonances
 from formulas import linear_craft
 from robust_doors import (
-    LoopsOfSamples,
-    SampleLoops,
+    Figure,
+    Reach,
+    Search,
     SteppedController,
-    ascent,
+    UncertainLoop,
     measured_in_mujoco,
     plan_of_run,
-    reaches_output,
     samples_beside,
     simulated_gain,
     stability_limit,
+    upper,
     whole_count,
     worst_margin_table,
-    worst_sample,
 )
 
 RANDOM = np.random.default_rng(33)
@@ -53,13 +52,13 @@ def value(system, s):
     return c @ np.linalg.solve(s * np.eye(len(a)) - a, b) + d
 
 
-def closed_at(deltas, w):
+def closed_at(deltas, w, delay=0.15):
     """S at the inputs, and the plant: u = -K y, the first loop from y to u."""
     m = value(PLANT, 1j * w)
     delta = np.diag(deltas[BLOCKS])
     g = m[4:, 4:] + m[4:, :4] @ delta @ np.linalg.solve(np.eye(4) - m[:4, :4] @ delta, m[:4, 4:])
     s = 1j * w
-    first = (0.3 * s + 0.5) / (0.1 * s + 1.0) * np.exp(-0.15 * s)
+    first = (0.3 * s + 0.5) / (0.1 * s + 1.0) * np.exp(-delay * s)
     k = np.array([[0.0, first], [0.4 / (0.2 * s + 1.0), 0.0]])
     return np.linalg.inv(np.eye(2) + k @ g), g
 
@@ -72,7 +71,7 @@ def slopes(function, deltas, size=1e-6):
 # -- gains of samples ------------------------------------------------------------------------------
 def test_gain_of_a_sample_of_deltas_that_repeat():
     """From v to x + 0.25: G S, and its slope."""
-    loops = LoopsOfSamples(PLANT, BLOCKS, ["u", "v"], ["x", "y"], LAW, ("v", "x"), offset=0.25)
+    loops = UncertainLoop(PLANT, BLOCKS, ["u", "v"], ["x", "y"], LAW, ("v", "x"), offset=0.25)
 
     def gain(deltas, w):
         s, g = closed_at(deltas, w)
@@ -80,30 +79,23 @@ def test_gain_of_a_sample_of_deltas_that_repeat():
 
     omega = np.array([0.3, 2.2, 5.0])
     assert loops.gain(DELTAS, omega) == pytest.approx([gain(DELTAS, w) for w in omega])
-    by_poles = loops._resonances(DELTAS)
-    assert by_poles.size(omega) == pytest.approx([gain(DELTAS, w) for w in omega])
+    of_n = loops.size(loops.exact(omega), DELTAS)
+    assert of_n == pytest.approx([gain(DELTAS, w) for w in omega])
     for w in omega:
         wanted = slopes(lambda at, w=w: np.log(gain(at, w)), DELTAS)
-        assert loops.slope(DELTAS, w) == pytest.approx(wanted, rel=1e-5, abs=1e-9)
-    grid = loops.frequencies(DELTAS)
-    assert np.all(np.diff(grid) > 0.0)
-    # from a hundredth of a tenth of the slowest nominal pole to twice the fastest
-    sizes = np.abs(loops.poles)
-    assert grid[0] == pytest.approx(1e-3 * sizes.min())
-    assert grid[1] == pytest.approx(0.1 * sizes.min())
-    assert np.isclose(grid, 2.0 * sizes.max(), rtol=1e-9).any()
+        assert loops.slope(0, DELTAS, w) == pytest.approx(wanted, rel=1e-5, abs=1e-9)
 
 
 def test_an_input_that_moves_nothing_has_no_worst_gain():
     still = PLANT[0], PLANT[1].copy(), PLANT[2], PLANT[3].copy()
     still[1][:, 5] = still[3][:, 5] = 0.0
-    LoopsOfSamples(still, BLOCKS, ["u", "v"], ["x", "y"], LAW, ("u", "x"))
+    UncertainLoop(still, BLOCKS, ["u", "v"], ["x", "y"], LAW, ("u", "x")).check_gain()
     with pytest.raises(bc.InputError, match="'v' does not move output 'x'"):
-        LoopsOfSamples(still, BLOCKS, ["u", "v"], ["x", "y"], LAW, ("v", "x"))
+        UncertainLoop(still, BLOCKS, ["u", "v"], ["x", "y"], LAW, ("v", "x")).check_gain()
     blind = *PLANT[:2], PLANT[2].copy(), PLANT[3].copy()
     blind[2][4] = blind[3][4] = 0.0
     with pytest.raises(bc.InputError, match="'u' does not move output 'x'"):
-        LoopsOfSamples(blind, BLOCKS, ["u", "v"], ["x", "y"], LAW, ("u", "x"))
+        UncertainLoop(blind, BLOCKS, ["u", "v"], ["x", "y"], LAW, ("u", "x")).check_gain()
 
 
 @pytest.mark.parametrize(("size", "kept"), [(1e-7, True), (1e-3, False)])
@@ -115,33 +107,27 @@ def test_an_undamped_motion_takes_part_where_it_is_more_than_rounding(size, kept
     b[:4], c[:, :4] = PLANT[1], PLANT[2]
     b[5, 5], c[4, 4] = size, size  # from v to x
     whole = a, b, c, PLANT[3]
+    loops = UncertainLoop(whole, BLOCKS, ["u", "v"], ["x", "y"], LAW, ("v", "x"))
     if kept:
-        loops = LoopsOfSamples(whole, BLOCKS, ["u", "v"], ["x", "y"], LAW, ("v", "x"))
+        loops.check_gain()
         assert np.abs(loops.poles - 3j).min() > 0.1
-        other = LoopsOfSamples(PLANT, BLOCKS, ["u", "v"], ["x", "y"], LAW, ("v", "x"))
-        assert loops.peak(DELTAS).gain == pytest.approx(other.peak(DELTAS).gain, rel=1e-6)
+        other = UncertainLoop(PLANT, BLOCKS, ["u", "v"], ["x", "y"], LAW, ("v", "x"))
+        assert loops.reach(DELTAS).sizes == pytest.approx(other.reach(DELTAS).sizes, rel=1e-6)
     else:
         with pytest.raises(bc.InputError, match="not stable"):
-            LoopsOfSamples(whole, BLOCKS, ["u", "v"], ["x", "y"], LAW, ("v", "x"))
-
-
-def test_a_gain_as_partial_fractions():
-    made = Resonances(np.array([-1.0 + 2j, -1.0 - 2j]), np.array([0.5j, -0.5j]), 0.3)
-    w = np.array([0.7, 3.0])
-    s = 1j * w
-    wanted = 0.5j / (s + 1.0 - 2j) - 0.5j / (s + 1.0 + 2j) + 0.3
-    assert made.size(w) == pytest.approx(np.abs(wanted))
+            loops.check_gain()
 
 
 @pytest.mark.parametrize("offset", [0.0, 0.25])
-def test_resonances_are_the_gain_without_dead_times(offset):
+def test_partial_fractions_are_the_gain_without_dead_times(offset):
     """From poles of the closed loop and what each adds; from v to x."""
     first, second = LAW.loop
     law = bc.spec.Controller(loop=(structs.replace(first, delay=0.0), second))
-    loops = LoopsOfSamples(PLANT, BLOCKS, ["u", "v"], ["x", "y"], law, ("v", "x"), offset=offset)
-    made = loops._resonances(DELTAS)
+    loops = UncertainLoop(PLANT, BLOCKS, ["u", "v"], ["x", "y"], law, ("v", "x"), offset=offset)
+    made = loops.sample(DELTAS)
     omega = np.geomspace(0.05, 30.0, 9)
-    assert made.size(omega) == pytest.approx(loops.gain(DELTAS, omega), rel=1e-9)
+    g_s = [np.matmul(*reversed(closed_at(DELTAS, w, 0.0))) for w in omega]
+    assert loops.gain(DELTAS, omega) == pytest.approx(np.abs(np.array(g_s)[:, 0, 1] + offset))
     assert made.poles.size == 6  # of two modes and two lags
     for pole in made.poles:  # where 1 + K G is singular
         m, delta = value(PLANT, pole), np.diag(DELTAS[BLOCKS])
@@ -156,25 +142,53 @@ def test_resonances_are_the_gain_without_dead_times(offset):
 def test_whether_an_input_reaches_an_output(through, wanted):
     """Two systems side by side, or one of them driven a little by the other's input."""
     a = np.diag([-1.0, -2.0])
-    b, c = (
-        np.array([[0.1, 1.0, through], [0.0, 0.0, 1.0]]),
-        np.array([[0.2, 0], [1.0, 0], [0, 1.0]]),
+    b = np.array([[0.1, 1.0, through], [0.0, 0.0, 1.0]])
+    c = 1e3 * np.array([[0.2, 0], [1.0, 0], [0, 1.0]])
+    law = bc.spec.Controller(
+        loop=(bc.spec.Loop(input="v", output="y", numerator=[1e-3], denominator=[1.0]),)
     )
-    whole = (a, b, 1e3 * c, np.zeros((3, 3)))
-    assert reaches_output(whole, np.array([0]), 2, 1) == wanted
+    made = UncertainLoop((a, b, c, np.zeros((3, 3))), [0], ["u", "v"], ["x", "y"], law, ("v", "x"))
+    if wanted:
+        made.check_gain()
+    else:
+        with pytest.raises(bc.InputError, match="does not move"):
+            made.check_gain()
+
+
+def test_a_sample_of_matrices_and_the_factors_of_its_slopes():
+    """F_u(M, Delta) = M_yu + M_yw Delta (1 - M_zw Delta)^-1 M_zu, by differences."""
+    m = RANDOM.normal(size=(5, 5)) + 1j * RANDOM.normal(size=(5, 5))
+
+    def closed(delta):
+        delta = np.diag(delta)
+        return m[3:, 3:] + m[3:, :3] @ delta @ np.linalg.solve(
+            np.eye(3) - m[:3, :3] @ delta, m[:3, 3:]
+        )
+
+    delta = np.array([0.2, 0.0, -0.3])
+    found, left, right = (part[0] for part in upper(m[None], delta))
+    np.testing.assert_allclose(found, closed(delta), rtol=1e-12)
+    wanted = slopes(closed, delta)
+    np.testing.assert_allclose(np.einsum("ec,cd->ced", left, right), wanted, rtol=1e-6, atol=1e-8)
 
 
 class Hill(SimpleNamespace):
-    """log gain = -(delta - top)^2 weighted, unstable beyond a sum of deltas."""
+    """log reach = -(delta - top)^2 weighted, unstable beyond a sum of deltas."""
 
-    def peak(self, deltas):
+    figures = (Figure(0),)
+
+    def reach(self, deltas):
         if deltas.sum() > self.end:
-            return Peak(np.inf, 10.0 * deltas.sum())
-        return Peak(float(np.exp(-(self.weight @ (deltas - self.top) ** 2))), 5.0)
+            return Reach(np.array([np.inf]), np.array([10.0 * deltas.sum()]))
+        size = np.exp(-(self.weight @ (deltas - self.top) ** 2))
+        return Reach(np.array([size]), np.array([5.0]))
 
-    def slope(self, deltas, omega):
-        assert omega == 5.0
+    def slope(self, figure, deltas, omega):
+        assert (figure, omega) == (0, 5.0)
         return -2.0 * self.weight * (deltas - self.top)
+
+    def corners(self):
+        return []
 
 
 def hill(top, end=np.inf):
@@ -182,82 +196,84 @@ def hill(top, end=np.inf):
 
 
 def test_a_search_climbs_to_a_top_inside_and_to_a_corner():
-    tried = ascent(hill((0.3, -0.4)), np.zeros(2))
-    best = max(tried, key=lambda one: one.peak.gain)
-    np.testing.assert_allclose(best.deltas, [0.3, -0.4], atol=1e-4)
-    outside = ascent(hill((2.0, -3.0)), np.zeros(2))
-    assert outside[-1].deltas.tolist() == [1.0, -1.0]
-    assert all(np.abs(one.deltas).max() <= 1.0 for one in outside)
-    deltas, peak, peaks = worst_sample(hill((0.3, -0.4)), np.array([[0.9, 0.9], [-1.0, 0.2]]))
-    np.testing.assert_allclose(deltas, [0.3, -0.4], atol=1e-4)
-    assert peak.gain == pytest.approx(1.0)
-    wanted = [np.exp(-(0.36 + 3.0 * 1.69)), np.exp(-(1.69 + 3.0 * 0.36))]
-    assert [one.gain for one in peaks] == pytest.approx(wanted)
+    search = Search(hill((0.3, -0.4)))
+    search.run([np.array([0.9, 0.9]), np.array([-1.0, 0.2])])
+    np.testing.assert_allclose(search.worst(0), [0.3, -0.4], atol=1e-4)
+    assert search.sizes == pytest.approx([1.0])
+    assert search.stable
+    outside = Search(hill((2.0, -3.0)))
+    outside.climb(0, np.zeros(2))
+    assert outside.tried[-1].tolist() == [1.0, -1.0]
+    assert all(np.abs(one).max() <= 1.0 for one in outside.tried)
 
 
-@pytest.mark.parametrize(("count", "corners"), [(2, 4), (9, 32)])
-def test_a_search_tries_samples_corners_and_the_nominal_values(count, corners, monkeypatch):
-    """All corners of few ranges, 32 of many, ends at 1 and -1; nothing is worse than unstable."""
-    tried = []
-
-    def peak(deltas):
-        tried.append(deltas)
-        return Peak(np.inf, 1.0) if len(tried) == 1 else Peak(1.0, 1.0)
-
-    loops = SimpleNamespace(peak=peak)
-    samples = np.linspace(0.1, 0.8, 2 * count).reshape(2, count)
-    limit = Peak(5.0, 2.0)
-    monkeypatch.setattr("beamchain.robust.search._stability_limit", lambda *_: limit)
-    deltas, found, peaks = worst_sample(loops, samples, 3)
-    assert found is limit
-    assert np.array_equal(deltas, samples[0])
-    assert [one.gain for one in peaks] == [np.inf, 1.0]
-    assert np.array_equal(tried[:2], samples)
-    assert len(tried) == 2 + corners + 1
-    assert set(np.ravel(tried[2:-1])) == {-1.0, 1.0}
-    assert not tried[-1].any()
+def test_a_search_ends_in_the_corner_to_which_small_slopes_point():
+    slope = np.array([-0.05, 0.05])
+    loop = SimpleNamespace(
+        figures=(Figure(0),),
+        reach=lambda deltas: Reach(np.array([np.exp(slope @ deltas)]), np.ones(1)),
+        slope=lambda *_: slope,
+    )
+    search = Search(loop)
+    search.climb(0, np.array([0.3, -0.2]))
+    assert search.worst(0).tolist() == [-1.0, 1.0]
+    assert search.sizes == pytest.approx([np.exp(0.1)])
 
 
-def test_a_search_climbs_from_the_four_worst_of_what_it_tried(monkeypatch):
-    started = []
+def test_every_point_counts_for_every_figure_and_none_is_tried_twice():
+    """Two figures whose tops lie apart; what was tried for one is the start of the other."""
+    tops, asked, told = np.array([[0.3, -0.4], [-0.5, 0.6]]), [], []
 
-    def ascent_from(loops, start):
-        started.append(start.tolist())
-        return []
+    def reach(deltas):
+        asked.append(deltas.tobytes())
+        return Reach(np.exp(-((deltas - tops) ** 2).sum(axis=1)), np.array([1.0, 2.0]))
 
-    monkeypatch.setattr("beamchain.robust.search.ascent", ascent_from)
-    loops = SimpleNamespace(peak=lambda deltas: Peak(float(3.0 + deltas[0]), 1.0))
-    samples = np.array([[0.2], [0.9], [-0.5], [0.4], [0.7]])
-    worst_sample(loops, samples)
-    assert len(started) == 4
-    drawn = [row for row in started if abs(row[0]) < 1.0]  # the two corners may be any
-    assert drawn == [[0.9], [0.7], [0.4], [0.2]][: len(drawn)]
-    assert len(drawn) >= 2
+    loop = SimpleNamespace(
+        figures=(Figure(0), Figure(1)),
+        reach=reach,
+        slope=lambda figure, deltas, omega: 2.0 * (tops[int(omega) - 1] - deltas),
+        corners=lambda: [np.ones(2)],
+    )
+    search = Search(loop, told.append)
+    search.run([np.zeros(2), np.array([-0.5, 0.59])])
+    assert search.tried[1].tolist() == [-0.5, 0.59]
+    assert len(set(asked)) == len(asked) == len(search.tried)
+    np.testing.assert_allclose(search.found(), tops, atol=1e-3)  # 1e-6 of what they reach
+    assert told[-1] == f"{len(asked)} samples"
+
+
+def test_of_samples_that_reach_as_far_the_first_is_kept():
+    sizes = iter([[1.0, 0.2], [1.0 + 1e-9, 0.9], [0.5, 0.9]])
+    loop = SimpleNamespace(reach=lambda _: Reach(np.array(next(sizes)), np.ones(2)))
+    search = Search(loop)
+    for value in (0.0, 0.1, 0.2):
+        search.reach(np.array([value]))
+    assert [deltas.tolist() for deltas in search.found()] == [[0.0], [0.1]]
 
 
 def test_an_unstable_sample_ends_a_search_where_stability_does():
-    loops = hill((0.9, 0.9), end=0.7)
-    assert not ascent(loops, np.zeros(2))[-1].peak.stable
-    deltas, peak, _ = worst_sample(loops, np.array([[0.0, 0.0]]))
-    assert deltas.sum() > 0.7
-    assert peak.omega == pytest.approx(7.0)
-    limit = stability_limit(loops, SimpleNamespace(deltas=np.ones(2), peak=Peak(np.inf, 20.0)))
-    assert limit.omega == pytest.approx(7.0, abs=1e-7)
-    assert not limit.stable
+    search = Search(hill((0.9, 0.9), end=0.7))
+    search.run([np.zeros(2)])
+    assert not search.stable
+    assert search.worst(0).sum() > 0.7
+    unstable = hill((0.9, 0.9), end=0.7)
+    assert stability_limit(unstable, np.ones(2)) == pytest.approx(7.0, abs=1e-7)
+    early = Search(unstable)
+    early.run([np.ones(2), np.zeros(2)])
+    assert len(early.tried) == 1
 
 
 # -- margins of samples ----------------------------------------------------------------------------
 def sample_loops():
-    return SampleLoops(PLANT, BLOCKS, ["u", "v"], ["x", "y"], LAW)
+    return UncertainLoop(PLANT, BLOCKS, ["u", "v"], ["x", "y"], LAW)
 
 
 def test_the_middle_of_s_and_minus_t_of_a_sample_and_its_slopes():
     """E = S - 1/2; dE / d(delta_c) is a column times a row."""
     made = sample_loops()
     omega = np.array([0.7, 3.0])
-    m, law = made._responses(omega)
     deltas = np.array([DELTAS, -0.4 * DELTAS])
-    e, left, right = made._middles(m, law, deltas)
+    e, left, right = made._middles(made._factors_at(omega), deltas)
     for k, w in enumerate(omega):
         np.testing.assert_allclose(e[k], closed_at(deltas[k], w)[0] - np.eye(2) / 2.0, rtol=1e-9)
         wanted = slopes(lambda at, w=w: closed_at(at, w)[0], deltas[k])
@@ -270,16 +286,15 @@ def test_the_middle_of_s_and_minus_t_of_a_sample_and_its_slopes():
 def test_figures_of_every_input_and_of_all():
     made = sample_loops()
     assert made.names == ["u", "v"]
-    kinds = ("disk", "gain up, factor", "gain down, factor", "phase")
-    singles = [(at, kind) for at in ("u", "v") for kind in kinds]
-    assert list(made.figures) == [*singles, ("all loops at once", "disk")]
-    assert made.rows[:2] == [("u", "disk"), ("v", "disk")]
-    assert made.rows[-1] == ("all loops at once", "disk")
-    assert sorted(made.rows) == sorted(made.figures)
+    singles = [(port, ray) for port in (0, 1) for ray in (None, 1.0, -1.0, 1j)]
+    assert list(made.figures) == [*singles, (None, None)]
+    assert Figure(0, 1j).directions == (1j, -1j)
+    assert Figure(0, -1.0).directions == (-1.0,)
 
 
 def test_the_disk_of_an_input_is_the_peak_of_its_middle():
-    loops = sample_loops().disk("v")
+    ends = "v", "total of v"
+    loops = UncertainLoop(PLANT, BLOCKS, ["u", "v"], ["x", "y"], LAW, ends, offset=-0.5)
     omega = np.array([0.5, 2.0])
     wanted = [abs(closed_at(DELTAS, w)[0][1, 1] - 0.5) for w in omega]
     assert loops.gain(DELTAS, omega) == pytest.approx(wanted)
@@ -288,7 +303,7 @@ def test_the_disk_of_an_input_is_the_peak_of_its_middle():
 def test_how_far_a_locus_reaches_along_each_ray():
     """One input: straight lines between points."""
     law = bc.spec.Controller(loop=LAW.loop[:1])
-    made = SampleLoops(PLANT, BLOCKS, ["u", "v"], ["x", "y"], law)
+    made = UncertainLoop(PLANT, BLOCKS, ["u", "v"], ["x", "y"], law)
     points = np.array([0.1 + 0.3j, 0.9 - 0.1j, -0.6 - 0.5j, -0.5 + 0.3j, -0.1 + 0.7j, 0.2 + 0.2j])
     sizes, at = made._farthest(points[:, None, None])
     # right between the first two, left between the third and fourth; up and down at 0.34 and more
@@ -329,7 +344,7 @@ def test_a_direct_loop_reaches_farthest_at_infinite_frequency():
             for u, y, gain in (("u", "x", -0.9), ("v", "y", -0.7))
         )
     )
-    made = SampleLoops(plant, BLOCKS, ["u", "v"], ["x", "y"], law)
+    made = UncertainLoop(plant, BLOCKS, ["u", "v"], ["x", "y"], law)
 
     def middle(m):
         delta = np.diag(DELTAS[BLOCKS])
@@ -341,7 +356,7 @@ def test_a_direct_loop_reaches_farthest_at_infinite_frequency():
     top = np.max(grid, axis=0)
     assert (top > end * (1.0 + 1e-9)).tolist() == [True, False]
     sizes, omega = made.reach(DELTAS)
-    disks = [made.figures.index((at, "disk")) for at in ("u", "v")]
+    disks = [made.figures.index(Figure(port)) for port in (0, 1)]
     assert sizes[disks] == pytest.approx([top[0], end[1]], rel=1e-3)
     assert sizes[disks[1]] == pytest.approx(end[1], rel=1e-9)
     assert np.isinf(omega[disks]).tolist() == [False, True]
@@ -372,13 +387,14 @@ def test_slopes_of_a_reach_are_those_of_its_logarithm():
 def test_corners_to_which_slopes_point():
     """Every corner is tried whose middle reaches farther than its neighbours, in any direction."""
     made = sample_loops()
-    found = made._corners()
+    found = made.corners()
     assert found
     # or the middle, from which they start
     assert all(np.all(np.abs(corner) == np.abs(corner[0])) for corner in found)
     assert len({corner.tobytes() for corner in found}) == len(found)
-    worst = made.search([np.zeros(3)])
-    best = np.max([made.reach(deltas).sizes for deltas in worst], axis=0)
+    search = Search(made)
+    search.run([np.zeros(3)])
+    best = np.max([made.reach(deltas).sizes for deltas in search.found()], axis=0)
     sides = [-1.0, 1.0]
     for corner in np.array([[a, b, c] for a in sides for b in sides for c in sides]):
         assert np.all(made.reach(corner).sizes <= best * (1.0 + 2e-3))
@@ -386,8 +402,8 @@ def test_corners_to_which_slopes_point():
 
 def test_one_turn_of_slopes_goes_to_the_corner_that_reaches_farther(monkeypatch):
     """By differences, at every frequency and along every ray: tops above 1/2 are tried."""
-    monkeypatch.setattr("beamchain.robust.least_margins.TURNS", 2)
-    monkeypatch.setattr("beamchain.robust.least_margins.SPARSE", (5, np.zeros(1)))
+    monkeypatch.setattr("beamchain.robust.uncertain_loop.TURNS", 2)
+    monkeypatch.setattr("beamchain.robust.uncertain_loop.SMOOTH", (5, np.zeros(1)))
     made = sample_loops()
     omega = made.closed(np.zeros(3)).frequencies(5, np.zeros(1))
     middles, steep = [], []
@@ -413,7 +429,7 @@ def test_one_turn_of_slopes_goes_to_the_corner_that_reaches_farther(monkeypatch)
         for k, far in enumerate(farthest):
             if far >= ends[k] and far >= ends[k + 2] and far > 0.5:
                 wanted.add(best[k])
-    assert {tuple(corner) for corner in made._corners()} == wanted
+    assert {tuple(corner) for corner in made.corners()} == wanted
     assert len(wanted) > 1
 
 
@@ -422,23 +438,25 @@ def test_corners_of_every_direction_are_those_of_its_slopes(monkeypatch):
     direction has the signs of the slopes along it."""
     middles = np.array([0.5, 2.0 - 3.0j, 0.4])
     slopes_there = np.array([0.3 + 0.1j, 0.05 - 0.4j])
-    made = SampleLoops.__new__(SampleLoops)
-    made._count, made._of, made.names = 2, np.array([0, 1, 1]), ("u",)
+    made = UncertainLoop.__new__(UncertainLoop)
+    made.count, made.blocks, made.offset = 2, np.array([0, 1, 1]), -0.5
+    made.figures = tuple(Figure(0, ray) for ray in (None, 1.0, -1.0, 1j))
     still = SimpleNamespace(frequencies=lambda *_: np.array([1.0, 2.0, 3.0]))
     monkeypatch.setattr(made, "closed", lambda deltas: still, raising=False)
-    monkeypatch.setattr(made, "_responses", lambda omega: (None, None), raising=False)
+    every = SimpleNamespace(shifts=1, at=np.arange(3), some=lambda at: SimpleNamespace(at=at))
+    monkeypatch.setattr(made, "_factors_at", lambda *_: every, raising=False)
 
-    def affine(m, law, deltas):
-        e = middles + deltas @ slopes_there
+    def affine(responses, deltas):
+        e = middles[responses.at] + deltas @ slopes_there
         left = np.array([[0.2 + 0.5j, 1.3 - 0.2j, 0.4 + 0.1j]])
         of_channels = np.array([slopes_there[0], 0.4 * slopes_there[1], 0.6 * slopes_there[1]])
         right = (of_channels / left[0])[:, None]
-        whole = np.ones((3, 1, 1))
+        whole = np.ones((e.size, 1, 1))
         return e[:, None, None], whole * left, whole * right
 
     monkeypatch.setattr(made, "_middles", affine, raising=False)
     # the size, and the real axis: towards 2 - 3j, then 1; -1j; -1 and 1j lead away from 1/2
-    assert {tuple(corner) for corner in made._corners()} == {(1.0, 1.0), (-1.0, 1.0)}
+    assert {tuple(corner) for corner in made.corners()} == {(1.0, 1.0), (-1.0, 1.0)}
 
 
 def margin(at, kind, worst):
@@ -628,8 +646,8 @@ def test_a_phase_that_may_rise_is_looked_for_on_the_negative_imaginary_axis():
     law = bc.spec.Controller(
         loop=(bc.spec.Loop(input="u", output="y", numerator=[4.0], denominator=[1.0]),)
     )
-    made = SampleLoops(plant, [], ["u"], ["y"], law)
+    made = UncertainLoop(plant, [], ["u"], ["y"], law)
     found = made.reach(np.zeros(0))
-    at = made.figures.index(("u", "phase"))
+    at = made.figures.index(Figure(0, 1j))
     assert found.sizes[at] == pytest.approx(np.sqrt(3.0) / 2.0, rel=1e-3)
     assert found.omega[at] == pytest.approx(1.0 / np.sqrt(3.0), rel=1e-2)

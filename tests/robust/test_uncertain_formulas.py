@@ -14,10 +14,9 @@ from beamchain.craft.modal_form import ModalForm
 from beamchain.engine.normal_modes import NormalModes
 from beamchain.robust.least_margins import ALL, LeastMargin, WorstMargins
 from beamchain.robust.lft import Lft
-from beamchain.robust.search import Peak, Resonances
-from beamchain.robust.uncertain_plant import Search, UncertainPlant
+from beamchain.robust.uncertain_plant import UncertainPlant
 from formulas import follow_modes, power_sum, structured_bound
-from robust_doors import frequencies_of_curves, with_frequency_of_peak
+from robust_doors import Reach
 
 
 # -- deltas and values -----------------------------------------------------------------------------
@@ -33,16 +32,17 @@ def uncertain(of=UncertainPlant):
     made._group = np.array([0, 1, 0])
     made._of = np.array([0, 2, 2, 1])
     made.blocks = (made._block(0), made._block(1))
+    made.found = []
     return made
 
 
 def test_the_bound_of_a_search_is_asked_for_in_its_time():
     made, asked = uncertain(), []
-    made._search = lambda *given: asked.append(given) or "search"
-    made._bound = lambda found, seconds: (f"bound of {found} in {seconds} s", None, None)
+    made._gain_search = lambda *given: asked.append(given) or "search"
+    made._bound = lambda found, grid, seconds: f"bound of {found} at {grid} in {seconds} s"
     found = made.bound("law", "in", "out", [1.0], samples=7, seed=5, seconds=3.0)
-    assert found == "bound of search in 3.0 s"
-    assert asked == [("law", "in", "out", [1.0], 7, 5, 3.0)]
+    assert found == "bound of search at [1.] in 3.0 s"
+    assert asked == [("law", "in", "out", 7, 5)]
 
 
 def test_values_of_deltas_and_deltas_of_values():
@@ -66,25 +66,27 @@ def test_a_bound_is_close_at_the_worst_sample_the_nominal_one_and_corners(
     stable, gain, climbed, monkeypatch
 ):
     """Where its programs find a worse sample than the search, that is where to climb from."""
-    better = SimpleNamespace(deltas=np.array([0.7, 0.8]), peak=Peak(2.2, 3.0))
-    asked = []
+    asked, climbs = [], []
 
     def bounder(loops, blocks, samples, omega, seconds):
         asked.append((loops, samples, omega, seconds))
         return SimpleNamespace(bound=lambda: "bound", best=(np.array([0.5, 0.6]), gain))
 
     monkeypatch.setattr("beamchain.robust.uncertain_plant.Bounder", bounder)
-    monkeypatch.setattr("beamchain.robust.uncertain_plant.climb", lambda _, start: better)
     monkeypatch.setattr("beamchain.robust.uncertain_plant.frequencies", lambda _, grid: 2.0 * grid)
-    worst = Peak(2.0 if stable else np.inf, 4.0)
-    found = Search("loops", ("u", "y"), np.array([0.3, -0.4]), worst, [], np.array([1.0, 2.0]))
-    bound, deltas, peak = uncertain()._bound(found, 9.0)
+    search = SimpleNamespace(
+        loop=SimpleNamespace(controller=bc.spec.Controller(loop=())),
+        worst=lambda _: np.array([0.3, -0.4]),
+        sizes=np.array([2.0]),
+        stable=stable,
+        climb=lambda figure, start: climbs.append((figure, start.tolist())),
+    )
+    assert uncertain()._bound(search, np.array([1.0, 2.0]), 9.0) == "bound"
     ((loops, samples, omega, seconds),) = asked
-    assert (bound, loops, omega.tolist(), seconds) == ("bound", "loops", [2.0, 4.0], 9.0)
+    assert (loops, omega.tolist(), seconds) == (search.loop, [2.0, 4.0], 9.0)
     assert samples[:2].tolist() == [[0.3, -0.4], [0.0, 0.0]]
     assert set(samples[2:].ravel()) == {-1.0, 1.0}
-    assert deltas is (better.deltas if climbed else found.deltas)
-    assert peak is (better.peak if climbed else worst)
+    assert climbs == ([(0, [0.5, 0.6])] if climbed else [])
 
 
 def test_a_file_holds_the_plant_with_its_blocks(tmp_path):
@@ -200,29 +202,26 @@ def test_deltas_are_between_minus_one_and_one(deltas, kept):
 
 
 # -- frequencies of curves -------------------------------------------------------------------------
-def test_curves_hold_the_worst_frequency_unless_the_loop_drifts():
-    omega = np.array([1.0, 3.0])
-    assert with_frequency_of_peak(omega, Peak(2.0, 2.0)).tolist() == [1.0, 2.0, 3.0]
-    assert with_frequency_of_peak(omega, Peak(np.inf, 0.0)).tolist() == [1.0, 3.0]
-    unstable = frequencies_of_curves(None, Peak(np.inf, 4.0), [], [])
-    assert (unstable[0], unstable[-1], unstable.size) == (2.0, 8.0, 301)
-    assert 4.0 in unstable
-
-
 def test_curves_draw_together_about_light_resonances():
     poles = np.array([-0.2 + 4.0j, -0.2 - 4.0j, -3.0 + 3.0j, -8.0])
-    loops = SimpleNamespace(_resonances=lambda _: Resonances(poles, poles, 0.0))
-    found = frequencies_of_curves(loops, Peak(2.0, 5.0), [np.zeros(1)], [Peak(1.0, 0.3)])
-    for offset in np.sinh(np.linspace(-3.0, 3.0, 13)):
-        w = 4.0 + 0.2 * offset
-        if found[0] < w < found[-1]:
-            assert np.abs(found - w).min() < 1e-9
+    near = np.array([0.05, 3.9, 4.0, 4.1, 90.0])
+    closed = SimpleNamespace(eigenvalues=poles, to_s=lambda s: s, frequencies=lambda *_: near)
+
+    def curves(worst, *omega):
+        reaches = [Reach(np.ones(1), np.array([w])) for w in (*omega, worst)]
+        search = SimpleNamespace(
+            loop=SimpleNamespace(closed=lambda _: closed),
+            tried=range(len(reaches)),
+            reach=lambda k: reaches[k],
+            worst=lambda _: len(reaches) - 1,
+        )
+        return uncertain()._curves(search)
+
     # from 0.3 of the lowest peak to 1.5 of the highest resonance or the worst one
-    assert (found[0], found[-1]) == pytest.approx((0.09, 7.5))
-    assert 5.0 in found
-    lower = frequencies_of_curves(loops, Peak(2.0, 0.2), [np.zeros(1)], [Peak(1.0, 0.3)])
+    found = curves(5.0, 0.3)
+    assert found == pytest.approx([0.09, 3.9, 4.0, 4.1, 7.5])
+    lower = curves(0.2, 0.3)
     assert (lower[0], lower[-1]) == pytest.approx((0.06, 1.5 * np.hypot(0.2, 4.0)))
-    assert np.all(np.diff(found) > 0.0)
 
 
 # -- poses -----------------------------------------------------------------------------------------

@@ -401,11 +401,10 @@ def test_printed_values_may_be_typed_back(small):
     assert f"{low:.9g} to {high:.9g}" in str(told.value)
 
 
-def test_a_sampled_controller_is_sent_to_samples(small):
-    """The answer names the way, and does not print the controller."""
-    law = {("torque_z", "attitude_z"): control.tf([1.0], [1.0, 0.5], 0.1)}
-    for ask in (small.worst_margins, small.worst_case):
-        with pytest.raises(bc.InputError, match=r"uncertain\.sample") as told:
-            ask(law)
-        assert str(told.value).startswith("controller is a dict")
-        assert "TransferFunction" not in str(told.value)
+def test_a_sampled_controller_has_no_bound(small):
+    law = {
+        (f"torque_{axis}", f"attitude_{axis}"): control.tf([20.0, -19.5], [1.0, -0.2], 0.1)
+        for axis in "xyz"
+    }
+    with pytest.raises(bc.InputError, match="bounds take continuous loops"):
+        small.bound(law, samples=0)

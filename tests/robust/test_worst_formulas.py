@@ -6,22 +6,20 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure as Picture
 
 import beamchain as bc
 from beamchain.robust.least_margins import Extremum
-from beamchain.robust.search import Peak
 from beamchain.robust.uncertain_plant import UncertainPlant
 from formulas import balanced_bounds, structured_bound
 from robust_doors import (
-    LoopsOfSamples,
-    SampleLoops,
-    ascent,
+    Figure,
+    Search,
+    UncertainLoop,
     drawn_figure,
     plot_steps,
     plot_worst,
     worst_figure,
-    worst_sample,
     worst_table,
 )
 
@@ -67,7 +65,7 @@ def middle_at(deltas, omega):
 
 
 def loops():
-    return LoopsOfSamples(SYSTEM, [0, 1], ["torque"], ["angle"], CONTROLLER, ("torque", "angle"))
+    return UncertainLoop(SYSTEM, [0, 1], ["torque"], ["angle"], CONTROLLER, ("torque", "angle"))
 
 
 def quotient(function, deltas, k, size=1e-6):
@@ -79,16 +77,16 @@ def test_gain_of_a_sample_its_slopes_and_its_peak():
     made, omega = loops(), np.array([0.5, 3.0, 9.0])
     assert made.gain(DELTAS, omega) == pytest.approx(np.abs(closed_at(DELTAS, omega)), rel=1e-9)
     for w in omega:
-        slope = made.slope(DELTAS, w)
+        slope = made.slope(0, DELTAS, w)
         for k in range(2):
             wanted = quotient(lambda at, w=w: np.log(np.abs(closed_at(at, w))), DELTAS, k)
             assert slope[k] == pytest.approx(wanted, rel=1e-6)
     fine = np.linspace(0.1, 8.0, 100_001)
     sizes = np.abs(closed_at(DELTAS, fine))
-    found = made.peak(DELTAS)
+    found = made.reach(DELTAS)
     assert found.stable
-    assert found.gain == pytest.approx(sizes.max(), rel=1e-6)
-    assert found.omega == pytest.approx(fine[sizes.argmax()], abs=1e-2)
+    assert found.sizes == pytest.approx([sizes.max()], rel=1e-6)
+    assert found.omega == pytest.approx([fine[sizes.argmax()]], abs=1e-2)
 
 
 def test_a_gain_without_resonance_is_largest_at_rest():
@@ -97,8 +95,8 @@ def test_a_gain_without_resonance_is_largest_at_rest():
     law = bc.spec.Controller(
         loop=(bc.spec.Loop(input="u", output="y", numerator=[3.0], denominator=[1.0]),)
     )
-    found = LoopsOfSamples(plant, [], ["u"], ["y"], law, ("u", "y")).peak(np.zeros(0))
-    assert found.gain == pytest.approx(0.2, rel=1e-5)
+    found = UncertainLoop(plant, [], ["u"], ["y"], law, ("u", "y")).reach(np.zeros(0))
+    assert found.sizes == pytest.approx([0.2], rel=1e-5)
     assert found.omega < 0.02
 
 
@@ -106,10 +104,10 @@ def test_the_worst_sample_is_the_worst_of_a_grid():
     fine = np.linspace(0.1, 8.0, 4001)
     sides = np.linspace(-1.0, 1.0, 9)
     every = {at: np.abs(closed_at(np.array(at), fine)).max() for at in product(sides, sides)}
-    deltas, peak, peaks = worst_sample(loops(), np.array([DELTAS, np.zeros(2)]))
-    assert peak.gain == pytest.approx(max(every.values()), rel=1e-5)
-    assert tuple(deltas) == pytest.approx(max(every, key=every.get))
-    assert len(peaks) == 2
+    search = Search(loops())
+    search.run([DELTAS, np.zeros(2)])
+    assert search.sizes == pytest.approx([max(every.values())], rel=1e-5)
+    assert tuple(search.worst(0)) == pytest.approx(max(every, key=every.get))
 
 
 def test_a_start_is_felt_for_as_long_as_the_slowest_pole_needs():
@@ -119,7 +117,7 @@ def test_a_start_is_felt_for_as_long_as_the_slowest_pole_needs():
             bc.spec.Loop(input="torque", output="angle", numerator=[D, P], denominator=[0.05, 1.0]),
         )
     )
-    made = LoopsOfSamples(SYSTEM, [0, 1], ["torque"], ["angle"], without, ("torque", "angle"))
+    made = UncertainLoop(SYSTEM, [0, 1], ["torque"], ["angle"], without, ("torque", "angle"))
     k, d = SPRING * (1.0 + SOFTER * DELTAS[0]), DAMPER * (1.0 + WEAKER * DELTAS[1])
     top = np.poly1d([0.05, 1.0])
     bottom = np.poly1d([MASS, d, k]) * top + np.poly1d([D, P])
@@ -133,7 +131,7 @@ def test_a_start_is_felt_for_as_long_as_the_slowest_pole_needs():
 
 
 def test_margins_of_a_sample_reach_as_far_as_the_sensitivity_does():
-    made = SampleLoops(SYSTEM, [0, 1], ["torque"], ["angle"], CONTROLLER)
+    made = UncertainLoop(SYSTEM, [0, 1], ["torque"], ["angle"], CONTROLLER)
     fine = np.geomspace(0.05, 500.0, 400_001)
     e = middle_at(DELTAS, fine)
 
@@ -142,15 +140,15 @@ def test_margins_of_a_sample_reach_as_far_as_the_sensitivity_does():
         return turned[at].real
 
     wanted = {
-        "disk": np.abs(e).max(),
-        "gain up, factor": crossings(e).max(),
-        "gain down, factor": crossings(-e).max(),
-        "phase": np.abs(crossings(e / 1j)).max(),
+        None: np.abs(e).max(),
+        1.0: crossings(e).max(),
+        -1.0: crossings(-e).max(),
+        1j: np.abs(crossings(e / 1j)).max(),
     }
     sizes, omega = made.reach(DELTAS)
-    for (at, kind), size in zip(made.figures, sizes, strict=True):
-        assert at == "torque"
-        assert size == pytest.approx(max(wanted[kind], 0.0), rel=1e-3, abs=1e-6), kind
+    for (port, ray), size in zip(made.figures, sizes, strict=True):
+        assert port == 0
+        assert size == pytest.approx(max(wanted[ray], 0.0), rel=1e-3, abs=1e-6), ray
     for figure in range(len(made.figures)):
         if not np.isfinite(omega[figure]) or sizes[figure] < 0.1:
             continue
@@ -182,12 +180,12 @@ def test_a_large_phase_margin_has_the_slope_of_a_small_reach(plant, cosine, omeg
     law = bc.spec.Controller(
         loop=(bc.spec.Loop(input="u", output="y", numerator=[1.02], denominator=[1.0]),)
     )
-    made = SampleLoops(plant, [0], ["u"], ["y"], law)
+    made = UncertainLoop(plant, [0], ["u"], ["y"], law)
 
     def reach(delta):
         return np.tan(np.arccos(cosine(delta)) / 2.0) / 2.0
 
-    at = made.figures.index(("u", "phase"))
+    at = made.figures.index(Figure(0, 1j))
     assert reach(0.0) < 0.1
     assert made.reach(np.zeros(1)).sizes[at] == pytest.approx(reach(0.0), rel=1e-3)
     wanted = (np.log(reach(1e-6)) - np.log(reach(-1e-6))) / 2e-6
@@ -200,20 +198,13 @@ def test_of_unstable_samples_one_is_found():
     law = bc.spec.Controller(
         loop=(bc.spec.Loop(input="u", output="y", numerator=[1.0], denominator=[1.0]),)
     )
-    made = SampleLoops(plant, [0], ["u"], ["y"], law)
-    (found,) = made.search([np.zeros(1), np.array([0.4]), np.array([0.6])])
+    made = UncertainLoop(plant, [0], ["u"], ["y"], law)
+    search = Search(made)
+    search.run([np.zeros(1), np.array([0.4]), np.array([0.6])])
+    assert not search.stable
+    (found,) = search.found()
     assert found[0] > 0.5
     assert not made.margins(found).stable
-
-
-def test_a_search_ends_in_the_corner_to_which_small_slopes_point():
-    slope = np.array([-0.05, 0.05])
-    gain = SimpleNamespace(
-        peak=lambda deltas: Peak(float(np.exp(slope @ deltas)), 1.0), slope=lambda *_: slope
-    )
-    tried = ascent(gain, np.array([0.3, -0.2]))
-    assert tried[-1].deltas.tolist() == [-1.0, 1.0]
-    assert tried[-1].peak.gain == pytest.approx(np.exp(0.1))
 
 
 def test_what_drifts_is_held_by_no_loop():
@@ -225,10 +216,11 @@ def test_what_drifts_is_held_by_no_loop():
     for ends, held in ((("u", "x"), True), (("v", "y"), False)):
         given = plant, [], ["u", "v"], ["x", "y"], law, ends
         if held:
-            assert LoopsOfSamples(*given, undamped=True).poles == pytest.approx([-1.0])
+            UncertainLoop(*given).check_gain()
+            assert UncertainLoop(*given).poles == pytest.approx([-1.0])
         else:
             with pytest.raises(bc.InputError, match="not stable"):
-                LoopsOfSamples(*given, undamped=True)
+                UncertainLoop(*given).check_gain()
 
 
 @pytest.mark.parametrize("slow", [1.0, 0.01])
@@ -242,9 +234,10 @@ def test_undamped_poles_are_allowed_where_that_is_said(slow):
         loop=(bc.spec.Loop(input="u", output="y", numerator=[7.0], denominator=[1.0]),)
     )
     given = plant, [], ["u"], ["y"], law, ("u", "y")
-    assert np.abs(LoopsOfSamples(*given, undamped=True).poles) == pytest.approx([4.0 * slow] * 2)
+    made = UncertainLoop(*given)
+    assert np.abs(made.poles) == pytest.approx([4.0 * slow] * 2)
     with pytest.raises(bc.InputError, match="not stable"):
-        LoopsOfSamples(*given)
+        made.check_gain()
 
 
 @pytest.mark.parametrize("bound", [True, False])
@@ -266,7 +259,7 @@ def test_what_no_value_lets_a_disk_margin_fall_below_is_one_over_its_bound(monke
         at_once = Extremum(0.5, 9.0) if nominal else Extremum(0.6, 10.0)
         return SimpleNamespace(stable=True, loops=[loop], all_at_once=at_once)
 
-    monkeypatch.setattr(SampleLoops, "margins", margins)
+    monkeypatch.setattr(UncertainLoop, "margins", margins)
     made = UncertainPlant.__new__(UncertainPlant)
     made._system, made._group, made._of = SYSTEM, np.array([0, 1]), np.array([0, 1])
     made.inputs, made.outputs = ["torque"], ["angle"]
@@ -276,8 +269,10 @@ def test_what_no_value_lets_a_disk_margin_fall_below_is_one_over_its_bound(monke
     )
     made.blocks = (made._block(0), made._block(1))
     made.drawn_deltas = lambda *_: np.zeros((0, 2))
-    monkeypatch.setattr(SampleLoops, "search", lambda *_: [DELTAS])
-    made._bound = lambda found, _: (SimpleNamespace(gain=2.5), found.deltas, found.worst)
+    made.found = []
+    monkeypatch.setattr(Search, "found", lambda _: [DELTAS])
+    monkeypatch.setattr(Search, "run", lambda search, starts: search.reach(DELTAS))
+    made._bound = lambda *_: SimpleNamespace(gain=2.5)
     found = made.worst_margins(CONTROLLER, bound=bound)
     assert [(row.nominal, row.worst, row.frequency) for row in found] == [
         (0.9, 0.7, 4.0), (3.0, 3.0, 5.0), (0.2, 0.4, 2.0), (40.0, -30.0, 8.0), (0.5, 0.5, 9.0),
@@ -297,7 +292,9 @@ def test_corners_to_which_slopes_point_are_the_worst_of_all_corners():
     b, c = np.zeros((8, 5)), np.zeros((5, 8))
     b[4:, :4], b[4:, 4] = -np.eye(4), 1.0
     c[:4, :4], c[4, :4] = np.diag(ranges * squares), gains
-    made = SampleLoops((a, b, c, np.zeros((5, 5))), [0, 1, 2, 3], ["torque"], ["angle"], CONTROLLER)
+    made = UncertainLoop(
+        (a, b, c, np.zeros((5, 5))), [0, 1, 2, 3], ["torque"], ["angle"], CONTROLLER
+    )
     s = 1j * np.geomspace(0.1, 50.0, 1500)
 
     def reached(deltas):
@@ -307,7 +304,7 @@ def test_corners_to_which_slopes_point_are_the_worst_of_all_corners():
         return np.array([np.abs(e).max(), *((e * way).real.max() for way in (1, -1, 1j, -1j))])
 
     every = np.max([reached(np.array(at)) for at in product((-1.0, 1.0), repeat=4)], axis=0)
-    corners = made._corners()
+    corners = made.corners()
     assert all(set(np.abs(deltas)) <= {0.0, 1.0} for deltas in corners)
     found = np.max([reached(deltas) for deltas in corners], axis=0)
     assert found[every > 0.5] == pytest.approx(every[every > 0.5], rel=1e-3)
@@ -398,7 +395,7 @@ def test_a_worst_case_stands_alone_where_no_picture_is_given():
 
 
 def test_a_bound_is_drawn_as_steps_within_the_picture():
-    ax = Figure().add_subplot()
+    ax = Picture().add_subplot()
     ax.set_xlim(0.5, 4.0)
     edges, gains = np.array([0.0, 1.0, 2.0, np.inf]), np.array([3.0, np.inf, 6.0])
     plot_steps(SimpleNamespace(edges=edges, gains=gains), ax)

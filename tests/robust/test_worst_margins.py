@@ -7,9 +7,11 @@ contradict themselves, and unstable values.
 
 from itertools import product
 
+import control
 import mujoco
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 import beamchain as bc
 from beamchain import robust
@@ -87,6 +89,64 @@ def test_limits_at_rest_and_at_infinite_frequency_and_signs_of_phases_count(
     assert found["disk"].worst == pytest.approx(min(disk), rel=FOUND)
     assert found["phase"].nominal == pytest.approx(nominal[2], rel=FOUND)
     assert found["phase"].worst == pytest.approx(min(phase, key=abs), rel=FOUND)
+
+
+def at_samples(stiffness, top, bottom, step, z):
+    """Angle per torque that is held between samples, and the open loop of a law in z."""
+    n = np.zeros((3, 3))
+    n[:2] = [[0.0, 1.0, 0.0], [-stiffness / MASS, -DAMPING / MASS, 1.0 / MASS]]
+    held = expm(n * step)
+    x = np.linalg.solve(z[:, None, None] * np.eye(2) - held[:2, :2], held[:2, 2:])
+    plant = x[:, 0, 0]
+    return plant, plant * np.polyval(top, z) / np.polyval(bottom, z)
+
+
+def test_sampled_loops_are_searched_at_their_samples():
+    """A law in z at 0.25 s; the springs are 14 to 26 N m/rad."""
+    step, top, bottom = 0.25, [60.0, -57.0], [1.0, -0.3]
+    plant = bc.plant(mujoco.MjModel.from_xml_string(SPRUNG), ["torque:bus"], ["attitude"])
+    joint = {"drive": bc.spec.UncertainJoint(stiffness=uniform(0.3))}
+    uncertain = robust.uncertain(plant, bc.spec.UncertainCraft(joint=joint))
+    law = {("torque_z", "attitude_z"): control.tf(top, bottom, step)}
+    found = rows(uncertain.worst_margins(law, samples=3), "torque_z")
+    gain = uncertain.worst_case(law, samples=3)
+    z = np.exp(1j * np.geomspace(1e-3, np.pi, 40_000))
+    every = [at_samples(k, top, bottom, step, z) for k in np.linspace(14.0, 26.0, 25)]
+    disks = [2.0 / np.abs((1.0 - opened) / (1.0 + opened)).max() for _, opened in every]
+    assert found["disk"].worst == pytest.approx(min(disks), rel=FOUND)
+    assert min(disks) < 0.9 * found["disk"].nominal
+    gains = [np.abs(seen / (1.0 + opened)).max() for seen, opened in every]
+    assert gain.gain == pytest.approx(max(gains), rel=FOUND)
+    assert gain.frequency < np.pi / step
+    assert np.isnan(gain.simulated)
+    again = bc.margins(uncertain.sample(found["disk"].values), law).loops[0]
+    assert found["disk"].worst == pytest.approx(again.disk, rel=1e-6)
+    # what a search went by
+    loop = uncertain.loops(law)
+    deltas = np.array([0.4])
+    sizes, omega = loop.reach(deltas)
+    moved = [np.log(loop.reach(deltas + h).sizes) for h in (1e-2, -1e-2)]
+    for figure in np.flatnonzero(sizes > 0.1):
+        slope = loop.slope(figure, deltas, omega[figure])
+        assert slope[0] == pytest.approx((moved[0] - moved[1])[figure] / 2e-2, rel=2e-2, abs=2e-3)
+
+
+def test_what_one_search_finds_counts_for_the_others():
+    """Of two springs one is softer than the push; the margins are asked for with no sample that
+    shows it, and are nothing all the same."""
+    plant = bc.plant(mujoco.MjModel.from_xml_string(SPRUNG), ["torque:bus"], ["attitude"])
+    joint = {"drive": bc.spec.UncertainJoint(stiffness=uniform(0.2))}
+    uncertain = robust.uncertain(plant, bc.spec.UncertainCraft(joint=joint))
+    push = bc.spec.Controller(loop=(loop("torque_z", "attitude_z", (-0.9 * STIFFNESS,)),))
+    assert not uncertain.worst_case(push, samples=0).stable
+    weak = bc.spec.Controller(loop=(loop("torque_z", "attitude_z", (-0.5 * STIFFNESS,)),))
+    told = []
+    assert uncertain.worst_margins(weak, samples=0).stable
+    found = uncertain.worst_margins(push, samples=0, progress=told.append)
+    assert not found.stable
+    assert found.least().worst == 0.0
+    # the nominal one, and then what the first search had found
+    assert told == ["1 samples", "2 samples"]
 
 
 def test_no_bound_is_sought_where_an_unstable_sample_is_found():

@@ -2,7 +2,7 @@
 their responses and their states."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import reduce
 from pathlib import Path
 from typing import Annotated, Any
@@ -153,14 +153,6 @@ def read_controller(path: str | Path | Controller) -> Controller:
     Raises:
         InputError: the file cannot be read, or a value is not allowed.
     """
-    given: object = path
-    if isinstance(given, Mapping | control.StateSpace | control.TransferFunction):
-        raise InputError(
-            f"controller is a {type(given).__name__}; worst cases and bounds take continuous "
-            "loops, the path of a TOML file with [[loop]] or bc.spec.Controller. To check a "
-            "sampled controller, or one of python-control, give bc.margins the plants "
-            "uncertain.sample(values)."
-        )
     return read_struct(path, Controller, "controller", "a TOML file with [[loop]]")
 
 

@@ -17,6 +17,7 @@ SHARPER = (4.0, 16.0, 64.0, 256.0, 1024.0, 4096.0, 16384.0)  # exponents of the 
 # for the largest singular value: what the last is too large by is log(n)/16384
 WIDEST = 30.0  # of log D
 ROUNDS = 30  # of balancing
+SETTLED = 1e-7  # relative, of a scale that balances: the bound is right to its square
 
 
 def balanced_bounds(m: Complex) -> Array:
@@ -27,12 +28,15 @@ def balanced_bounds(m: Complex) -> Array:
     scale = np.ones(m.shape[:2])
     tiny = 1e-300
     for _ in range(ROUNDS if n > 1 else 0):
+        before = scale.copy()
         for i in range(n):
             row = (size[:, i] / scale**2).sum(axis=1)
             column = (size[:, :, i] * scale**2).sum(axis=1)
             # d_i^2 sum_j |m_ij|^2/d_j^2 = sum_j d_j^2 |m_ji|^2/d_i^2
             scale[:, i] = np.clip(((column + tiny) / (row + tiny)) ** 0.25, 1e-13, 1e13)
         scale /= scale[:, :1]
+        if np.all(np.abs(scale - before) <= SETTLED * scale):
+            break
     scaled = m * scale[:, :, None] / scale[:, None, :]
     return np.asarray(np.linalg.norm(scaled, 2, axis=(1, 2)), dtype=np.float64)
 

@@ -7,5 +7,5 @@ from .poses import uncertain as uncertain
 from .poses import worst_case as worst_case
 from .poses import worst_margins as worst_margins
 from .uncertain_plant import UncertainPlant as UncertainPlant
-from .uncertain_plant import WorstCase as WorstCase
-from .uncertain_plant import WorstCases as WorstCases
+from .worst_gains import WorstCase as WorstCase
+from .worst_gains import WorstCases as WorstCases

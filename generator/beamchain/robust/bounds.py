@@ -28,7 +28,7 @@ from beamchain.robust.multipliers import (
     prove,
     solve_program,
 )
-from beamchain.robust.search import Loops
+from beamchain.robust.uncertain_loop import UncertainLoop
 from beamchain.toolkit import Array, locked
 
 MOST = 200  # intervals
@@ -177,7 +177,7 @@ class Interval(NamedTuple):
         return max(box.gain for box in self.boxes)
 
 
-def frequencies(loops: Loops, omega: Array) -> Array:
+def frequencies(loops: UncertainLoop, omega: Array) -> Array:
     """Frequencies at which samples are looked at: those given, and others from a tenth of the
     closed loop's slowest pole to twice the highest mode."""
     modes = np.abs(np.linalg.eigvals(loops.plant[0]))
@@ -205,7 +205,7 @@ class Bounder:
 
     def __init__(
         self,
-        loops: Loops,
+        loops: UncertainLoop,
         blocks: Sequence[Block],
         samples: Array,
         omega: Array,

@@ -24,7 +24,7 @@ from beamchain.errors import InputError
 from beamchain.warning_codes import warnings_record
 
 if TYPE_CHECKING:
-    from beamchain.robust.uncertain_plant import WorstCase
+    from beamchain.robust.worst_gains import WorstCase
 
 Loops = Annotated[
     Path,
@@ -83,15 +83,16 @@ def worst_case(
     check_outputs([output], force=force, inputs=[model, controller, uncertain])
     loops = read_controller(controller)
     driven, seen = signals_with(loops, inputs or None, outputs or None)
-    with spinner("linearising", quiet or as_json) as say:
+    with spinner("linearising", quiet or as_json, lines=True) as say:
         compiled = compiled_model(model)
         pose = poses_given(compiled, poses or [], angle)
         plant = linearise(compiled, driven, seen, pose)
         say("worst case")
+        options = {"bound": bound, "progress": lambda text: say(f"worst case: {text}")}
         if isinstance(plant, Plant):
-            cases = [robust.uncertain(plant, uncertain).worst_case(loops, *ends, bound=bound)]
+            cases = [robust.uncertain(plant, uncertain).worst_case(loops, *ends, **options)]
         else:
-            cases = [*robust.worst_case(plant, uncertain, loops, *ends, bound=bound)]
+            cases = [*robust.worst_case(plant, uncertain, loops, *ends, **options)]
         plants = [plant] if isinstance(plant, Plant) else plant.plants
         told = dict.fromkeys(text for each in plants for text in each.warnings)
         warnings = [*doubtful(compiled, poses or [], angle), *told]

@@ -2,6 +2,7 @@
 space: dead times by their expansion about the middle, what that leaves as an error that is bounded.
 """
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import control
@@ -10,9 +11,17 @@ from msgspec import structs
 from scipy.linalg import block_diag
 
 from beamchain.robust.multipliers import ComplexSystem
-from beamchain.robust.search import Loops
+from beamchain.robust.uncertain_loop import UncertainLoop
 from beamchain.spec import Controller
-from beamchain.toolkit import Array, Complex, close_feedback, realise, subsystem
+from beamchain.toolkit import (
+    Array,
+    Complex,
+    System,
+    close_feedback,
+    places,
+    realise,
+    subsystem,
+)
 
 ORDER = 4  # of the expansion of a dead time
 # half width of an interval times the dead time, to which the expansion is used: its error is 2e-5
@@ -51,11 +60,11 @@ def delay_near(delay: float, low: float, high: float) -> Delay:
     too wide for that, all that is used is that the size is 1.
     """
     centre = (low + high) / 2.0
-    half = (high - low) / 2.0 * delay
-    if not half <= EXPANDED:
-        states = np.zeros((0, 0), np.complex128)
+    half = (high - low) / 2.0 * delay if delay else 0.0
+    if not delay or half > EXPANDED:
         driven = np.zeros((0, 1), np.complex128)
-        return Delay((states, driven, driven.T, np.zeros((1, 1), np.complex128)), 1.0)
+        passed = np.full((1, 1), 0.0 if delay else 1.0, np.complex128)
+        return Delay((driven @ driven.T, driven, driven.T, passed), 1.0 if delay else 0.0)
     top, bottom = control.pade(1.0, ORDER)
     phase = -half - float(np.angle(np.polyval(top, 1j * half) / np.polyval(bottom, 1j * half)))
     phase = float(np.angle(np.exp(1j * phase)))
@@ -68,50 +77,62 @@ def delay_near(delay: float, low: float, high: float) -> Delay:
     return Delay((a, b / delay, turned * c, turned * d), error)
 
 
-def local_loop(loops: Loops, low: float, high: float) -> LocalLoop:
+def local_loop(loops: UncertainLoop, low: float, high: float) -> LocalLoop:
     """N from `low` to `high` [rad/s], the latter perhaps infinite.
 
     `u = -(P + E eps) R y`: R the loop without its dead time, P the expansion of that, E its error.
     """
-    parts = loops.controller.loop
-    undelayed = Controller(loop=tuple(structs.replace(loop, delay=0.0) for loop in parts))
-    delays = [delay_near(loop.delay, low, high) for loop in parts if loop.delay]
-    late = [i for i, loop in enumerate(parts) if loop.delay]
-    count = len(late)
-    plant = loops.plant
-    filters = realise(undelayed)
-    systems = zip(*(delay.system for delay in delays), strict=True)
-    pades = [block_diag(*same) for same in systems] if count else [np.zeros((0, 0))] * 4
+    controller = loops.controller
+    assert isinstance(controller, Controller)
+    delays = [delay_near(loop.delay, low, high) for loop in controller.loop]
+    late = [i for i, loop in enumerate(controller.loop) if loop.delay]
+    undelayed = [structs.replace(loop, delay=0.0) for loop in controller.loop]
+    law = _in_series(realise(Controller(loop=tuple(undelayed))), delays)
     a, b, c, d = (
-        np.asarray(block_diag(p, q, r), dtype=np.complex128)
-        for p, q, r in zip(plant, filters, pades, strict=True)
+        np.asarray(block_diag(p, k), dtype=np.complex128)
+        for p, k in zip(loops.plant, law, strict=True)
     )
-    seen, driven = plant[3].shape
-    # signals of R behind those of M, then those of P
-    after = seen + len(parts), driven + len(parts)
-    gain = np.zeros(d.T.shape)
-    for i, (row, column) in enumerate(zip(loops.rows, loops.columns, strict=True)):
-        gain[driven + i, row] = 1.0
-        if i in late:
-            k = late.index(i)
-            gain[after[1] + k, seen + i] = 1.0
-            gain[column, after[0] + k] = -1.0
-        else:
-            gain[column, seen + i] = -1.0
-    errors = np.array([delay.error for delay in delays])
-    whole: Any = (a, b, c, d)
-    whole = close_feedback(whole, gain)
+    seen, driven = loops.plant[3].shape
     channels = loops.blocks.size
-    rows = [*loops.seen[:channels], *(seen + i for i in late), loops.seen[-1]]
-    columns = [*loops.driven[:channels], *(loops.columns[i] for i in late), loops.driven[-1]]
-    a, b, c, d = (part.astype(np.complex128) for part in subsystem(whole, rows, columns))
+    measured, moved = places(controller, loops.inputs, loops.outputs)
+    count = len(delays)
+    gain = np.zeros(d.T.shape)
+    for i in range(count):
+        gain[driven + i, channels + measured[i]] = 1.0
+        gain[channels + moved[i], seen + i] = -1.0
+    whole: Any = (a, b, c, d)
+    # errors see R y, which stands behind P R y, and add to -u
+    outputs, inputs = loops.channels
+    rows = [*outputs[:-1], *(seen + count + i for i in late), outputs[-1]]
+    columns = [*inputs[:-1], *(channels + moved[i] for i in late), inputs[-1]]
+    a, b, c, d = (
+        np.asarray(part, dtype=np.complex128)
+        for part in subsystem(close_feedback(whole, gain), rows, columns)
+    )
     d[-1, -1] += loops.offset
-    of_errors = np.s_[channels : channels + count]
+    errors = np.array([delays[i].error for i in late])
+    of_errors = np.s_[channels : channels + len(late)]
     b[:, of_errors] *= -1.0
     d[:, of_errors] *= -1.0
     c[of_errors] *= errors[:, None]
     d[of_errors] *= errors[:, None]
     return LocalLoop(ComplexSystem(a, b, c, d), loops.blocks.tolist(), errors)
+
+
+def _in_series(filters: System, delays: Sequence[Delay]) -> tuple[Complex, ...]:
+    """`[P R; R]` of filters R side by side, each with its dead time behind it."""
+    a, b, c, d = (np.asarray(part, dtype=np.complex128) for part in filters)
+    delay = zip(*(each.system for each in delays), strict=True)
+    late_a, late_b, late_c, late_d = (
+        np.asarray(block_diag(*same), dtype=np.complex128) for same in delay
+    )
+    nothing = np.zeros((a.shape[0], late_a.shape[0]))
+    return (
+        np.block([[a, nothing], [late_b @ c, late_a]]),
+        np.vstack([b, late_b @ d]),
+        np.block([[late_d @ c, late_c], [c, np.zeros((c.shape[0], late_a.shape[0]))]]),
+        np.vstack([late_d @ d, d]),
+    )
 
 
 def in_box(loop: LocalLoop, centre: Array, half: Array) -> ComplexSystem:

@@ -6,7 +6,7 @@ from pathlib import Path
 from beamchain.report import Verdict, page_text, to_svg
 from beamchain.robust import plots
 from beamchain.robust.tables import worst_table, worst_value_table
-from beamchain.robust.uncertain_plant import WorstCase
+from beamchain.robust.worst_gains import WorstCase
 
 
 def worst_case_page(cases: Sequence[WorstCase], name: str, warnings: Sequence[str]) -> str:

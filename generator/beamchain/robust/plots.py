@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from beamchain.robust.bounds import GainBound
-    from beamchain.robust.uncertain_plant import WorstCase
+    from beamchain.robust.worst_gains import WorstCase
 
 
 def plot_worst(worst: "WorstCase", ax: "Axes | None" = None) -> "Axes":

@@ -11,9 +11,11 @@ from beamchain import Plant
 from beamchain.errors import InputError
 from beamchain.results import ScheduledPlant
 from beamchain.robust.least_margins import WorstMarginsOfPoses
-from beamchain.robust.uncertain_plant import UncertainPlant, WorstCases, uncertain_plant
-from beamchain.spec import Controller, UncertainCraft
-from beamchain.toolkit import one_thread, read_uncertain
+from beamchain.robust.search import Tell
+from beamchain.robust.uncertain_plant import UncertainPlant, uncertain_plant
+from beamchain.robust.worst_gains import WorstCases
+from beamchain.spec import UncertainCraft
+from beamchain.toolkit import Given, one_thread, read_uncertain
 
 
 @overload
@@ -35,7 +37,7 @@ def uncertain(
 
     Returns:
         An `UncertainPlant`; of a plant in several poses one each, their states in an order of their
-            own.
+            own. What a search finds in one of them is tried in the others.
 
     Raises:
         InputError: the plant is discrete, nothing is uncertain, a name is unknown, a range is
@@ -57,7 +59,10 @@ def uncertain(
     """
     given = None if craft is None else read_uncertain(craft)
     if isinstance(plant, ScheduledPlant):
-        return tuple(_of_plant(each, given) for each in plant)
+        several = tuple(_of_plant(each, given) for each in plant)
+        for each in several[1:]:
+            each.found = several[0].found
+        return several
     return _of_plant(plant, given)
 
 
@@ -76,10 +81,12 @@ def _of_plant(plant: Plant, given: UncertainCraft | None) -> UncertainPlant:
 def worst_case(
     plant: ScheduledPlant,
     craft: UncertainCraft | str | Path | None,
-    controller: Controller | str | Path,
+    controller: Given,
     input: str | None = None,
     output: str | None = None,
     omega: ArrayLike | None = None,
+    *,
+    progress: Tell | None = None,
     **options: Any,
 ) -> WorstCases:
     """The worst case at every pose: the poses are a grid, the quantities take all values at each.
@@ -87,7 +94,7 @@ def worst_case(
     Args:
         plant: in several poses.
         craft: what is uncertain, as of `uncertain`.
-        controller, input, output, omega, options: as of `UncertainPlant.worst_case`.
+        controller, input, output, omega, progress, options: as of `UncertainPlant.worst_case`.
 
     Raises:
         InputError: as of `UncertainPlant.worst_case`.
@@ -123,7 +130,12 @@ def worst_case(
         2
     """
     cases = (
-        replace(each.worst_case(controller, input, output, omega, **options), pose=label)
+        replace(
+            each.worst_case(
+                controller, input, output, omega, progress=_at(label, progress), **options
+            ),
+            pose=label,
+        )
         for each, label in _poses(plant, craft)
     )
     return WorstCases(tuple(cases))
@@ -132,7 +144,9 @@ def worst_case(
 def worst_margins(
     plant: ScheduledPlant,
     craft: UncertainCraft | str | Path | None,
-    controller: Controller | str | Path,
+    controller: Given,
+    *,
+    progress: Tell | None = None,
     **options: Any,
 ) -> WorstMarginsOfPoses:
     """The least margins at every pose.
@@ -140,7 +154,7 @@ def worst_margins(
     Args:
         plant: in several poses.
         craft: what is uncertain, as of `uncertain`.
-        controller, options: as of `UncertainPlant.worst_margins`.
+        controller, progress, options: as of `UncertainPlant.worst_margins`.
 
     Raises:
         InputError: as of `UncertainPlant.worst_margins`.
@@ -163,7 +177,9 @@ def worst_margins(
         'drive 0°'
     """
     margins = (
-        replace(each.worst_margins(controller, **options), pose=label)
+        replace(
+            each.worst_margins(controller, progress=_at(label, progress), **options), pose=label
+        )
         for each, label in _poses(plant, craft)
     )
     return WorstMarginsOfPoses(tuple(margins))
@@ -179,3 +195,8 @@ def _poses(
             "of poses, or ask robust.uncertain(plant, craft) for that of one."
         )
     return zip(uncertain(plant, craft), plant.labels, strict=True)
+
+
+def _at(label: str, progress: Tell | None) -> Tell | None:
+    """Who is told what is done at a pose."""
+    return progress and (lambda text: progress(f"{label}: {text}"))

@@ -8,7 +8,7 @@ from beamchain.report import Column, Table, margin_text, number, pose_columns, t
 
 if TYPE_CHECKING:
     from beamchain.robust.least_margins import WorstMargins
-    from beamchain.robust.uncertain_plant import WorstCase
+    from beamchain.robust.worst_gains import WorstCase
 
 
 def _at_text(frequency: float) -> str:
