@@ -204,7 +204,9 @@ def test_of_unstable_samples_one_is_found():
     assert not search.stable
     (found,) = search.found()
     assert found[0] > 0.5
-    assert not made.margins(found).stable
+    a, b, c, d = plant
+    grows = a + b[:, :1] * found @ c[:1], b[:, 1:], c[1:], d[1:, 1:]
+    assert not made.margins(grows).stable
 
 
 def test_what_drifts_is_held_by_no_loop():
@@ -259,8 +261,8 @@ def test_what_no_value_lets_a_disk_margin_fall_below_is_one_over_its_bound(monke
         at_once = Extremum(0.5, 9.0) if nominal else Extremum(0.6, 10.0)
         return SimpleNamespace(stable=True, loops=[loop], all_at_once=at_once)
 
-    monkeypatch.setattr(UncertainLoop, "margins", margins)
     made = UncertainPlant.__new__(UncertainPlant)
+
     made._system, made._group, made._of = SYSTEM, np.array([0, 1]), np.array([0, 1])
     made.inputs, made.outputs = ["torque"], ["angle"]
     made.quantities = tuple(
@@ -269,7 +271,7 @@ def test_what_no_value_lets_a_disk_margin_fall_below_is_one_over_its_bound(monke
     )
     made.blocks = (made._block(0), made._block(1))
     made.drawn_deltas = lambda *_: np.zeros((0, 2))
-    made.found = []
+    made.found, made._margins = [], margins
     monkeypatch.setattr(Search, "found", lambda _: [DELTAS])
     monkeypatch.setattr(Search, "run", lambda search, starts: search.reach(DELTAS))
     made._bound = lambda *_: SimpleNamespace(gain=2.5)

@@ -48,7 +48,7 @@ IDLE = 1e-9  # of a response, relative: what poles on the axis add to it is roun
 # frequencies per decade, and half widths beside a resonance, at which a sample is looked at
 SPARSE = 40, np.sinh(np.linspace(-4.0, 4.0, 13))
 # the same where samples are chosen frequency by frequency: what they reach hardly changes there
-SMOOTH = 60, np.zeros(1)
+SMOOTH = 30, np.zeros(1)
 STILL = 1e-2  # of the lowest frequency looked at: a gain that is largest at rest is taken there
 FINER = 17  # points about what reaches farthest, between its neighbours
 ROUNDS = 3  # of these
@@ -224,6 +224,7 @@ class UncertainLoop:
         at_columns = [*range(n), *(n + column for column in columns)]
         self.plant = a, b[:, at_columns], c[at_rows], d[np.ix_(at_rows, at_columns)]
         self.inputs, self.outputs = [inputs[i] for i in columns], [every[i] for i in rows]
+        self._law = fed
         self._fed = _widened(fed, len(rows), len(columns))
         self._totals = [rows.index(row) for row in totals]
         self._seen = [rows.index(row) for row in seen]
@@ -252,9 +253,11 @@ class UncertainLoop:
         closed = closed_around(plant, self._fed, self._labels)
         return counted(closed) if closed.growing.size else closed
 
-    def margins(self, deltas: Array) -> Margins:
-        """What `bc.margins` says of a sample `(blocks,)`."""
-        return margins_of(counted(self.closed(deltas)))
+    def margins(self, plant: System) -> Margins:
+        """What `bc.margins` says of a plant with the signals of this one."""
+        inputs, outputs = self._every
+        names = Names(Signals(inputs, outputs, inputs, outputs), ("",) * len(plant[0]), ())
+        return margins_of(counted(closed_around(plant, self._law, names)))
 
     def sample(self, deltas: Array) -> Sample:
         """A sample `(blocks,)` as partial fractions."""

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from beamchain.checks import of_type, positive, whole_number
 from beamchain.errors import InputError
+from beamchain.results import Margins
 from beamchain.robust.bounds import Bounder, GainBound, frequencies
 from beamchain.robust.least_margins import (
     ALL,
@@ -268,7 +269,7 @@ class UncertainPlant(Lft):
         _checked(samples, seed, seconds)
         loop = self.loops(controller)
         nominal = np.zeros(len(self.blocks))
-        if not (first := loop.margins(nominal)).stable:
+        if not (first := self._margins(loop, nominal)).stable:
             raise InputError(
                 "controller: the closed loop of the nominal plant is not stable, so that nothing "
                 "can be worse; bc.margins says why."
@@ -285,7 +286,7 @@ class UncertainPlant(Lft):
             bounds[name] = self._bound(disk, self._curves(disk), share)
             points.append(disk.worst(0))
         points = list({deltas.tobytes(): deltas for deltas in points}.values())
-        margins = [first, *(loop.margins(deltas) for deltas in points[1:])]
+        margins = [first, *(self._margins(loop, deltas) for deltas in points[1:])]
         single = [(at, kind) for kind in (GAIN, LESS, PHASE) for at in loop.names]
         rows: list[LeastMargin] = []
         for at, kind in (*((at, DISK) for at in loop.names), *single, (ALL, DISK)):
@@ -305,6 +306,12 @@ class UncertainPlant(Lft):
                 )
             )
         return WorstMargins(tuple(rows), search.stable, bounds)
+
+    def _margins(self, loop: UncertainLoop, deltas: Array) -> Margins:
+        """What `bc.margins` says of the craft with the values of a sample `(blocks,)`."""
+        # in the sample's own modes, which responses take apart
+        form = self._again(deltas[self._group]).form().minimal()
+        return loop.margins((form.a, form.b, form.c, form.d))
 
     def _gain_search(
         self,
