@@ -2,7 +2,6 @@ from .control.closed_loop import ClosedLoop as ClosedLoop
 from .control.closed_loop import Names as Names
 from .control.closed_loop import closed_around as closed_around
 from .control.closed_loop import counted as counted
-from .control.controllers import loop_response as loop_response
 from .control.controllers import place as place
 from .control.controllers import places as places
 from .control.controllers import read_controller as read_controller
@@ -27,10 +26,8 @@ from .control.systems import close_feedback as close_feedback
 from .control.systems import close_loop as close_loop
 from .control.systems import growth as growth
 from .control.systems import response as response
-from .control.systems import spectral_split as spectral_split
 from .control.systems import standing_still as standing_still
 from .control.systems import subsystem as subsystem
-from .control.systems import touched as touched
 from .control.systems import with_deltas as with_deltas
 from .craft.appendage import Appendage as Appendage
 from .craft.embedding import marked_appendages as marked_appendages

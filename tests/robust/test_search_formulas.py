@@ -239,7 +239,7 @@ def test_every_point_counts_for_every_figure_and_none_is_tried_twice():
     assert search.tried[1].tolist() == [-0.5, 0.59]
     assert len(set(asked)) == len(asked) == len(search.tried)
     np.testing.assert_allclose(search.found(), tops, atol=1e-3)  # 1e-6 of what they reach
-    assert told[-1] == f"{len(asked)} samples"
+    assert told[-1] == f"samples tried: {len(asked)}"
 
 
 def test_of_samples_that_reach_as_far_the_first_is_kept():

@@ -146,7 +146,7 @@ def test_what_one_search_finds_counts_for_the_others():
     assert not found.stable
     assert found.least().worst == 0.0
     # the nominal one, and then what the first search had found
-    assert told == ["1 samples", "2 samples"]
+    assert told == ["samples tried: 1", "samples tried: 2"]
 
 
 def test_no_bound_is_sought_where_an_unstable_sample_is_found():

@@ -63,7 +63,7 @@ class Search(Generic[Loop]):
             self._reaches[key] = self.loop.reach(deltas)
             self.tried.append(deltas.copy())
             if self._tell:
-                self._tell(f"{len(self.tried)} samples")
+                self._tell(f"samples tried: {len(self.tried)}")
         return self._reaches[key]
 
     def run(self, starts: Iterable[Array]) -> None:
