@@ -88,11 +88,16 @@ def worst_case(
         pose = poses_given(compiled, poses or [], angle)
         plant = linearise(compiled, driven, seen, pose)
         say("worst case")
-        options = {"bound": bound, "progress": lambda text: say(f"worst case: {text}")}
+
+        def tell_of(text: str) -> None:
+            say(f"worst case: {text}")
+
         if isinstance(plant, Plant):
-            cases = [robust.uncertain(plant, uncertain).worst_case(loops, *ends, **options)]
+            made = robust.uncertain(plant, uncertain)
+            cases = [made.worst_case(loops, *ends, bound=bound, progress=tell_of)]
         else:
-            cases = [*robust.worst_case(plant, uncertain, loops, *ends, **options)]
+            found = robust.worst_case(plant, uncertain, loops, *ends, bound=bound, progress=tell_of)
+            cases = [*found]
         plants = [plant] if isinstance(plant, Plant) else plant.plants
         told = dict.fromkeys(text for each in plants for text in each.warnings)
         warnings = [*doubtful(compiled, poses or [], angle), *told]

@@ -126,11 +126,13 @@ def _in_series(filters: System, delays: Sequence[Delay]) -> tuple[Complex, ...]:
     late_a, late_b, late_c, late_d = (
         np.asarray(block_diag(*same), dtype=np.complex128) for same in delay
     )
-    nothing = np.zeros((a.shape[0], late_a.shape[0]))
+    nothing = np.zeros((a.shape[0], late_a.shape[0]), np.complex128)
     return (
         np.block([[a, nothing], [late_b @ c, late_a]]),
         np.vstack([b, late_b @ d]),
-        np.block([[late_d @ c, late_c], [c, np.zeros((c.shape[0], late_a.shape[0]))]]),
+        np.block(
+            [[late_d @ c, late_c], [c, np.zeros((c.shape[0], late_a.shape[0]), np.complex128)]]
+        ),
         np.vstack([late_d @ d, d]),
     )
 

@@ -165,7 +165,7 @@ def upper(m: Complex, delta: Array) -> tuple[Complex, Complex, Complex]:
     z = inverse @ m[:, :n, n:]
     left = m[:, n:, :n] + by_delta @ inverse @ m[:, :n, :n]
     value = m[:, n:, n:] + by_delta @ z
-    return tuple(np.asarray(part, dtype=np.complex128) for part in (value, left, z))
+    return value.astype(np.complex128), left.astype(np.complex128), z.astype(np.complex128)
 
 
 class UncertainLoop:
@@ -437,7 +437,7 @@ class UncertainLoop:
         if not step:
             return Responses(m, np.ones_like(s), law)
         hold = -np.expm1(-s * step) / (s * step)
-        direct = np.broadcast_to(self.plant[3], (1, *m.shape[1:]))
+        direct = np.broadcast_to(self.plant[3], (1, *m.shape[1:])).astype(np.complex128)
         return Responses(
             np.concatenate([m, direct]), np.vstack([hold, 1.0 - hold.sum(axis=0)]), law
         )
@@ -451,15 +451,16 @@ class UncertainLoop:
         hold = responses.hold[:, :, None, None]
         g = sum(h * part[0] for h, part in zip(hold, parts, strict=True))
         out = np.concatenate([part[1] for part in parts], axis=2)
-        into = np.concatenate([h * part[2] for h, part in zip(hold, parts, strict=True)], axis=1)
+        passed = [h * part[2] for h, part in zip(hold, parts, strict=True)]
+        into = np.concatenate(passed, axis=1)
         # Y = G (1 + K G)^-1,  dY = (1 - Y K) dG (1 + K G)^-1
         totals = np.linalg.inv(np.eye(len(self.inputs)) + responses.law @ g)
         y = g @ totals
         before = np.eye(len(self.outputs)) - y @ responses.law
         return Middles(
             self._ends_of(np.asarray(y, dtype=np.complex128)),
-            before[:, self._seen] @ out,
-            into @ totals[:, :, self._driven],
+            np.asarray(before[:, self._seen] @ out, dtype=np.complex128),
+            np.asarray(into @ totals[:, :, self._driven], dtype=np.complex128),
         )
 
     def exact(self, omega: Array) -> Complex:
