@@ -2,7 +2,8 @@
 
 Run by run.py in an environment of its own: mujoco-usd-converter needs an older MuJoCo than Newton.
 NAME.xml is what embed writes, NAME_newton.xml the same with one hinge per body where tendons pull,
-by the function of docs/howto/simulators.md, NAME.usdc is made of that, NAME_as_written.usdc of NAME.xml.
+by the function of docs/howto/simulators.md. NAME.usdc is made of that,
+NAME_as_written.usdc of NAME.xml.
 """
 
 import re
