@@ -43,7 +43,7 @@ html_css_files = ["site.css"]
 html_js_files = ["site.js"]
 html_show_sourcelink, html_copy_source = False, False
 # no pages below them
-html_sidebars = {page: [] for page in ("index", "start", "theory", "gallery", "migration")}
+html_sidebars = {page: [] for page in ("index", "start", "theory", "gallery")}
 html_theme_options = {
     "header_links_before_dropdown": 7,
     "show_toc_level": 2,

@@ -28,14 +28,15 @@ PRODUCTS = [
 PAGES = [README, *sorted((ROOT / "docs").glob("*.md")), *HOWTO, *PRODUCTS]
 # these pages begin in an empty folder
 EMPTY = [ROOT / "docs" / "start.md", ROOT / "docs" / "gallery.md", *HOWTO]
-# pages that need one
+# sections whose `py` block needs another package: page, title, what must import
 HOSTS = {
-    "basilisk": "Basilisk.simulation.mujoco",
-    "cluster": "distributed",
-    "mjx": "mujoco.mjx",
-    "newton": "newton",
-    "sections": "sectionproperties.analysis",
-    "warp": "mujoco_warp",
+    "basilisk": ("simulators", "Basilisk", "Basilisk.simulation.mujoco"),
+    "cluster": ("variants", "On a cluster", "distributed"),
+    "dm_control": ("simulators", "dm_control", "dm_control.mjcf"),
+    "mjx": ("simulators", "MJX", "mujoco.mjx"),
+    "newton": ("simulators", "Newton", "newton"),
+    "sections": ("array", "Section of any profile", "sectionproperties.analysis"),
+    "warp": ("simulators", "MuJoCo Warp", "mujoco_warp"),
 }
 QUICKER = {
     "--samples 1000": "--samples 8",
@@ -112,33 +113,42 @@ def named(page):
     return page.relative_to(ROOT).with_suffix("").as_posix()
 
 
-# other simulators warn of their own future
-foreign = [pytest.mark.host, pytest.mark.filterwarnings("ignore")]
-
-
 @readme
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "page",
-    [pytest.param(p, marks=foreign if p in HOWTO and p.stem in HOSTS else []) for p in PAGES],
-    ids=named,
-)
+@pytest.mark.parametrize("page", PAGES, ids=named)
 def test_everything_on_the_page_runs(page, tmp_path, monkeypatch):
-    if page in HOWTO and page.stem in HOSTS:
-        pytest.importorskip(
-            HOSTS[page.stem], reason=f"{page.stem} is not installed: make hosts HOSTS={page.stem}"
-        )
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
     if page not in EMPTY:
         starting_files()
-    text = page.read_text(encoding="utf-8")
+    run(page.read_text(encoding="utf-8"), page.name)
+
+
+@readme
+@pytest.mark.slow
+@pytest.mark.host
+@pytest.mark.filterwarnings("ignore")  # other simulators warn of their own future
+@pytest.mark.parametrize("host", HOSTS)
+def test_a_section_runs_in_its_host(host, tmp_path, monkeypatch):
+    """What stands before the first section, then the section with its `py` block."""
+    page, title, module = HOSTS[host]
+    pytest.importorskip(module, reason=f"{host} is not installed: make hosts HOSTS={host}")
+    monkeypatch.chdir(tmp_path)
+    text = (ROOT / "docs" / "howto" / f"{page}.md").read_text(encoding="utf-8")
+    opening, *sections = re.split(r"^## ", text, flags=re.M)
+    (section,) = (one for one in sections if one.startswith(f"{title}\n"))
+    assert "```py\n" in section
+    run(opening + section.replace("```py\n", "```python\n"), page)
+
+
+def run(text, name):
+    """Blocks and commands of a text, in the folder where one is."""
     names: dict[str, object] = {"__name__": "__main__"}
     draws = any(map(draws_with, ("egl", "osmesa")))
     for kind, content in pieces(text):
         if kind == "python":
             with contextlib.redirect_stdout(io.StringIO()):
-                exec(compile(content, page.name, "exec"), names)
+                exec(compile(content, name, "exec"), names)
             continue
         if kind != "command":
             Path(kind).write_text(content, encoding="utf-8")

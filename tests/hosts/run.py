@@ -15,7 +15,7 @@ from pathlib import Path
 
 # its cells run where the host is
 NOTEBOOK = "tests/test_notebooks.py::test_notebook_runs[07_other_simulators]"
-PAGE = "tests/test_docs.py::test_everything_on_the_page_runs[docs/howto/{}]"
+PAGE = "tests/test_docs.py::test_a_section_runs_in_its_host[{}]"
 KERNEL = ["nbclient", "nbformat", "ipykernel"]
 EMBED = [
     "tests/hosts/test_mujoco.py",
@@ -60,7 +60,7 @@ HOSTS = {
         "dm_control.mjcf",
         "[dm-control]",
         [],
-        ["tests/hosts/test_dm_control.py", "tests/hosts/test_mujoco.py"],
+        ["tests/hosts/test_dm_control.py", "tests/hosts/test_mujoco.py", PAGE.format("dm_control")],
     ),
     "basilisk": (
         "Basilisk.simulation.mujoco",

@@ -149,7 +149,7 @@ def test_springs_dampers_and_armatures_are_kept(case, form):
 
 @cases
 def test_one_hinge_per_body_is_the_same_mechanism(case):
-    """The function of docs/hosts.md, in plain MuJoCo."""
+    """The function of docs/howto/simulators.md, in plain MuJoCo."""
     parted = mujoco.MjModel.from_xml_path(str(FILES / f"{case}_newton.xml"))
     shift = frequencies(parted) / frequencies(compiled(case)) - 1.0
     assert np.abs(shift).max() < TINY
@@ -269,7 +269,7 @@ def test_worlds_of_one_spacecraft():
         assert np.abs(angles - reference[-1]).max() < MOTION * np.abs(reference).max()
 
 
-# -- what docs/hosts.md warns of: each of these fails when Newton or the converter changes ---------
+# -- what docs/howto/simulators.md warns of: fails when Newton or the converter changes ------------
 @pytest.mark.parametrize("file", ["mast.xml", "mast_as_written.usdc"])
 def test_tendons_at_several_hinges_of_a_body_are_dropped(file):
     with warnings.catch_warnings(record=True) as said:
@@ -304,7 +304,7 @@ def sampled(model: mujoco.MjModel) -> np.ndarray:
 
 
 def test_another_step_or_integrator_than_the_file_is_timed_for():
-    """What the two rows of docs/hosts.md on step and integrator cost, in plain MuJoCo."""
+    """What the rows on step and integrator in docs/howto/simulators.md cost, in plain MuJoCo."""
     expected = frequencies(compiled("untimed"))
     model = compiled("array")
     assert sampled(model) == pytest.approx(expected, rel=1e-6)

@@ -2,7 +2,8 @@
 
 Run by run.py in an environment of its own: mujoco-usd-converter needs an older MuJoCo than Newton.
 NAME.xml is what embed writes, NAME_newton.xml the same with one hinge per body where tendons pull,
-by the function of docs/hosts.md, NAME.usdc is made of that, and NAME_as_written.usdc of NAME.xml.
+by the function of docs/howto/simulators.md. NAME.usdc is made of that,
+NAME_as_written.usdc of NAME.xml.
 """
 
 import re
@@ -65,9 +66,10 @@ CASES = {
 
 
 def main(folder: Path) -> None:
-    page = (ROOT / "docs" / "hosts.md").read_text("utf-8")
+    page = (ROOT / "docs" / "howto" / "simulators.md").read_text("utf-8")
     names: dict[str, object] = {}
-    exec(re.findall(r"^```python\n(.*?)^```", page, re.S | re.M)[0], names)
+    (block,) = re.findall(r"^```python\n(import xml.*?)^```", page, re.S | re.M)
+    exec(block, names)
     folder.mkdir(parents=True, exist_ok=True)
     for name, (craft, site, spec, timed) in CASES.items():
         written = bc.embed(craft, {site: spec}, retime=timed).to_mjcf()
