@@ -53,7 +53,7 @@ CODES = {
     "counted-twice": (
         "the body that holds an appendage probably has the appendage's own mass",
         "Take the geoms of the link, or their mass, out of the body "
-        "([trees](../craft.md#from-a-rigid-link-to-a-flexible-one)). None, if the mass is "
+        "([trees](../howto/embed.md#arms-and-trees)). None, if the mass is "
         "another.",
     ),
     "delay": (
