@@ -1,7 +1,7 @@
 """The reference pages of the documentation, generated from the package when the site is built.
 
 `pages()` maps a path below docs/ to its text: keys of TOML files (from their JSON schema), commands
-and options (from typer), and one page per public name, which autodoc fills.
+and options (from typer), warning codes, and one page per public name, which autodoc fills.
 """
 
 import inspect
@@ -16,6 +16,7 @@ import typer
 
 import beamchain
 from beamchain.cli import app
+from beamchain.warning_codes import CODES
 
 SOURCE = Path(beamchain.__file__).parent
 #: packages beside the core, and those that are there
@@ -444,6 +445,15 @@ def _first(thing: Any) -> str:
     return (inspect.getdoc(thing) or "").split("\n\n")[0].replace("\n", " ").replace("|", "\\|")
 
 
+def warnings() -> str:
+    """Every warning code with its meaning and cure."""
+    sections = [
+        f"## {code}\n\n{meaning[0].upper()}{meaning[1:]}.\n\n**Cure:** {cure}\n"
+        for code, (meaning, cure) in CODES.items()
+    ]
+    return "# Warnings\n\n" + "\n".join(sections)
+
+
 def pages() -> dict[str, str]:
     """Path below docs/ and text of every generated page."""
     files = {
@@ -451,4 +461,5 @@ def pages() -> dict[str, str]:
         for name, title, about, struct in FILES
         if is_there(struct)
     }
-    return {**files, "reference/commands.md": commands(), **python()}
+    listed = {"reference/commands.md": commands(), "reference/warnings.md": warnings()}
+    return {**files, **listed, **python()}

@@ -17,6 +17,7 @@ from lxml import html
 
 import beamchain as bc
 import returned
+from beamchain.warning_codes import CODES
 from command import app
 from products import PRODUCTS
 
@@ -100,6 +101,13 @@ def test_every_command_and_option_is_in_the_reference(pages, command):
     arguments = len(inspect.signature(command.callback).parameters)
     assert len([row for row in rows(text[1]) if row[0] != "argument or option"]) == arguments
     assert "beamchain " in text[1]
+
+
+def test_every_warning_is_in_the_reference(pages):
+    found = re.findall(
+        r"^## (\S+)\n\n.+\.\n\n\*\*Cure:\*\* .+\.$", pages["reference/warnings.md"], re.M
+    )
+    assert found == list(CODES)
 
 
 def test_every_public_name_has_a_page(pages):

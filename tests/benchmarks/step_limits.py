@@ -1,5 +1,5 @@
 """Step limits predicted and measured, as a table in Markdown: `python
-tests/benchmarks/step_limits.py > docs/step_limits.md`."""
+tests/benchmarks/step_limits.py`."""
 
 import platform
 import sys
@@ -39,7 +39,7 @@ def main() -> None:
         f"{100.0 * worst:.2f} %. Predicted from MuJoCo's A and B and the damping each integrator "
         "takes implicitly; measured by bisection on 1000 steps of a small perturbation. MuJoCo "
         f"{mujoco.__version__}, Python {platform.python_version()}. Printed by `python "
-        "tests/benchmarks/step_limits.py > docs/step_limits.md`.\n"
+        "tests/benchmarks/step_limits.py`.\n"
     )
     print(
         "| model | kind | integrator | predicted s | measured s | difference "

@@ -3,8 +3,8 @@ where installed, Exudyn.
 
 The seed's boom on its hub, the doublet, 60 s, error as simulated. Per kind and target the cheapest
 settings are looked for over a ladder of steps (a setting counts if every finer step meets the
-target too); then all that were found, and the settings that docs/study.md names, are timed in turns
-in this process, each run after one untimed run of the same, and medians are printed.
+target too); then all that were found, and the settings that docs/accuracy.md names, are timed in
+turns in this process, each run after one untimed run of the same, and medians are printed.
 
 Run: python tests/benchmarks/time_exact.py [--other NAME SCENE.xml INTEGRATOR STEP]...
 with Exudyn: PYTHONPATH=generator build/peers/venv/bin/python -W ignore

@@ -212,7 +212,7 @@ def test_the_surface_follows_every_kept_mode(given):
     _, _, found = compared(given, fit)
     assert set(fit.look.residual) == set(given["modes"])
     errors = errors_of(found)
-    print(f"{given['name']}: {max(errors.values()):.1e}")  # noqa: T201 - docs/measured.md quotes it
+    print(f"{given['name']}: {max(errors.values()):.1e}")  # noqa: T201 - docs/accuracy.md quotes it
     for (port, k), error in errors.items():
         assert error < FOLLOWED
         assert fit.look.residual[port][k] == pytest.approx(error, abs=STATED)

@@ -16,7 +16,7 @@ from command import run
 
 SEED = Path(str(files("beamchain"))) / "examples" / "seed_boom.toml"
 QUICK = {"models": ["exact, hub"], "duration": 8.0, "budget": 0.001}
-LINEAR = 1e-5  # of the largest elastic part: what docs/study.md states
+LINEAR = 1e-5  # of the largest elastic part, under the default load
 # what large motion changes grows with the square of the load, but for the next even power
 SQUARE = 0.05
 

@@ -173,7 +173,7 @@ def _one_blas_thread() -> Callable[[], object]:
 #: `with one_thread():` or `@one_thread()`: within it OpenBLAS, NumPy's and SciPy's, works on one
 #: thread. The package's matrices are small, so that more threads only wait for each other. Every
 #: public function and result that computes with MuJoCo or with matrices of a craft has it;
-#: docs/embedding.md lists them.
+#: docs/craft.md lists them.
 one_thread = _WhileAny(_one_blas_thread)
 
 
