@@ -1,6 +1,7 @@
-"""What a command says first: what was reached against what was asked, and what to do next.
+"""What a command and its page say first: what was reached against what was asked.
 
-At most twelve lines of 80 characters together with the notes and files; tables stand behind them.
+Lines of a terminal, at most twelve of 80 characters together with notes and files; and the three
+figures at the head of a page, each with what it is.
 """
 
 import math
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamchain.report.formats import short
+from beamchain.report.formats import short, step_text
 from beamchain.report.headlines import (
     cure_sentence,
     fit_headline,
@@ -43,9 +44,30 @@ def fit_lines(fit: "Fit") -> Iterator[str]:
     if fit.promise is None:
         yield fit_headline(fit)
     integrator = fit.spec.integrator
-    limit = fit.written_limits.largest_step.get(integrator, np.inf)
-    if np.isfinite(limit):
+    limit = fit.written_limits.largest_step.get(integrator, math.inf)
+    if math.isfinite(limit):
         yield f"largest stable step: {limit:.4g} s ({integrator})"
+
+
+def fit_tiles(fit: "Fit") -> list[tuple[str, str]]:
+    """Error, largest step, size."""
+    scene, error = fit.spec.scene, fit.in_band_error
+    tiles: list[tuple[str, str]] = []
+    if error is not None:
+        asked = f", {scene.tolerance:g} asked" if scene is not None and fit.promise else ""
+        tiles.append((f"{error:.2e}", f"largest error of the hub's motion in the band{asked}"))
+    integrator = fit.spec.integrator
+    limit = fit.written_limits.largest_step.get(integrator, math.inf)
+    tiles.append((step_text(limit) + " s" * math.isfinite(limit), f"largest step, {integrator}"))
+    links, *more = _parts(fit)
+    return [*tiles, (links, ", ".join(more))]
+
+
+def _parts(fit: "Fit") -> list[str]:
+    """What a chain is made of, counted."""
+    chain = fit.chain
+    counts = {"link": len(chain.links), "hinge": len(chain.hinges), "tendon": len(chain.tendons)}
+    return [f"{n} {word}{'s' if n > 1 else ''}" for word, n in counts.items() if n]
 
 
 def embedded_lines(embedded: "Embedded") -> Iterator[str]:
@@ -60,6 +82,35 @@ def embedded_lines(embedded: "Embedded") -> Iterator[str]:
     if len(several) > APPENDAGES:
         yield f"and {len(several) - APPENDAGES} more appendages"
     yield modes_sentence(embedded)
+
+
+def embedded_tiles(embedded: "Embedded") -> list[tuple[str, str]]:
+    """Error in continuous time and at the step, and what was added to the spacecraft."""
+    tolerance = embedded.tolerance
+    asked = "" if tolerance is None else f", {tolerance:g} asked"
+    band = f"up to {short(embedded.band)} rad/s"
+    tiles = [(f"{embedded.craft_error:.2e}", f"largest error of the motion {band}{asked}")]
+    if embedded.by_step:
+        step = float(embedded.model.opt.timestep)
+        tiles.append((f"{embedded.sampled_error:.2e}", f"the same when stepped at {step:g} s"))
+    added = embedded.model.nv - embedded.craft.nv
+    words = f"added to the {embedded.craft.nv} of the spacecraft"
+    return [*tiles, (f"{added} degrees of freedom", words)]
+
+
+def plant_tiles(plant: "Plant", several: "Sequence[Margins]") -> list[tuple[str, str]]:
+    """The margins of every loop, of many the smallest; without a controller the modes."""
+    if not several:
+        return [(str(plant.nstates), "states"), (str(len(plant.modes)), "flexible modes")]
+    tiles: list[tuple[str, str]] = []
+    for pose, loop in _smallest(several)[:LOOPS]:
+        name = f"{pose}: {loop.name}" if pose else loop.name
+        if loop.stable:
+            gain, phase = _at(loop.gain_db, "dB"), _at(loop.phase, "degrees")
+            tiles.append((f"gain {gain}, phase {phase}", f"margins of {name}"))
+        else:
+            tiles.append(("unstable", name))
+    return tiles
 
 
 def appendage_words(fit: "Fit") -> str:
@@ -89,12 +140,17 @@ def plant_lines(plant: "Plant") -> Iterator[str]:
 
 def margin_lines(several: "Sequence[Margins]") -> Iterator[str]:
     """The margins of every loop, of many the smallest."""
-    loops = [(margins.pose, loop) for margins in several for loop in margins.loops]
-    loops.sort(key=lambda pair: (pair[1].stable, np.nan_to_num(pair[1].disk, nan=0.0)))
+    loops = _smallest(several)
     for pose, loop in loops[:LOOPS]:
         yield f"{pose}: {_margin_words(loop)}" if pose else _margin_words(loop)
     if len(loops) > LOOPS:
         yield f"and {len(loops) - LOOPS} loops with larger margins"
+
+
+def _smallest(several: "Sequence[Margins]") -> "list[tuple[str, LoopMargins]]":
+    """Every loop with its pose, unstable ones first, then those with the smallest margins."""
+    loops = [(margins.pose, loop) for margins in several for loop in margins.loops]
+    return sorted(loops, key=lambda pair: (pair[1].stable, np.nan_to_num(pair[1].disk)))
 
 
 def _margin_words(loop: "LoopMargins") -> str:

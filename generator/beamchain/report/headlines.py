@@ -167,7 +167,9 @@ def fit_headline(fit: "Fit") -> str:
 
 
 def tip_sentence(fit: "Fit") -> str | None:
-    """The tip's error and the remedy, if it is above 1 %."""
+    """The tip's error and the remedy, if it is above 1 % and no scene leaves the tip out."""
+    if fit.spec.scene is not None and not fit.spec.scene.tip:
+        return None
     off = {
         (p, k + 1): float(e)
         for p, errors in fit.tip_error.items()
