@@ -49,6 +49,16 @@ def fit_lines(fit: "Fit") -> Iterator[str]:
         yield f"largest stable step: {limit:.4g} s ({integrator})"
 
 
+def file_lines(fit: "Fit") -> list[str]:
+    """What the drop-in file is, what it reproduces and how to check it."""
+    name = fit.spec.name
+    return [
+        f"{appendage_words(fit)}, as {', '.join(_parts(fit))}; SI units, x from the root outwards",
+        f"kept: {modes_kept(fit)}; {fit_headline(fit)}",
+        f"attach {name}_link1 to a site of your spacecraft; check with: beamchain inspect FILE",
+    ]
+
+
 def fit_tiles(fit: "Fit") -> list[tuple[str, str]]:
     """Error, largest step, size."""
     scene, error = fit.spec.scene, fit.in_band_error
