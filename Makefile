@@ -122,7 +122,7 @@ wheel: $(VENV)/.installed
 	rm -rf dist
 	$(BIN)/python -m build --outdir dist .
 
-IN_WHEEL := pytest pytest-timeout pytest-xdist hypothesis sympy gymnasium nbclient nbformat ipykernel basedpyright hatchling twine
+IN_WHEEL := pytest pytest-timeout pytest-xdist hypothesis sympy gymnasium nbclient nbformat ipykernel ipywidgets basedpyright hatchling twine
 
 # the wheel, built from the sdist, with its extra for bounds, in an environment that has never seen the checkout,
 # tested from outside it: brief tests, notebooks, its contents, its types
