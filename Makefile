@@ -1,20 +1,4 @@
-# make demo        fit the example boom, and film a satellite whose arrays bend, into build/demo
-# make test        lint, types and the quick tests (two to three minutes on 2 cores)
-# make quick       those of them that take a twentieth of a second or less, in one process: half a minute
-# make mutants     200 changes of formulas, drawn by SEED (or several), and which of them the quick tests of the same folder notice
-# make test-full   wheel in an empty environment, notebooks, the long tests (under half an hour)
-# make hosts       the exported file in other simulators, each in an environment of its own; HOSTS="mjx warp newton" for more
-# make bench       print the timings that README and CHANGELOG quote
-# make bench-peers  the README's study beside Exudyn and Basilisk, an arm of two links beside Exudyn, a cantilever beside MuJoCo's own means, in an environment of its own under build/peers
-# make ledger      what the package says of some hundred craft, beside independent truths and the stored table; STORE=1 stores it, CRAFT="a b" for some
-# make fuzz        EXAMPLES hostile specifications, every reader with as many spoilt files, random craft, all from another seed every day, then coverage-guided where atheris installs
-# make test-kernels  the quick tests under each of KERNELS of OpenBLAS, with one thread and with two
-# make extremes    1586 extreme appendages, each checked independently; counts and a map in build/extremes
-# make notebooks   run the notebooks in place, outputs kept small
-# make docs        the documentation site into build/site; warnings are errors, nothing is fetched
-# make docs-pictures  draw the pictures of README and docs
-# make wheel       build the distribution into dist/
-# make wheel-newest  its quick tests on the newest Python installed
+# make help lists what there is
 
 PYTHON ?= python3
 VENV := .venv
@@ -25,13 +9,26 @@ WORKERS ?= 2
 # a worker begins with tests that stand together, whose fixtures it makes once, and takes over others' at the end
 PYTEST := pytest --timeout 900 -n $(WORKERS) --dist worksteal
 
-.PHONY: demo test tests quick mutants test-full hosts bench bench-peers notebooks docs docs-pictures wheel wheel-test wheel-newest lint clean fuzz extremes ledger test-kernels
+.PHONY: help demo test tests quick mutants test-full hosts bench bench-peers notebooks docs docs-pictures wheel wheel-test wheel-newest lint clean fuzz extremes ledger test-kernels
 
 $(VENV)/.installed: pyproject.toml
 	@echo "installing into $(VENV), which takes a minute or more the first time"
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,notebooks]'
 	touch $@
+
+help:
+	@echo "make demo       fit a boom and film a satellite whose arrays bend, into build/demo"
+	@echo "make quick      the brief tests, in one process: half a minute"
+	@echo "make test       lint, types and the quick tests: three minutes"
+	@echo "make test-full  the wheel in an empty environment, other simulators, notebooks, long tests: half an hour"
+	@echo "make docs       the documentation into build/site"
+	@echo "make bench      the timings that the documentation quotes; bench-peers: beside Exudyn and Basilisk"
+	@echo "make hosts      the exported file in other simulators; HOSTS=\"mjx warp newton\" for more"
+	@echo "make wheel      the distribution into dist/"
+	@echo
+	@echo "by hand: ledger (STORE=1, CRAFT=\"a b\"), mutants (SEED=1), test-kernels, fuzz (EXAMPLES=2000), extremes,"
+	@echo "         notebooks, docs-pictures, wheel-newest, clean"
 
 demo: $(VENV)/.installed
 	$(BIN)/python docs/demo.py build/demo
@@ -125,7 +122,7 @@ wheel: $(VENV)/.installed
 	rm -rf dist
 	$(BIN)/python -m build --outdir dist .
 
-IN_WHEEL := pytest pytest-timeout pytest-xdist hypothesis sympy gymnasium nbclient nbformat ipykernel basedpyright hatchling twine
+IN_WHEEL := pytest pytest-timeout pytest-xdist hypothesis sympy gymnasium nbclient nbformat ipykernel ipywidgets basedpyright hatchling twine
 
 # the wheel, built from the sdist, with its extra for bounds, in an environment that has never seen the checkout,
 # tested from outside it: brief tests, notebooks, its contents, its types

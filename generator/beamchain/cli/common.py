@@ -31,6 +31,9 @@ RetimeJoints = Annotated[
         "their step error is of fourth order too.",
     ),
 ]
+Full = Annotated[
+    bool, typer.Option("--full", help="Print every table as well, and how the modes were chosen.")
+]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
 
 

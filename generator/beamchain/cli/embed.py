@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from beamchain.cli.common import Force, Json, Quiet, RetimeJoints, console
-from beamchain.cli.output import print_json, print_table, print_warnings, spinner, tell
+from beamchain.cli.common import Force, Full, Json, Quiet, RetimeJoints, console
+from beamchain.cli.output import print_first, print_json, print_table, spinner, tell
 from beamchain.errors import InputError
 from beamchain.warning_codes import warnings_record
 
@@ -78,10 +78,6 @@ Loaded = Annotated[
 Key = Annotated[
     str | None, typer.Option(metavar="NAME", help="Print the modes at this keyframe as well.")
 ]
-Explain = Annotated[
-    bool,
-    typer.Option("--explain", help="Print which modes were added for the whole spacecraft."),
-]
 
 
 def embed(
@@ -99,7 +95,7 @@ def embed(
     loaded: Loaded = False,
     key: Key = None,
     retime_joints: RetimeJoints = False,
-    explain: Explain = False,
+    full: Full = False,
     as_json: Json = False,
     force: Force = False,
     quiet: Quiet = False,
@@ -147,9 +143,13 @@ def embed(
     if page is not None:
         drawings[page] = result.report(craft.name, output.name)
     files = result.write(output, force=force, also=drawings)
-    tell(lambda: _record(result, key, at_key), lambda: _show(result), files, as_json, quiet)
-    if not silent:
-        _show_details(result, key, at_key, explain)
+    tell(
+        lambda: _record(result, key, at_key),
+        lambda: _show(result, key, at_key, full=full),
+        files,
+        as_json,
+        quiet,
+    )
     if not rigid and not _is_good(result):
         raise typer.Exit(3)
 
@@ -239,34 +239,34 @@ def _record(result: "Embedded", key: str | None, at_key: "Sequence[Mode]") -> di
     return record
 
 
-def _show(result: "Embedded") -> None:
+def _show(result: "Embedded", key: str | None, at_key: "Sequence[Mode]", *, full: bool) -> None:
     """What the terminal shows before the names of the files."""
-    from beamchain.report.headlines import cure_sentence, modes_sentence
-    from beamchain.report.tables.embed import (
-        appendage_sentences,
-        appendage_table,
-        coupled_table,
-        pose_table,
-    )
+    from beamchain.report.first_screen import embedded_lines
+    from beamchain.report.tables.embed import keyframe_table
+
+    print_first(embedded_lines(result), result.warnings, full=full)
+    if full:
+        _show_tables(result)
+    if key is not None:
+        print_table(keyframe_table(result.assembly, at_key, key))
+
+
+def _show_tables(result: "Embedded") -> None:
+    from beamchain.report.tables import embed as tables
     from beamchain.report.tables.steps import timing_sentences
     from beamchain.steps.modal import timing_marks
 
     out = console()
-    assembly = result.assembly
-    if cure := cure_sentence(result):
-        out.print(cure, markup=False)
-    out.print(result.headline, markup=False)
     out.print(result.composite.sentence, markup=False)
-    for line in appendage_sentences(result):
+    for line in tables.appendage_sentences(result):
         out.print(line, markup=False)
-    print_table(appendage_table(result))
-    print_table(coupled_table(assembly))
+    print_table(tables.appendage_table(result))
+    print_table(tables.coupled_table(result.assembly))
     made = [mark for mark in timing_marks(result.model) if mark is not None]
     for line in timing_sentences(made, "the modes in this table are without it"):
         out.print(line)
     if result.loaded or (result.by_step and len(result.promise.poses) > 1):
-        print_table(pose_table(result))
-    out.print(modes_sentence(result))
+        print_table(tables.pose_table(result))
     for item in result.appendages:
         scene = item.fit.spec.scene
         promise = item.fit.promise
@@ -277,17 +277,5 @@ def _show(result: "Embedded") -> None:
                 f"{scene.bandwidth:g} rad/s within {scene.tolerance:g}).",
                 markup=False,
             )
-    print_warnings(result.warnings, "note")
-
-
-def _show_details(
-    result: "Embedded", key: str | None, at_key: "Sequence[Mode]", explain: bool
-) -> None:
-    """What --key and --explain add."""
-    from beamchain.report.tables.embed import keyframe_table
-
-    if key is not None:
-        print_table(keyframe_table(result.assembly, at_key, key))
-    if explain:
-        for line in result.steps or ("no mode was added for the craft as a whole",):
-            console().print(line, markup=False)
+    for line in result.steps or ("no mode was added for the craft as a whole",):
+        out.print(line, markup=False)

@@ -4,21 +4,18 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamchain.cli.common import Folder, Force, Json, Quiet, SpecPath, console
-from beamchain.cli.output import print_headed, print_table, print_warnings, spinner, tell
+from beamchain.cli.common import Folder, Force, Full, Json, Quiet, SpecPath, console
+from beamchain.cli.output import print_first, print_headed, print_table, spinner, tell
 
 if TYPE_CHECKING:
     from beamchain.fitting.result import Fit
     from beamchain.steps.step_map import TimeError
 
 
-Explain = Annotated[
-    bool, typer.Option("--explain", help="Print why these modes were chosen for the scene.")
-]
-Full = Annotated[
+EveryMode = Annotated[
     bool,
     typer.Option(
-        "--full",
+        "--every-mode",
         help="Keep every port, with all modes up to three times the scene's bandwidth (one to "
         "five).",
     ),
@@ -31,7 +28,7 @@ def fit(
     as_json: Json = False,
     force: Force = False,
     quiet: Quiet = False,
-    explain: Explain = False,
+    every_mode: EveryMode = False,
     full: Full = False,
 ) -> None:
     """Fit a hinge chain to an appendage, verify it in MuJoCo,
@@ -48,7 +45,7 @@ def fit(
     with spinner("reading the spec", quiet or as_json) as say:
         read = read_spec(spec)
         check_free(output / "fit.json", force=force)
-        if full:
+        if every_mode:
             from beamchain.fitting.select import everything
 
             read = everything(read)
@@ -56,23 +53,33 @@ def fit(
         result = fit_chain(read)
         say("drawing and writing")
         files = result.write(output, force=force)
-    tell(result.as_dict, lambda: _show(result), files, as_json, quiet)
-    if explain and not as_json and not quiet:
-        _explain(result)
+    tell(result.as_dict, lambda: _show(result, full=full), files, as_json, quiet)
+    if not as_json and not quiet:
+        console().print(
+            f"next: beamchain embed CRAFT.xml --mount SITE={spec} -o flexible.xml", markup=False
+        )
     if not result.status.ok:
         raise typer.Exit(3)
 
 
-def _show(result: "Fit") -> None:
+def _show(result: "Fit", *, full: bool) -> None:
+    from beamchain.report.first_screen import fit_lines
+    from beamchain.report.tables.fit import assumed_sentences, left_out_sentences
+
+    notes = [*result.warnings, *left_out_sentences(result), *assumed_sentences(result)]
+    print_first(fit_lines(result), notes, full=full)
+    if full:
+        _show_tables(result)
+        _explain(result)
+
+
+def _show_tables(result: "Fit") -> None:
     from beamchain.fitting.hub import assumed_hub
     from beamchain.report.tables import fit as tables
     from beamchain.report.tables.steps import step_sentence
 
     out = console()
     print_headed(result.spec.name, result.status.message)
-    out.print(result.headline)
-    for line in [*tables.left_out_sentences(result), *tables.assumed_sentences(result)]:
-        out.print(line, markup=False)
     if result.spec.root.hub is None:
         out.print(assumed_hub(result.line))
     if result.space is not None:
@@ -109,7 +116,6 @@ def _show(result: "Fit") -> None:
         out.print(_sampled_sentence(result, result.time_error), markup=False)
     milliseconds = 1e3 * sum(result.seconds.values())
     out.print(f"spec to verified chain: {milliseconds:.1f} ms")
-    print_warnings(result.warnings)
 
 
 def _sampled_sentence(result: "Fit", error: "TimeError") -> str:

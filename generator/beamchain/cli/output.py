@@ -3,7 +3,7 @@ what is being done."""
 
 import sys
 import time
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Generator, Iterable, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -59,8 +59,28 @@ def tell(
         print_json(record())
     elif not quiet:
         show()
-        for file in files:
-            console().print(f"wrote {file}")
+        print_files(files)
+
+
+def print_files(files: Iterable[Path]) -> None:
+    """The files written, of each folder on one line."""
+    by_folder: dict[Path, list[str]] = {}
+    for file in files:
+        by_folder.setdefault(file.parent, []).append(file.name)
+    for folder, names in by_folder.items():
+        where = "" if folder == Path() else f" in {folder}"
+        console().print(f"wrote {', '.join(names)}{where}", markup=False)
+
+
+def print_first(lines: Iterable[str], notes: Sequence[str], *, full: bool) -> None:
+    """The first screen: its lines, and the notes, without `full` the first few."""
+    from beamchain.report.first_screen import NOTES
+
+    for line in lines:
+        console().print(line, markup=False)
+    print_warnings(notes if full else notes[:NOTES], "note")
+    if len(notes) > NOTES and not full:
+        console().print(f"{len(notes) - NOTES} more notes with --full")
 
 
 @contextmanager

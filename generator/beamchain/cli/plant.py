@@ -1,12 +1,12 @@
 """`beamchain plant`: the spacecraft as a control engineer's plant."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
-from beamchain.cli.common import Force, Json, Quiet, console
-from beamchain.cli.output import print_table, print_warnings, spinner, tell
+from beamchain.cli.common import Force, Full, Json, Quiet, console
+from beamchain.cli.output import print_first, print_table, spinner, tell
 from beamchain.cli.plant_options import Angle, Inputs, Model, Outputs, Poses
 from beamchain.errors import InputError
 from beamchain.warning_codes import warnings_record
@@ -54,6 +54,7 @@ def plant(
     loaded: Loaded = False,
     controller: Loops = None,
     report: Report = True,
+    full: Full = False,
     as_json: Json = False,
     force: Force = False,
     quiet: Quiet = False,
@@ -102,8 +103,7 @@ def plant(
     # why a loop is unstable is asked once its margins are shown
     is_shown = not silent and not all(margins.stable for margins in margins_by_plant)
     if is_shown:
-        _show_plants(result)
-        _show_margins(margins_by_plant)
+        _show_first(result, margins_by_plant, full=full)
     with spinner("why the loop is unstable", silent) as say:
         margins_by_plant = [_explained(one, say) for one in closed_loops]
     pages: dict[Path, str] = {}
@@ -115,7 +115,7 @@ def plant(
     warnings = [*doubtful(compiled, poses or [], angle), *warnings]
     tell(
         lambda: _record(result, plants[0], margins_by_plant, warnings),
-        lambda: _show(result, margins_by_plant, warnings, is_shown=is_shown),
+        lambda: _show(result, margins_by_plant, warnings, full=full, is_shown=is_shown),
         files,
         as_json,
         quiet,
@@ -180,23 +180,27 @@ def _explained(one: "LoopVerdict", say: "Callable[[str], None]") -> "Margins":
     )
 
 
-def _show_plants(found: "Plant | ScheduledPlant") -> None:
+def _show_first(
+    found: "Plant | ScheduledPlant", margins_by_plant: "list[Margins]", *, full: bool
+) -> None:
+    """The plant and the margins of its loops."""
     from beamchain.control.realisation import Plant
-    from beamchain.report.tables import plant as tables
+    from beamchain.report.first_screen import margin_lines, plant_lines
 
     first = found if isinstance(found, Plant) else found[0]
-    console().print(
-        f"{first.nstates} states, {first.ninputs} inputs ({', '.join(first.input_names)}), "
-        f"{first.noutputs} outputs ({', '.join(first.output_names)})",
-    )
-    print_table(tables.mode_table(first))
-    if not isinstance(found, Plant):
-        print_table(tables.pose_table(found))
+    print_first([*plant_lines(first), *margin_lines(margins_by_plant)], (), full=full)
+    if full:
+        _show_tables(found, first, margins_by_plant)
 
 
-def _show_margins(margins_by_plant: "list[Margins]") -> None:
+def _show_tables(
+    found: "Plant | ScheduledPlant", first: "Plant", margins_by_plant: "list[Margins]"
+) -> None:
     from beamchain.report.tables import plant as tables
 
+    print_table(tables.mode_table(first))
+    if found is not first:
+        print_table(tables.pose_table(cast("ScheduledPlant", found)))
     if margins_by_plant:
         print_table(tables.margin_table(margins_by_plant))
         if near := tables.limiting_table(margins_by_plant):
@@ -220,13 +224,12 @@ def _show(
     margins_by_plant: "list[Margins]",
     warnings: list[str],
     *,
+    full: bool,
     is_shown: bool,
 ) -> None:
     """What the terminal shows before the names of the files; `is_shown`: the plants and the margins
     have been, so that only the reasons of unstable loops are left."""
-    if is_shown:
-        _show_reasons(margins_by_plant)
-    else:
-        _show_plants(found)
-        _show_margins(margins_by_plant)
-    print_warnings(warnings, "note")
+    if not is_shown:
+        _show_first(found, margins_by_plant, full=full)
+    _show_reasons(margins_by_plant)
+    print_first((), warnings, full=full)

@@ -584,8 +584,13 @@ class Fit:
         )
 
     def to_mjcf(self) -> str:
-        """The drop-in MJCF file as text."""
-        return write.document_text(self.appendage())
+        """The drop-in MJCF file as text; it begins with what it is, what it reproduces and how to
+        check it."""
+        root = self.appendage()
+        first = next(root.iterchildren("*"))  # behind the words of its timing
+        for line in report.file_lines(self):
+            first.addprevious(etree.Comment(f" {line.replace('--', '- -')} "))
+        return write.document_text(root)
 
     def scene_mjcf(self) -> str:
         """A free-flying hub with the appendage on it, as text; default hub:

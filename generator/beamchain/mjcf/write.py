@@ -333,6 +333,7 @@ def _add_skins(root: Element, name: str, skins: Sequence[Skin]) -> None:
         element.set(key, f"{name}_{element.get(key)}")
     if not skins:
         return
+    root.append(etree.Comment(" how it is drawn: may be deleted "))
     deformable = etree.SubElement(root, "deformable")
     for skin in skins:
         look, points, faces, cells = skin.surface

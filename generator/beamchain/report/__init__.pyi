@@ -1,6 +1,7 @@
 from .craft_plots import assembly_svg as assembly_svg
 from .craft_plots import plot_assembly as plot_assembly
 from .craft_plots import sweep_pictures as sweep_pictures
+from .first_screen import file_lines as file_lines
 from .formats import digits as digits
 from .formats import number as number
 from .formats import relative as relative

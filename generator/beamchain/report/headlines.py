@@ -49,16 +49,23 @@ def cause_sentence(result: "Fit | Embedded") -> str:
 # -- a fit -----------------------------------------------------------------------------------------
 def fit_message(fit: "Fit") -> str:
     """What mends a fit, what was made, and whether that keeps what was asked for."""
+    cure, *reached = verdict_sentences(fit) if fit.missed else ["", *verdict_sentences(fit)]
     sentences = (
-        cure_sentence(fit),
+        cure,
         _chain_sentence(fit),
-        *fit.missing,
         *_space_sentences(fit),
         _limits_sentence(fit),
-        _promise_sentence(fit),
-        *((_step_sentence(fit), cause_sentence(fit)) if fit.at_step else ()),
+        *reached,
     )
     return " ".join(filter(None, sentences))
+
+
+def verdict_sentences(fit: "Fit") -> list[str]:
+    """What mends a fit that misses its tolerance, what could not be kept, and the errors against
+    what was asked for."""
+    at_step = (_step_sentence(fit), cause_sentence(fit)) if fit.at_step else ()
+    sentences = (cure_sentence(fit), *fit.missing, _promise_sentence(fit), *at_step)
+    return list(filter(None, sentences))
 
 
 def _chain_sentence(fit: "Fit") -> str:
@@ -160,7 +167,9 @@ def fit_headline(fit: "Fit") -> str:
 
 
 def tip_sentence(fit: "Fit") -> str | None:
-    """The tip's error and the remedy, if it is above 1 %."""
+    """The tip's error and the remedy, if it is above 1 % and no scene leaves the tip out."""
+    if fit.spec.scene is not None and not fit.spec.scene.tip:
+        return None
     off = {
         (p, k + 1): float(e)
         for p, errors in fit.tip_error.items()

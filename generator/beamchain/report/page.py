@@ -50,6 +50,7 @@ def page_text(template: str, folder: Path | None = None, **values: Any) -> str:
     by name."""
     common = {
         "titles": [],
+        "tiles": (),
         "zip": zip,
         "infinity": math.inf,
         "turn": math.tau,

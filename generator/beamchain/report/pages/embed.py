@@ -12,6 +12,7 @@ from beamchain.fitting.spec_text import spec_toml
 from beamchain.report import plots
 from beamchain.report.craft_plots import assembly_figure, difference_figure
 from beamchain.report.curves import count
+from beamchain.report.first_screen import embedded_tiles
 from beamchain.report.formats import percent, short
 from beamchain.report.headlines import cure_sentence
 from beamchain.report.page import Verdict, page_text
@@ -52,6 +53,7 @@ def embed_report(embedded: "Embedded", craft: str, output: str) -> str:
         "embed.html",
         name=output,
         verdict=_verdict(embedded),
+        tiles=embedded_tiles(embedded),
         embedded=embedded,
         assembly=assembly,
         asked=_sources(embedded, craft, output),

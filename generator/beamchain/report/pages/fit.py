@@ -14,6 +14,7 @@ from beamchain.report.curves import (
     rival_chains,
     rival_model,
 )
+from beamchain.report.first_screen import fit_tiles
 from beamchain.report.formats import number, percent, short, vector
 from beamchain.report.headlines import tip_sentence
 from beamchain.report.page import Verdict, page_text
@@ -48,6 +49,8 @@ def fit_report(fit: "Fit") -> tuple[str, dict[str, str]]:
         "report.html",
         name=fit.spec.name,
         verdict=_verdict(fit, rivals),
+        tiles=fit_tiles(fit),
+        worst=fit.worst_port,
         fit=fit,
         pictures=pictures,
         asked=_specification(fit),

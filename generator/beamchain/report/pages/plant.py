@@ -7,6 +7,7 @@ from beamchain.control.margins import Margins
 from beamchain.control.realisation import Plant
 from beamchain.control.verdicts import margin_warnings
 from beamchain.report import margin_plots, plant_plots
+from beamchain.report.first_screen import plant_tiles
 from beamchain.report.page import Verdict, page_text
 from beamchain.report.svg import to_svg
 from beamchain.report.tables import plant as tables
@@ -41,6 +42,7 @@ def plant_report(
         plant=plants[0],
         scheduled=None if isinstance(found, Plant) else found,
         verdict=_verdict(plants[0], of_loops),
+        tiles=plant_tiles(plants[0], of_loops),
         inputs=tables.signal_table("Inputs", plants[0].input_names, plants[0].input_units),
         outputs=tables.signal_table("Outputs", plants[0].output_names, plants[0].output_units),
         allocations=tables.allocation_tables(plants[0]),

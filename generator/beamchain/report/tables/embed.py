@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from beamchain.craft.assembly import Assembly
     from beamchain.craft.coupled_modes import Mode
     from beamchain.craft.embedded import Embedded
+    from beamchain.fitting.result import Fit
 
 coupled_frequency = digits(8)  # shows differences that the proof resolves
 
@@ -27,7 +28,7 @@ def appendage_table(embedded: "Embedded") -> Table:
         Column("prefix", [a.prefix for a in appendages], place="brief"),
         Column("appendage", [_size(a) for a in appendages], place="page"),
         Column("mass centre in the base's axes", _centres(embedded), "m", vector, place="page"),
-        Column("modes kept", [_modes_kept(a) for a in appendages], place="page"),
+        Column("modes kept", [modes_kept(a.fit) for a in appendages], place="page"),
         Column("target", [a.fit.kept_for for a in appendages]),
         Column("rigidly behind its root", [a.hub.mass for a in appendages], "kg", number),
         Column("on", [_joints(a) for a in appendages]),
@@ -71,8 +72,8 @@ def _size(appendage: "Appendage") -> str:
     return f"{fit.spec.name}: {short(fit.line.length)} m, {short(mass)} kg"
 
 
-def _modes_kept(appendage: "Appendage") -> str:
-    fit = appendage.fit
+def modes_kept(fit: "Fit") -> str:
+    """How many modes an appendage keeps of each port; of imported ones, which of the file."""
     space = fit.space
     if space is not None and (space.couples or not fit.target):
         return f"{len(space.numbers)}, coupled: {space.kept_words}" if fit.target else "rigid"

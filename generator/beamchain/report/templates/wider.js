@@ -9,4 +9,7 @@
   };
   look();
   window.addEventListener("resize", look);
+  document.addEventListener("toggle", look, true);
 })();
+// what is folded is printed as well
+addEventListener("beforeprint", () => document.querySelectorAll("details").forEach((part) => { part.open = true; }));
