@@ -129,7 +129,7 @@ IN_WHEEL := pytest pytest-timeout pytest-xdist hypothesis sympy gymnasium nbclie
 wheel-test: wheel
 	rm -rf build/wheel && mkdir -p build/wheel
 	$(PYTHON) -m venv build/wheel/venv
-	build/wheel/venv/bin/python -m pip install --quiet --disable-pip-version-check "$$(ls dist/*.whl)[robust]" $(IN_WHEEL)
+	build/wheel/venv/bin/python -m pip install --quiet --disable-pip-version-check "$$(ls dist/*.whl)[robust,sysid]" $(IN_WHEEL)
 	cp -r tests notebooks dist pyproject.toml build/wheel/
 	cd build/wheel && venv/bin/$(PYTEST) -m "not slow and not host" --brief
 	cd build/wheel && venv/bin/$(PYTEST) tests/test_notebooks.py tests/test_release.py
@@ -146,7 +146,7 @@ ifeq ($(NEWEST),)
 else
 	rm -rf build/newest && mkdir -p build/newest
 	$(NEWEST) -m venv build/newest/venv
-	build/newest/venv/bin/python -m pip install --quiet --disable-pip-version-check "$$(ls dist/*.whl)[robust]" $(IN_WHEEL)
+	build/newest/venv/bin/python -m pip install --quiet --disable-pip-version-check "$$(ls dist/*.whl)[robust,sysid]" $(IN_WHEEL)
 	cp -r tests notebooks dist pyproject.toml build/newest/
 	cd build/newest && venv/bin/python --version && venv/bin/$(PYTEST) -m "not slow and not host"
 endif
