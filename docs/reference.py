@@ -155,6 +155,8 @@ PARTS = {
         "robust.lft.Block",
         "robust.uncertain_loop.UncertainLoop",
         "robust.uncertain_loop.Reach",
+        "robust.uncertain_loop.Sample",
+        "control.closed_loop.ClosedLoop",
         "robust.least_margins.LeastMargin",
     ),
 }

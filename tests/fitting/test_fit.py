@@ -355,7 +355,8 @@ def test_command_line_prints_wanted_and_achieved_damping(unwritten, tmp_path, mo
         + "[modes]\nxy = 2\ntorsion = 1\n[damping]\nratio = { xy = [0.001, 0.05], torsion = [0.02] "
         "}\n"
     )
-    code, shown, _ = run(["fit", str(spec), "-o", str(tmp_path / "out")], capsys, monkeypatch)
+    words = ["fit", str(spec), "-o", str(tmp_path / "out"), "--full"]
+    code, shown, _ = run(words, capsys, monkeypatch)
     assert code == 0
     assert "damping" in shown  # two headings, wrapped to the terminal's width
     assert "asked" in shown
@@ -376,7 +377,14 @@ def test_one_in_band_error_is_printed_where_a_scene_asks(unwritten, tmp_path, ca
     text += "material = { youngs_modulus = 7e10, density = 2700.0 }\n[modes]\ntorsion = 1\n"
     for scene, lines in (("", 1), ('[scene]\nbandwidth = 5.0\naxes = ["z"]\n', 0)):
         (tmp_path / "boom.toml").write_text(text + scene)
-        words = ["fit", str(tmp_path / "boom.toml"), "-o", str(tmp_path / "out"), "--force"]
+        words = [
+            "fit",
+            str(tmp_path / "boom.toml"),
+            "-o",
+            str(tmp_path / "out"),
+            "--force",
+            "--full",
+        ]
         _, told, _ = run(words, capsys, monkeypatch)
         assert told.count("the worst of three, 0.1, 1 and 10 times") == lines
         assert "in-band error" in told

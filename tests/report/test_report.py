@@ -219,7 +219,7 @@ def test_damping_ratios_are_shown_where_there_are_any(reports, name, ratio):
 def test_spec_reads_back_as_the_same_spec(reports, name, tmp_path):
     """The specification that stands in the page."""
     fit, page, _ = reports(name)
-    (section,) = html.fromstring(page).xpath("//section[h2[text()='To reproduce']]")
+    (section,) = html.fromstring(page).xpath("//section[.//h2[text()='To reproduce']]")
     (tmp_path / "spec.toml").write_text([code.text_content() for code in section.iter("code")][-1])
     assert bc.read_spec(tmp_path / "spec.toml") == fit.spec
 

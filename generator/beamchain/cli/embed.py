@@ -241,8 +241,8 @@ def _record(result: "Embedded", key: str | None, at_key: "Sequence[Mode]") -> di
 
 def _show(result: "Embedded", key: str | None, at_key: "Sequence[Mode]", *, full: bool) -> None:
     """What the terminal shows before the names of the files."""
-    from beamchain.report.first_screen import embedded_lines
     from beamchain.report.tables.embed import keyframe_table
+    from beamchain.report.tables.first_screen import embedded_lines
 
     print_first(embedded_lines(result), result.warnings, full=full)
     if full:

@@ -63,7 +63,7 @@ def fit(
 
 
 def _show(result: "Fit", *, full: bool) -> None:
-    from beamchain.report.first_screen import fit_lines
+    from beamchain.report.tables.first_screen import fit_lines
     from beamchain.report.tables.fit import assumed_sentences, left_out_sentences
 
     notes = [*result.warnings, *left_out_sentences(result), *assumed_sentences(result)]

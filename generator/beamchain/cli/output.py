@@ -74,7 +74,7 @@ def print_files(files: Iterable[Path]) -> None:
 
 def print_first(lines: Iterable[str], notes: Sequence[str], *, full: bool) -> None:
     """The first screen: its lines, and the notes, without `full` the first few."""
-    from beamchain.report.first_screen import NOTES
+    from beamchain.report.tables.first_screen import NOTES
 
     for line in lines:
         console().print(line, markup=False)

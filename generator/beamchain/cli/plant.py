@@ -185,7 +185,7 @@ def _show_first(
 ) -> None:
     """The plant and the margins of its loops."""
     from beamchain.control.realisation import Plant
-    from beamchain.report.first_screen import margin_lines, plant_lines
+    from beamchain.report.tables.first_screen import margin_lines, plant_lines
 
     first = found if isinstance(found, Plant) else found[0]
     print_first([*plant_lines(first), *margin_lines(margins_by_plant)], (), full=full)

@@ -1,7 +1,6 @@
 from .craft_plots import assembly_svg as assembly_svg
 from .craft_plots import plot_assembly as plot_assembly
 from .craft_plots import sweep_pictures as sweep_pictures
-from .first_screen import file_lines as file_lines
 from .formats import digits as digits
 from .formats import number as number
 from .formats import relative as relative
@@ -44,6 +43,7 @@ from .recovery_plots import plot_recovery as plot_recovery
 from .svg import to_svg as to_svg
 from .table import Column as Column
 from .table import Table as Table
+from .tables.first_screen import file_lines as file_lines
 from .tables.plant import margin_table as margin_table
 from .tables.plant import margin_text as margin_text
 from .tables.plant import pose_columns as pose_columns

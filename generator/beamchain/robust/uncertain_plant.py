@@ -1,8 +1,8 @@
 """An uncertain plant, and the worst that a given controller meets in it."""
 
 from collections.abc import Mapping
+from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -83,9 +83,10 @@ class UncertainPlant(Lft):
         >>> light = uncertain.sample({"bus.mass": 280.0})
     """
 
-    def __init__(self, *given: Any) -> None:
-        super().__init__(*given)
-        self.found: list[Array] = []  # where searches have ended, which others try as well
+    @cached_property
+    def found(self) -> list[Array]:
+        """Where searches have ended, which others try as well."""
+        return []
 
     def loops(
         self,

@@ -12,7 +12,6 @@ from beamchain.fitting.spec_text import spec_toml
 from beamchain.report import plots
 from beamchain.report.craft_plots import assembly_figure, difference_figure
 from beamchain.report.curves import count
-from beamchain.report.first_screen import embedded_tiles
 from beamchain.report.formats import percent, short
 from beamchain.report.headlines import cure_sentence
 from beamchain.report.page import Verdict, page_text
@@ -20,6 +19,7 @@ from beamchain.report.replay import craft_replays
 from beamchain.report.shapes import all_shapes
 from beamchain.report.svg import to_svg
 from beamchain.report.tables import embed as tables
+from beamchain.report.tables.first_screen import embedded_tiles
 from beamchain.report.tables.fit import left_out_table, port_table
 from beamchain.report.tree_plot import tree_figure
 from beamchain.steps.budget import budget

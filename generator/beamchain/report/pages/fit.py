@@ -14,7 +14,6 @@ from beamchain.report.curves import (
     rival_chains,
     rival_model,
 )
-from beamchain.report.first_screen import fit_tiles
 from beamchain.report.formats import number, percent, short, vector
 from beamchain.report.headlines import tip_sentence
 from beamchain.report.page import Verdict, page_text
@@ -22,6 +21,7 @@ from beamchain.report.replay import scene_replays
 from beamchain.report.shapes import all_shapes
 from beamchain.report.svg import to_svg
 from beamchain.report.tables import fit as tables
+from beamchain.report.tables.first_screen import fit_tiles
 from beamchain.report.tables.steps import step_table
 
 if TYPE_CHECKING:

@@ -7,10 +7,10 @@ from beamchain.control.margins import Margins
 from beamchain.control.realisation import Plant
 from beamchain.control.verdicts import margin_warnings
 from beamchain.report import margin_plots, plant_plots
-from beamchain.report.first_screen import plant_tiles
 from beamchain.report.page import Verdict, page_text
 from beamchain.report.svg import to_svg
 from beamchain.report.tables import plant as tables
+from beamchain.report.tables.first_screen import plant_tiles
 
 if TYPE_CHECKING:
     from beamchain.control.scheduled import ScheduledPlant
