@@ -35,6 +35,19 @@ def test_peaks_between_and_at_the_ends_of_a_grid():
         assert found == pytest.approx((sign * end, end), rel=1e-6)
 
 
+def test_of_many_peaks_nearly_alike_each_is_polished():
+    """On the grid the highest of six, between its points, is the lowest."""
+    omega = np.arange(1.0, 13.0, 0.5)
+    places = np.array([2.0, 4.0, 6.0, 8.0, 10.0, 11.74])
+    heights = np.array([1.0, 1.001, 1.002, 1.001, 1.0, 1.004])
+
+    def hills(w):
+        return float(np.max(heights - 0.1 * (w - places) ** 2))
+
+    values = np.array([hills(w) for w in omega])
+    assert largest(omega, values, hills) == pytest.approx((1.004, 11.74), rel=1e-8)
+
+
 def test_crossings_of_a_curve_and_the_points_before_them():
     omega = np.arange(0.3, 10.0, 0.5)
     found = crossings(omega, np.sin(omega), np.sin)

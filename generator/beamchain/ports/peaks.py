@@ -8,7 +8,8 @@ from scipy.optimize import brentq, minimize_scalar
 
 from beamchain.ports.motions import Array
 
-POLISHED = 4  # maxima on a grid that are polished
+POLISHED = 4  # maxima on a grid that are polished, at least
+LOW = 0.02  # of the largest value on the grid: of a maximum that is lower by less, too
 TOP = 1e-10  # relative, of a frequency, to which they are
 CLOSE = 1e-13  # relative, to which a crossing is found
 
@@ -42,7 +43,9 @@ def largest(
     before = np.concatenate([[-np.inf], values[:-1]])
     after = np.concatenate([values[1:], [-np.inf]])
     tops = np.flatnonzero((values >= before) & (values >= after))
-    tops = tops[np.argsort(-values[tops])][:POLISHED]
+    tops = tops[np.argsort(-values[tops])]
+    close = np.count_nonzero(values[tops] > values[tops[0]] - LOW * abs(values[tops[0]]))
+    tops = tops[: max(POLISHED, close)]
     best = Extremum(float(values[tops[0]]), float(omega[tops[0]]))
     for k in tops:
         low, high = float(omega[max(k - 1, 0)]), float(omega[min(k + 1, omega.size - 1)])
