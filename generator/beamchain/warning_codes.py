@@ -105,6 +105,10 @@ CODES = {
         "only one of the units of an imported file is stated",
         "Give both, even if one is 1: `units = { length = 1e-3, mass = 1.0 }` for mm and kg.",
     ),
+    "heavy-appendage": (
+        "an appendage weighs more than a hundred times the spacecraft",
+        "Check the units of its specification: lengths in m, densities in kg/m³.",
+    ),
     "heavy-liquid": (
         "the liquid of a tank outweighs the spacecraft many times over, probably because of a "
         "wrong unit",

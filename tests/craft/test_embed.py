@@ -600,6 +600,19 @@ def test_an_appendage_runs_to_what_it_carries(at, site, hand, said, tmp_path):
     assert not said or (said in found[0] and "site whose x axis points to the body" in found[0])
 
 
+@pytest.mark.parametrize(("times", "asked"), [(99.0, False), (101.0, True)])
+def test_an_appendage_a_hundred_times_as_heavy_as_its_spacecraft_is_asked_about(times, asked):
+    craft = """<mujoco><worldbody><body name="bus"><freejoint/>
+    <inertial pos="0 0 0" mass="2" diaginertia="9 9 9"/><site name="mount"/></body></worldbody>
+    </mujoco>"""
+    section = bc.Equivalent(bending_stiffness_xy=90.0, linear_mass=times * 2.0 / 5.0)
+    boom = bc.Spec(name="boom", segment=(bc.Segment(length=5.0, section=section),))
+    made = bc.embed(craft, {"mount": boom}, rigid=True)
+    found = [str(w) for w in made.warnings if w.code == "heavy-appendage"]
+    assert len(found) == asked
+    assert not asked or "weighs 202 kg, the spacecraft 2 kg" in found[0]
+
+
 def test_what_an_appendage_should_carry_is_no_mass_to_point_away_from(tmp_path):
     """The hand outweighs the bus, stands at the end, and `carries` was forgotten: one note."""
     (tmp_path / "spec.toml").write_text(slender(5.0))

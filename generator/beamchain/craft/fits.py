@@ -32,6 +32,7 @@ from beamchain.warning_codes import at as said_of
 
 MASSLESS = 1e-12  # relative: what subtracting all mass leaves of it
 SAME_HUB = 1e-12  # relative: hubs that are one
+HEAVY = 100.0  # times the spacecraft without appendages
 FAR = 20.0  # [m] from the centre of mass, and of radii of gyration: a place in other units
 MANY = 100.0
 CLOSE = 1e-3  # of its length: where an appendage starts at the centre of mass
@@ -140,6 +141,13 @@ def _place_notes(
     name, place = item.at, item.mount
     hanging = list(hanging_notes(model, place, Item(place.body, wish.spec, wish.carries)))
     yield from hanging
+    mass, rest = float(item.candidate.body.rigid_mass[0, 0]), float(model.body_subtreemass[0])
+    if mass > HEAVY * rest:
+        yield Caution(
+            "heavy-appendage",
+            f"the appendage at {name} weighs {mass:.3g} kg, the spacecraft {rest:.3g} kg: are "
+            "lengths in m?",
+        )
     if ":" in name:
         return
     # what stands at its end and was forgotten is no mass to point away from
