@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from beamchain.craft.embedded import Embedded
     from beamchain.fitting.result import Fit
 
+SHOWN = 10.0  # times the band: coupled modes beyond are left to `Embedded.assembly`
 coupled_frequency = digits(8)  # shows differences that the proof resolves
 
 
@@ -111,8 +112,9 @@ def _frequency_columns(modes: "Sequence[Mode]") -> tuple[Column, ...]:
 
 
 def coupled_table(assembly: "Assembly") -> Table:
-    """The coupled modes of the whole spacecraft, exact and through MuJoCo."""
-    modes = assembly.modes
+    """The coupled modes of the whole spacecraft up to ten times the band, exact and through
+    MuJoCo."""
+    modes = [m for m in assembly.modes if (m.exact or m.mujoco or 0.0) <= SHOWN * assembly.band]
     columns = (
         *_frequency_columns(modes),
         Column("kept", [kept_word(assembly, mode) for mode in modes]),
@@ -125,7 +127,9 @@ def coupled_table(assembly: "Assembly") -> Table:
         "shift them.",
     )
     title = "Coupled modes of the whole spacecraft, without damping"
-    return Table(title, columns, notes=notes if beyond else ())
+    hidden = len(assembly.modes) - len(modes)
+    more = (f"{hidden} more lie above {number(SHOWN * assembly.band)} rad/s.",) if hidden else ()
+    return Table(title, columns, notes=(notes if beyond else ()) + more)
 
 
 def keyframe_table(assembly: "Assembly", modes: "Sequence[Mode]", key: str) -> Table:
