@@ -83,8 +83,8 @@ class Loop(Filter, frozen=True, kw_only=True, forbid_unknown_fields=True):
     Example:
         >>> import beamchain as bc
         >>> loop = bc.spec.Loop(
-        ...     input="torque:hub:z",
-        ...     output="rate:hub:z",
+        ...     input="torque_z",
+        ...     output="rate_z",
         ...     numerator=(40.0,),
         ...     denominator=(1.0,),
         ...     delay=0.02,
@@ -119,7 +119,7 @@ class Controller(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     Example:
         >>> import beamchain as bc
         >>> rate = bc.spec.Loop(
-        ...     input="torque:hub:z", output="rate:hub:z", numerator=(40.0,), denominator=(1.0,)
+        ...     input="torque_z", output="rate_z", numerator=(40.0,), denominator=(1.0,)
         ... )
         >>> len(bc.spec.Controller(loop=(rate,)).loop)
         1

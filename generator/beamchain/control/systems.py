@@ -186,7 +186,7 @@ def response(system: System, s: Complex) -> Complex:
     a, b, c, d = system
     if s.size <= CHUNK or not a.size:
         # C (s - A)^-1 B + D
-        states = np.linalg.solve(s[:, None, None] * np.eye(a.shape[0]) - a, b)
+        states = np.linalg.solve(s[:, None, None] * np.eye(a.shape[0]) - a, b[None])
         return (c @ states + d).astype(np.complex128)
     count, number = connected_components(a != 0.0)
     apart = (np.flatnonzero(number == k) for k in range(count))

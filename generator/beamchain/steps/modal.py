@@ -101,7 +101,8 @@ def timing_marks(model: "mujoco.MjModel") -> list[TimingMark | None]:
 def condensed_mass(mass: Array, rows: Array) -> tuple[Array, Array]:
     """`C = (B M^-1 B^T)^-1` `(..., n, n)` of masses `(..., nv, nv)`, and `M^-1 B^T C`
     `(..., nv, n)`, the motion per mode."""
-    spread = np.linalg.solve(mass, rows.T)
+    columns = np.broadcast_to(rows.T, (*mass.shape[:-1], len(rows)))
+    spread = np.linalg.solve(mass, columns)
     flexible = rows @ spread
     c = np.linalg.inv((flexible + np.swapaxes(flexible, -1, -2)) / 2.0)
     c = (c + np.swapaxes(c, -1, -2)) / 2.0
