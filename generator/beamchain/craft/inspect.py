@@ -15,16 +15,14 @@ from beamchain.engine.library import mujoco
 from beamchain.engine.linear import linear_at
 from beamchain.engine.linearise import NUMBERS, compile_model
 from beamchain.engine.operating_point import quiet_copy, rest_point
-from beamchain.ports.motions import Array
+from beamchain.ports.motions import Array, system_matrix
 from beamchain.steps.budget import linear_model
 from beamchain.steps.integrators import AT_REST
-from beamchain.steps.limits import StepLimits, oscillations, step_limits
+from beamchain.steps.limits import LinearModel, StepLimits, oscillations, step_limits
 from beamchain.steps.modal import TimingMark, timing_marks
 from beamchain.steps.poles import PoleRow, mismatch, pole_rows
 from beamchain.steps.retime import retime
 from beamchain.steps.saturation import servos_that_chatter
-
-NEAR = 0.05  # relative: how far damping may move a mode from its undamped frequency
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +101,7 @@ def inspect_model(source: "str | Path | mujoco.MjModel") -> Inspection:
         ],
         frequencies=frequencies,
         damping=ratios,
-        moving=_moving(plain, frequencies),
+        moving=_moving(plain, linear, frequencies, ratios),
         springs=springs,
         tendons=tendons,
         integrator=NUMBERS[int(model.opt.integrator)],
@@ -120,18 +118,15 @@ def inspect_model(source: "str | Path | mujoco.MjModel") -> Inspection:
     )
 
 
-def _moving(model: "mujoco.MjModel", frequencies: Array) -> list[dict[tuple[str, str], float]]:
-    """What holds the strain energy of the modes with some frequencies [rad/s]."""
-    if not frequencies.size:
-        return []
-    linear = linear_at(rest_point(quiet_copy(model)))
-    modes = linear.modes()
-    names, rows = cantilever_names(model, linear.mass, linear.stiffness)
-    share = strain_shares(rows, modes.shapes)
-    out: list[dict[tuple[str, str], float]] = []
-    for frequency in frequencies:
-        away = np.abs(modes.frequency / frequency - 1.0)
-        near = np.flatnonzero(away < NEAR)
-        k = min(near.tolist(), key=lambda k: float(away[k]), default=None)
-        out.append({} if k is None else strain_holders(names, share[:, k]))
-    return out
+def _moving(
+    model: "mujoco.MjModel", linear: LinearModel, frequencies: Array, ratios: Array
+) -> list[dict[tuple[str, str], float]]:
+    """What holds the strain energy of the modes with some frequencies [rad/s] and damping ratios:
+    of their damped shapes, which a damper of the craft may turn from the undamped ones."""
+    rest = linear_at(rest_point(quiet_copy(model)))
+    names, rows = cantilever_names(model, rest.mass, rest.stiffness)
+    poles, vectors = np.linalg.eig(system_matrix(linear.stiffness, linear.damping))
+    wanted = frequencies * (1j * np.sqrt(1.0 - ratios**2) - ratios)
+    nearest = [int(np.argmin(np.abs(poles - pole))) for pole in wanted]
+    share = strain_shares(rows, vectors[: model.nv, nearest])
+    return [strain_holders(names, each) for each in share.T]

@@ -62,8 +62,9 @@ def cantilever_names(
 
 
 def strain_shares(rows: Array, shapes: Array) -> Array:
-    """`(c, n)` share of what each of `rows` `(c, nv)` takes in the strain energy of modes."""
-    energy = (rows @ shapes) ** 2
+    """`(c, n)` share of what each of `rows` `(c, nv)` takes in the strain energy of modes, whose
+    shapes may be complex."""
+    energy = np.abs(rows @ shapes) ** 2
     return energy / np.maximum(energy.sum(axis=0), 1e-300)
 
 
