@@ -22,36 +22,22 @@ def sampled(system: System, plant_step: float, step: float) -> System:
     """
     if not step:
         return system
-    if not plant_step:
-        return _held(system, step)
-    count = round(step / plant_step)
-    if count < 1 or abs(step / plant_step - count) > WHOLE * count:
-        raise InputError(
-            f"controller: its step of {step:g} s is no multiple of the plant's, {plant_step:g} s; "
-            "sample the controller at a multiple, or make the plant without discrete, whose "
-            "samples are exact at any step."
-        )
-    return _lifted(system, count)
-
-
-def _held(system: System, step: float) -> System:
-    """A continuous plant at the samples: `exp([A B; 0 0] h) = [A_h B_h; 0 1]`."""
     a, b, c, d = system
     n, m = b.shape
     whole = np.zeros((n + m, n + m))
-    whole[:n, :n] = a * step
-    whole[:n, n:] = b * step
-    both = np.asarray(expm(whole), dtype=np.float64)
-    return both[:n, :n], both[:n, n:], c, d
-
-
-def _lifted(system: System, count: int) -> System:
-    """A sampled plant at every `count`-th sample, its input held between:
-    `A^n`, `(1 + A + ... + A^(n-1)) B`."""
-    a, b, c, d = system
-    power = np.eye(a.shape[0])
-    driven = np.zeros_like(b)
-    for _ in range(count):
-        driven = a @ driven + b
-        power = a @ power
-    return power, driven, c, d
+    whole[:n, :n], whole[:n, n:] = a, b
+    if plant_step:
+        count = round(step / plant_step)
+        if count < 1 or abs(step / plant_step - count) > WHOLE * count:
+            raise InputError(
+                f"controller: its step of {step:g} s is no multiple of the plant's, "
+                f"{plant_step:g} s; sample the controller at a multiple, or make the plant without "
+                "discrete, whose samples are exact at any step."
+            )
+        # [A B; 0 1]^k = [A^k (1 + A + ... + A^(k-1)) B; 0 1]
+        whole[n:, n:] = np.eye(m)
+        held = np.linalg.matrix_power(whole, count)
+    else:
+        # exp([A B; 0 0] h) = [A_h B_h; 0 1]
+        held = np.asarray(expm(whole * step), dtype=np.float64)
+    return held[:n, :n], held[:n, n:], c, d
