@@ -29,6 +29,7 @@ from .control.systems import response as response
 from .control.systems import standing_still as standing_still
 from .control.systems import subsystem as subsystem
 from .control.systems import with_deltas as with_deltas
+from .control.systems import with_gains as with_gains
 from .craft.appendage import Appendage as Appendage
 from .craft.embedding import marked_appendages as marked_appendages
 from .craft.linear_craft import LinearCraft as LinearCraft

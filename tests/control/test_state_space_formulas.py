@@ -19,7 +19,6 @@ from beamchain.control.systems import (
     linking,
     response,
     size_at_rest,
-    spectral_split,
     standing_still,
     subsystem,
     taking_part,
@@ -198,18 +197,6 @@ def test_poles_at_rest_and_those_that_grow():
     assert found[0] == pytest.approx(0.5 / (1e-9 * 0.5 + 1e-10) - 1.0)
     assert found[1:3].tolist() == [-1.0, -1.0]
     assert found[3] == pytest.approx(-3.0 / (5e-9 + 1e-10) - 1.0)
-
-
-def test_a_system_as_the_sum_of_two():
-    whole = system(5, 2, 2)
-    poles = np.linalg.eigvals(whole[0])
-    limit = np.sort(np.abs(poles))[2] * 1.0001
-    kept, rest = spectral_split(whole, lambda pole: abs(pole) <= limit)
-    assert np.all(np.abs(np.linalg.eigvals(kept[0])) > limit)
-    assert np.all(np.abs(np.linalg.eigvals(rest[0])) <= limit)
-    assert not rest[3].any()
-    for s in S:
-        np.testing.assert_allclose(value(kept, s) + value(rest, s), value(whole, s))
 
 
 # -- samples ---------------------------------------------------------------------------------------

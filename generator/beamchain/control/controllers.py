@@ -11,10 +11,9 @@ import control
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
 
 from beamchain.checks import Struct, field
-from beamchain.control.systems import balancing
+from beamchain.control.systems import System, balancing, side_by_side
 from beamchain.engine.allocation import Allocation
 from beamchain.engine.combinations import Alignment, InputNames, OutputNames
 from beamchain.errors import InputError
@@ -223,13 +222,9 @@ def _check_finite(loop: Loop, *values: NDArray[Any]) -> None:
         )
 
 
-def realise(controller: Controller, order: int = ORDER) -> tuple[Array, Array, Array, Array]:
-    """A, B, C, D of all loops side by side, dead times as Pade approximations of an order."""
-    parts = [_balance(loop, order) for loop in controller.loop]
-    a, b, c, d = (
-        np.asarray(block_diag(*same), dtype=np.float64) for same in zip(*parts, strict=True)
-    )
-    return a, b, c, d
+def realise(controller: Controller, order: int = ORDER) -> System:
+    """All loops side by side, dead times as Pade approximations of an order."""
+    return side_by_side(_balance(loop, order) for loop in controller.loop)
 
 
 def takes_time(controller: Controller) -> bool:
@@ -237,7 +232,7 @@ def takes_time(controller: Controller) -> bool:
     return any(_balance(loop, ORDER)[0].size for loop in controller.loop)
 
 
-def _companion(top: Array, bottom: Array) -> tuple[Array, Array, Array, Array]:
+def _companion(top: Array, bottom: Array) -> System:
     """A, B, C, D of a proper transfer function, in controllable form,
     however small its first coefficients are."""
     n = bottom.size - 1
@@ -250,7 +245,7 @@ def _companion(top: Array, bottom: Array) -> tuple[Array, Array, Array, Array]:
     return a, b, c, top[None, :1]
 
 
-def _balance(loop: Loop, order: int) -> tuple[Array, Array, Array, Array]:
+def _balance(loop: Loop, order: int) -> System:
     """One loop as states."""
     fractions = (
         control.pade(loop.delay, order),
@@ -266,7 +261,7 @@ def _balance(loop: Loop, order: int) -> tuple[Array, Array, Array, Array]:
     return parts
 
 
-def realise_fraction(top: Array, bottom: Array) -> tuple[Array, Array, Array, Array]:
+def realise_fraction(top: Array, bottom: Array) -> System:
     """A, B, C, D of a proper transfer function with its states scaled alike; the companion form
     alone of a delay has entries as large as the delay to the power -6.
 

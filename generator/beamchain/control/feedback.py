@@ -9,7 +9,6 @@ from typing import Any, cast
 
 import control
 import numpy as np
-from scipy.linalg import block_diag
 
 from beamchain.checks import preview
 from beamchain.control.controllers import (
@@ -22,7 +21,7 @@ from beamchain.control.controllers import (
     realise_fraction,
     takes_time,
 )
-from beamchain.control.systems import Complex, System, response
+from beamchain.control.systems import Complex, System, response, side_by_side, with_gains
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
 
@@ -112,14 +111,10 @@ def feedback(controller: Given, signals: Signals) -> Feedback:
 
 def _of_file(controller: Controller, signals: Signals) -> Feedback:
     seen, driven = places(controller, signals.inputs, signals.outputs)
-    rows = list(dict.fromkeys(seen))
-    columns = list(dict.fromkeys(driven))
-    measure = np.equal.outer(seen, rows).astype(np.float64)
-    drive = np.equal.outer(columns, driven).astype(np.float64)
+    rows, columns, drive, measure = _ends(seen, driven)
 
     def realised(order: int) -> System:
-        a, b, c, d = realise(controller, order)
-        return a, b @ measure, drive @ c, drive @ d @ measure
+        return with_gains(drive, realise(controller, order), measure)
 
     def values(s: Complex) -> Complex:
         each = np.array([loop_response(loop, s) for loop in controller.loop])
@@ -167,15 +162,17 @@ def _of_mapping(several: Mapping[Any, Any], signals: Signals) -> Feedback:
         step = _step(one, systems[-1], name)
         if step is not None:
             steps[name] = step
-    rows = list(dict.fromkeys(seen))
-    columns = list(dict.fromkeys(driven))
-    measure = np.equal.outer(seen, rows).astype(np.float64)
-    drive = np.equal.outer(columns, driven).astype(np.float64)
-    a, b, c, d = (
-        np.asarray(block_diag(*same), dtype=np.float64) for same in zip(*systems, strict=True)
-    )
-    whole = a, b @ measure, drive @ c, drive @ d @ measure
+    rows, columns, drive, measure = _ends(seen, driven)
+    whole = with_gains(drive, side_by_side(systems), measure)
     return _rational(rows, columns, whole, _one_step(steps))
+
+
+def _ends(seen: list[int], driven: list[int]) -> tuple[list[int], list[int], Array, Array]:
+    """The outputs that loops measure and the inputs that they drive, each once; and which loops
+    drive which input `(columns, loops)` and measure which output `(loops, rows)`."""
+    rows, columns = list(dict.fromkeys(seen)), list(dict.fromkeys(driven))
+    drive, measure = np.equal.outer(columns, driven), np.equal.outer(seen, rows)
+    return rows, columns, drive.astype(np.float64), measure.astype(np.float64)
 
 
 def _of_system(system: LTI, signals: Signals) -> Feedback:
@@ -240,35 +237,25 @@ def _states(system: LTI, name: str) -> System:
 
 
 def _of_fractions(system: control.TransferFunction, name: str) -> System:
-    parts: list[System] = []
-    places_of: list[tuple[int, int]] = []
-    for i in range(system.noutputs):
-        for j in range(system.ninputs):
-            top, bottom = (
-                np.trim_zeros(np.atleast_1d(np.asarray(part[i][j], dtype=np.float64)), "f")
-                for part in (cast("Any", system).num, cast("Any", system).den)
-            )
-            if not top.size:
-                continue
-            if top.size > bottom.size:
-                raise InputError(
-                    f"controller: {name} is improper, its numerator has a higher power than its "
-                    "denominator; add a pole beyond the band, for example 1/(0.01 s + 1)."
-                )
-            with np.errstate(all="ignore"):
-                parts.append(realise_fraction(top, bottom))
-            places_of.append((i, j))
-    if not parts:
-        shape = system.noutputs, system.ninputs
-        return np.zeros((0, 0)), np.zeros((0, shape[1])), np.zeros((shape[0], 0)), np.zeros(shape)
-    a, b, c, d = (
-        np.asarray(block_diag(*same), dtype=np.float64) for same in zip(*parts, strict=True)
+    entries = list(np.ndindex(system.noutputs, system.ninputs))
+    parts = side_by_side(_of_fraction(system, i, j, name) for i, j in entries)
+    *_, drive, measure = _ends([j for _, j in entries], [i for i, _ in entries])
+    return with_gains(drive, parts, measure)
+
+
+def _of_fraction(system: control.TransferFunction, i: int, j: int, name: str) -> System:
+    """One entry; of a zero there is no state."""
+    top, bottom = (
+        np.trim_zeros(np.atleast_1d(np.asarray(part[i][j], dtype=np.float64)), "f")
+        for part in (cast("Any", system).num, cast("Any", system).den)
     )
-    take: Array = np.zeros((len(parts), system.ninputs))
-    give: Array = np.zeros((system.noutputs, len(parts)))
-    for k, (i, j) in enumerate(places_of):
-        take[k, j] = give[i, k] = 1.0
-    return a, b @ take, give @ c, give @ d @ take
+    if top.size > bottom.size:
+        raise InputError(
+            f"controller: {name} is improper, its numerator has a higher power than its "
+            "denominator; add a pole beyond the band, for example 1/(0.01 s + 1)."
+        )
+    with np.errstate(all="ignore"):
+        return realise_fraction(top, bottom if top.size else np.ones(1))
 
 
 def _step(system: LTI, states: System, name: str) -> float | None:

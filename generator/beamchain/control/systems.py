@@ -1,10 +1,10 @@
 """State spaces as four arrays: feedback closed, states that take no part removed, responses."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag, matrix_balance, schur, solve_sylvester
+from scipy.linalg import block_diag, matrix_balance
 from scipy.sparse.csgraph import connected_components
 
 from beamchain.craft.modal_form import column_range
@@ -21,6 +21,20 @@ ROUNDED = 1e-12  # size of a pole relative to the fastest one, below which it is
 # rounding, 1e-16, makes of a double integrator
 AT_REST = 1e-7
 SLOWER = 0.01  # than the slowest pole of a closed loop: an open pole that it takes for one at zero
+
+
+def side_by_side(systems: Iterable[System]) -> System:
+    """Systems as one, with the signals of each behind those of the one before."""
+    a, b, c, d = (
+        np.asarray(block_diag(*same), dtype=np.float64) for same in zip(*systems, strict=True)
+    )
+    return a, b, c, d
+
+
+def with_gains(behind: Array, system: System, before: Array) -> System:
+    """`behind G before` of a system G."""
+    a, b, c, d = system
+    return a, b @ before, behind @ c, behind @ d @ before
 
 
 def close_feedback(system: System, gain: Array) -> System:
@@ -47,15 +61,12 @@ def close_loop(
 ) -> System:
     """A system with a controller from its outputs `rows` to its inputs `columns`, negative
     feedback; all signals stay, the controller's behind its own."""
-    a, b, c, d = (
-        np.asarray(block_diag(p, q), dtype=np.float64)
-        for p, q in zip(system, controller, strict=True)
-    )
+    both = side_by_side([system, controller])
     outputs, inputs = system[3].shape
-    gain = np.zeros(d.T.shape)
+    gain = np.zeros(both[3].T.shape)
     gain[inputs + np.arange(len(rows)), rows] = 1.0
     gain[columns, outputs + np.arange(len(columns))] = -1.0
-    return close_feedback((a, b, c, d), gain)
+    return close_feedback(both, gain)
 
 
 def taking_part(
@@ -161,24 +172,6 @@ def growth(poles: Complex, rest: float, top: float) -> Array:
     size = np.abs(poles)
     rounding = GROWS * size + max(ROUNDED * top, 1e-300)
     return np.where(size < rest, 0.0, poles.real) / rounding - 1.0
-
-
-def spectral_split(system: System, apart: Callable[[complex], bool]) -> tuple[System, System]:
-    """A system as the sum of two, the second with the poles for which `apart` holds and without
-    a direct part; their real Schur form is made block diagonal."""
-    a, b, c, d = system
-
-    def first(real: float, imaginary: float) -> bool:
-        return not apart(complex(real, imaginary))
-
-    form, basis, count = schur(a, output="real", sort=first)
-    n = int(count)
-    # [1 X; 0 1] makes [T_1 T_12; 0 T_2] block diagonal where T_1 X - X T_2 = -T_12
-    x = solve_sylvester(form[:n, :n], -form[n:, n:], -form[:n, n:])
-    driven, seen = basis.T @ b, c @ basis
-    kept = form[:n, :n], driven[:n] - x @ driven[n:], seen[:, :n], d
-    rest = form[n:, n:], driven[n:], seen[:, :n] @ x + seen[:, n:], np.zeros_like(d)
-    return kept, rest
 
 
 def response(system: System, s: Complex) -> Complex:

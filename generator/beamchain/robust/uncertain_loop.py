@@ -41,6 +41,7 @@ from beamchain.toolkit import (
     response,
     standing_still,
     with_deltas,
+    with_gains,
 )
 
 TOTAL = "total of "  # before the name of an input: an output that reads it, controller included
@@ -548,23 +549,14 @@ def _with_totals(system: System, inputs: int) -> System:
 
 def _widened(fed: Feedback, rows: int, columns: int) -> Feedback:
     """A controller between so many outputs and inputs, those of its own first."""
-    more_rows, more_columns = rows - len(fed.rows), columns - len(fed.columns)
-
-    def realised(order: int) -> System:
-        a, b, c, d = fed.realise(order)
-        d = np.pad(d, ((0, more_columns), (0, more_rows)))
-        return a, np.pad(b, ((0, 0), (0, more_rows))), np.pad(c, ((0, more_columns), (0, 0))), d
-
-    def values(s: Complex) -> Complex:
-        return np.pad(fed.response(s), ((0, 0), (0, more_columns), (0, more_rows)))
-
-    return replace(
-        fed,
+    drive, measure = np.eye(columns, len(fed.columns)), np.eye(len(fed.rows), rows)
+    return Feedback(
         rows=list(range(rows)),
         columns=list(range(columns)),
-        realise=realised,
-        response=values,
-        delays=(*fed.delays, *(0.0,) * more_columns),
+        realise=lambda order: with_gains(drive, fed.realise(order), measure),
+        response=lambda s: (drive @ fed.response(s) @ measure).astype(np.complex128),
+        step=fed.step,
+        delays=(*fed.delays, *(0.0,) * (columns - len(fed.columns))),
     )
 
 
