@@ -2,7 +2,6 @@
 space: dead times by their expansion about the middle, what that leaves as an error that is bounded.
 """
 
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import control
@@ -16,7 +15,6 @@ from beamchain.spec import Controller
 from beamchain.toolkit import (
     Array,
     Complex,
-    System,
     close_feedback,
     places,
     realise,
@@ -87,23 +85,21 @@ def local_loop(loops: UncertainLoop, low: float, high: float) -> LocalLoop:
     delays = [delay_near(loop.delay, low, high) for loop in controller.loop]
     late = [i for i, loop in enumerate(controller.loop) if loop.delay]
     undelayed = [structs.replace(loop, delay=0.0) for loop in controller.loop]
-    law = _in_series(realise(Controller(loop=tuple(undelayed))), delays)
-    a, b, c, d = (
-        np.asarray(block_diag(p, k), dtype=np.complex128)
-        for p, k in zip(loops.plant, law, strict=True)
-    )
+    law = realise(Controller(loop=tuple(undelayed)))
+    parts = zip(loops.plant, law, *(delay.system for delay in delays), strict=True)
+    whole: Any = tuple(np.asarray(block_diag(*same), dtype=np.complex128) for same in parts)
     seen, driven = loops.plant[3].shape
     channels = loops.blocks.size
     measured, moved = places(controller, loops.inputs, loops.outputs)
     count = len(delays)
-    gain = np.zeros(d.T.shape)
+    gain = np.zeros(whole[3].T.shape)
     for i in range(count):
         gain[driven + i, channels + measured[i]] = 1.0
-        gain[channels + moved[i], seen + i] = -1.0
-    whole: Any = (a, b, c, d)
-    # errors see R y, which stands behind P R y, and add to -u
+        gain[driven + count + i, seen + i] = 1.0
+        gain[channels + moved[i], seen + count + i] = -1.0
+    # errors see R y, and add to -u
     outputs, inputs = loops.channels
-    rows = [*outputs[:-1], *(seen + count + i for i in late), outputs[-1]]
+    rows = [*outputs[:-1], *(seen + i for i in late), outputs[-1]]
     columns = [*inputs[:-1], *(channels + moved[i] for i in late), inputs[-1]]
     a, b, c, d = (
         np.asarray(part, dtype=np.complex128)
@@ -117,24 +113,6 @@ def local_loop(loops: UncertainLoop, low: float, high: float) -> LocalLoop:
     c[of_errors] *= errors[:, None]
     d[of_errors] *= errors[:, None]
     return LocalLoop(ComplexSystem(a, b, c, d), loops.blocks.tolist(), errors)
-
-
-def _in_series(filters: System, delays: Sequence[Delay]) -> tuple[Complex, ...]:
-    """`[P R; R]` of filters R side by side, each with its dead time behind it."""
-    a, b, c, d = (np.asarray(part, dtype=np.complex128) for part in filters)
-    delay = zip(*(each.system for each in delays), strict=True)
-    late_a, late_b, late_c, late_d = (
-        np.asarray(block_diag(*same), dtype=np.complex128) for same in delay
-    )
-    nothing = np.zeros((a.shape[0], late_a.shape[0]), np.complex128)
-    return (
-        np.block([[a, nothing], [late_b @ c, late_a]]),
-        np.vstack([b, late_b @ d]),
-        np.block(
-            [[late_d @ c, late_c], [c, np.zeros((c.shape[0], late_a.shape[0]), np.complex128)]]
-        ),
-        np.vstack([late_d @ d, d]),
-    )
 
 
 def in_box(loop: LocalLoop, centre: Array, half: Array) -> ComplexSystem:
