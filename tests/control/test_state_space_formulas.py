@@ -202,7 +202,9 @@ def test_poles_at_rest_and_those_that_grow():
 # -- samples ---------------------------------------------------------------------------------------
 def test_a_plant_at_the_samples_of_a_controller():
     a, b, _, _ = ONE
-    assert sampled_system(ONE, 0.0, 0.0) is ONE
+    at_once = sampled_system(ONE, 0.0, 0.0)
+    assert np.array_equal(at_once[0], np.eye(3))
+    assert not at_once[1].any()
     held = sampled_system(ONE, 0.0, 0.3)
     inverse = np.linalg.inv(a)
     np.testing.assert_allclose(held[0], expm(0.3 * a))

@@ -228,7 +228,8 @@ def closed_around(
     system, among = touched(with_states(system, keep), 1.0 if plant_step else 0.0)
     keep = [keep[i] for i in among]
     held = system if step and not plant_step else None
-    system = sampled(system, plant_step, step)
+    if step:
+        system = sampled(system, plant_step, step)
     loops = fed.realise(ORDER)
     _check_algebraic(system, loops)
     return ClosedLoop(

@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
 from scipy.optimize import linear_sum_assignment, root
 
 from beamchain.control.closed_loop import ClosedLoop
+from beamchain.control.sampling import sampled
 from beamchain.control.systems import Complex, System, response
 from beamchain.ports.motions import Array
 
@@ -70,17 +70,15 @@ def sampled_delay_margin(closed: ClosedLoop, held: System, i: int) -> float:
 def _driven(held: System, i: int, times: Array) -> Array:
     """`(k, n)` states after times for which an input was one, from rest; of more than two times
     evenly from 0 on."""
-    a, b = held[0], held[1][:, [i]]
-    n = a.shape[0]
-    whole = np.block([[a, b], [np.zeros((1, n + 1))]])
+    a, b, c, d = held
+    one = a, b[:, [i]], c, d[:, [i]]
     if times.size == 2:
-        return np.array([np.asarray(expm(whole * float(t)))[:n, n] for t in times])
-    over = np.asarray(expm(whole * float(times[1] - times[0])))
-    out = np.zeros((times.size, n + 1))
-    out[0, n] = 1.0
+        return np.array([sampled(one, 0.0, float(t))[1][:, 0] for t in times])
+    a, b, *_ = sampled(one, 0.0, float(times[1] - times[0]))
+    out = np.zeros((times.size, a.shape[0]))
     for k in range(1, times.size):
-        out[k] = over @ out[k - 1]
-    return out[:, :n]
+        out[k] = a @ out[k - 1] + b[:, 0]
+    return out
 
 
 def _by_state(closed: ClosedLoop, i: int, omega: Array) -> tuple[Complex, Complex, Complex]:

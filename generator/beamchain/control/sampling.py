@@ -15,13 +15,11 @@ def sampled(system: System, plant_step: float, step: float) -> System:
     Args:
         system: A, B, C, D of the plant.
         plant_step: of the plant [s]; 0: continuous.
-        step: of the controller [s]; 0: both are continuous.
+        step: of the controller [s].
 
     Raises:
         InputError: the plant is sampled, and the controller's step is no multiple of its step.
     """
-    if not step:
-        return system
     a, b, c, d = system
     n, m = b.shape
     whole = np.zeros((n + m, n + m))
