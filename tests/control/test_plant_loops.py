@@ -209,7 +209,7 @@ def test_a_wrong_sign_is_unstable_and_has_no_margins(file, tmp_path, capsys, mon
         *ANGLES,
     ]
     code, told, _ = run(
-        [*words, "-o", str(tmp_path / "plant.npz"), "--no-report"], capsys, monkeypatch
+        [*words, "-o", str(tmp_path / "plant.npz"), "--no-report", "--full"], capsys, monkeypatch
     )
     assert code == 3
     assert re.search(r"UNSTABLE(\W+-){4}\W", told)
