@@ -177,7 +177,7 @@ def run(*words) -> tuple[int, str]:
 
 @pytest.mark.slow
 def test_commands_on_imported_modes(spec, tmp_path):
-    code, said = run("fit", spec, "-o", tmp_path / "fit", "--explain")
+    code, said = run("fit", spec, "-o", tmp_path / "fit", "--full")
     assert code == 0, said
     assert "left out" in said
     assert "The imported modes" in (tmp_path / "fit" / "report.html").read_text()
@@ -213,7 +213,7 @@ def test_a_rigid_appendage_goes_through_every_command(spec, tmp_path):
         '0"/></body></worldbody></mujoco>'
     )
     for source in (spec, beam):
-        code, said = run("fit", source, "-o", tmp_path / "fit", "--force", "--explain")
+        code, said = run("fit", source, "-o", tmp_path / "fit", "--force", "--full")
         assert code == 0, said
         assert (
             "One rigid body stands for the appendage"

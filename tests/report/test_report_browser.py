@@ -154,8 +154,9 @@ def test_without_script_the_pictures_stand(pages, tmp_path):
 
 def test_shapes_ring_pause_and_respect_reduced_motion(pages, tmp_path):
     script = (
-        "const ring = document.querySelector('.ring'), box = document.querySelector('.play "
-        "input');const state = () => { const s = getComputedStyle(ring); return [s.animationName, "
+        "const ring = document.querySelector('.ring');"
+        "const box = ring.closest('figure').querySelector('.play input');"
+        "const state = () => { const s = getComputedStyle(ring); return [s.animationName, "
         "s.animationPlayState]; };told.running = state(); box.click(); told.paused = state(); "
         "told.labelled = box.labels[0].textContent.trim();"
     )

@@ -46,7 +46,7 @@ def pages(observer, study):
 def rows(page, title):
     """Cells of the tables of a section."""
     root = html.fromstring(page)
-    (section,) = root.xpath(f"//section[h2[text()='{title}']]")
+    (section,) = root.xpath(f"//section[.//h2[text()='{title}']]")
     return [
         [cell.text_content() for cell in row.iter("th", "td")]
         for row in section.xpath(".//tbody/tr")
@@ -105,7 +105,7 @@ def test_error_over_frequency_has_the_in_band_error_as_its_largest(observer):
 
 def test_what_is_missing_is_said(observer, pages):
     root = html.fromstring(pages["embed"])
-    (section,) = root.xpath("//section[h2[text()='Left out']]")
+    (section,) = root.xpath("//section[.//h2[text()='Left out']]")
     gone = [m.exact for m in observer.assembly.modes if m.mujoco is None]
     assert gone
     assert all(f"{w:.5g}" in section.text_content() for w in gone)
@@ -113,7 +113,7 @@ def test_what_is_missing_is_said(observer, pages):
 
 def test_commands_of_the_embed_page_make_the_same_file(pages, observer, tmp_path, monkeypatch):
     root = html.fromstring(pages["embed"])
-    (section,) = root.xpath("//section[h2[text()='To reproduce']]")
+    (section,) = root.xpath("//section[.//h2[text()='To reproduce']]")
     first, *specs = [code.text_content() for code in section.iter("code")]
     for name, text in zip([h.text_content() for h in section.iter("h3")], specs, strict=True):
         (tmp_path / name).write_text(text)
@@ -206,10 +206,10 @@ def test_equal_appendages_are_shown_once():
     assert titles.count("rod at left and right") == 1
     assert not any(title in ("rod at left", "rod at right") for title in titles)
     assert len(root.xpath("//svg[contains(@aria-label, 'The chain drawn to scale')]")) == 1
-    (section,) = root.xpath("//section[h2[text()='To reproduce']]")
+    (section,) = root.xpath("//section[.//h2[text()='To reproduce']]")
     assert [title.text_content() for title in section.iter("h3")] == ["rod.toml"]
     (band,) = root.xpath(
-        "//section[h2[text()='rod at left and right']]//table[caption='In-band error']"
+        "//section[.//h2[text()='rod at left and right']]//table[caption='In-band error']"
     )
     assert {row[0].text_content() for row in band.iter("tr")} == {"at", "left", "right"}
 

@@ -156,7 +156,7 @@ def commands(name: str) -> list[list[str]]:
             name,
             "--plot",
             "hub.svg",
-            "--explain",
+            "--full",
         ],
         ["inspect", "flexible.xml"],
         ["plant", "flexible.xml", *both, "--controller", "loops.toml", "-o", "plant.mat"],
