@@ -176,7 +176,7 @@ def test_everything_shown_is_of_the_band_and_the_axes_asked_for(tmp_path):
     assert max(abs(m.error) for m in beyond) > 10 * assembly.worst
     at = f"place={tmp_path / 'boom.toml'}"
     words = [tmp_path / "craft.xml", "--mount", at, "-o", tmp_path / "out.xml"]
-    told = call("embed", *words, "--no-retime").out
+    told = call("embed", *words, "--no-retime", "--full").out
     assert told.count("beyond the band") == len(beyond)
     said = " ".join(told.split())
     assert "up to 10 rad/s" in said

@@ -283,7 +283,7 @@ def test_places_that_mujoco_makes(kind, tmp_path):
         f"{place}={tmp_path / 'boom.toml'}",
         "--no-report",
     )
-    answer = call(*words, "--no-retime", "-o", tmp_path / "out.xml")
+    answer = call(*words, "--no-retime", "--full", "-o", tmp_path / "out.xml")
     assert answer.status in (0, 3), answer.err
     assert "written out by MuJoCo" in " ".join((answer.out + answer.err).split())
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "out.xml"))

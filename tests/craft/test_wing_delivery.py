@@ -119,7 +119,8 @@ def test_effective_masses_of_kept_modes_and_of_all(folder):
 def test_embed_says_which_modes_are_kept_and_where_the_mass_stands(folder):
     Path("craft.xml").write_text(CRAFT)
     wing(modes=list(KEPT))
-    status, out, _ = call("embed", "craft.xml", "--mount", "mount=spec.toml", "-o", "f.xml")
+    words = ["--mount", "mount=spec.toml", "-o", "f.xml", "--full"]
+    status, out, _ = call("embed", "craft.xml", *words)
     assert status == 3  # mode 3 is left out, and lies below those kept
     assert "kept: modes 1, 2, 4, 7 of the 8 of the file." in " ".join(out.split())
     flexible = bc.embed("craft.xml", {"mount": "spec.toml"}, retime=False)
@@ -347,7 +348,7 @@ def test_embed_counts_modes_that_are_left_out_in_the_band(folder):
     Path("craft.xml").write_text(CRAFT.replace('timestep="0.001"', 'timestep="0.02"'))
     wing(modes=[1, 2, 3, 4, 6])
     words = ("embed", "craft.xml", "--mount", "mount=spec.toml", "-o", "f.xml", "--no-report")
-    status, out, _ = call(*words, "--retime")
+    status, out, _ = call(*words, "--retime", "--full")
     said = " ".join(out.split())
     assert status == 0
     assert "; one mode in the band is left out" in said
@@ -355,7 +356,7 @@ def test_embed_counts_modes_that_are_left_out_in_the_band(folder):
     assert "when stepped by Euler at 0.02 s" in said
     assert "timing for Euler at 0.02 s; " in said
     wing()
-    out = call(*words, "--force", "--no-retime").out
+    out = call(*words, "--force", "--no-retime", "--full").out
     assert "in the band is left out" not in out
     assert "timing for" not in out
 
@@ -394,7 +395,7 @@ def test_init_writes_a_delivery_that_fits(tmp_path, monkeypatch):
 def test_the_command_says_where_the_delivery_of_init_is_held(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert call("init", "wing")[0] == 0
-    status, out, _ = call("fit", "wing.toml", "-o", "out")
+    status, out, _ = call("fit", "wing.toml", "-o", "out", "--full")
     assert status == 0
     said = " ".join(out.split())
     assert "rigid body by" not in said  # 1e-12 of rounding is not worth a sentence
