@@ -75,11 +75,12 @@ def _show(result: "Fit", *, full: bool) -> None:
 
 def _show_tables(result: "Fit") -> None:
     from beamchain.fitting.hub import assumed_hub
+    from beamchain.report.headlines import made_sentence
     from beamchain.report.tables import fit as tables
     from beamchain.report.tables.steps import step_sentence
 
     out = console()
-    print_headed(result.spec.name, result.status.message)
+    print_headed(result.spec.name, made_sentence(result))
     if result.spec.root.hub is None:
         out.print(assumed_hub(result.line))
     if result.space is not None:

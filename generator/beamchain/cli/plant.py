@@ -1,7 +1,7 @@
 """`beamchain plant`: the spacecraft as a control engineer's plant."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, cast
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -185,22 +185,16 @@ def _show_first(
 ) -> None:
     """The plant and the margins of its loops."""
     from beamchain.control.realisation import Plant
+    from beamchain.report.tables import plant as tables
     from beamchain.report.tables.first_screen import margin_lines, plant_lines
 
     first = found if isinstance(found, Plant) else found[0]
     print_first([*plant_lines(first), *margin_lines(margins_by_plant)], (), full=full)
-    if full:
-        _show_tables(found, first, margins_by_plant)
-
-
-def _show_tables(
-    found: "Plant | ScheduledPlant", first: "Plant", margins_by_plant: "list[Margins]"
-) -> None:
-    from beamchain.report.tables import plant as tables
-
+    if not full:
+        return
     print_table(tables.mode_table(first))
-    if found is not first:
-        print_table(tables.pose_table(cast("ScheduledPlant", found)))
+    if not isinstance(found, Plant):
+        print_table(tables.pose_table(found))
     if margins_by_plant:
         print_table(tables.margin_table(margins_by_plant))
         if near := tables.limiting_table(margins_by_plant):

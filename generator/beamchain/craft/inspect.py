@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from beamchain import report
 from beamchain.craft.disturbances import left_out
@@ -18,11 +19,13 @@ from beamchain.engine.operating_point import quiet_copy, rest_point
 from beamchain.ports.motions import Array, system_matrix
 from beamchain.steps.budget import linear_model
 from beamchain.steps.integrators import AT_REST
-from beamchain.steps.limits import LinearModel, StepLimits, oscillations, step_limits
+from beamchain.steps.limits import StepLimits, oscillations, step_limits
 from beamchain.steps.modal import TimingMark, timing_marks
 from beamchain.steps.poles import PoleRow, mismatch, pole_rows
 from beamchain.steps.retime import retime
 from beamchain.steps.saturation import servos_that_chatter
+
+Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +72,8 @@ def inspect_model(source: "str | Path | mujoco.MjModel") -> Inspection:
     if made:
         retime(plain, 0.0)
     linear = linear_model(plain)
-    poles = linear.poles()
+    found = np.linalg.eig(system_matrix(linear.stiffness, linear.damping))
+    poles, shapes = (each.astype(np.complex128) for each in found)
     frequencies, ratios = oscillations(poles)
     fastest = float(np.max(np.abs(poles), initial=0.0))
     damping = np.asarray(model.dof_damping)[model.jnt_dofadr]
@@ -101,7 +105,7 @@ def inspect_model(source: "str | Path | mujoco.MjModel") -> Inspection:
         ],
         frequencies=frequencies,
         damping=ratios,
-        moving=_moving(plain, linear, frequencies, ratios),
+        moving=_moving(plain, poles, shapes[: model.nv], frequencies, ratios),
         springs=springs,
         tendons=tendons,
         integrator=NUMBERS[int(model.opt.integrator)],
@@ -119,14 +123,14 @@ def inspect_model(source: "str | Path | mujoco.MjModel") -> Inspection:
 
 
 def _moving(
-    model: "mujoco.MjModel", linear: LinearModel, frequencies: Array, ratios: Array
+    model: "mujoco.MjModel", poles: Complex, shapes: Complex, frequencies: Array, ratios: Array
 ) -> list[dict[tuple[str, str], float]]:
-    """What holds the strain energy of the modes with some frequencies [rad/s] and damping ratios:
-    of their damped shapes, which a damper of the craft may turn from the undamped ones."""
+    """What holds the strain energy of the modes with some frequencies [rad/s] and damping ratios,
+    by the `shapes` `(nv, k)` of all `poles` `(k,)`: a damper of the craft may turn these from the
+    undamped ones."""
     rest = linear_at(rest_point(quiet_copy(model)))
     names, rows = cantilever_names(model, rest.mass, rest.stiffness)
-    poles, vectors = np.linalg.eig(system_matrix(linear.stiffness, linear.damping))
     wanted = frequencies * (1j * np.sqrt(1.0 - ratios**2) - ratios)
     nearest = [int(np.argmin(np.abs(poles - pole))) for pole in wanted]
-    share = strain_shares(rows, vectors[: model.nv, nearest])
+    share = strain_shares(rows, shapes[:, nearest])
     return [strain_holders(names, each) for each in share.T]

@@ -3,8 +3,10 @@
 import re
 from collections import Counter
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import eigh
 from scipy.optimize import linear_sum_assignment
 
@@ -61,7 +63,7 @@ def cantilever_names(
     return names, np.array(rows).reshape(len(rows), len(mass))
 
 
-def strain_shares(rows: Array, shapes: Array) -> Array:
+def strain_shares(rows: Array, shapes: NDArray[Any]) -> Array:
     """`(c, n)` share of what each of `rows` `(c, nv)` takes in the strain energy of modes, whose
     shapes may be complex."""
     energy = np.abs(rows @ shapes) ** 2

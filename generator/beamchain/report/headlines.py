@@ -49,23 +49,19 @@ def cause_sentence(result: "Fit | Embedded") -> str:
 # -- a fit -----------------------------------------------------------------------------------------
 def fit_message(fit: "Fit") -> str:
     """What mends a fit, what was made, and whether that keeps what was asked for."""
-    cure, *reached = verdict_sentences(fit) if fit.missed else ["", *verdict_sentences(fit)]
-    sentences = (
-        cure,
-        _chain_sentence(fit),
-        *_space_sentences(fit),
-        _limits_sentence(fit),
-        *reached,
-    )
+    return " ".join(filter(None, (cure_sentence(fit), made_sentence(fit), *reached_sentences(fit))))
+
+
+def made_sentence(fit: "Fit") -> str:
+    """What a fit made: its chain, the modes of a file, and what step limits are taken on."""
+    sentences = (_chain_sentence(fit), *_space_sentences(fit), _limits_sentence(fit))
     return " ".join(filter(None, sentences))
 
 
-def verdict_sentences(fit: "Fit") -> list[str]:
-    """What mends a fit that misses its tolerance, what could not be kept, and the errors against
-    what was asked for."""
+def reached_sentences(fit: "Fit") -> list[str]:
+    """What a fit could not keep, and its errors against what was asked for."""
     at_step = (_step_sentence(fit), cause_sentence(fit)) if fit.at_step else ()
-    sentences = (cure_sentence(fit), *fit.missing, _promise_sentence(fit), *at_step)
-    return list(filter(None, sentences))
+    return list(filter(None, (*fit.missing, _promise_sentence(fit), *at_step)))
 
 
 def _chain_sentence(fit: "Fit") -> str:

@@ -50,7 +50,6 @@ def fit_report(fit: "Fit") -> tuple[str, dict[str, str]]:
         name=fit.spec.name,
         verdict=_verdict(fit, rivals),
         tiles=fit_tiles(fit),
-        worst=fit.worst_port,
         fit=fit,
         pictures=pictures,
         asked=_specification(fit),

@@ -27,7 +27,7 @@ def appendage_table(embedded: "Embedded") -> Table:
     columns = (
         Column("at", [a.at for a in appendages]),
         Column("prefix", [a.prefix for a in appendages], place="brief"),
-        Column("appendage", [_size(a) for a in appendages], place="page"),
+        Column("appendage", [size_words(a.fit) for a in appendages], place="page"),
         Column("mass centre in the base's axes", _centres(embedded), "m", vector, place="page"),
         Column("modes kept", [modes_kept(a.fit) for a in appendages], place="page"),
         Column("target", [a.fit.kept_for for a in appendages]),
@@ -50,7 +50,8 @@ def appendage_sentences(embedded: "Embedded") -> list[str]:
     out: list[str] = []
     for a in embedded.appendages:
         where = ", ".join(short(x) for x in embedded.mass_centres[a.at])
-        line = f"{a.at}: {_size(a)}; its mass centre stands at ({where}) m in the axes of {base}"
+        stands = f"its mass centre stands at ({where}) m in the axes of {base}"
+        line = f"{a.at}: {size_words(a.fit)}; {stands}"
         space = a.fit.space
         if space is not None and a.fit.kept_for == "clamped":
             line += f"; kept: {space.kept_words}"
@@ -67,8 +68,8 @@ def _carried(appendage: "Appendage") -> str | None:
     return "; ".join(ports) or None
 
 
-def _size(appendage: "Appendage") -> str:
-    fit = appendage.fit
+def size_words(fit: "Fit") -> str:
+    """Name, length and mass of an appendage."""
     mass = fit.measured.rigid_mass[0, 0]
     return f"{fit.spec.name}: {short(fit.line.length)} m, {short(mass)} kg"
 

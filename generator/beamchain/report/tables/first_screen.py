@@ -15,9 +15,9 @@ from beamchain.report.headlines import (
     cure_sentence,
     fit_headline,
     modes_sentence,
-    verdict_sentences,
+    reached_sentences,
 )
-from beamchain.report.tables.embed import modes_kept
+from beamchain.report.tables.embed import modes_kept, size_words
 
 if TYPE_CHECKING:
     from beamchain.control.margins import LoopMargins, Margins
@@ -33,14 +33,10 @@ NAMES = 6  # of signals
 
 def fit_lines(fit: "Fit") -> Iterator[str]:
     """The appendage, its chain, and the error against the tolerance."""
-    chain = fit.chain
-    counts = [(len(chain.links), "link"), (len(chain.hinges), "hinge")]
-    counts.append((len(chain.tendons), "tendon"))
-    parts = ", ".join(
-        f"{count} {word}{'s' if count > 1 else ''}" for count, word in counts if count
-    )
-    yield f"{appendage_words(fit)}; kept: {modes_kept(fit)}; {parts}"
-    yield from verdict_sentences(fit)
+    yield f"{appendage_words(fit)}; kept: {modes_kept(fit)}; {', '.join(_parts(fit))}"
+    if cure := cure_sentence(fit):
+        yield cure
+    yield from reached_sentences(fit)
     if fit.promise is None:
         yield fit_headline(fit)
     integrator = fit.spec.integrator
@@ -125,8 +121,7 @@ def plant_tiles(plant: "Plant", several: "Sequence[Margins]") -> list[tuple[str,
 
 def appendage_words(fit: "Fit") -> str:
     """Name, length, mass and first frequency of an appendage whose root is held."""
-    mass = float(fit.measured.rigid_mass[0, 0])
-    said = f"{fit.spec.name}: {short(fit.line.length)} m, {short(mass)} kg"
+    said = size_words(fit)
     first = [model.frequencies[0] for model in fit.body.ports.values() if model.modes]
     if not first:
         return said
