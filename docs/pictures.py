@@ -1,7 +1,7 @@
 """Draw the pictures of README and docs, into this folder: make docs-pictures.
 
 The commands of gallery.md run in an empty folder, and each picture that the page shows is what they
-wrote under its name. `products/NAME_picture.py` draws `products/NAME.svg` behind the Python of
+wrote under its name, or accelerance_picture.py did. `products/NAME_picture.py` draws `products/NAME.svg` behind the Python of
 `products/NAME.md`.
 """
 
@@ -54,6 +54,8 @@ if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as name:
         place = Path(name)
         run_page("gallery.md", place)
+        script = HERE / "accelerance_picture.py"
+        subprocess.run([sys.executable, script], cwd=place, check=True)
         beamchain("beamchain init boom", place)
         for script in sorted((HERE / "products").glob("*_picture.py")):
             page = script.stem.removesuffix("_picture")

@@ -91,7 +91,7 @@ def _show_tables(result: "Fit") -> None:
                 place = "`reference` away from it" if moved else "there"
                 out.print(f"{step}: place the spacecraft's site {place}", markup=False)
         print_table(tables.effective_mass_table(result.space))
-    print_table(tables.mode_table(result, None, "Modes, read back from MuJoCo"))
+    print_table(tables.mode_table(result, "Modes, read back from MuJoCo"))
     for port in result.target:
         out.print(result.measured.reading_sentence(port), markup=False)
     print_table(tables.link_table(result))
@@ -106,7 +106,7 @@ def _show_tables(result: "Fit") -> None:
             "with the values computed for that chain."
         )
     if result.promise is None:  # which is the in-band error, where there is one
-        print_table(tables.in_band_table(result, rivals={}))
+        print_table(tables.in_band_table(result))
     if result.spec.payload is not None:
         out.print(
             "payload: the tip is exact with the root, so that your scene may attach any body "

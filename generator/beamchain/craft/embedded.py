@@ -578,7 +578,8 @@ class Embedded:
 
     @one_thread()
     def picture(self) -> str:
-        """The hub's accelerance in all motions that matter, exact and from MuJoCo, as SVG text."""
+        """The hub's accelerance where it errs most, exact and from MuJoCo, and the error below it,
+        as SVG text."""
         return report.assembly_svg(self.assembly)
 
     @one_thread()

@@ -1,13 +1,10 @@
-"""What pictures and tables show of a fit: its rivals, accelerances and errors over frequency.
-Draws nothing."""
+"""What the pictures of a fit show: accelerances and errors over frequency. Draws nothing."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from beamchain.chain import baselines
-from beamchain.chain.chain import Chain
 from beamchain.ports.compare import (
     DEFAULT_RATIO,
     STANDARD_HUBS,
@@ -25,8 +22,6 @@ if TYPE_CHECKING:
 
 PLANES = ("xy", "xz")
 CHAIN = "our chain"
-PAPER = "the 2008 paper's chain"
-CLASSICAL = "classical chain"
 EDGE = 1.0 + 1e-12  # the end of a band belongs to it
 
 Accelerance = Callable[[Array], Array]
@@ -46,28 +41,24 @@ def kept_count(fit: "Fit", port: str) -> int:
 
 
 class Response(NamedTuple):
-    """An undamped accelerance."""
+    """The first entry of an undamped accelerance."""
 
     omega: Array  # (k,) dense at every pole and zero [rad/s]
-    values: Array  # (m, m, k) real
+    values: Array  # (k,) real
 
-    def crossings(self, i: int, j: int) -> tuple[Array, Array]:
-        """Poles and zeros of one entry within the range [rad/s]: where its sign changes."""
-        values = self.values[i, j]
-        at = np.flatnonzero(np.diff(np.sign(values)) != 0.0)
-        at = at[(at >= 2) & (at + 3 < values.size)]
+    def crossings(self) -> tuple[Array, Array]:
+        """Poles and zeros within the range [rad/s]: where its sign changes."""
+        at = np.flatnonzero(np.diff(np.sign(self.values)) != 0.0)
+        at = at[(at >= 2) & (at + 3 < self.values.size)]
         middle = (self.omega[at] + self.omega[at + 1]) / 2.0
-        size = np.abs(values)
+        size = np.abs(self.values)
         pole = size[at] + size[at + 1] > size[at - 2] + size[at + 3]
         return middle[pole], middle[~pole]
 
-    def phase(self, i: int, j: int) -> tuple[Array, Array]:
-        """Frequencies [rad/s] and phase [degrees] of one entry,
-        at the ends and on both sides of each turn."""
-        turned = np.where(self.values[i, j] < 0.0, 180.0, 0.0)
-        at = np.flatnonzero(np.diff(turned))
-        keep = np.unique(np.concatenate([[0], at, at + 1, [turned.size - 1]]))
-        return self.omega[keep], turned[keep]
+    def even(self, points: int = 150) -> Array:
+        """The values on a logarithmic grid, where no pole is denser than the rest."""
+        even = np.geomspace(self.omega[0], self.omega[-1], points)
+        return np.interp(even, self.omega, self.values)
 
 
 class ErrorCurve(NamedTuple):
@@ -86,39 +77,10 @@ def count(number: int, word: str) -> str:
     return f"{number} {word}{'' if number == 1 else 's'}"
 
 
-def moving(chain: Chain, port: str) -> int:
-    """Number of hinges that move in a port."""
-    return sum(port in hinge.stiffness for hinge in chain.hinges)
-
-
-def rival_chains(fit: "Fit", port: str) -> dict[str, Chain]:
-    """Recipes to hold the fitted chain against, by name; none but in bending.
-
-    The classical chain with as many hinges and, for a uniform beam, the paper's three links.
-    """
-    beam = fit.beam
-    hinges = moving(fit.chain, port)
-    if port not in PLANES or beam is None:
-        return {}
-    out: dict[str, Chain] = {}
-    if hinges:
-        out[CLASSICAL] = baselines.equal_links(beam, hinges, "classical", port)
-    if beam.uniform and fit.full[port].free_frequencies.size >= 2:
-        first, second = (float(w) for w in fit.full[port].free_frequencies[:2])
-        k, c = baselines.seed_parameters(float(beam.rigid_mass()[0, 0]), beam.length, first, second)
-        out[PAPER] = baselines.seed_chain(beam, k, c, port)
-    return out
-
-
 def beam_model(fit: "Fit", port: str) -> PortModel:
     """The whole beam in a port with the damping that in-band errors are stated with:
     the spec's, else 0.5 %."""
     return with_damping(fit.spec.with_ratios(port, fit.full[port]), fit.spec.undamped_ratio)
-
-
-def rival_model(fit: "Fit", port: str, chain: Chain) -> PortModel:
-    """A rival's port model with the same damping ratios as the beam's."""
-    return with_damping(fit.spec.with_ratios(port, chain.port(port)), fit.spec.undamped_ratio)
 
 
 def undamped_accelerance(model: PortModel) -> Accelerance:
@@ -151,12 +113,12 @@ def span(fit: "Fit", port: str) -> tuple[float, float]:
 
 
 def response(accelerance: Accelerance, limits: tuple[float, float], points: int = 280) -> Response:
-    """Evaluate on a logarithmic grid, then three times closer wherever an entry changes sign."""
+    """Evaluate on a logarithmic grid, then three times closer wherever the sign changes."""
     omega = np.geomspace(*limits, points)
     with np.errstate(all="ignore"):
-        values = accelerance(omega)
+        values = accelerance(omega)[0, 0]
         for _ in range(3):
-            turns = np.flatnonzero(np.any(np.diff(np.sign(values)) != 0.0, axis=(0, 1)))
+            turns = np.flatnonzero(np.diff(np.sign(values)) != 0.0)
             if turns.size == 0:
                 break
             new = (
@@ -164,23 +126,31 @@ def response(accelerance: Accelerance, limits: tuple[float, float], points: int 
                 + (omega[turns + 1] - omega[turns])[:, None] * np.arange(1, 7) / 7.0
             ).ravel()
             order = np.argsort(np.concatenate([omega, new]))
-            values = np.concatenate([values, accelerance(new)], axis=-1)[..., order]
+            values = np.concatenate([values, accelerance(new)[0, 0]])[order]
             omega = np.concatenate([omega, new])[order]
-    good = np.all(np.isfinite(values), axis=(0, 1))
-    return Response(omega[good], values[..., good])
+    good = np.isfinite(values)
+    return Response(omega[good], values[good])
 
 
-def responses(fit: "Fit", port: str, *, with_rivals: bool) -> dict[str, Response]:
-    """Undamped accelerances by name: the beam, the chain through MuJoCo, then the rivals."""
-    drawn = {
-        "beam": exact_accelerance(fit, port),
-        f"{CHAIN}, through MuJoCo": undamped_accelerance(fit.achieved[port]),
-    }
-    for label, chain in rival_chains(fit, port).items() if with_rivals else ():
-        drawn[f"{label}, {count(moving(chain, port), 'hinge')}"] = undamped_accelerance(
-            chain.port(port)
-        )
-    return {label: response(accelerance, span(fit, port)) for label, accelerance in drawn.items()}
+def responses(fit: "Fit", port: str) -> tuple[Response, Response]:
+    """Undamped accelerances of the beam, and of the chain through MuJoCo."""
+    limits = span(fit, port)
+    chain = undamped_accelerance(fit.achieved[port])
+    return response(exact_accelerance(fit, port), limits), response(chain, limits)
+
+
+def alike_ports(fit: "Fit") -> list[tuple[str, ...]]:
+    """The kept ports, those with the same beam, chain, hub and band together: the planes of a
+    round boom."""
+    groups: dict[tuple[float, ...], list[str]] = {}
+    for port in fit.target:
+        hub = fit.body.port_hub(port)
+        entries = [fit.bandwidth[port], *(() if hub is None else hub.ravel())]
+        for model in (fit.full[port], fit.achieved[port]):
+            entries += [*model.rigid_mass.ravel(), *model.frequencies, *model.damping]
+        key = (len(entries), *(float(f"{entry:.9e}") for entry in entries))
+        groups.setdefault(key, []).append(port)
+    return [tuple(ports) for ports in groups.values()]
 
 
 def worst_hub(fit: "Fit", port: str) -> tuple[Array, str]:
@@ -191,41 +161,31 @@ def worst_hub(fit: "Fit", port: str) -> tuple[Array, str]:
     rigid = fit.full[port].rigid_mass
     band = fit.bandwidth[port]
     limits = (min(span(fit, port)[0], 0.5 * band), band)
-    worst = max(
-        STANDARD_HUBS,
-        key=lambda f: error_curves(fit, port, [fit.measured.damped_port(port)], f * rigid, limits)[
-            0
-        ].error.max(),
-    )
+    worst = max(STANDARD_HUBS, key=lambda f: error_curve(fit, port, f * rigid, limits).error.max())
     return worst * rigid, f"on a hub of {worst:g} times the appendage's mass (the worst of three)"
 
 
-def error_curves(
-    fit: "Fit",
-    port: str,
-    models: Sequence[PortModel],
-    hub: Array,
-    limits: tuple[float, float],
-) -> list[ErrorCurve]:
-    """Errors of `models` against the beam, all on the hub;
-    a curve's largest in the band is the in-band error."""
+def error_curve(fit: "Fit", port: str, hub: Array, limits: tuple[float, float]) -> ErrorCurve:
+    """Error of the chain against the beam on the hub; its largest in the band is the in-band
+    error."""
     beam = beam_model(fit, port)
+    chain = fit.measured.damped_port(port)
     band = fit.bandwidth[port]
     block = Block(hub, beam, tuple(range(beam.motions)))
     reference = Reference([block], band, fit.spec.undamped_ratio)
-    peaks = np.concatenate([peaks_of(model, hub)[:, 0] for model in (beam, *models)])
+    peaks = np.concatenate([peaks_of(model, hub)[:, 0] for model in (beam, chain)])
     steps = np.array([0.0, 0.5, 1.0, 2.0, 4.0, 8.0]) * float(
         np.max(beam.damping, initial=DEFAULT_RATIO)
     )
     beyond = (peaks[:, None] * (1.0 + np.concatenate([-steps[1:], steps]))).ravel()
-    inside = reference.grid(0, models)
+    inside = reference.grid(0, [chain])
     omega = np.unique(
         np.concatenate([np.geomspace(*limits, 280), beyond[beyond > band], inside, [band]])
     )
     omega = omega[(omega >= limits[0]) & (omega <= limits[1])]
-    tops = [_about_the_top(omega, reference.curve(0, model, omega), band) for model in models]
-    omega = np.unique(np.concatenate([omega, *tops]))
-    return [ErrorCurve(omega, reference.curve(0, model, omega)) for model in models]
+    top = _about_the_top(omega, reference.curve(0, chain, omega), band)
+    omega = np.unique(np.concatenate([omega, top]))
+    return ErrorCurve(omega, reference.curve(0, chain, omega))
 
 
 def _about_the_top(omega: Array, values: Array, band: float) -> Array:

@@ -16,7 +16,7 @@ STUDY_TITLES: dict[str, str] = {
 ROUNDING = 1e-9  # damping ratio that computing alone makes
 
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-_POWER_OF_TEN = re.compile(r"(-?\d(?:\.\d+)?)e([-+]\d+)")
+_POWER_OF_TEN = re.compile(r"(?<![\w.])(-?\d(?:\.\d+)?)e([-+]\d+)(?!\w)")
 
 
 def digits(count: int) -> Format:
@@ -65,25 +65,17 @@ def step_text(value: float) -> str:
 
 
 def relative(value: float) -> str:
-    """A relative error: per cent where it is not tiny, else a power of ten."""
-    size = abs(value)
-    if size == 0.0:
+    """A relative error: three digits, a power of ten below 0.1."""
+    if value == 0.0:
         return "0"
-    if not 1e-4 <= size < 100.0:
-        return f"{value:.1e}"
-    if size >= 9.995:
-        return f"{100.0 * value:.0f} %"
-    significant = 2 if size < 0.095 else 3
-    return f"{100.0 * value:.{significant}g} %"
+    return f"{value:.2e}" if not 0.09995 <= abs(value) < 100.0 else f"{value:.3g}"
 
 
 def typeset(text: str) -> str:
-    """The text of a number as pages show it: a power of ten as such, and all on one line."""
-    power = _POWER_OF_TEN.fullmatch(text)
-    if power is None:
-        return f"{text[:-2]}\u00a0%" if text.endswith(" %") else text
-    mantissa, exponent = power.groups()
-    return f"{mantissa}\u00a0×\u00a010{superscript(int(exponent))}"
+    """A number or a sentence as pages show it: powers of ten as such, and no break before %."""
+    return _POWER_OF_TEN.sub(
+        lambda m: f"{m[1]}\u00a0×\u00a010{superscript(int(m[2]))}", text.replace(" %", "\u00a0%")
+    )
 
 
 def superscript(exponent: int) -> str:
@@ -96,6 +88,6 @@ def typeset_unit(unit: str) -> str:
     return unit.replace("^2", "²")
 
 
-def percent(value: float) -> str:
+def error_text(value: float) -> str:
     """A relative error in a sentence of a page."""
     return typeset(relative(value))

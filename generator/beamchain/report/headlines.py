@@ -64,6 +64,22 @@ def reached_sentences(fit: "Fit") -> list[str]:
     return list(filter(None, (*fit.missing, _promise_sentence(fit), *at_step)))
 
 
+def spring_sentence(fit: "Fit") -> str:
+    """Where the springs of a chain stand, how stiff they are, and why there."""
+    tendons = [tendon for tendon in fit.chain.tendons if tendon.stiffness]
+    if not tendons:
+        return "Each hinge has its own spring, since no mode is damped by itself."
+    if any(tendon.damping for tendon in tendons):
+        why = "so that every mode has its own damping ratio"
+    else:
+        why = "since springs at the hinges alone do not give these modes"
+    listed = ", ".join(f"{tendon.label} {tendon.stiffness:.4g}" for tendon in tendons)
+    return (
+        f"The hinges are free and the springs are tendons, one per mode, {why}. Their stiffness, "
+        f"the square of the mode's frequency in rad/s, is {listed}."
+    )
+
+
 def _chain_sentence(fit: "Fit") -> str:
     """What holds the modes, and how many are kept."""
     space = fit.space

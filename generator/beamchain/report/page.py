@@ -15,7 +15,7 @@ import numpy as np
 from beamchain.checks import printable
 from beamchain.fitting.spec_text import spec_toml
 from beamchain.ports.motions import PORTS
-from beamchain.report.formats import number, percent, short, typeset, typeset_unit, vector
+from beamchain.report.formats import error_text, number, short, typeset, typeset_unit, vector
 
 
 class Verdict(NamedTuple):
@@ -88,7 +88,7 @@ def _environment(folder: Path | None) -> jinja2.Environment:
         "begun": capitalise,
         "inline": inline,
         "number": number,
-        "percent": percent,
+        "error_text": error_text,
         "short": short,
         "typeset": typeset,
         "typeset_unit": typeset_unit,

@@ -13,22 +13,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLoca
 
 from beamchain.chain.chain import Chain
 from beamchain.checks import printable
-from beamchain.ports.motions import Array
-from beamchain.report.curves import (
-    CHAIN,
-    CLASSICAL,
-    PLANES,
-    Response,
-    count,
-    error_curves,
-    moving,
-    responses,
-    rival_chains,
-    rival_model,
-    span,
-    worst_hub,
-)
-from beamchain.report.formats import percent, short, superscript
+from beamchain.report.curves import CHAIN, PLANES, count, error_curve, responses, span, worst_hub
+from beamchain.report.formats import error_text, short, superscript
 from beamchain.structure.beam import Beam
 
 if TYPE_CHECKING:
@@ -36,7 +22,7 @@ if TYPE_CHECKING:
 
     from beamchain.fitting.result import Fit
 
-# blue, black and grey differ in lightness too, and rivals by their dashes: readable without colour
+# blue, black and grey differ in lightness too: readable without colour
 OURS, BEAM, RIVAL, SHADE, HATCH = "#0a5fb4", "#000000", "#8a8a8a", "#e9f1fa", "#cfcfcf"
 ROUNDING = 1e-16  # the top of a picture of errors that are all less
 LONGEST, ENDING = 48, 16  # characters of a name, and of its end where the middle is left out
@@ -59,24 +45,12 @@ STYLE: Any = {
     "hatch.linewidth": 0.6,
 }
 
-#: Entries of the accelerance drawn: row, column, what it is, unit.
-_PLANE = (
-    (0, 0, "acceleration of the root per force", "(m/s²)/N"),
-    (
-        0,
-        1,
-        "acceleration of the root per moment, and angular acceleration per force",
-        "(m/s²)/(N m)",
-    ),
-    (1, 1, "angular acceleration of the root per moment", "(rad/s²)/(N m)"),
-)
+#: the first entry of a port's accelerance: what it is, unit
 ENTRIES = {
-    "xy": _PLANE,
-    "xz": _PLANE,
-    "torsion": (
-        (0, 0, "angular acceleration of the root about the axis per moment", "(rad/s²)/(N m)"),
-    ),
-    "axial": ((0, 0, "acceleration of the root along the axis per force", "(m/s²)/N"),),
+    "xy": ("acceleration of the root per force", "(m/s²)/N"),
+    "xz": ("acceleration of the root per force", "(m/s²)/N"),
+    "torsion": ("angular acceleration of the root about the axis per moment", "(rad/s²)/(N m)"),
+    "axial": ("acceleration of the root along the axis per force", "(m/s²)/N"),
 }
 
 
@@ -95,7 +69,7 @@ def plot_accelerance(fit: "Fit", ax: "Axes | None" = None, port: str | None = No
     """Draw the first accelerance of a port: the beam, and the chain read back through MuJoCo."""
     port = next(iter(fit.target)) if port is None else port
     ax = panel(3.6)[1] if ax is None else ax
-    _panel(ax, fit, port, 0, responses(fit, port, with_rivals=False))
+    _accelerance(ax, fit, port)
     in_hz(ax)
     ax.set_xlabel("frequency, rad/s")
     ax.legend(loc="best")
@@ -118,48 +92,35 @@ def drawing(**settings: Any) -> Generator[None]:
 
 
 @drawing()
-def accelerance_figure(fit: "Fit", port: str) -> Figure:
-    """The port's accelerances over frequency, magnitude and phase: beam, chain through MuJoCo,
-    rivals; undamped."""
-    panels = len(ENTRIES[port])
-    figure = Figure(figsize=(WIDTH, 1.8 + 2.7 * panels))
-    curves = responses(fit, port, with_rivals=True)
-    grid = figure.add_gridspec(
-        3 * panels - 1, 1, height_ratios=[3.2, 0.62, 0.72] * (panels - 1) + [3.2, 0.62]
-    )
-    for i in range(panels):
-        ax, below = (figure.add_subplot(grid[3 * i + k]) for k in (0, 1))
-        _panel(ax, fit, port, i, curves)
-        _phase(below, fit, port, i, curves)
-        if i == 0:
-            in_hz(ax)
-        # ticks are most of what drawing costs
-        for shared in (ax, *([below] if i < panels - 1 else [])):
-            shared.tick_params(labelbottom=False)
-            shared.xaxis.set_minor_locator(NullLocator())
-    figure.axes[-1].set_xlabel("frequency, rad/s")
-    figure.subplots_adjust(
-        left=0.095, right=0.965, bottom=0.48 / figure.get_figheight(), hspace=0.16
-    )
-    _legend(figure, figure.axes[0], list(curves)[:2])
+def response_figure(fit: "Fit", port: str) -> Figure:
+    """Accelerance of the root, undamped, of the beam and of the chain through MuJoCo, and below it
+    the error of the hub's motion, whose largest in the band is the in-band error."""
+    figure = Figure(figsize=(WIDTH, 5.6))
+    above, below = figure.subplots(2, 1, height_ratios=(1.5, 1.0))
+    _accelerance(above, fit, port)
+    _error(below, fit, port)
+    in_hz(above)
+    # ticks are most of what drawing costs
+    above.tick_params(labelbottom=False)
+    for ax in (above, below):
+        ax.xaxis.set_minor_locator(NullLocator())
+        ax.yaxis.set_minor_locator(NullLocator())
+    below.set_xlabel("frequency, rad/s")
+    figure.subplots_adjust(left=0.095, right=0.965, bottom=0.09, hspace=0.2)
+    legend_above(figure, above)
     return figure
 
 
-def _phase(ax: "Axes", fit: "Fit", port: str, entry: int, curves: Mapping[str, Response]) -> None:
-    """Without damping the phase is 0 or 180 degrees and turns over at each pole and zero."""
-    i, j, *_ = ENTRIES[port][entry]
-    frame(ax, span(fit, port), (-50.0, 230.0), fit.bandwidth[port], decades=False)
-    _draw(ax, {label: curve.phase(i, j) for label, curve in curves.items()})
-    ax.set_yticks([0.0, 180.0])
-    ax.set_ylabel("phase, °", fontsize=8.5)
-
-
-def _panel(ax: "Axes", fit: "Fit", port: str, entry: int, curves: Mapping[str, Response]) -> None:
-    i, j, title, unit = ENTRIES[port][entry]
-    beam = next(iter(curves.values()))
-    frame(ax, span(fit, port), _heights(beam, i, j), fit.bandwidth[port])
-    _draw(ax, {label: (curve.omega, np.abs(curve.values[i, j])) for label, curve in curves.items()})
-    poles, zeros = beam.crossings(i, j)
+def _accelerance(ax: "Axes", fit: "Fit", port: str) -> None:
+    """The beam over the chain, with the beam's poles and zeros at the edges."""
+    what, unit = ENTRIES[port]
+    beam, chain = responses(fit, port)
+    low, high = np.quantile(np.log10(np.clip(np.abs(beam.even()), 1e-300, None)), [0.05, 0.95])
+    frame(ax, span(fit, port), (10.0 ** (low - 0.7), 10.0 ** (high + 0.9)), fit.bandwidth[port])
+    ours: Any = {"color": OURS, "linewidth": 3.4, "solid_joinstyle": "round"}
+    ax.plot(chain.omega, np.abs(chain.values), label=f"{CHAIN}, through MuJoCo", **ours)
+    ax.plot(beam.omega, np.abs(beam.values), color=BEAM, linewidth=1.1, label="beam")
+    poles, zeros = beam.crossings()
     edge: Any = {
         "transform": ax.get_xaxis_transform(),
         "color": BEAM,
@@ -169,72 +130,41 @@ def _panel(ax: "Axes", fit: "Fit", port: str, entry: int, curves: Mapping[str, R
     ax.plot(poles, np.ones(poles.size), marker="x", markersize=5.5, label="beam's poles", **edge)
     edge["markerfacecolor"] = "white"
     ax.plot(zeros, np.zeros(zeros.size), marker="o", markersize=5.0, label="beam's zeros", **edge)
-    ax.set_title(title, pad=8.0)
+    ax.set_title(what, pad=8.0)
     ax.set_ylabel(f"|W|, {unit}")
 
 
-def _draw(ax: "Axes", curves: Mapping[str, tuple[Array, Array]]) -> None:
-    """The beam over the chain over its rivals."""
-    beam, ours, *others = curves
-    for order, label in enumerate(others):
-        ax.plot(
-            *curves[label], color=RIVAL, linestyle=DASHES[order % 3], linewidth=1.2, label=label
-        )
-    ax.plot(*curves[ours], color=OURS, linewidth=3.4, solid_joinstyle="round", label=ours)
-    ax.plot(*curves[beam], color=BEAM, linewidth=1.1, label=beam)
-
-
-def _heights(curve: Response, i: int, j: int) -> tuple[float, float]:
-    """Limits that hold the curve but cut its peaks and dips."""
-    even = np.geomspace(curve.omega[0], curve.omega[-1], 150)
-    size = np.log10(np.clip(np.abs(curve.values[i, j]), 1e-300, None))
-    low, high = np.quantile(np.interp(even, curve.omega, size), [0.05, 0.95])
-    return float(10.0 ** (low - 0.7)), float(10.0 ** (high + 0.9))
-
-
-# -- error -----------------------------------------------------------------------------------------
-@drawing()
-def error_figure(fit: "Fit", port: str) -> Figure:
-    """Error of the hub's motion over frequency; its largest in the band is the in-band error."""
-    figure = Figure(figsize=(WIDTH, 4.2))
-    ax = figure.add_subplot()
+def _error(ax: "Axes", fit: "Fit", port: str) -> None:
+    """The error of the hub's motion, and what the fit states of it."""
     hub, place = worst_hub(fit, port)
     limits = span(fit, port)
     band = fit.bandwidth[port]
-    rivals = rival_chains(fit, port)
-    rival_models = [rival_model(fit, port, chain) for chain in rivals.values()]
-    models = [fit.measured.damped_port(port), *rival_models]
-    ours, *others = error_curves(fit, port, models, hub, limits)
-    top = max(float(curve.error.max(initial=ROUNDING)) for curve in (ours, *others))
-    bottom = float(np.clip(ours.error.min(), 1e-7 * top, 0.1 * top))
-    frame(ax, limits, (bottom / 2.0, 3.0 * top), band)
-    for dash, curve, (label, chain) in zip(DASHES, others, rivals.items(), strict=False):
-        label = f"{label}, {count(moving(chain, port), 'hinge')}"
-        ax.plot(curve.omega, curve.error, color=RIVAL, linestyle=dash, linewidth=1.2, label=label)
-    name = f"{CHAIN}, through MuJoCo"
-    ax.plot(ours.omega, ours.error, color=OURS, linewidth=2.0, label=name)
-    at = ours.peak(band)
-    x = float(ours.omega[at])
-    y = float(ours.error[at])
-    ax.plot(x, y, marker="o", markersize=5.5, color=OURS, linestyle="none", label="largest in band")
+    curve = error_curve(fit, port, hub, limits)
+    top = float(curve.error.max(initial=ROUNDING))
+    bottom = float(np.clip(curve.error.min(), 1e-7 * top, 0.1 * top))
+    frame(ax, limits, (bottom / 2.0, 4.0 * top), band)
+    ax.plot(curve.omega, curve.error, color=OURS, linewidth=2.0)
+    at = curve.peak(band)
     stated = fit.readback_error[port].accelerance_in_band
-    box: Any = {
-        "boxstyle": "square,pad=0.1",
-        "facecolor": "white",
-        "edgecolor": "none",
-        "alpha": 0.75,
-    }
-    left = x < limits[0] * (limits[1] / limits[0]) ** 0.85
-    style: Any = {"textcoords": "offset points", "color": OURS, "fontweight": "bold", "bbox": box}
-    text = percent(y if stated is None else stated)
+    y = float(curve.error[at])
+    mark_top(ax, float(curve.omega[at]), y, y if stated is None else stated)
+    ax.set_title(f"error of the hub's motion, {place}", pad=6.0)
+    ax.set_ylabel("relative error")
+
+
+def mark_top(ax: "Axes", x: float, y: float, error: float) -> None:
+    """Mark the largest error in the band at (x, y), and say how large it is."""
+    low, high = ax.get_xlim()
+    left = x < low * (high / low) ** 0.85
+    ax.plot(x, y, marker="o", markersize=5.5, color=OURS, linestyle="none")
+    style: Any = {"textcoords": "offset points", "color": OURS, "fontweight": "bold"}
     ax.annotate(
-        text, (x, y), xytext=(7 if left else -7, 4), ha="left" if left else "right", **style
+        error_text(error),
+        (x, y),
+        xytext=(7 if left else -7, 4),
+        ha="left" if left else "right",
+        **style,
     )
-    ax.set_title(place, pad=6.0)
-    over_frequency(ax, "error of the hub's motion, relative")
-    figure.subplots_adjust(left=0.095, right=0.965, bottom=0.12)
-    _legend(figure, ax, [name])
-    return figure
 
 
 # -- logarithmic axes ------------------------------------------------------------------------------
@@ -328,19 +258,17 @@ def panel(height: float) -> "tuple[Figure, Axes]":
     return figure, figure.add_subplot()
 
 
-def _legend(figure: Figure, ax: "Axes", first: Sequence[str]) -> None:
-    """A legend in two columns above all panels; sets the panels' upper edge below it."""
+def legend_above(figure: Figure, ax: "Axes") -> None:
+    """A legend in three columns above all panels; sets the panels' upper edge below it."""
     handles, labels = ax.get_legend_handles_labels()
-    entries = dict(zip(labels, handles, strict=True))
-    order = [*first, *(label for label in labels if label not in first)]
     style: Any = {
         "handlelength": 2.2,
         "columnspacing": 1.4,
         "borderaxespad": 0.2,
         "bbox_to_anchor": (0.0, 1.0),
     }
-    figure.legend([entries[label] for label in order], order, loc="upper left", ncols=2, **style)
-    inches = 0.62 + 0.192 * ((len(order) + 1) // 2)
+    figure.legend(handles, labels, loc="upper left", ncols=3, **style)
+    inches = 0.62 + 0.192 * ((len(labels) + 2) // 3)
     figure.subplots_adjust(top=1.0 - inches / figure.get_figheight())
 
 
@@ -361,23 +289,15 @@ _CENTRE: Any = {
 
 @drawing()
 def chain_figure(fit: "Fit") -> Figure:
-    """The chain to scale along x, and below it the classical chain with as many hinges."""
+    """The chain to scale along x."""
     plane = next((port for port in fit.target if port in PLANES), next(iter(fit.target), PLANES[0]))
-    chains = {CHAIN: fit.chain}
-    classical = rival_chains(fit, plane).get(CLASSICAL) if fit.target else None
-    if classical is not None:
-        chains[CLASSICAL] = classical
-    figure = Figure(figsize=(WIDTH, 1.05 + 1.5 * len(chains)))
-    height = figure.get_figheight()
-    figure.subplots_adjust(
-        left=0.02, right=0.98, top=1.0 - 0.28 / height, bottom=0.77 / height, hspace=0.22
-    )
-    for i, (label, chain) in enumerate(chains.items()):
-        ax = figure.add_subplot(len(chains), 1, i + 1)
-        _draw_chain(ax, chain, fit.beam, plane, label, OURS if i == 0 else "#6f6f6f")
-        ax.tick_params(labelbottom=i == len(chains) - 1)
-    figure.axes[-1].set_xlabel("x from the root, m")
-    handles, labels = figure.axes[0].get_legend_handles_labels()
+    height = 2.55
+    figure = Figure(figsize=(WIDTH, height))
+    figure.subplots_adjust(left=0.02, right=0.98, top=1.0 - 0.28 / height, bottom=0.77 / height)
+    ax = figure.add_subplot()
+    _draw_chain(ax, fit.chain, fit.beam, plane)
+    ax.set_xlabel("x from the root, m")
+    handles, labels = ax.get_legend_handles_labels()
     figure.legend(
         handles,
         labels,
@@ -390,9 +310,7 @@ def chain_figure(fit: "Fit") -> Figure:
     return figure
 
 
-def _draw_chain(
-    ax: "Axes", chain: Chain, beam: Beam | None, plane: str, title: str, color: str
-) -> None:
+def _draw_chain(ax: "Axes", chain: Chain, beam: Beam | None, plane: str) -> None:
     length = chain.length
     left, right = -0.055 * length, 1.03 * length
     ax.set(xlim=(left, right), ylim=(-1.05, 1.05))
@@ -425,7 +343,7 @@ def _draw_chain(
     gap = 0.004 * length
     for link in real:
         ends = [link.start + gap, min(link.start + link.length, length) - gap]
-        ax.plot(ends, [0.0, 0.0], color=color, linewidth=5.0, solid_capstyle="butt")
+        ax.plot(ends, [0.0, 0.0], color=OURS, linewidth=5.0, solid_capstyle="butt")
     ax.plot([link.com for link in real], np.zeros(len(real)), label="centre of mass", **_CENTRE)
     for port in chain.ports:
         at = [hinge.x for hinge in chain.hinges if port in hinge.stiffness]
@@ -434,7 +352,7 @@ def _draw_chain(
             "markersize": 6.5 if port == "xy" else 5.5,
             "linestyle": "none",
         }
-        style |= {"markerfacecolor": "white", "markeredgecolor": color, "markeredgewidth": 1.8}
+        style |= {"markerfacecolor": "white", "markeredgecolor": OURS, "markeredgewidth": 1.8}
         ax.plot(
             at,
             np.zeros(len(at)),
@@ -443,15 +361,15 @@ def _draw_chain(
         )
     masses = _rows(ax, [(link.com, f"{short(link.mass)} kg") for link in real])
     springs = _rows(ax, [(hinge.x, _springs(hinge.stiffness)) for hinge in chain.hinges])
-    what = f"{title}: {count(len(real), 'link')}, {count(len(chain.hinges), 'hinge')}"
+    what = f"{count(len(real), 'link')}, {count(len(chain.hinges), 'hinge')}"
     if len(chain.ports) > 1:
         what += "; stiffness in N m/rad" + (", axial N/m" if "axial" in chain.ports else "")
     if masses is None or springs is None:
         what += " (too many to label; see the table)"
     else:
-        _write(ax, masses, 1.0, color)
+        _write(ax, masses, 1.0, OURS)
         _write(ax, springs, -1.0, "#222222")
-    ax.set_title(what, pad=3.0, color=color)
+    ax.set_title(what, pad=3.0, color=OURS)
 
 
 def with_si_prefix(value: float, unit: str) -> str:

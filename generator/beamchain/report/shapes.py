@@ -8,7 +8,7 @@ import numpy as np
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array
 from beamchain.report.curves import kept_count
-from beamchain.report.formats import percent
+from beamchain.report.formats import error_text
 from beamchain.report.page import page_text
 from beamchain.report.plots import BEAM, OURS
 from beamchain.structure.beam import Beam
@@ -85,7 +85,7 @@ def shapes_svg(fit: "Fit", port: str) -> str:
         size = SWING / float(np.abs(exact[k]).max())
         strips.append(
             {
-                "told": f"{a:.5g} rad/s, chain {percent(float(b / a) - 1.0)}",
+                "told": f"{a:.5g} rad/s, chain {error_text(float(b / a) - 1.0)}",
                 "seconds": max(SLOWEST * float(full.frequencies[0] / a), FASTEST),
                 "beam": points(x, exact[k], size),
                 "chain": points(nodes, bent[k], size),

@@ -10,17 +10,17 @@ from beamchain.engine.linearise import NUMBERS
 from beamchain.errors import EngineError
 from beamchain.fitting.spec_text import spec_toml
 from beamchain.report import plots
-from beamchain.report.craft_plots import assembly_figure, difference_figure
+from beamchain.report.craft_plots import assembly_figure
 from beamchain.report.curves import count
-from beamchain.report.formats import percent, short
-from beamchain.report.headlines import cure_sentence
+from beamchain.report.formats import error_text, short
+from beamchain.report.headlines import cure_sentence, spring_sentence
 from beamchain.report.page import Verdict, page_text
 from beamchain.report.replay import craft_replays
 from beamchain.report.shapes import all_shapes
 from beamchain.report.svg import to_svg
 from beamchain.report.tables import embed as tables
 from beamchain.report.tables.first_screen import embedded_tiles
-from beamchain.report.tables.fit import left_out_table, port_table
+from beamchain.report.tables.fit import left_out_table, mode_table
 from beamchain.report.tree_plot import tree_figure
 from beamchain.steps.budget import budget
 
@@ -38,10 +38,7 @@ def embed_report(embedded: "Embedded", craft: str, output: str) -> str:
     assembly = embedded.assembly
     appendages = embedded.appendages
     alike = _alike(appendages)
-    figures = {
-        "assembly": assembly_figure(assembly, columns=1),
-        "difference": difference_figure(assembly),
-    }
+    figures = {"assembly": assembly_figure(assembly)}
     for i, group in enumerate(alike, 1):
         figures[f"chain{i}"] = plots.chain_figure(group.those[0].fit)
     is_tree = any(a.loads for a in appendages)
@@ -64,7 +61,8 @@ def embed_report(embedded: "Embedded", craft: str, output: str) -> str:
         names=_user_names(appendages),
         alike=alike,
         imported=any(a.fit.space is not None for a in appendages),
-        port_table=port_table,
+        mode_table=mode_table,
+        spring_sentence=spring_sentence,
         in_band_table=tables.in_band_table,
         left_out_table=left_out_table,
         all_shapes=all_shapes,
@@ -157,8 +155,8 @@ def _verdict(embedded: "Embedded") -> Verdict:
     said = f"{embedded.headline[:1].upper()}{embedded.headline[1:]} "
     text = f"{cure_sentence(embedded)} {said}".lstrip() + (
         f"{count(len(embedded.appendages), 'appendage')}, {count(len(kept), 'coupled mode')} kept "
-        f"up to {short(assembly.band)} rad/s: the worst is off by {percent(assembly.worst)} from "
-        "exact appendages on the same spacecraft, read back through MuJoCo."
+        f"up to {short(assembly.band)} rad/s: the worst is off by {error_text(assembly.worst)} "
+        "from exact appendages on the same spacecraft, read back through MuJoCo."
     )
     short_of = [a.at for a in embedded.appendages if not a.fit.status.ok]
     missed = embedded.met is False or embedded.ruined

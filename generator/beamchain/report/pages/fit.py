@@ -4,18 +4,11 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from beamchain.fitting.hub import assumed_hub
-from beamchain.ports.compare import in_band_error, keeps_tolerance
+from beamchain.ports.compare import keeps_tolerance
 from beamchain.report import plots
-from beamchain.report.curves import (
-    CLASSICAL,
-    beam_model,
-    count,
-    kept_count,
-    rival_chains,
-    rival_model,
-)
-from beamchain.report.formats import number, percent, short, vector
-from beamchain.report.headlines import tip_sentence
+from beamchain.report.curves import alike_ports, count, kept_count
+from beamchain.report.formats import error_text, number, short, vector
+from beamchain.report.headlines import spring_sentence, tip_sentence
 from beamchain.report.page import Verdict, page_text
 from beamchain.report.replay import scene_replays
 from beamchain.report.shapes import all_shapes
@@ -38,17 +31,17 @@ TARGETS = {
 
 def fit_report(fit: "Fit") -> tuple[str, dict[str, str]]:
     """The text of report.html, and that of the SVG files to stand beside it, by name."""
-    figures = {f"accelerance_{port}": plots.accelerance_figure(fit, port) for port in fit.target}
-    figures |= {f"error_{port}": plots.error_figure(fit, port) for port in fit.target}
+    # the worst port first
+    groups = sorted(alike_ports(fit), key=lambda ports: fit.worst_port not in ports)
+    figures = {f"response_{port}": plots.response_figure(fit, port) for port, *_ in groups}
+    figures["chain"] = plots.chain_figure(fit)
     pictures = {f"{name}.svg": to_svg(figure, name) for name, figure in figures.items()}
-    pictures["chain.svg"] = to_svg(plots.chain_figure(fit), "chain")
-    rivals = rival_errors(fit)
     imported = None if fit.space is None else tables.imported_table(fit.space.data)
     effective = None if fit.space is None else tables.effective_mass_table(fit.space)
     page = page_text(
         "report.html",
         name=fit.spec.name,
-        verdict=_verdict(fit, rivals),
+        verdict=_verdict(fit),
         tiles=fit_tiles(fit),
         fit=fit,
         pictures=pictures,
@@ -57,11 +50,13 @@ def fit_report(fit: "Fit") -> tuple[str, dict[str, str]]:
         imported=imported,
         modes_word=_modes_word(fit).capitalize(),
         effective=effective,
-        mode_tables={port: tables.port_table(fit, port) for port in fit.target},
-        port_note=tables.port_note,
+        curves=groups,
+        modes=tables.mode_table(fit),
+        mode_notes=tables.mode_notes(fit),
+        spring_sentence=spring_sentence,
         drawn_shapes=all_shapes(fit),
         replays=scene_replays(fit),
-        in_band=tables.in_band_table(fit, rivals),
+        in_band=tables.in_band_table(fit),
         model_errors=[tables.model_error_table(fit, port) for port in fit.target],
         masses=tables.mass_table(fit),
         links=tables.link_table(fit),
@@ -85,23 +80,7 @@ def _kept_modes(fit: "Fit") -> str:
     return first if not more else f"{', '.join(parts[:-1])} and {parts[-1]}"
 
 
-RivalErrors = dict[str, dict[str, float]]
-
-
-def rival_errors(fit: "Fit") -> RivalErrors:
-    """Per port and rival its in-band error, computed as the chain's own."""
-    out: RivalErrors = {}
-    for port in fit.target:
-        beam = beam_model(fit, port)
-        hub = fit.body.port_hub(port)
-        out[port] = {
-            label: in_band_error(rival_model(fit, port, chain), beam, hub, fit.bandwidth[port])
-            for label, chain in rival_chains(fit, port).items()
-        }
-    return out
-
-
-def _verdict(fit: "Fit", rivals: RivalErrors) -> Verdict:
+def _verdict(fit: "Fit") -> Verdict:
     """What to tell somebody who reads one sentence."""
     scene = fit.spec.scene
     promised: tuple[float, float] | None = None
@@ -113,7 +92,7 @@ def _verdict(fit: "Fit", rivals: RivalErrors) -> Verdict:
         if promised:
             error, band = promised
             text += (
-                f": the motion of the hub is off by at most {percent(error)} up to "
+                f": the motion of the hub is off by at most {error_text(error)} up to "
                 f"{short(band)} rad/s"
             )
         return Verdict(fit.status.ok, f"{less}{text}.")
@@ -138,19 +117,15 @@ def _verdict(fit: "Fit", rivals: RivalErrors) -> Verdict:
         else "a hub of 0.1, 1 or 10 times the appendage's mass"
     )
     error, band = promised or (errors[worst], fit.bandwidth[worst])
-    text = (
-        f"{what}: the motion of {hub} is off by at most {percent(error)} up to {short(band)} rad/s"
-    )
-    classical = None if promised else rivals[worst].get(CLASSICAL)
-    if classical is not None:
-        text += f" (classical chain with as many hinges: {percent(classical)})"
+    text = f"{what}: the motion of {hub} is off by at most {error_text(error)} "
+    text += f"up to {short(band)} rad/s"
     missed = scene is not None and not keeps_tolerance(error, scene.tolerance)
     if scene is not None and missed:
-        text += f", more than the tolerance of {percent(scene.tolerance)} less its margin of 1 %"
+        text += f", more than the tolerance of {scene.tolerance:g} less its margin of 1 %"
     if (tip := tip_sentence(fit)) is not None:
         text += f"; {tip}"
     text += (
-        f". Read back through MuJoCo the kept frequencies are within {percent(frequency)} of "
+        f". Read back through MuJoCo the kept frequencies are within {error_text(frequency)} of "
         "what was asked for"
     )
     return Verdict(fit.status.ok and not missed, f"{less}{text}.")

@@ -46,7 +46,7 @@ def fit_html(fit: "Fit") -> str:
         notes.append(f"largest stable step: {limits}")
     notes += [f"warning: {text}" for text in fit.warnings]
     title = f"{fit.spec.name}: {fit.status.message}"
-    return table_html(mode_table(fit, None, title), notes)
+    return table_html(mode_table(fit, title), notes)
 
 
 def embedded_text(embedded: "Embedded") -> str:

@@ -1,6 +1,6 @@
 """The tables of a fit: kept modes, links, hinges, tendons, errors, what was left out."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from beamchain.ports.compare import DEFAULT_RATIO
 from beamchain.ports.motions import PORTS
-from beamchain.report.curves import CHAIN, CLASSICAL
+from beamchain.report.curves import CHAIN
 from beamchain.report.formats import (
     damping_ratio,
     digits,
@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from beamchain.fitting.result import Fit, InSpace
     from beamchain.ports.motions import Array
     from beamchain.structure.modal_data import ModalData
-
-RivalErrors = Mapping[str, Mapping[str, float]]
 
 #: unit of a mode's participation in a port
 PARTICIPATION = {"torsion": "√(kg m²)", "axial": "√kg"}
@@ -167,18 +165,13 @@ def every_mode(fit: "Fit") -> list[MatchedMode]:
     ]
 
 
-def mode_table(fit: "Fit", ports: Sequence[str] | None, title: str) -> Table:
-    """Modes of ports: asked for, read back through MuJoCo, how far off; `ports` None: of all, each
-    mode once."""
-    if ports is None:
-        modes = every_mode(fit)
-    else:
-        found = [port for port in ports if port in fit.readback_error]
-        modes = [mode for port in found for mode in matched_modes(fit, port)]
+def mode_table(fit: "Fit", title: str = "") -> Table:
+    """The kept modes, each once: asked for, read back through MuJoCo, how far off."""
+    modes = every_mode(fit)
     ratios = any(mode.target_damping > 0.0 or mode.damping > 0.0 for mode in modes)
     hertz = [mode.target_frequency / (2.0 * np.pi) for mode in modes]
     columns = [
-        Column("port", [mode.port for mode in modes], place="brief"),
+        Column("port", [mode.port for mode in modes]),
         Column("mode", [mode.number for mode in modes], format=whole),
         *_file_column([mode.in_file for mode in modes]),
         Column("target", [mode.target_frequency for mode in modes], "rad/s", number, place="page"),
@@ -194,14 +187,8 @@ def mode_table(fit: "Fit", ports: Sequence[str] | None, title: str) -> Table:
             place="brief",
         ),
         Column(
-            "participation, target",
+            "participation",
             [mode.target_participation for mode in modes],
-            format=vector,
-            place="page",
-        ),
-        Column(
-            "participation, through MuJoCo",
-            [mode.participation for mode in modes],
             format=vector,
             place="page",
         ),
@@ -234,22 +221,16 @@ def _file_column(numbers: Sequence[int | None]) -> tuple[Column, ...]:
     return (Column("mode of the file", numbers, format=whole, missing="-"),)
 
 
-def port_table(fit: "Fit", port: str) -> Table:
-    """The modes of one port."""
-    return mode_table(fit, [port], f"Port {port}")
-
-
-def port_note(fit: "Fit", port: str) -> str:
-    """How the modes of a port are to be read."""
-    unit = PARTICIPATION.get(port, PLANE_PARTICIPATION)
-    note = f"Cantilever modes, root held. Participation in {unit}."
-    note += f" {fit.measured.reading_sentence(port)}"
+def mode_notes(fit: "Fit") -> list[str]:
+    """How the modes are to be read, port by port."""
+    units = (f"{port}: {PARTICIPATION.get(port, PLANE_PARTICIPATION)}" for port in fit.target)
+    note = f"Cantilever modes, root held. Participation in {'; '.join(units)}."
     if fit.kept_for in ("free", "hub"):
         note += (
             " The target keeps other modes exactly (next section); its own cantilever modes "
             "differ from the beam's."
         )
-    return note
+    return [note, *(fit.measured.reading_sentence(port) for port in fit.target)]
 
 
 def link_table(fit: "Fit") -> Table:
@@ -318,10 +299,10 @@ def _coefficients(freedoms: Iterable[tuple[int, str]], coefficients: "Array") ->
     return ", ".join(f"{hinge + 1} {port}: {value:.4g}" for (hinge, port), value in pairs)
 
 
-def in_band_table(fit: "Fit", rivals: RivalErrors) -> Table:
-    """Error of the hub's motion per port, of the chain and of the rivals (none in the terminal)."""
+def in_band_table(fit: "Fit") -> Table:
+    """Error of the hub's motion, port by port."""
     ports = list(fit.readback_error)
-    columns = [
+    columns = (
         Column("port", ports),
         Column("band", [f"0 to {number(fit.bandwidth[port])}" for port in ports], "rad/s"),
         Column(
@@ -329,11 +310,7 @@ def in_band_table(fit: "Fit", rivals: RivalErrors) -> Table:
             [fit.readback_error[port].accelerance_in_band or 0.0 for port in ports],
             format=relative,
         ),
-    ]
-    for label in dict.fromkeys(label for errors in rivals.values() for label in errors):
-        name = f"{label}, as many hinges" if label == CLASSICAL else label
-        errors = [rivals[port].get(label) for port in ports]
-        columns.append(Column(name, errors, format=relative, place="page"))
+    )
     if fit.hub_mass is not None:
         note = "On the hub of the spec."
     else:
@@ -342,7 +319,7 @@ def in_band_table(fit: "Fit", rivals: RivalErrors) -> Table:
         )
     if fit.promise is not None:
         note += " Each port by itself; what the scene asks of the hub counts all ports together."
-    return Table("In-band error", tuple(columns), (note,))
+    return Table("In-band error", columns, (note,))
 
 
 def imported_table(data: "ModalData") -> Table:
