@@ -1,8 +1,8 @@
 """Draw the pictures of README and docs, into this folder: make docs-pictures.
 
 The commands of gallery.md run in an empty folder, and each picture that the page shows is what they
-wrote under its name, or accelerance_picture.py did. `products/NAME_picture.py` draws `products/NAME.svg` behind the Python of
-`products/NAME.md`.
+wrote under its name, or accelerance_picture.py did. `products/NAME_picture.py` draws
+`products/NAME.svg` behind the Python of `products/NAME.md`.
 """
 
 import re
