@@ -264,6 +264,11 @@ CODES = {
         "`--pose` and `--angle` take degrees for hinges: `drive=90`. In Python `pose` takes "
         "radians.",
     ),
+    "pose-not-proven": (
+        "a plant is asked for in a pose at which the file misses its tolerance or was not checked",
+        "Modes are chosen, and errors stated, at rest and at the keyframes. Give the spacecraft a "
+        "keyframe at the pose and embed again.",
+    ),
     "preloaded-spring": (
         "a spring of the spacecraft is preloaded at rest",
         "Write `springref` so that the spring is slack at rest, or leave it where a motor or "

@@ -290,3 +290,49 @@ def test_mistakes_on_the_command_line_are_named(place, capsys, monkeypatch, word
     assert code == 2
     assert out == ""
     assert sentence in error
+
+
+def driven_wing(key: str = ""):
+    """A wing on a drive, whose modes are chosen for turns about z at the file's poses."""
+    craft = f"""<mujoco><worldbody><body name="bus"><freejoint/>
+      <inertial pos="0 0 0" mass="300" diaginertia="90 90 90"/>
+      <body name="yoke" pos="0.5 0 0"><joint name="drive" axis="1 0 0"/>
+        <inertial pos="0 0 0" mass="1" diaginertia="0.1 0.1 0.1"/><site name="mount"/></body>
+      </body></worldbody>
+      <actuator><position joint="drive" kp="1e5" kv="100"/></actuator>{key}</mujoco>"""
+    section = bc.Equivalent(
+        bending_stiffness_xy=2e3,
+        bending_stiffness_xz=4e3,
+        torsion_stiffness=1e4,
+        linear_mass=4.0,
+        polar_inertia=1.0,
+    )
+    scene = bc.Scene(bandwidth=5.0, axes=("z",), tolerance=1e-3)
+    wing = bc.Spec(name="wing", segment=(bc.Segment(length=8.0, section=section),), scene=scene)
+    return bc.embed(craft, {"mount": wing})
+
+
+def test_a_pose_that_the_file_was_not_fitted_for_is_told():
+    bare = driven_wing()
+    keyed = driven_wing('<keyframe><key name="side" qpos="0 0 0 1 0 0 0 1.5708"/></keyframe>')
+    side = {"drive": 1.5708}
+    turned = [
+        np.append(craft.model.qpos0[:7], [1.5708, *craft.model.qpos0[8:]])
+        for craft in (bare, keyed)
+    ]
+    assert [a.fit.target.keys() for a in bare.appendages] == [{"xy"}]
+    assert bare.error_at(turned[0]) > 0.1  # the plane that shakes z there was left out
+    assert keyed.error_at(turned[1]) == pytest.approx(keyed.promise.poses["side"], rel=1e-6)
+
+    def told(model, pose):
+        plant = bc.plant(model, ["torque:bus"], ["attitude"], pose)
+        plant = getattr(plant, "plants", (plant,))[0]
+        return "pose-not-proven" in [getattr(w, "code", "") for w in plant.warnings]
+
+    assert [told(bare, pose) for pose in (None, side, [{"drive": 0.0}, side])] == [
+        False,
+        True,
+        True,
+    ]
+    assert not told(keyed, side)
+    assert [told(craft.model, side) for craft in (bare, keyed)] == [True, False]

@@ -27,9 +27,17 @@ from beamchain.engine.library import mujoco, one_thread
 from beamchain.engine.linear import linear_at
 from beamchain.engine.linearise import NUMBERS
 from beamchain.engine.normal_modes import NormalModes
-from beamchain.engine.operating_point import Pose, Rates, operating_point, quiet_copy, rest_point
+from beamchain.engine.operating_point import (
+    Pose,
+    Rates,
+    operating_point,
+    quiet_copy,
+    rest_point,
+)
+from beamchain.engine.operating_point import poses as poses_of_file
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
+from beamchain.steps.cures import RUINED
 from beamchain.steps.modal import FILLER
 from beamchain.steps.retime import without_timing
 from beamchain.warning_codes import Caution
@@ -37,6 +45,7 @@ from beamchain.warning_codes import Caution
 # of a mode's discrete pole beyond the unit circle: more than what turning wheels do to it
 GROWS = 1e-5
 ROUNDING = 1e-9
+SAME = 1e-6  # of a joint [rad, m] in two poses that are one
 
 
 @one_thread()
@@ -136,7 +145,7 @@ def plant(
     if poses is None:
         craft, said = given.craft(pose)
         form = craft.form(step is not None)
-        said = [*given.left_out, *said]
+        said = [*given.left_out, *said, *given.unverified([craft.point.qpos])]
         label = pose_label(whole, pose)
         kept = form.minimal()
         return given.plant(craft, form, kept, kept, craft.mode_names, said, label, pose)
@@ -164,11 +173,37 @@ class _Given:
         why = "the plant is one in free fall (loaded=True: under its load)"
         return [*found, *limp_cautions(self.model, why)]
 
+    def unverified(self, poses: Sequence[Array]) -> list[str]:
+        """What to say of the worst of some poses `(nq,)` that the file's proof does not cover."""
+        if self.loaded:
+            return []
+        joints = self.model.jnt_type >= int(mujoco.mjtJoint.mjJNT_SLIDE)
+        at = self.model.jnt_qposadr[joints]
+        proven = np.array(list(poses_of_file(self.model).values()))[:, at]
+        new = [q for q in poses if not np.isclose(q[at], proven, atol=SAME).all(axis=1).any()]
+        cure = "give the spacecraft a keyframe there and embed again"
+        if self.embedded is None:
+            low, high = proven.min(axis=0) - SAME, proven.max(axis=0) + SAME
+            if all(np.all((low <= q[at]) & (q[at] <= high)) for q in new):
+                return []
+            text = (
+                f"the pose lies beyond the file's keyframes, where its modes were chosen; {cure}."
+            )
+            return [Caution("pose-not-proven", text)]
+        error = max(map(self.embedded.error_at, new), default=0.0)
+        allowed = RUINED if self.embedded.tolerance is None else self.embedded.tolerance
+        if error <= allowed:
+            return []
+        text = (
+            f"away from the file's keyframes the error is {error:.2g}, above {allowed:g}; {cure}."
+        )
+        return [Caution("pose-not-proven", text)]
+
     def scheduled(self, poses: Poses) -> ScheduledPlant:
         """The plants of several poses, with one order of states."""
         crafts = [self.craft(one.given)[0] for one in poses.each]
         names = crafts[0].mode_names
-        said = self.left_out
+        said = [*self.left_out, *self.unverified([craft.point.qpos for craft in crafts])]
         sampled = self.step is not None
         followed = list(zip(crafts, follow(crafts, self.modes_at), strict=True))
         whole = [craft.form(sampled, modes, names) for craft, modes in followed]

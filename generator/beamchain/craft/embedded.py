@@ -183,6 +183,26 @@ class Embedded:
             self.craft, exact, band, want.motions, self._own, positions, loaded=loaded
         )
 
+    @one_thread()
+    def error_at(self, qpos: Array) -> float:
+        """`craft_error` in one pose of the model, without a load: largest relative error of the
+        base body's motion up to `band`, against exact appendages.
+
+        Args:
+            qpos: `(nq,)` positions of the model.
+
+        Example:
+            >>> import beamchain as bc
+            >>> from importlib.resources import files
+            >>> shipped = files("beamchain") / "examples"
+            >>> craft = bc.embed(shipped / "craft.xml", {"mount": shipped / "array.toml"})
+            >>> bool(abs(craft.error_at(craft.model.qpos0) / craft.craft_error - 1.0) < 1e-6)
+            True
+        """
+        bare = self.bare_qpos(qpos)
+        exact = self._exact_at(lambda _: {"pose": bare}, loaded=False)
+        return craft_error(self.craft, self.untimed, exact, {"pose": qpos}).error
+
     @cached_property
     def time_error(self) -> TimeError:
         """The largest error of a coupled pole at the model's own step, worst of all poses.

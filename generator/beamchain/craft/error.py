@@ -691,11 +691,12 @@ def craft_error(
     craft: "mujoco.MjModel",
     model: "mujoco.MjModel",
     exact: Mapping[str, list[Pose]],
+    positions: Mapping[str, Array] | None = None,
 ) -> CraftError:
     """The craft's promise as the compiled model keeps it, against the answers of `craft_poses`
-    for the bare `craft`."""
+    for the bare `craft`; `positions` of the model by pose, those of the file where left out."""
     model = quiet_copy(model)
-    positions = poses(model)
+    positions = positions or poses(model)
     errors: dict[str, float] = {}
     worst: tuple[float, Pose] | None = None
     grows: dict[str, tuple[float, float]] = {}
