@@ -57,7 +57,8 @@ HINGE = re.compile(r"(.+)_hinge\d+_(xy|xz|torsion|axial)$")  # name of a chain's
 
 def number(values: float | ArrayLike) -> str:
     """17 digits, so that what MuJoCo reads is what was computed."""
-    return " ".join(repr(float(v)) for v in np.atleast_1d(np.asarray(values, dtype=np.float64)))
+    flat = np.atleast_1d(np.asarray(values, dtype=np.float64))
+    return " ".join(repr(float(v)).removesuffix(".0") for v in flat)
 
 
 def short_numbers(values: ArrayLike) -> str:
