@@ -103,6 +103,9 @@ _PLACES = {
             for k in (1, 2)
         ]
     ),
+    "manipulator": "--mount mount=manipulator_link.toml",
+    "two_panels": "--mount panel1=hinged_panel.toml --mount panel2=hinged_panel.toml",
+    "spinner": " ".join(f"--mount boom{k}=spin_boom.toml" for k in (1, 2, 3, 4)),
 }
 
 

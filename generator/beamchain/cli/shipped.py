@@ -28,6 +28,9 @@ _SPACECRAFT = {
     "craft": "A small spacecraft (MJCF) to embed an appendage into.",
     "arm": "A spacecraft with an arm of two links (MJCF), which upper and fore make flexible.",
     "wing_unfolds": "A spacecraft with three folded panels a side (MJCF), for panel.",
+    "manipulator": "A published manipulator on a station (MJCF), for manipulator_link.",
+    "two_panels": "A published satellite with two panels (MJCF), for hinged_panel.",
+    "spinner": "A spinning spacecraft with four published booms (MJCF), for spin_boom.",
 }
 
 
