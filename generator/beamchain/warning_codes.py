@@ -261,8 +261,7 @@ CODES = {
     ),
     "pose-in-radians": (
         "the pose of a hinge, in degrees, is a common angle in radians",
-        "`--pose` and `--angle` take degrees for hinges: `drive=90`. In Python `pose` takes "
-        "radians.",
+        "`--pose` takes degrees for hinges: `drive=90`. In Python `pose` takes radians.",
     ),
     "preloaded-spring": (
         "a spring of the spacecraft is preloaded at rest",

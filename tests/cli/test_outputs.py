@@ -144,8 +144,7 @@ COMMANDS = [words for words in EVERY if words[0] in KNOWN]
 @pytest.mark.parametrize("name", NO_NAMES)
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda arguments: arguments[0])
 def test_names_that_are_none(command, name, place, capsys, monkeypatch):
-    option = "--file" if command[0] == "plant" else "-o"
-    refused([*command, option, name], place, capsys, monkeypatch)
+    refused([*command, "-o", name], place, capsys, monkeypatch)
 
 
 @pytest.mark.parametrize("command", ["fit", "study", "stability", "sweep", "render"])

@@ -123,8 +123,8 @@ def test_no_command_stumbles(name, rod, tmp_path):
     made = bc.embed(CRAFTS / "strangers" / f"{stem}.xml", dict.fromkeys(places, rod), retime=False)
     file = made.write(tmp_path / "flexible.xml")[-1]
     base = {"docking": "chaser", "planar_arm": "base"}.get(stem, "bus")
-    driven = [w for i in range(made.model.nu) for w in ("--input", made.model.actuator(i).name)]
-    plant = ("plant", file, "--input", f"torque:{base}", "--output", "attitude")
+    driven = [w for i in range(made.model.nu) for w in ("--from", made.model.actuator(i).name)]
+    plant = ("plant", file, "--from", f"torque:{base}", "--to", "attitude")
     for number, words in enumerate(
         [
             ("inspect", file),
@@ -187,7 +187,7 @@ def test_a_plant_that_excites_no_mode_has_its_page(rod, tmp_path):
         'site="mid" gear="1 0 0 0 0 0"/></actuator></mujoco>'
     )
     file = bc.embed(craft, {"mid": rod}, retime=False).write(tmp_path / "flexible.xml")[-1]
-    answer = call("plant", file, "--input", "jet", "--output", "rate", "-o", tmp_path / "p.npz")
+    answer = call("plant", file, "--from", "jet", "--to", "rate", "-o", tmp_path / "p.npz")
     assert answer.status == 0, answer.err
     assert (tmp_path / "p_report.html").exists() or "report" in answer.out
 
@@ -199,7 +199,7 @@ def test_names_in_another_encoding_are_refused_with_their_cure(command, encoding
         range="0 1", limited="auto"
     )
     (tmp_path / "craft.xml").write_bytes(text.replace("yoke", "trägt").encode(encoding))
-    more = ("--input", "torque:bus", "--output", "attitude") if command == "plant" else ()
+    more = ("--from", "torque:bus", "--to", "attitude") if command == "plant" else ()
     out = () if command == "inspect" else ("-o", tmp_path / ("p.npz" if more else "out"))
     answer = call(command, tmp_path / "craft.xml", *more, *out)
     assert answer.status == 2

@@ -191,7 +191,7 @@ def test_dollars_in_a_name_are_no_formula(tmp_path):
     </body></body></worldbody>
     <actuator><motor name="push$1$" joint="drive"/></actuator></mujoco>"""
     (tmp_path / "craft.xml").write_text(text)
-    words = ["plant", tmp_path / "craft.xml", "--input", "push$1$", "--output", "attitude"]
+    words = ["plant", tmp_path / "craft.xml", "--from", "push$1$", "--to", "attitude"]
     answer = call(*words, "-o", tmp_path / "plant.npz", "--quiet")
     assert answer.status == 0, answer.err
     assert "attitude_x per push$1$" in (tmp_path / "plant_report.html").read_text()

@@ -143,7 +143,7 @@ def write_files(folder: Path, name: str) -> None:
 def commands(name: str) -> list[list[str]]:
     """Calls that read these files and show the name,
     in an order in which each finds what it reads."""
-    both = ["--input", name, "--output", name, "--output", "attitude"]
+    both = ["--from", name, "--to", name, "--to", "attitude"]
     return [
         [
             "embed",

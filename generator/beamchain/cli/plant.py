@@ -7,7 +7,7 @@ import typer
 
 from beamchain.cli.common import Force, Full, Json, Quiet, console
 from beamchain.cli.output import print_first, print_table, spinner, tell
-from beamchain.cli.plant_options import Angle, Inputs, Model, Outputs, Poses
+from beamchain.cli.plant_options import Inputs, Model, Outputs, Poses
 from beamchain.errors import InputError
 from beamchain.warning_codes import warnings_record
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 Output = Annotated[
-    Path, typer.Option("-o", "--file", metavar="OUT", help="Output file: .npz, .json or .mat.")
+    Path, typer.Option("-o", "--output", metavar="OUT", help="Output file: .npz, .json or .mat.")
 ]
 Loaded = Annotated[
     bool,
@@ -49,7 +49,6 @@ def plant(
     inputs: Inputs = None,
     outputs: Outputs = None,
     poses: Poses = None,
-    angle: Angle = None,
     discrete: Discrete = None,
     loaded: Loaded = False,
     controller: Loops = None,
@@ -62,9 +61,9 @@ def plant(
     """Linearise a spacecraft for control design: a state space with names and units,
     and the margins of a controller.
 
-    Example: beamchain plant flexible.xml --input torque:bus -o plant.mat
+    Example: beamchain plant flexible.xml --from torque:bus -o plant.mat
 
-    Example: beamchain plant flexible.xml --input torque:bus --controller loops.toml -o plant.npz
+    Example: beamchain plant flexible.xml --from torque:bus --controller loops.toml -o plant.npz
 
     Example: beamchain plant flexible.xml --pose north=45,south=-45 --pose north=0,south=90 -o
     plant.mat
@@ -94,7 +93,7 @@ def plant(
     silent = quiet or as_json
     with spinner("linearising", silent) as say:
         compiled = compiled_model(model)
-        pose = poses_given(compiled, poses or [], angle)
+        pose = poses_given(compiled, poses or [])
         result = linearise(compiled, driven, seen, pose, discrete=discrete, loaded=loaded)
         plants = [result] if isinstance(result, Plant) else list(result.plants)
         say("margins")
@@ -112,7 +111,7 @@ def plant(
             pages[page] = plant_report(result, margins_by_plant, model.name)
     files = [result.write(output, force=force, also=pages or None), *pages]
     warnings = margin_warnings(plants, margins_by_plant)
-    warnings = [*doubtful(compiled, poses or [], angle), *warnings]
+    warnings = [*doubtful(compiled, poses or []), *warnings]
     tell(
         lambda: _record(result, plants[0], margins_by_plant, warnings),
         lambda: _show(result, margins_by_plant, warnings, full=full, is_shown=is_shown),
