@@ -157,7 +157,7 @@ CODES = {
     ),
     "large-motion": (
         "a run or a keyframe exceeds a chain's large-motion limits",
-        "Choose a slower manoeuvre; `beamchain stability` prints the limits. More modes help "
+        "Choose a slower manoeuvre; `beamchain inspect --steps` prints the limits. More modes help "
         "little ([theory](../theory.md#7-large-motion)).",
     ),
     "large-motion-unknown": (

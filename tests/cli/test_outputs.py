@@ -69,7 +69,7 @@ EMBED = ["embed", "craft.xml", "--mount", "mount=rod.toml", "--force"]
         pytest.param(
             ["fit", "modal.toml", "-o", ".", "--force"], "read for it", marks=pytest.mark.slow
         ),
-        (["stability", "boom.toml", "-o", "boom.toml", "--force"], "Not a directory"),
+        (["inspect", "boom.toml", "--steps", "-o", "boom.toml", "--force"], "Not a directory"),
     ],
 )
 @posix
@@ -147,10 +147,10 @@ def test_names_that_are_none(command, name, place, capsys, monkeypatch):
     refused([*command, "-o", name], place, capsys, monkeypatch)
 
 
-@pytest.mark.parametrize("command", ["fit", "study", "stability", "sweep", "render"])
+@pytest.mark.parametrize("command", ["fit", "study", "inspect --steps", "sweep", "render"])
 @pytest.mark.parametrize("name", ["\udcff", "boom.toml", "boom.toml/x"])
 def test_folders_that_are_none(command, name, place, capsys, monkeypatch):
-    refused([command, "boom.toml", "-o", name, "--force"], place, capsys, monkeypatch)
+    refused([*command.split(), "boom.toml", "-o", name, "--force"], place, capsys, monkeypatch)
 
 
 @pytest.mark.parametrize(

@@ -223,6 +223,7 @@ def test_limits_of_a_fit_are_those_on_its_hub_and_alone(step, overdamped, monkey
         scene_mjcf=lambda: "scene",
         bench_mjcf=lambda: "bench",
         large_motion=({"xy": "limit"}, ["why"]),
+        chain=SimpleNamespace(tendons=()),
     )
     found = study_fit(fit)
     kept = list(FITTED_LIMITS)[: 1 if overdamped else 2]
@@ -565,7 +566,7 @@ def test_a_mass_centre_is_on_an_axis_but_for_rounding_of_its_distance(part, kept
 
 
 def test_only_a_file_of_the_spacecraft_has_hinges_to_slew():
-    with pytest.raises(bc.InputError, match="--joint elbow: arm.toml has no hinges"):
+    with pytest.raises(bc.InputError, match="joints = 'elbow': arm.toml has no hinges"):
         bc.stability("arm.toml", joints=["elbow"])
 
 

@@ -130,7 +130,7 @@ def test_no_command_stumbles(name, rod, tmp_path):
             ("inspect", file),
             (*plant, "-o", tmp_path / "one.npz"),
             ("plant", file, *driven[:4], *plant[4:], "-o", tmp_path / "two.npz"),
-            ("stability", file, "-o", tmp_path / "stability"),
+            ("inspect", file, "--steps", "-o", tmp_path / "stability"),
             ("retime", file, "--timestep", "0.001", "-o", tmp_path / "timed.xml"),
         ]
     ):
@@ -192,7 +192,7 @@ def test_a_plant_that_excites_no_mode_has_its_page(rod, tmp_path):
     assert (tmp_path / "p_report.html").exists() or "report" in answer.out
 
 
-@pytest.mark.parametrize("command", ["inspect", "plant", "render", "stability"])
+@pytest.mark.parametrize("command", ["inspect", "plant", "render"])
 @pytest.mark.parametrize("encoding", ["ISO-8859-1", "UTF-16"])
 def test_names_in_another_encoding_are_refused_with_their_cure(command, encoding, tmp_path):
     text = f'<?xml version="1.0" encoding="{encoding}"?>' + PUSHED.format(

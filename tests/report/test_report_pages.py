@@ -31,9 +31,9 @@ def observer():
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory):
-    """The page of the command `stability`, and its record."""
+    """The page of `inspect --steps`, and its record."""
     folder = tmp_path_factory.mktemp("stability") / "out"
-    answer = call("stability", example("seed_boom"), "-o", folder, "--json")
+    answer = call("inspect", example("seed_boom"), "--steps", "-o", folder, "--json")
     assert answer.status == 0, answer.err
     return (folder / "report.html").read_text(), answer.record
 
@@ -163,10 +163,10 @@ def test_damping_shown_is_the_budgets(study, pages):
 
 def test_stability_of_a_foreign_model(tmp_path):
     path = bc.embed(CRAFTS / "planar.xml", {"mount": spec("rod")}).write(tmp_path / "craft.xml")[-1]
-    assert call("stability", path, "-o", tmp_path / "out", "-q").status in (0, 3)
+    assert call("inspect", path, "--steps", "-o", tmp_path / "out", "-q").status in (0, 3)
     page = (tmp_path / "out" / "report.html").read_text()
     assert "Large motion" not in page
-    assert "beamchain stability craft.xml -o craft-stability" in page
+    assert "beamchain inspect craft.xml --steps -o craft-stability" in page
 
 
 def test_names_of_the_user_keep_their_letters():

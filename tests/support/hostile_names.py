@@ -175,7 +175,7 @@ def commands(name: str) -> list[list[str]]:
             "-o",
             "variants",
         ],
-        ["stability", "flexible.xml", "-o", "steps"],
+        ["inspect", "flexible.xml", "--steps", "-o", "steps"],
     ]
 
 

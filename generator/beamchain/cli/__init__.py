@@ -25,16 +25,12 @@ COMMANDS = (
     "embed",
     "study",
     "sweep",
-    "stability",
     "inspect",
     "retime",
     "plant",
-    "schema",
     "render",
-    "view",
     "init",
 )
-MODULES = {"view": "render"}  #: but for this one
 
 app = typer.Typer(
     name="beamchain",
@@ -59,7 +55,7 @@ def beamchain(
 
 
 for _name in COMMANDS:
-    _module = import_module(f"beamchain.cli.{MODULES.get(_name, _name)}")
+    _module = import_module(f"beamchain.cli.{_name}")
     app.command(name=_name, cls=Command)(getattr(_module, _name))
 #: those of the packages beside the core
 for _point in sorted(entry_points(group="beamchain.commands"), key=lambda point: point.name):
