@@ -70,7 +70,7 @@ def test_names_of_tables_in_helps_are_shown(command, capsys, monkeypatch):
         assert table in text, table
 
 
-@pytest.mark.parametrize("word", ["fti", "inspct", "stabilty", "schem"])
+@pytest.mark.parametrize("word", ["fti", "inspct", "retme", "skweep"])
 def test_a_mistyped_command_gets_a_guess(word, capsys, monkeypatch):
     code, _, error = run([word], capsys, monkeypatch)
     assert code == 2

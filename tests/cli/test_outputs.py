@@ -56,9 +56,6 @@ EMBED = ["embed", "craft.xml", "--mount", "mount=rod.toml", "--force"]
     [
         ([*EMBED, "-o", "rod.toml"], "read for it"),
         ([*EMBED, "-o", "./x/../rod.toml"], "read for it"),
-        ([*EMBED, "-o", "out.xml", "--plot", "craft.xml"], "read for it"),
-        ([*EMBED, "-o", "out.xml", "--plot", "out.xml"], "one file"),
-        ([*EMBED, "-o", "out.xml", "--plot", "out_report.html"], "one file"),
         ([*EMBED, "-o", "linked.xml"], "read for it"),
         ([*EMBED, "-o", "hard.xml"], "read for it"),
         (

@@ -322,7 +322,7 @@ class TestSaid:
             *("embed", tmp_path / "craft.xml", "--mount", f"tank={tmp_path / 'tank.toml'}"),
             *(
                 "--loaded",
-                "--key",
+                "--pose",
                 "burn",
                 "--json",
                 "--no-report",

@@ -239,7 +239,7 @@ class TestFiles:
         [
             (kind, command, ["--force"] if (i + j) % 3 else [])
             for i, kind in enumerate(("device", "fifo", "socket", "folder", "link"))
-            for j, command in enumerate(("fit", "embed", "embed --plot", "init", "stability"))
+            for j, command in enumerate(("fit", "embed", "init", "stability"))
         ],
     )
     def test_place_of_an_output_is_no_file(
@@ -277,16 +277,6 @@ class TestFiles:
                 "stability": ["inspect", good, "--steps", "-o", str(out)],
                 "init": ["init", "boom", "-o", str(at)],
                 "embed": ["embed", str(craft), "--mount", f"hub={good}", "-o", str(at)],
-                "embed --plot": [
-                    "embed",
-                    str(craft),
-                    "--mount",
-                    f"hub={good}",
-                    "-o",
-                    str(out / "o"),
-                    "--plot",
-                    str(at),
-                ],
             }[command]
             self.refused([*arguments, *force], capsys, monkeypatch, word)
             after = os.lstat(at)

@@ -31,7 +31,12 @@ Loaded = Annotated[
         "ctrl of the keyframe, such as a constant thrust. Liquids of tanks swing by it alone.",
     ),
 ]
-Discrete = Annotated[float | None, typer.Option(metavar="STEP", help="Sampled at this step in s.")]
+Discrete = Annotated[
+    float | None,
+    typer.Option(
+        metavar="STEP", help="Sampled at the controller's step in s; default: continuous."
+    ),
+]
 Loops = Annotated[
     Path | None,
     typer.Option(

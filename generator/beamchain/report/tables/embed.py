@@ -156,9 +156,7 @@ def pose_table(embedded: "Embedded") -> Table:
         words_of = embedded.loads
         loads = [" and ".join(words_of.get(name, [])) or None for name in names]
         columns = (*columns, Column("load (not at the step)", loads, missing="none"))
-    between_two = (
-        "The last pose lies between two of the poses above: of such, the worst at the step."
-    )
+    between_two = "The last pose lies between two of those above: of such, the worst at the step."
     notes = (between_two,) if worst else ()
     return Table(f"In-band error up to {number(embedded.band)} rad/s", columns, notes=notes)
 
