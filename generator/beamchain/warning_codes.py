@@ -407,9 +407,6 @@ def at(place: str, warning: str) -> str:
     return warning.at(place) if isinstance(warning, Caution) else f"{place}: {warning}"
 
 
-def warnings_record(warnings: Iterable[str]) -> dict[str, list[str] | list[dict[str, str]]]:
-    """`warnings`, sentences, and `warning_codes`, each with its code,
-    as they stand in every record."""
-    said = list(warnings)
-    coded = [{"code": w.code if isinstance(w, Caution) else "other", "text": str(w)} for w in said]
-    return {"warnings": [str(w) for w in said], "warning_codes": coded}
+def warnings_record(warnings: Iterable[str]) -> list[dict[str, str]]:
+    """Codes and sentences, as they stand in every record."""
+    return [{"code": getattr(w, "code", "other"), "message": str(w)} for w in warnings]

@@ -224,7 +224,7 @@ def test_margins_above_the_kept_modes_of_their_axis_are_told(file, found, plant)
         for axis, port in (("z", "_xy"), ("y", "_xz"))
     }
     assert top["z"] < 0.9 * top["y"]
-    warnings = asked(file, LOOPS, *ANGLES).record["warnings"]
+    warnings = [one["message"] for one in asked(file, LOOPS, *ANGLES).record["warnings"]]
     for one in found:
         at = {"gain": one.gain_frequency, "phase": one.phase_frequency, "disk": one.disk_frequency}
         of_loop = [said for said in warnings if said.startswith(f"{one.input} from {one.output}: ")]

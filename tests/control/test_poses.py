@@ -229,8 +229,8 @@ def test_radians_typed_for_degrees_are_noted(place, capsys, monkeypatch):
     def noted(*words):
         code, out, _ = asked(place, capsys, monkeypatch, *words, "--json")
         assert code == 0
-        found = json.loads(out)["warning_codes"]
-        return [each["text"] for each in found if each["code"] == "pose-in-radians"]
+        found = json.loads(out)["warnings"]
+        return [each["message"] for each in found if each["code"] == "pose-in-radians"]
 
     for word, degrees in {"1.5708": 90, "-0.7854": -45}.items():
         (text,) = noted("--pose", f"turn={word}")

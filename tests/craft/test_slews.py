@@ -215,7 +215,7 @@ def test_a_drive_is_slewed_within_its_range_and_the_record_says_it_all(tmp_path)
         assert row["rate"] == pytest.approx(35.0 / 16.0 * abs(row["angle"]) / row["duration"])
         assert row["momentum_rk4"] < KEPT < 1e-5 < row["momentum"]
         assert [body["name"] for body in row["bodies"]] == ["bus", "yoke"]
-    codes = {item["code"] for item in record["warning_codes"]}
+    codes = {item["code"] for item in record["warnings"]}
     assert codes == {"slew-chain", "slew-step"}
     page = (tmp_path / "out/report.html").read_text()
     assert "what the chains hold" in page

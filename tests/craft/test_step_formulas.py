@@ -11,7 +11,6 @@ from lxml import etree
 from scipy.linalg import eigh
 
 import beamchain as bc
-from beamchain.craft.stability import StabilityStudy
 from beamchain.errors import EngineError
 from beamchain.steps.budget import HOST
 from formulas import (
@@ -568,12 +567,6 @@ def test_a_mass_centre_is_on_an_axis_but_for_rounding_of_its_distance(part, kept
 def test_only_a_file_of_the_spacecraft_has_hinges_to_slew():
     with pytest.raises(bc.InputError, match="joints = 'elbow': arm.toml has no hinges"):
         bc.stability("arm.toml", joints=["elbow"])
-
-
-def test_a_study_counts_no_cases_of_the_suite():
-    extremes = StabilityStudy([], [], {}, [], "").as_dict()["extremes"]
-    assert [extremes[key] for key in ("cases", "passed", "refused", "failed")] == [0, 0, 0, 0]
-    assert extremes["rows"] == []
 
 
 def test_loads_left_out_are_told_of_the_base_that_they_change_most(monkeypatch):

@@ -173,7 +173,7 @@ def test_a_limit_at_or_beside_the_rest_pose_makes_no_modes(limits, codes, rod, t
     for made, name in ((free, "free.xml"), (held, "held.xml")):
         made.write(tmp_path / name)
         records.append(call("inspect", tmp_path / name, "--json").record)
-    assert {each["code"] for each in records[1]["warning_codes"]} == codes
+    assert {each["code"] for each in records[1]["warnings"]} == codes
     both = [[mode["frequency"] for mode in record["modes"]] for record in records]
     np.testing.assert_allclose(both[1], both[0], rtol=1e-9)
 
@@ -216,8 +216,8 @@ def test_an_equality_without_a_name_is_called_by_what_it_ties(tmp_path):
         "<connect site1='s' site2='w'/></equality></mujoco>"
     )
     (said,) = [
-        item["text"]
-        for item in call("inspect", tmp_path / "tied.xml", "--json").record["warning_codes"]
+        item["message"]
+        for item in call("inspect", tmp_path / "tied.xml", "--json").record["warnings"]
         if item["code"] == "equality"
     ]
     assert "joint of 'left' and 'right'" in said

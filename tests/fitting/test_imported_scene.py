@@ -186,7 +186,8 @@ def test_commands_on_imported_modes(spec, tmp_path):
     assert record["left_out"]
     code, said = run("inspect", spec, "--steps", "--json")
     assert code == 0, said
-    assert all(r["largest"] > 0.0 for r in json.loads(said)["models"] if r["largest"])
+    for budget in json.loads(said)["budgets"]:
+        assert all(step is None or step > 0.0 for step in budget["largest_step"].values())
     code, said = run("study", spec, "-o", tmp_path / "study")
     assert code == 2
     assert "imported modes" in said

@@ -166,7 +166,7 @@ def _take_out(
     original = relocate(result, output.parent).content
     write_files({output: original}, force=force, update=(craft, output))
     if as_json:
-        print_json({"appendages": [], "modes": [], **warnings_record(())})
+        print_json({"appendages": [], "modes": [], "warnings": warnings_record(())})
     elif not quiet:
         console().print(f"wrote {output}, without appendages")
     return None

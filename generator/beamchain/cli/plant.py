@@ -157,7 +157,7 @@ def _record(
             {key: value for key, value in margins.as_dict().items() if key != "loops"}
             for margins in margins_by_plant
         ],
-        **warnings_record(warnings),
+        "warnings": warnings_record(warnings),
     }
 
 

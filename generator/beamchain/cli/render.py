@@ -170,7 +170,7 @@ def render(
             console().print(sentence)
         print_warnings(warnings)
 
-    tell(lambda: {**record, **warnings_record(warnings)}, show, out, as_json, quiet)
+    tell(lambda: {**record, "warnings": warnings_record(warnings)}, show, out, as_json, quiet)
     if want_mp4 and len(out) < 3 * len(films):
         explain(
             f"no {next(iter(films))}.mp4 was made, as there is no ffmpeg; install ffmpeg, or pip "

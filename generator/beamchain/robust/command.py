@@ -102,7 +102,10 @@ def worst_case(
         page = worst_case_page(cases, model.name, warnings)
         write_files({output: page}, force=force, inputs=[model, controller, uncertain])
     tell(
-        lambda: {"worst": [case.as_dict() for case in cases], **warnings_record(warnings)},
+        lambda: {
+            "worst": [case.as_dict() for case in cases],
+            "warnings": warnings_record(warnings),
+        },
         lambda: _show(cases, warnings),
         [output],
         as_json,
