@@ -41,7 +41,8 @@ Carry = Annotated[
 Prefix = Annotated[
     list[str] | None,
     typer.Option(
-        help="Prefix of the appendage's elements; default: its name and `_`. One per --mount."
+        metavar="PREFIX",
+        help="Prefix of the appendage's elements; default: its name and `_`. One per --mount.",
     ),
 ]
 Remove = Annotated[

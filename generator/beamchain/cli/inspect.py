@@ -73,6 +73,8 @@ def inspect(
         raise InputError("--loaded proves under a load; give --prove with it.")
     if output is not None and not steps:
         raise InputError("inspect: --output is of --steps; give --steps too.")
+    if not steps and model.suffix.lower() == ".toml":
+        raise InputError(f"inspect: {model} is no MuJoCo model; give --steps for a specification.")
     if steps:
         if prove:
             raise InputError("inspect: --prove and --steps are both given; leave one out.")
@@ -105,7 +107,7 @@ def _steps(source: Path, output: Path | None, *, as_json: bool, force: bool, qui
     if output is not None:
         check_free(output / "stability.json", force=force)
     files: dict[Path, str | bytes] = {}
-    with spinner("reading", quiet or as_json, lines=True) as say:
+    with spinner("reading", quiet or as_json) as say:
         result = stability(source, say)
         record = result.as_dict()
         if output is not None:

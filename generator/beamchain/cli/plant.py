@@ -95,31 +95,24 @@ def plant(
                 "--discrete out, or use bc.margins in Python with a controller sampled by "
                 "control.c2d."
             )
-    silent = quiet or as_json
-    with spinner("linearising", silent) as say:
+    with spinner("linearising", quiet or as_json) as say:
         compiled = compiled_model(model)
         pose = poses_given(compiled, poses or [])
         result = linearise(compiled, driven, seen, pose, discrete=discrete, loaded=loaded)
         plants = [result] if isinstance(result, Plant) else list(result.plants)
         say("margins")
         closed_loops = [] if loops is None else loop_verdicts(result, loops)
-        margins_by_plant = [one.margins for one in closed_loops]
-    # why a loop is unstable is asked once its margins are shown
-    is_shown = not silent and not all(margins.stable for margins in margins_by_plant)
-    if is_shown:
-        _show_first(result, margins_by_plant, full=full)
-    with spinner("why the loop is unstable", silent) as say:
         margins_by_plant = [_explained(one, say) for one in closed_loops]
-    pages: dict[Path, str] = {}
-    if report:
-        with spinner("report", silent):
+        pages: dict[Path, str] = {}
+        if report:
+            say("report")
             pages[page] = plant_report(result, margins_by_plant, model.name)
     files = [result.write(output, force=force, also=pages or None), *pages]
     warnings = margin_warnings(plants, margins_by_plant)
     warnings = [*doubtful(compiled, poses or []), *warnings]
     tell(
         lambda: _record(result, plants[0], margins_by_plant, warnings),
-        lambda: _show(result, margins_by_plant, warnings, full=full, is_shown=is_shown),
+        lambda: _show(result, margins_by_plant, warnings, full=full),
         files,
         as_json,
         quiet,
@@ -184,26 +177,31 @@ def _explained(one: "LoopVerdict", say: "Callable[[str], None]") -> "Margins":
     )
 
 
-def _show_first(
-    found: "Plant | ScheduledPlant", margins_by_plant: "list[Margins]", *, full: bool
+def _show(
+    found: "Plant | ScheduledPlant",
+    margins_by_plant: "list[Margins]",
+    warnings: list[str],
+    *,
+    full: bool,
 ) -> None:
-    """The plant and the margins of its loops."""
+    """What the terminal shows before the names of the files."""
     from beamchain.control.realisation import Plant
     from beamchain.report.tables import plant as tables
     from beamchain.report.tables.first_screen import margin_lines, plant_lines
 
     first = found if isinstance(found, Plant) else found[0]
     print_first([*plant_lines(first), *margin_lines(margins_by_plant)], (), full=full)
-    if not full:
-        return
-    print_table(tables.mode_table(first))
-    if not isinstance(found, Plant):
-        print_table(tables.pose_table(found))
-    if margins_by_plant:
-        print_table(tables.margin_table(margins_by_plant))
-        if near := tables.limiting_table(margins_by_plant):
-            print_table(near)
-        print_table(tables.closed_loop_table(margins_by_plant))
+    if full:
+        print_table(tables.mode_table(first))
+        if not isinstance(found, Plant):
+            print_table(tables.pose_table(found))
+        if margins_by_plant:
+            print_table(tables.margin_table(margins_by_plant))
+            if near := tables.limiting_table(margins_by_plant):
+                print_table(near)
+            print_table(tables.closed_loop_table(margins_by_plant))
+    _show_reasons(margins_by_plant)
+    print_first((), warnings, full=full)
 
 
 def _show_reasons(margins_by_plant: "list[Margins]") -> None:
@@ -215,19 +213,3 @@ def _show_reasons(margins_by_plant: "list[Margins]") -> None:
         others = [loop.name for loop in margins.loops if not (loop.stable or loop.causes)]
         if others:
             console().print(f"{pose}unstable because of other loops: {', '.join(others)}")
-
-
-def _show(
-    found: "Plant | ScheduledPlant",
-    margins_by_plant: "list[Margins]",
-    warnings: list[str],
-    *,
-    full: bool,
-    is_shown: bool,
-) -> None:
-    """What the terminal shows before the names of the files; `is_shown`: the plants and the margins
-    have been, so that only the reasons of unstable loops are left."""
-    if not is_shown:
-        _show_first(found, margins_by_plant, full=full)
-    _show_reasons(margins_by_plant)
-    print_first((), warnings, full=full)

@@ -81,7 +81,7 @@ def worst_case(
     check_outputs([output], force=force, inputs=[model, controller, uncertain])
     loops = read_controller(controller)
     driven, seen = signals_with(loops, inputs or None, outputs or None)
-    with spinner("linearising", quiet or as_json, lines=True) as say:
+    with spinner("linearising", quiet or as_json) as say:
         compiled = compiled_model(model)
         pose = poses_given(compiled, poses or [])
         plant = linearise(compiled, driven, seen, pose)

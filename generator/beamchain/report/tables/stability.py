@@ -34,8 +34,9 @@ def damping_table(budget: "Budget") -> Table:
         Column("mode", list(budget.frequencies), "rad/s", number),
         Column("the structure's own", list(budget.ratios), format=damping_ratio),
     ]
-    for integrator, shown in budget.shown.items():
-        columns.append(Column(integrator, list(shown[:, 1]), format=damping_ratio))
+    for integrator, shown in budget.shown.items():  # implicit is near implicitfast
+        place = "page" if integrator == "implicit" else "everywhere"
+        columns.append(Column(integrator, list(shown[:, 1]), format=damping_ratio, place=place))
     title = f"{budget.name}: damping ratio shown at a step of {short(budget.timestep)} s"
     return Table(title, tuple(columns))
 
