@@ -79,6 +79,25 @@ def test_a_mistyped_command_gets_a_guess(word, capsys, monkeypatch):
     assert guess[1] in COMMANDS
 
 
+@pytest.mark.parametrize(
+    ("words", "cure"),
+    [
+        (["inspect", "boom.toml"], "give --steps"),
+        (["inspect", "craft.xml", "-o", "out"], "give --steps too"),
+        (["inspect", "craft.xml", "--steps", "--prove"], "leave one out"),
+        (["inspect", "craft.xml", "--loaded"], "give --prove with it"),
+        (["init", "--schema", "boom"], "--schema writes no file"),
+        (["init", "--schema", "--list"], "leave KIND, --output and the other out"),
+    ],
+)
+def test_options_that_do_not_go_together_are_named(words, cure, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    code, out, error = run(words, capsys, monkeypatch)
+    assert (code, out) == (2, "")
+    assert cure in error
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_mistyped_option_gets_a_guess(capsys, monkeypatch):
     code, _, error = run(["fit", "a.toml", "--ouput", "b"], capsys, monkeypatch)
     assert code == 2
