@@ -236,8 +236,11 @@ def test_limits_of_a_fit_are_those_on_its_hub_and_alone(step, overdamped, monkey
     assert [caution.code for caution in found.warnings[1:]] == codes
     assert found.large == {"xy": "limit"}
     assert found.own_step.startswith("rod on its hub: stable as it is")
+    assert not found.is_retimable
     spec.scene = None
     assert len(study_fit(fit).warnings) == 1 + overdamped
+    fit.chain.tendons = ("mode1_xy",)
+    assert study_fit(fit).is_retimable
 
 
 # -- names -----------------------------------------------------------------------------------------

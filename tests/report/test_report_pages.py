@@ -166,6 +166,10 @@ def test_damping_shown_is_the_budgets(study, pages):
         )
 
 
+def test_the_picture_of_a_craft_is_the_hubs_accelerance(observer):
+    assert html.fromstring(observer.picture().encode()).xpath("//svg")
+
+
 def test_stability_of_a_foreign_model(tmp_path):
     path = bc.embed(CRAFTS / "planar.xml", {"mount": spec("rod")}).write(tmp_path / "craft.xml")[-1]
     answer = call("inspect", path, "--steps", "-o", tmp_path / "out")
