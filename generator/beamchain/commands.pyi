@@ -6,7 +6,6 @@ from .cli.output import print_table as print_table
 from .cli.output import print_warnings as print_warnings
 from .cli.output import spinner as spinner
 from .cli.output import tell as tell
-from .cli.plant_options import Angle as Angle
 from .cli.plant_options import Inputs as Inputs
 from .cli.plant_options import Model as Model
 from .cli.plant_options import Outputs as Outputs

@@ -157,7 +157,7 @@ CODES = {
     ),
     "large-motion": (
         "a run or a keyframe exceeds a chain's large-motion limits",
-        "Choose a slower manoeuvre; `beamchain stability` prints the limits. More modes help "
+        "Choose a slower manoeuvre; `beamchain inspect --steps` prints the limits. More modes help "
         "little ([theory](../theory.md#7-large-motion)).",
     ),
     "large-motion-unknown": (
@@ -261,8 +261,7 @@ CODES = {
     ),
     "pose-in-radians": (
         "the pose of a hinge, in degrees, is a common angle in radians",
-        "`--pose` and `--angle` take degrees for hinges: `drive=90`. In Python `pose` takes "
-        "radians.",
+        "`--pose` takes degrees for hinges: `drive=90`. In Python `pose` takes radians.",
     ),
     "pose-not-proven": (
         "a plant is asked for in a pose at which the file misses its tolerance or was not checked",
@@ -413,9 +412,6 @@ def at(place: str, warning: str) -> str:
     return warning.at(place) if isinstance(warning, Caution) else f"{place}: {warning}"
 
 
-def warnings_record(warnings: Iterable[str]) -> dict[str, list[str] | list[dict[str, str]]]:
-    """`warnings`, sentences, and `warning_codes`, each with its code,
-    as they stand in every record."""
-    said = list(warnings)
-    coded = [{"code": w.code if isinstance(w, Caution) else "other", "text": str(w)} for w in said]
-    return {"warnings": [str(w) for w in said], "warning_codes": coded}
+def warnings_record(warnings: Iterable[str]) -> list[dict[str, str]]:
+    """Codes and sentences, as they stand in every record."""
+    return [{"code": getattr(w, "code", "other"), "message": str(w)} for w in warnings]

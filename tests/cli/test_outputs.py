@@ -56,9 +56,6 @@ EMBED = ["embed", "craft.xml", "--mount", "mount=rod.toml", "--force"]
     [
         ([*EMBED, "-o", "rod.toml"], "read for it"),
         ([*EMBED, "-o", "./x/../rod.toml"], "read for it"),
-        ([*EMBED, "-o", "out.xml", "--plot", "craft.xml"], "read for it"),
-        ([*EMBED, "-o", "out.xml", "--plot", "out.xml"], "one file"),
-        ([*EMBED, "-o", "out.xml", "--plot", "out_report.html"], "one file"),
         ([*EMBED, "-o", "linked.xml"], "read for it"),
         ([*EMBED, "-o", "hard.xml"], "read for it"),
         (
@@ -69,7 +66,7 @@ EMBED = ["embed", "craft.xml", "--mount", "mount=rod.toml", "--force"]
         pytest.param(
             ["fit", "modal.toml", "-o", ".", "--force"], "read for it", marks=pytest.mark.slow
         ),
-        (["stability", "boom.toml", "-o", "boom.toml", "--force"], "Not a directory"),
+        (["inspect", "boom.toml", "--steps", "-o", "boom.toml", "--force"], "Not a directory"),
     ],
 )
 @posix
@@ -144,14 +141,13 @@ COMMANDS = [words for words in EVERY if words[0] in KNOWN]
 @pytest.mark.parametrize("name", NO_NAMES)
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda arguments: arguments[0])
 def test_names_that_are_none(command, name, place, capsys, monkeypatch):
-    option = "--file" if command[0] == "plant" else "-o"
-    refused([*command, option, name], place, capsys, monkeypatch)
+    refused([*command, "-o", name], place, capsys, monkeypatch)
 
 
-@pytest.mark.parametrize("command", ["fit", "study", "stability", "sweep", "render"])
+@pytest.mark.parametrize("command", ["fit", "study", "inspect --steps", "sweep", "render"])
 @pytest.mark.parametrize("name", ["\udcff", "boom.toml", "boom.toml/x"])
 def test_folders_that_are_none(command, name, place, capsys, monkeypatch):
-    refused([command, "boom.toml", "-o", name, "--force"], place, capsys, monkeypatch)
+    refused([*command.split(), "boom.toml", "-o", name, "--force"], place, capsys, monkeypatch)
 
 
 @pytest.mark.parametrize(

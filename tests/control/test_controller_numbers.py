@@ -65,7 +65,7 @@ def margins(flexible, text, folder, capsys, monkeypatch):
     call = [
         "plant",
         str(flexible),
-        "--input",
+        "--from",
         "torque:bus",
         "--controller",
         "loops.toml",

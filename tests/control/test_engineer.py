@@ -218,7 +218,7 @@ def test_the_command_makes_the_same_plants(folder, capsys, monkeypatch):
     assert {row["unit"] for row in record["inputs"]} == {"N m"}
     assert record["poses"] == [LABELS[0], "crossed", LABELS[2]]
     assert record["angles"] is None
-    assert [w["code"] for w in record["warning_codes"]] == ["allocation-null"]
+    assert [w["code"] for w in record["warnings"]] == ["allocation-null"]
     assert record["allocations"]["torque"]["without_torque"] == [
         {"rw1": 1.0, "rw2": -1.0, "rw3": 1.0, "rw4": -1.0}
     ]

@@ -1026,7 +1026,7 @@ def test_the_command_says_why(embedded, tmp_path):
         }
         for axis, sign in zip(AXES, (1.0, -1.0), strict=True)
     ]
-    answer = asked(model, loops, "--input", "torque:bus", "--output", "attitude")
+    answer = asked(model, loops, "--from", "torque:bus", "--to", "attitude")
     assert answer.status == 3
     right, wrong = answer.record["margins"][0]
     assert (right["causes"], right["instabilities"]) == (False, [])

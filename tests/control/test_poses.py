@@ -201,7 +201,7 @@ def place(made, tmp_path_factory):
 
 def asked(place, capsys, monkeypatch, *words):
     monkeypatch.chdir(place)
-    common = ["plant", "flexible.xml", "--input", "torque:bus", "-o", "p.npz", "--force"]
+    common = ["plant", "flexible.xml", "--from", "torque:bus", "-o", "p.npz", "--force"]
     return run([*common, "--no-report", *words], capsys, monkeypatch)
 
 
@@ -229,21 +229,21 @@ def test_radians_typed_for_degrees_are_noted(place, capsys, monkeypatch):
     def noted(*words):
         code, out, _ = asked(place, capsys, monkeypatch, *words, "--json")
         assert code == 0
-        found = json.loads(out)["warning_codes"]
-        return [each["text"] for each in found if each["code"] == "pose-in-radians"]
+        found = json.loads(out)["warnings"]
+        return [each["message"] for each in found if each["code"] == "pose-in-radians"]
 
     for word, degrees in {"1.5708": 90, "-0.7854": -45}.items():
         (text,) = noted("--pose", f"turn={word}")
         assert f"--pose turn={word}: poses are in degrees" in text
         assert f"give turn={degrees}" in text
-    assert len(noted("--angle", "drive=0,0.785,1.5708")) == 2
+    assert len(noted("--pose", "drive=0,0.785,1.5708")) == 2
     assert noted("--pose", "drive=1.56,reach=0.5236") == []
     assert noted("--pose", "drive", "--pose", "turn=45") == []
 
 
 @pytest.mark.slow
-def test_angle_is_another_word_for_it(place, capsys, monkeypatch):
-    code, out, _ = asked(place, capsys, monkeypatch, "--angle", "drive=0,45", "--json")
+def test_positions_of_one_joint_are_a_pose_each(place, capsys, monkeypatch):
+    code, out, _ = asked(place, capsys, monkeypatch, "--pose", "drive=0,45", "--json")
     record = json.loads(out)
     assert code == 0
     assert record["angles"] == pytest.approx([0.0, 45.0])
@@ -258,7 +258,7 @@ def test_angle_is_another_word_for_it(place, capsys, monkeypatch):
     at_key = bc.plant(model, ["torque:bus"], pose="drive")
     assert np.array_equal(np.load(place / "p.npz")["A"], at_key.A)
     # of a slide in metres
-    code, out, _ = asked(place, capsys, monkeypatch, "--angle", "reach=0,0.5", "--json")
+    code, out, _ = asked(place, capsys, monkeypatch, "--pose", "reach=0,0.5", "--json")
     assert code == 0
     assert json.loads(out)["poses"] == ["reach 0 m", "reach 0.5 m"]
     assert json.loads(out)["angles"] == pytest.approx([0.0, 0.5])
@@ -280,9 +280,9 @@ def test_angle_is_another_word_for_it(place, capsys, monkeypatch):
         (["--pose", "drive=nan"], "drive = nan cannot be used"),
         (["--pose", "drive=180"], "its range, -114.592 to 114.592 degrees"),
         (["--pose", "reach=3"], "joint 'reach' = 3 is outside its range, -1 to 1 m"),
-        (["--angle", "drive=1", "--pose", "drive"], "--pose and --angle are given together"),
-        (["--angle", "drive"], "--angle 'drive' is not JOINT=ANGLES"),
-        (["--angle", "drive=180"], "its range, -114.592 to 114.592 degrees"),
+        (["--pose", "drive=0,1", "--pose", "drive"], "--pose 'drive=0,1' is several poses"),
+        (["--pose", "drive=0,1,turn=2"], "gives several positions of a joint, and another"),
+        (["--pose", "drive=0,180"], "its range, -114.592 to 114.592 degrees"),
     ],
 )
 def test_mistakes_on_the_command_line_are_named(place, capsys, monkeypatch, words, sentence):

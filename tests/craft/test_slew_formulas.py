@@ -351,7 +351,7 @@ def test_hinges_are_slewed_in_every_turn_by_periods_of_the_slowest_mode(
     left = count > 6 and not joints
     assert len(more) == left
     if left:
-        assert "only the first 6 hinges were slewed, not h6, h7; --joint" in more[0]
+        assert "only the first 6 hinges were slewed, not h6, h7; give joints" in more[0]
     of = len(slewed_hinges)
     assert said[1].endswith(f"by 90 degrees in 62.8 s (hinge 1 of {of}, slew 1 of 3)")
     assert said[-1].endswith(f"(hinge {of} of {of}, slew 3 of 3)")

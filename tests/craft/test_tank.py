@@ -322,7 +322,7 @@ class TestSaid:
             *("embed", tmp_path / "craft.xml", "--mount", f"tank={tmp_path / 'tank.toml'}"),
             *(
                 "--loaded",
-                "--key",
+                "--pose",
                 "burn",
                 "--json",
                 "--no-report",
@@ -539,7 +539,7 @@ def test_commands(tmp_path, monkeypatch):
     at = ("--mount", "tank=tank.toml")
     assert call("embed", "craft.xml", *at, "--loaded", "-o", "flexible.xml").status == 0
     at = ("--pose", "burn", "--loaded")
-    told = call("plant", "flexible.xml", "--input", "torque:bus", *at, "--full", "-o", "plant.mat")
+    told = call("plant", "flexible.xml", "--from", "torque:bus", *at, "--full", "-o", "plant.mat")
     assert told.status == 0
     assert "tank_mode1_xz" in told.out
     assert call("inspect", "flexible.xml", "--prove", "--loaded").status == 0

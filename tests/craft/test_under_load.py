@@ -122,7 +122,7 @@ def test_what_is_not_asked_for_is_left_out(tmp_path):
     flexible, _ = embedded(tmp_path, ONE, False, base=STAND)
     record = flexible.as_dict()
     assert "loads" not in record
-    assert "gravity" in [warning["code"] for warning in record["warning_codes"]]
+    assert "gravity" in [warning["code"] for warning in record["warnings"]]
     assert flexible.craft_error < 0.01
 
 
@@ -313,7 +313,7 @@ def test_a_rod_that_its_weight_buckles_is_called_unstable(tmp_path, share, grows
     answer = call(*words, "--loaded", "--json", "-o", tmp_path / "flexible.xml")
     assert (answer.status, answer.record["met"]) == ((3, False) if grows else (0, None))
     assert bool(answer.record["growth"]) is grows
-    assert "gravity" not in [each["code"] for each in answer.record["warning_codes"]]
+    assert "gravity" not in [each["code"] for each in answer.record["warnings"]]
 
 
 @pytest.mark.slow

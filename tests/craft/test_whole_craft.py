@@ -213,7 +213,7 @@ def test_the_command_tells_it(tmp_path, capsys, monkeypatch):
     run(["init", "boom"], capsys, monkeypatch)
     at = ["embed", "craft.xml", "--mount", "+y=boom.toml", "--no-report"]
     code, told, _ = run(
-        [*at, "-o", "flexible.xml", "--key", "turned", "--json"], capsys, monkeypatch
+        [*at, "-o", "flexible.xml", "--pose", "turned", "--json"], capsys, monkeypatch
     )
     record = json.loads(told)
     assert code == 0
@@ -225,7 +225,7 @@ def test_the_command_tells_it(tmp_path, capsys, monkeypatch):
     assert re.search(r"rigid twin", told)
     code, told, _ = run(["inspect", "rigid.xml"], capsys, monkeypatch)
     assert "bus with all that it carries" in told
-    code, _, error = run([*at, "-o", "none.xml", "--key", "nowhere"], capsys, monkeypatch)
+    code, _, error = run([*at, "-o", "none.xml", "--pose", "nowhere"], capsys, monkeypatch)
     assert code == 2
     assert "choose from rest, turned" in error
     assert not (tmp_path / "none.xml").exists()

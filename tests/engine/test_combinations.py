@@ -267,7 +267,7 @@ def test_tables_of_a_controller_make_its_signals(place, capsys, monkeypatch):
     assert code == 0
     assert names(out, "inputs") == ["torque_x", "torque_y", "torque_z"]
     assert names(out, "outputs") == [f"{n}_{a}" for n in ("attitude", "rate") for a in "xyz"]
-    words = ["--input", "torque:bus", "--input", "w4", "--output", "gyro"]
+    words = ["--from", "torque:bus", "--from", "w4", "--to", "gyro"]
     code, out, _ = asked(place, capsys, monkeypatch, *words)
     assert code == 0
     assert names(out, "inputs") == [
@@ -283,7 +283,7 @@ def test_tables_of_a_controller_make_its_signals(place, capsys, monkeypatch):
     [
         (
             ALLOCATION.replace("torque]", "w4]") + LOOP,
-            ["--input", "w4"],
+            ["--from", "w4"],
             "[allocation.w4] of the controller",
         ),
         (

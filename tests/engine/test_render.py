@@ -289,18 +289,6 @@ def test_render_checks_its_numbers(option, value):
     assert f"{option} = {value}" in done.err
 
 
-@pytest.mark.skipif(
-    sys.platform != "linux", reason="only Linux says beforehand that it has no screen"
-)
-def test_view_without_a_screen_says_so(monkeypatch):
-    monkeypatch.delenv("DISPLAY", raising=False)
-    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    done = call("view", "scene.xml")
-    assert done.status == 2
-    assert "no screen" in done.err
-    assert "beamchain render" in done.err
-
-
 @pytest.mark.slow
 def test_the_elbow_of_an_arm_turns_by_the_angle_asked_for_and_rings():
     arm = draw.stage(shipped_arm().to_mjcf())

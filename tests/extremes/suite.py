@@ -44,7 +44,7 @@ class Row:
     modes: int
 
     def as_dict(self) -> dict[str, Any]:
-        """For stability.json."""
+        """For JSON."""
         values = {name: getattr(self.case, name) for name in self.case.__dataclass_fields__}
         return {**values, "verdict": self.verdict, "reason": self.reason, "modes_kept": self.modes}
 
@@ -65,7 +65,7 @@ class Extremes:
         return self.count(FAILED)
 
     def as_dict(self) -> dict[str, Any]:
-        """For stability.json."""
+        """For JSON."""
         return {
             "cases": len(self.rows),
             "passed": self.count(PASSED),

@@ -239,7 +239,7 @@ class TestFiles:
         [
             (kind, command, ["--force"] if (i + j) % 3 else [])
             for i, kind in enumerate(("device", "fifo", "socket", "folder", "link"))
-            for j, command in enumerate(("fit", "embed", "embed --plot", "init", "stability"))
+            for j, command in enumerate(("fit", "embed", "init", "stability"))
         ],
     )
     def test_place_of_an_output_is_no_file(
@@ -274,19 +274,9 @@ class TestFiles:
             craft.write_text(CRAFT)
             arguments = {
                 "fit": ["fit", good, "-o", str(out)],
-                "stability": ["stability", good, "-o", str(out)],
+                "stability": ["inspect", good, "--steps", "-o", str(out)],
                 "init": ["init", "boom", "-o", str(at)],
                 "embed": ["embed", str(craft), "--mount", f"hub={good}", "-o", str(at)],
-                "embed --plot": [
-                    "embed",
-                    str(craft),
-                    "--mount",
-                    f"hub={good}",
-                    "-o",
-                    str(out / "o"),
-                    "--plot",
-                    str(at),
-                ],
             }[command]
             self.refused([*arguments, *force], capsys, monkeypatch, word)
             after = os.lstat(at)
@@ -299,13 +289,13 @@ class TestFiles:
 
     @pytest.mark.parametrize(
         ("command", "place"),
-        [("fit", "o"), ("stability", "o/deeper"), ("study", "o"), ("sweep", "o/deeper")],
+        [("fit", "o"), ("inspect --steps", "o/deeper"), ("study", "o"), ("sweep", "o/deeper")],
     )
     def test_below_a_file(self, command, place, tmp_path, capsys, monkeypatch):
         (tmp_path / "o").write_text("mine")
         spec = self.good(tmp_path)
         spec.write_text(spec.read_text() + "[uncertain]\nstiffness = { relative = 0.05 }\n")
-        arguments = [command, str(spec), "-o", str(tmp_path / place), "--force"]
+        arguments = [*command.split(), str(spec), "-o", str(tmp_path / place), "--force"]
         self.refused(arguments, capsys, monkeypatch, "cannot write to")
         assert (tmp_path / "o").read_text() == "mine"
 

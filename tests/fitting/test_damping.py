@@ -252,7 +252,7 @@ def test_euler_is_warned_about():
         scene=Scene(integrator="Euler"),
     )
     [text] = euler.warnings
-    assert euler.as_dict()["warnings"] == [text]
+    assert [one["message"] for one in euler.as_dict()["warnings"]] == [text]
     # a step that is stated is exact in time, damping included
     stated = Scene(integrator="Euler", timestep=0.005)
     assert (

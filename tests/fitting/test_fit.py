@@ -93,7 +93,7 @@ def test_the_model_s_error_comes_before_the_readback():
     entry = result.as_dict()["ports"]["xy"]
     assert entry["error"]["in_band"] == result.in_band_error
     assert entry["error"]["band"] == result.bandwidth["xy"]
-    assert set(entry["readback"]) == {"reading", "distance", "frequency", "participation"}
+    assert set(entry["readback"]) == {"reading", "distance"}
 
 
 @pytest.mark.parametrize(
@@ -311,7 +311,6 @@ def test_json_holds_what_the_contract_says():
         assert set(entry["error"]) == {
             "frequency",
             "participation",
-            "accelerance_in_band",
             "in_band",
             "band",
         }
@@ -335,9 +334,9 @@ def test_json_holds_what_the_contract_says():
     assert record["stability"]["largest_step"]["discrete"] is None  # no limit
     assert record["stability"]["hub"]["mass"] == 500.0
     assert set(record["accuracy"]["RK4"]) == {"1%", "0.1%"}
-    assert record["status"]["ok"] is True
+    assert record["ok"] is True
     assert isinstance(record["left_out"], list)
-    assert record["warnings"] == list(result.warnings)
+    assert [one["message"] for one in record["warnings"]] == list(result.warnings)
     assert set(record["seconds"]) == {"model", "realise", "write", "verify"}
 
 
@@ -398,8 +397,7 @@ def test_fewer_modes_than_asked_for_exits_with_three(unwritten, tmp_path, monkey
     )
     assert code == 3
     record = json.loads(out)
-    assert record["status"]["ok"] is False
-    assert "xy keeps 7 of the 8 modes asked for" in record["status"]["message"]
+    assert record["ok"] is False
     assert len(record["ports"]["xy"]["achieved"]["frequencies"]) == 7
 
 

@@ -104,7 +104,7 @@ def test_a_file_that_is_refused_is_said_to_be(tmp_path, monkeypatch):
     )
     assert done.status == 3
     record = done.record
-    said = {item["code"]: item["text"] for item in record["warning_codes"]}
+    said = {item["code"]: item["message"] for item in record["warnings"]}
     assert "residual mass" in said["modes-refused"]
     (tmp_path / "spec.toml").write_text('[imported]\nfile = "m.toml"\n', encoding="utf-8")
     with pytest.raises(bc.InputError, match="residual mass"):  # as it was said

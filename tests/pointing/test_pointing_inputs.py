@@ -83,7 +83,7 @@ def test_the_command_adds_the_budget(files):
     answer = call(
         "pointing",
         files / "craft.xml",
-        "--output",
+        "--to",
         "attitude",
         "--disturbances",
         files / "jitter.toml",

@@ -52,7 +52,7 @@ def pages(tmp_path_factory):
     file = embedded.write(folder / "craft" / "out.xml")[-1]
     answer = call("plant", file, "-o", folder / "craft" / "plant.npz", "--quiet")
     assert answer.status == 0, answer.err
-    answer = call("stability", example("seed_boom"), "-o", folder / "stability", "--quiet")
+    answer = call("inspect", example("seed_boom"), "--steps", "-o", folder / "stability", "-q")
     assert answer.status == 0, answer.err
     return {
         **{name: (folder / name / "report.html").read_text() for name in made},

@@ -576,8 +576,8 @@ def test_a_worst_case_per_pose_and_the_worst_of_them(turning):
 @pytest.mark.slow
 def test_the_command_says_the_worst_pose_by_pose(turning, capsys, monkeypatch):
     folder = turning.folder
-    words = ["worst-case", folder / "craft.xml", "--input", "torque:bus", "--output", "attitude"]
-    words += ["--angle", "drive=0,60", "--controller", folder / "loops.toml"]
+    words = ["worst-case", folder / "craft.xml", "--from", "torque:bus", "--to", "attitude"]
+    words += ["--pose", "drive=0,60", "--controller", folder / "loops.toml"]
     words += ["--uncertain", folder / "uncertain.toml", "-o", folder / "worst.html"]
     status, out, err = run([str(word) for word in [*words, "--json"]], capsys, monkeypatch)
     assert status == 0, err

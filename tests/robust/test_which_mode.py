@@ -143,7 +143,7 @@ def test_modes_that_oppose_each_other_are_listed_as_left_out(embedded, plant, tm
     assert not set(plant.modes) & set(plant.unreached)
     assert sum("torsion" in name for name in plant.unreached) == 1
     file = embedded.write(tmp_path / "flexible.xml")[-1]
-    answer = call("plant", file, "--full", "--input", "torque:bus", "--output", "attitude", "-o",
+    answer = call("plant", file, "--full", "--from", "torque:bus", "--to", "attitude", "-o",
                   tmp_path / "p.npz", "--no-report")  # fmt: skip
     words = " ".join(answer.out.split())
     assert f"no output sees them: {', '.join(plant.unreached)}" in words

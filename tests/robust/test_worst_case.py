@@ -102,8 +102,8 @@ def test_an_unstable_loop_begins_to_ring_at_the_stated_frequency(tmp_path):
 @pytest.mark.slow
 def test_the_command_and_the_page_say_where_it_begins_to_ring(tmp_path, capsys, monkeypatch):
     uncertain_plant(tmp_path, 0.15)
-    words = ["worst-case", tmp_path / "flexible.xml", "--input", "torque:bus"]
-    words += ["--output", "attitude"]
+    words = ["worst-case", tmp_path / "flexible.xml", "--from", "torque:bus"]
+    words += ["--to", "attitude"]
     words += ["--controller", tmp_path / "loop.toml", "--uncertain", tmp_path / "uncertain.toml"]
     words = [str(word) for word in [*words, "-o", tmp_path / "worst.html", "--json"]]
     status, out, err = run(words, capsys, monkeypatch)

@@ -145,5 +145,5 @@ def test_study_warns_of_a_load_beyond_the_chain():
     said = studies._load_warnings(task, studies.replace(quiet, scenario=loud))
     assert any(s.startswith("exact, hub, n = 2: slew reached") for s in said)
     warned = studies.replace(quiet, warnings=said)
-    assert warned.as_dict()["warnings"] == list(said)
+    assert [one["message"] for one in warned.as_dict()["warnings"]] == list(said)
     assert said[0].split("/s^2")[0] in study_page(warned)[0]

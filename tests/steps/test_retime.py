@@ -398,8 +398,8 @@ def other_step(file, **options):
     place = file.with_name("other.xml")
     place.write_text(text)
     record = call("inspect", place, "--json").record
-    assert {one["code"] for one in record["warning_codes"]} <= {"other-step"}
-    return record["warnings"], mujoco.MjModel.from_xml_path(str(place))
+    assert {one["code"] for one in record["warnings"]} <= {"other-step"}
+    return [one["message"] for one in record["warnings"]], mujoco.MjModel.from_xml_path(str(place))
 
 
 BUS = """<mujoco model="bus">

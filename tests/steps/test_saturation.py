@@ -45,7 +45,7 @@ def test_what_is_warned_of_chatters(tmp_path, joint, servo, gear, chatters):
     assert len(said) == chatters
     assert not chatters or ("'elbow'" in said[0] and 'damping="4000"' in said[0])
     made.write(tmp_path / "flexible.xml")
-    found = call("inspect", tmp_path / "flexible.xml", "--json").record["warning_codes"]
+    found = call("inspect", tmp_path / "flexible.xml", "--json").record["warnings"]
     assert ("servo-saturates" in {one["code"] for one in found}) == chatters
     assert saturated(tmp_path / "flexible.xml", gear) == (1.0 if chatters else 0.0)
 

@@ -84,8 +84,8 @@ def test_the_stated_error_of_the_step_is_that_of_finite_elements(tmp_path):
     made = arm(20.0)
     flexible = embedded(tmp_path, made, timestep)
     angles = {"rest": 0.0, "bent": np.pi / 4.0, "square": np.pi / 2.0}
-    angles["30% from rest to bent"] = 0.3 * np.pi / 4.0
-    angles["30% from bent to square"] = 1.3 * np.pi / 4.0
+    angles["30% of the way from rest to bent"] = 0.3 * np.pi / 4.0
+    angles["30% of the way from bent to square"] = 1.3 * np.pi / 4.0
     assert set(flexible.sampled_poses) == set(angles)
     for name, angle in angles.items():
         truth = side(made, BAND, {"fore": angle})

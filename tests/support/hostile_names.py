@@ -143,7 +143,7 @@ def write_files(folder: Path, name: str) -> None:
 def commands(name: str) -> list[list[str]]:
     """Calls that read these files and show the name,
     in an order in which each finds what it reads."""
-    both = ["--input", name, "--output", name, "--output", "attitude"]
+    both = ["--from", name, "--to", name, "--to", "attitude"]
     return [
         [
             "embed",
@@ -152,10 +152,8 @@ def commands(name: str) -> list[list[str]]:
             f"site:{name}=rod.toml",
             "-o",
             "flexible.xml",
-            "--key",
+            "--pose",
             name,
-            "--plot",
-            "hub.svg",
             "--full",
         ],
         ["inspect", "flexible.xml"],
@@ -175,7 +173,7 @@ def commands(name: str) -> list[list[str]]:
             "-o",
             "variants",
         ],
-        ["stability", "flexible.xml", "-o", "steps"],
+        ["inspect", "flexible.xml", "--steps", "-o", "steps"],
     ]
 
 

@@ -14,15 +14,7 @@ from spacecraft import CRAFTS, spec
 #: which therefore must stay as it is
 CALLS = (
     (["embed", "craft.xml", "--mount", "mount=rod.toml", "-o", "{}"], ("rod.toml",)),
-    (
-        ["embed", "craft.xml", "--mount", "mount=rod.toml", "-o", "{}", "--plot", "{}"],
-        ("rod.toml",),
-    ),
-    (
-        ["embed", "craft.xml", "--mount", "mount=rod.toml", "-o", "out.xml", "--plot", "{}"],
-        ("rod.toml", "craft.xml"),
-    ),
-    (["embed", "flexible.xml", "--remove", "-o", "{}", "--plot", "{}"], ()),
+    (["embed", "flexible.xml", "--remove", "-o", "{}"], ()),
     (["retime", "flexible.xml", "--timestep", "0.01", "-o", "{}"], ()),
     (
         ["plant", "flexible.xml", "--controller", "loops.json", "-o", "{}"],

@@ -4,8 +4,10 @@ import json
 import logging
 import os
 import sys
+from collections.abc import Callable
 from importlib import import_module
 from importlib.metadata import entry_points
+from inspect import cleandoc
 from io import TextIOWrapper
 from typing import Any, NoReturn
 
@@ -19,22 +21,18 @@ from beamchain.errors import BeamchainError
 #: base of typer's own errors: click's, or in newer versions typer's copy of it
 USAGE: Any = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
 
-#: functions of the modules of their names, in the order of the help
+#: functions, each in a module of its name, in the order of the help
 COMMANDS = (
     "fit",
     "embed",
     "study",
     "sweep",
-    "stability",
     "inspect",
     "retime",
     "plant",
-    "schema",
     "render",
-    "view",
     "init",
 )
-MODULES = {"view": "render"}  #: but for this one
 
 app = typer.Typer(
     name="beamchain",
@@ -58,12 +56,18 @@ def beamchain(
     of the elastic beam."""
 
 
+def _add(name: str, function: Callable[..., None]) -> None:
+    """A command, the paragraphs of its docstring without the breaks of their lines."""
+    paragraphs = cleandoc(function.__doc__ or "").split("\n\n")
+    text = "\n\n".join(" ".join(each.split()) for each in paragraphs)
+    app.command(name=name, cls=Command, help=text)(function)
+
+
 for _name in COMMANDS:
-    _module = import_module(f"beamchain.cli.{MODULES.get(_name, _name)}")
-    app.command(name=_name, cls=Command)(getattr(_module, _name))
+    _add(_name, getattr(import_module(f"beamchain.cli.{_name}"), _name))
 #: those of the packages beside the core
 for _point in sorted(entry_points(group="beamchain.commands"), key=lambda point: point.name):
-    app.command(name=_point.name, cls=Command)(_point.load())
+    _add(_point.name, _point.load())
 
 
 def main() -> None:

@@ -41,15 +41,12 @@ Carry = Annotated[
 Prefix = Annotated[
     list[str] | None,
     typer.Option(
-        help="Prefix of the appendage's elements; default: its name and `_`. One per --mount."
+        metavar="PREFIX",
+        help="Prefix of the appendage's elements; default: its name and `_`. One per --mount.",
     ),
 ]
 Remove = Annotated[
     bool, typer.Option("--remove", help="Remove appendages: those of --mount NAME, or all.")
-]
-Plot = Annotated[
-    Path | None,
-    typer.Option(metavar="FILE.svg", help="Plot the hub's accelerance, exact and from MuJoCo."),
 ]
 Retime = Annotated[
     bool | None,
@@ -75,8 +72,9 @@ Loaded = Annotated[
         "of its keyframes, such as a constant thrust.",
     ),
 ]
-Key = Annotated[
-    str | None, typer.Option(metavar="NAME", help="Print the modes at this keyframe as well.")
+AtKeyframe = Annotated[
+    str | None,
+    typer.Option("--pose", metavar="KEYFRAME", help="Print the modes in this pose as well."),
 ]
 
 
@@ -87,13 +85,12 @@ def embed(
     carry: Carry = None,
     prefix: Prefix = None,
     remove: Remove = False,
-    plot: Plot = None,
     retime: Retime = None,
     report: Report = True,
     max_modes: MaxModes = 12,
     rigid: Rigid = False,
     loaded: Loaded = False,
-    key: Key = None,
+    pose: AtKeyframe = None,
     retime_joints: RetimeJoints = False,
     full: Full = False,
     as_json: Json = False,
@@ -114,15 +111,15 @@ def embed(
     silent = quiet or as_json
     names = [_split(word, remove)[0] for word in mount or []]
     page = beside(output, "_report.html") if report and not rigid else None
-    at_key: Sequence[Mode] = ()
+    at_pose: Sequence[Mode] = ()
     if remove:
         result = _take_out(craft, names, output, force=force, as_json=as_json, quiet=quiet)
         if result is None:
             return
-        key = None  # the spacecraft is shown as it is left
+        pose = None  # the spacecraft is shown as it is left
     else:
         appendages = places(mount or [])
-        outputs = [output, *(place for place in (plot, page) if place is not None)]
+        outputs = [output, *([] if page is None else [page])]
         inputs = [craft, *map(Path, appendages.values())]
         check_outputs(outputs, force=force, inputs=inputs, update=(craft, output))
         with spinner("fitting the appendages and proving the whole", silent):
@@ -138,14 +135,12 @@ def embed(
                 loaded=loaded,
             )
             _prove(result)
-            at_key = () if key is None else result.modes_at(key, beyond=True)
-    drawings = {} if plot is None else {plot: result.picture()}
-    if page is not None:
-        drawings[page] = result.report(craft.name, output.name)
+            at_pose = () if pose is None else result.modes_at(pose, beyond=True)
+    drawings = {} if page is None else {page: result.report(craft.name, output.name)}
     files = result.write(output, force=force, also=drawings)
     tell(
-        lambda: _record(result, key, at_key),
-        lambda: _show(result, key, at_key, full=full),
+        lambda: _record(result, pose, at_pose),
+        lambda: _show(result, pose, at_pose, full=full),
         files,
         as_json,
         quiet,
@@ -172,7 +167,7 @@ def _take_out(
     original = relocate(result, output.parent).content
     write_files({output: original}, force=force, update=(craft, output))
     if as_json:
-        print_json({"appendages": [], "modes": [], **warnings_record(())})
+        print_json({"appendages": [], "modes": [], "warnings": warnings_record(())})
     elif not quiet:
         console().print(f"wrote {output}, without appendages")
     return None
@@ -228,18 +223,19 @@ def _split(word: str, remove: bool) -> tuple[str, str]:
     return name, spec
 
 
-def _record(result: "Embedded", key: str | None, at_key: "Sequence[Mode]") -> dict[str, Any]:
+def _record(result: "Embedded", pose: str | None, at_pose: "Sequence[Mode]") -> dict[str, Any]:
     """What --json prints."""
     record = result.as_dict()
-    if key is not None:
+    if pose is not None:
         modes = [
-            {"exact": m.exact, "mujoco": m.mujoco, "error": m.error, "kept": m.kept} for m in at_key
+            {"exact": m.exact, "mujoco": m.mujoco, "error": m.error, "kept": m.kept}
+            for m in at_pose
         ]
-        record["modes_at"] = {key: modes}
+        record["modes_at"] = {pose: modes}
     return record
 
 
-def _show(result: "Embedded", key: str | None, at_key: "Sequence[Mode]", *, full: bool) -> None:
+def _show(result: "Embedded", pose: str | None, at_pose: "Sequence[Mode]", *, full: bool) -> None:
     """What the terminal shows before the names of the files."""
     from beamchain.report.tables.embed import keyframe_table
     from beamchain.report.tables.first_screen import embedded_lines
@@ -247,8 +243,8 @@ def _show(result: "Embedded", key: str | None, at_key: "Sequence[Mode]", *, full
     print_first(embedded_lines(result), result.warnings, full=full)
     if full:
         _show_tables(result)
-    if key is not None:
-        print_table(keyframe_table(result.assembly, at_key, key))
+    if pose is not None:
+        print_table(keyframe_table(result.assembly, at_pose, pose))
 
 
 def _show_tables(result: "Embedded") -> None:

@@ -1,6 +1,6 @@
 """`beamchain fit`: the main job."""
 
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -12,23 +12,12 @@ if TYPE_CHECKING:
     from beamchain.steps.step_map import TimeError
 
 
-EveryMode = Annotated[
-    bool,
-    typer.Option(
-        "--every-mode",
-        help="Keep every port, with all modes up to three times the scene's bandwidth (one to "
-        "five).",
-    ),
-]
-
-
 def fit(
     spec: SpecPath,
     output: Folder,
     as_json: Json = False,
     force: Force = False,
     quiet: Quiet = False,
-    every_mode: EveryMode = False,
     full: Full = False,
 ) -> None:
     """Fit a hinge chain to an appendage, verify it in MuJoCo,
@@ -45,10 +34,6 @@ def fit(
     with spinner("reading the spec", quiet or as_json) as say:
         read = read_spec(spec)
         check_free(output / "fit.json", force=force)
-        if every_mode:
-            from beamchain.fitting.select import everything
-
-            read = everything(read)
         say("fitting the chain and reading it back from MuJoCo")
         result = fit_chain(read)
         say("drawing and writing")

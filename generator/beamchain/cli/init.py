@@ -44,6 +44,9 @@ def init(
         ),
     ] = None,
     listed: Annotated[bool, typer.Option("--list", help="List what can be written.")] = False,
+    schema: Annotated[
+        bool, typer.Option("--schema", help="Print the JSON schema of SPEC.toml, for editors.")
+    ] = False,
     as_json: Json = False,
     force: Force = False,
     quiet: Quiet = False,
@@ -60,13 +63,22 @@ def init(
     Example: beamchain init craft
 
     Example: beamchain init --list
+
+    Example: beamchain init --schema > spec.schema.json
     """
     from beamchain.files import write_files
+    from beamchain.fitting.spec import schema as spec_schema
 
-    if listed:
-        if kind is not None or output is not None:
-            raise InputError("init: --list writes no file; leave KIND and --output out.")
-        _list(as_json=as_json, quiet=quiet)
+    if listed or schema:
+        if kind is not None or output is not None or (listed and schema):
+            raise InputError(
+                f"init: --{'list' if listed else 'schema'} writes no file; leave KIND, --output "
+                "and the other out."
+            )
+        if listed:
+            _list(as_json=as_json, quiet=quiet)
+        else:
+            print_json(spec_schema())
         return
     if kind is None:
         raise InputError(

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamchain.cli.common import Json, Quiet, console
+from beamchain.cli.common import Force, Json, Quiet, console
 from beamchain.cli.embed import Loaded
 from beamchain.cli.output import print_headed, print_table, print_warnings, spinner, tell
 from beamchain.errors import InputError
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
     from beamchain.craft.embedded import Embedded
     from beamchain.craft.inspect import Inspection
+    from beamchain.craft.stability import StabilityStudy
 
 Prove = Annotated[
     bool,
@@ -26,21 +27,59 @@ Prove = Annotated[
 ]
 
 
+Steps = Annotated[
+    bool,
+    typer.Option(
+        "--steps",
+        help="Print the largest stable steps of every integrator, the damping that steps add and "
+        "the limits of large motion; slew the hinges of a file of `embed`.",
+    ),
+]
+Output = Annotated[
+    Path | None,
+    typer.Option(
+        "-o",
+        "--output",
+        metavar="DIR",
+        help="Folder for report.html and stability.json of --steps.",
+    ),
+]
+
+
 def inspect(
-    model: Annotated[Path, typer.Argument(metavar="MODEL.xml", help="Any MuJoCo model.")],
+    model: Annotated[
+        Path,
+        typer.Argument(
+            metavar="MODEL.xml", help="Any MuJoCo model; with --steps also a SPEC.toml."
+        ),
+    ],
     prove: Prove = False,
     loaded: Loaded = False,
+    steps: Steps = False,
+    output: Output = None,
     as_json: Json = False,
+    force: Force = False,
     quiet: Quiet = False,
 ) -> None:
     """Print modes, masses and step limits of any MuJoCo model with hinge chains.
 
     Example: beamchain inspect boom/scene.xml
+
+    Example: beamchain inspect boom.toml --steps -o boom-steps
     """
     from beamchain.craft.inspect import inspect_model
 
     if loaded and not prove:
         raise InputError("--loaded proves under a load; give --prove with it.")
+    if output is not None and not steps:
+        raise InputError("inspect: --output is of --steps; give --steps too.")
+    if not steps and model.suffix.lower() == ".toml":
+        raise InputError(f"inspect: {model} is no MuJoCo model; give --steps for a specification.")
+    if steps:
+        if prove:
+            raise InputError("inspect: --prove and --steps are both given; leave one out.")
+        _steps(model, output, as_json=as_json, force=force, quiet=quiet)
+        return
     found = inspect_model(model)
     if not prove:
         tell(found.as_dict, lambda: _show(found), (), as_json, quiet)
@@ -58,6 +97,42 @@ def inspect(
     tell(lambda: record, show, (), as_json, quiet)
     if proof.met is False:
         raise typer.Exit(3)
+
+
+def _steps(source: Path, output: Path | None, *, as_json: bool, force: bool, quiet: bool) -> None:
+    from beamchain.craft.stability import stability
+    from beamchain.files import check_free, to_json, write_files
+    from beamchain.report.pages.stability import stability_report
+
+    if output is not None:
+        check_free(output / "stability.json", force=force)
+    files: dict[Path, str | bytes] = {}
+    with spinner("reading", quiet or as_json) as say:
+        result = stability(source, say)
+        record = result.as_dict()
+        if output is not None:
+            files[output / "report.html"] = stability_report(result, source)
+            files[output / "stability.json"] = to_json(record)
+            write_files(files, force=force)
+    tell(lambda: record, lambda: _show_steps(result), files, as_json, quiet)
+
+
+def _show_steps(result: "StabilityStudy") -> None:
+    from beamchain.report.tables import stability as tables
+    from beamchain.report.tables.steps import step_table
+
+    console().print(result.own_step)
+    for budget in result.budgets:
+        print_table(step_table(budget, f"{budget.name}: largest time step"))
+        print_table(tables.damping_table(budget))
+    if result.is_retimable:
+        console().print(tables.LIFTED)
+    if result.large:
+        print_table(tables.large_motion_table(result))
+    if result.slews:
+        print_table(tables.chain_table(result))
+        print_table(tables.slew_table(result))
+    print_warnings(result.warnings, "note")
 
 
 def _show(found: "Inspection") -> None:

@@ -90,13 +90,7 @@ def job_bar(what: str, silent: bool) -> Generator[Callable[[int, int], None]]:
     Where stderr is no terminal, one line says how long the jobs will take if that is long.
     """
     from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
     if not silent and not Console(stderr=True).is_terminal:
         yield _announcement(what)
@@ -106,9 +100,8 @@ def job_bar(what: str, silent: bool) -> Generator[Callable[[int, int], None]]:
         text,
         BarColumn(),
         MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TextColumn("left"),
         TimeRemainingColumn(),
+        TextColumn("left"),
     )
     with _live(what, silent, *columns) as update:
         yield lambda done, total: update(completed=done, total=total)
@@ -136,34 +129,15 @@ def _announcement(what: str) -> Callable[[int, int], None]:
 
 
 @contextmanager
-def spinner(what: str, silent: bool, *, lines: bool = False) -> Generator[Callable[[str], None]]:
-    """What is being done, while it is; the function it hands out says what is done next.
-
-    Where stderr is no terminal, nothing; with `lines` every so often a line of its own.
-    """
-    from rich.console import Console
+def spinner(what: str, silent: bool) -> Generator[Callable[[str], None]]:
+    """What is being done, while it is, on a terminal; the function it hands out says what is done
+    next."""
     from rich.progress import SpinnerColumn, TextColumn
 
-    if lines and not silent and not Console(stderr=True).is_terminal:
-        yield _line_by_line()
-        return
     with _live(
         what, silent, SpinnerColumn(), TextColumn("{task.description}", markup=False)
     ) as update:
         yield lambda text: update(description=text)
-
-
-def _line_by_line() -> Callable[[str], None]:
-    """What is told what is done next, and says so on stderr where the last line is long ago."""
-    last = time.perf_counter()
-
-    def say(text: str) -> None:
-        nonlocal last
-        if time.perf_counter() - last >= LONG:
-            last = time.perf_counter()
-            print(text, file=sys.stderr)  # noqa: T201
-
-    return say
 
 
 @contextmanager

@@ -7,7 +7,7 @@ import typer
 
 from beamchain.cli.common import Force, Full, Json, Quiet, console
 from beamchain.cli.output import print_first, print_table, spinner, tell
-from beamchain.cli.plant_options import Angle, Inputs, Model, Outputs, Poses
+from beamchain.cli.plant_options import Inputs, Model, Outputs, Poses
 from beamchain.errors import InputError
 from beamchain.warning_codes import warnings_record
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 Output = Annotated[
-    Path, typer.Option("-o", "--file", metavar="OUT", help="Output file: .npz, .json or .mat.")
+    Path, typer.Option("-o", "--output", metavar="OUT", help="Output file: .npz, .json or .mat.")
 ]
 Loaded = Annotated[
     bool,
@@ -31,7 +31,12 @@ Loaded = Annotated[
         "ctrl of the keyframe, such as a constant thrust. Liquids of tanks swing by it alone.",
     ),
 ]
-Discrete = Annotated[float | None, typer.Option(metavar="STEP", help="Sampled at this step in s.")]
+Discrete = Annotated[
+    float | None,
+    typer.Option(
+        metavar="STEP", help="Sampled at the controller's step in s; default: continuous."
+    ),
+]
 Loops = Annotated[
     Path | None,
     typer.Option(
@@ -49,7 +54,6 @@ def plant(
     inputs: Inputs = None,
     outputs: Outputs = None,
     poses: Poses = None,
-    angle: Angle = None,
     discrete: Discrete = None,
     loaded: Loaded = False,
     controller: Loops = None,
@@ -62,9 +66,9 @@ def plant(
     """Linearise a spacecraft for control design: a state space with names and units,
     and the margins of a controller.
 
-    Example: beamchain plant flexible.xml --input torque:bus -o plant.mat
+    Example: beamchain plant flexible.xml --from torque:bus -o plant.mat
 
-    Example: beamchain plant flexible.xml --input torque:bus --controller loops.toml -o plant.npz
+    Example: beamchain plant flexible.xml --from torque:bus --controller loops.toml -o plant.npz
 
     Example: beamchain plant flexible.xml --pose north=45,south=-45 --pose north=0,south=90 -o
     plant.mat
@@ -91,31 +95,24 @@ def plant(
                 "--discrete out, or use bc.margins in Python with a controller sampled by "
                 "control.c2d."
             )
-    silent = quiet or as_json
-    with spinner("linearising", silent) as say:
+    with spinner("linearising", quiet or as_json) as say:
         compiled = compiled_model(model)
-        pose = poses_given(compiled, poses or [], angle)
+        pose = poses_given(compiled, poses or [])
         result = linearise(compiled, driven, seen, pose, discrete=discrete, loaded=loaded)
         plants = [result] if isinstance(result, Plant) else list(result.plants)
         say("margins")
         closed_loops = [] if loops is None else loop_verdicts(result, loops)
-        margins_by_plant = [one.margins for one in closed_loops]
-    # why a loop is unstable is asked once its margins are shown
-    is_shown = not silent and not all(margins.stable for margins in margins_by_plant)
-    if is_shown:
-        _show_first(result, margins_by_plant, full=full)
-    with spinner("why the loop is unstable", silent) as say:
         margins_by_plant = [_explained(one, say) for one in closed_loops]
-    pages: dict[Path, str] = {}
-    if report:
-        with spinner("report", silent):
+        pages: dict[Path, str] = {}
+        if report:
+            say("report")
             pages[page] = plant_report(result, margins_by_plant, model.name)
     files = [result.write(output, force=force, also=pages or None), *pages]
     warnings = margin_warnings(plants, margins_by_plant)
-    warnings = [*doubtful(compiled, poses or [], angle), *warnings]
+    warnings = [*doubtful(compiled, poses or []), *warnings]
     tell(
         lambda: _record(result, plants[0], margins_by_plant, warnings),
-        lambda: _show(result, margins_by_plant, warnings, full=full, is_shown=is_shown),
+        lambda: _show(result, margins_by_plant, warnings, full=full),
         files,
         as_json,
         quiet,
@@ -153,7 +150,7 @@ def _record(
             {key: value for key, value in margins.as_dict().items() if key != "loops"}
             for margins in margins_by_plant
         ],
-        **warnings_record(warnings),
+        "warnings": warnings_record(warnings),
     }
 
 
@@ -180,26 +177,31 @@ def _explained(one: "LoopVerdict", say: "Callable[[str], None]") -> "Margins":
     )
 
 
-def _show_first(
-    found: "Plant | ScheduledPlant", margins_by_plant: "list[Margins]", *, full: bool
+def _show(
+    found: "Plant | ScheduledPlant",
+    margins_by_plant: "list[Margins]",
+    warnings: list[str],
+    *,
+    full: bool,
 ) -> None:
-    """The plant and the margins of its loops."""
+    """What the terminal shows before the names of the files."""
     from beamchain.control.realisation import Plant
     from beamchain.report.tables import plant as tables
     from beamchain.report.tables.first_screen import margin_lines, plant_lines
 
     first = found if isinstance(found, Plant) else found[0]
     print_first([*plant_lines(first), *margin_lines(margins_by_plant)], (), full=full)
-    if not full:
-        return
-    print_table(tables.mode_table(first))
-    if not isinstance(found, Plant):
-        print_table(tables.pose_table(found))
-    if margins_by_plant:
-        print_table(tables.margin_table(margins_by_plant))
-        if near := tables.limiting_table(margins_by_plant):
-            print_table(near)
-        print_table(tables.closed_loop_table(margins_by_plant))
+    if full:
+        print_table(tables.mode_table(first))
+        if not isinstance(found, Plant):
+            print_table(tables.pose_table(found))
+        if margins_by_plant:
+            print_table(tables.margin_table(margins_by_plant))
+            if near := tables.limiting_table(margins_by_plant):
+                print_table(near)
+            print_table(tables.closed_loop_table(margins_by_plant))
+    _show_reasons(margins_by_plant)
+    print_first((), warnings, full=full)
 
 
 def _show_reasons(margins_by_plant: "list[Margins]") -> None:
@@ -211,19 +213,3 @@ def _show_reasons(margins_by_plant: "list[Margins]") -> None:
         others = [loop.name for loop in margins.loops if not (loop.stable or loop.causes)]
         if others:
             console().print(f"{pose}unstable because of other loops: {', '.join(others)}")
-
-
-def _show(
-    found: "Plant | ScheduledPlant",
-    margins_by_plant: "list[Margins]",
-    warnings: list[str],
-    *,
-    full: bool,
-    is_shown: bool,
-) -> None:
-    """What the terminal shows before the names of the files; `is_shown`: the plants and the margins
-    have been, so that only the reasons of unstable loops are left."""
-    if not is_shown:
-        _show_first(found, margins_by_plant, full=full)
-    _show_reasons(margins_by_plant)
-    print_first((), warnings, full=full)

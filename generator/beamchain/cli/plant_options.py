@@ -9,7 +9,7 @@ Model = Annotated[Path, typer.Argument(metavar="FILE.xml", help="The spacecraft'
 Inputs = Annotated[
     list[str] | None,
     typer.Option(
-        "--input",
+        "--from",
         metavar="NAME",
         help="An actuator, torque:BODY, force:BODY or wrench:SITE. Repeatable; default: the "
         "\\[allocation] tables of LOOPS.toml, else all actuators.",
@@ -18,7 +18,7 @@ Inputs = Annotated[
 Outputs = Annotated[
     list[str] | None,
     typer.Option(
-        "--output",
+        "--to",
         metavar="NAME",
         help="A sensor, attitude, rate or motion:SITE. Repeatable; default: the \\[alignment] "
         "tables of LOOPS.toml, else attitude and rate.",
@@ -30,12 +30,7 @@ Poses = Annotated[
         "--pose",
         metavar="JOINT=45,...",
         help="Pose to linearise in: joints in degrees (slides in m), or the name of a keyframe; "
-        "default: rest. Repeatable: a plant for each, modes followed in this order.",
-    ),
-]
-Angle = Annotated[
-    str | None,
-    typer.Option(
-        metavar="JOINT=0,45,90", help="Positions of one joint, as a --pose JOINT=... of each."
+        "default: rest. Repeatable, or JOINT=0,45,90: a plant for each, modes followed in this "
+        "order.",
     ),
 ]

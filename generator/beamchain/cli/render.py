@@ -1,8 +1,7 @@
-"""`beamchain render` and `beamchain view`: pictures and MuJoCo's viewer."""
+"""`beamchain render`: pictures."""
 
 import math
 from collections.abc import Sequence
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -10,7 +9,7 @@ import typer
 
 from beamchain.cli.common import Folder, Force, Json, Quiet, console, explain
 from beamchain.cli.output import print_warnings, tell
-from beamchain.errors import EngineError, InputError
+from beamchain.errors import InputError
 from beamchain.warning_codes import warnings_record
 
 if TYPE_CHECKING:
@@ -171,7 +170,7 @@ def render(
             console().print(sentence)
         print_warnings(warnings)
 
-    tell(lambda: {**record, **warnings_record(warnings)}, show, out, as_json, quiet)
+    tell(lambda: {**record, "warnings": warnings_record(warnings)}, show, out, as_json, quiet)
     if want_mp4 and len(out) < 3 * len(films):
         explain(
             f"no {next(iter(films))}.mp4 was made, as there is no ffmpeg; install ffmpeg, or pip "
@@ -332,25 +331,3 @@ def too_far(fit: "Fit", slew: "Slew") -> list[str]:
     return limit_sentences(
         fit.large_motion[0], run_of_turn(slew.rate, slew.acceleration, slew.axis, fit.hub.offset)
     )
-
-
-def view(scene: Scene, as_json: Json = False, quiet: Quiet = False) -> None:
-    """Open MuJoCo's viewer on a scene, or on the fitted scene of a specification.
-
-    Example: beamchain view boom/scene.xml
-    """
-    from beamchain.engine import backend
-
-    if not backend.has_screen():
-        raise EngineError(
-            "view: there is no screen here (neither DISPLAY nor WAYLAND_DISPLAY is set); use "
-            "beamchain render, which needs none."
-        )
-    _, model, _ = load(scene)
-    try:
-        viewer = import_module("mujoco.viewer")
-    except ImportError as error:
-        raise EngineError(
-            f"view: MuJoCo's viewer cannot be loaded ({error}); use beamchain render instead."
-        ) from None
-    viewer.launch(model)

@@ -15,7 +15,13 @@ def retime(
         Path, typer.Argument(metavar="MODEL.xml", help="A MuJoCo model with appendages.")
     ],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="OUT.xml", help="Output file.")],
-    timestep: Annotated[float, typer.Option(metavar="H", help="Step in s; 0 undoes the timing.")],
+    timestep: Annotated[
+        float,
+        typer.Option(
+            metavar="H",
+            help="Step in s of the exact appendages; 0 undoes it.",
+        ),
+    ],
     integrator: Annotated[
         str | None,
         typer.Option(

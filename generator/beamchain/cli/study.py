@@ -23,12 +23,6 @@ Duration = Annotated[
         metavar="SECONDS", help="Simulated time; default: four periods of the slowest mode."
     ),
 ]
-Amplitude = Annotated[
-    float | None,
-    typer.Option(
-        metavar="SIZE", help="Size of the doublet [N or N m]; default: small enough to stay linear."
-    ),
-]
 Budget = Annotated[
     float, typer.Option(metavar="SECONDS", help="Computing time per model and integrator.")
 ]
@@ -36,11 +30,6 @@ Only = Annotated[
     list[str] | None,
     typer.Option("--model", metavar="NAME", help="Measure this model only. Repeatable."),
 ]
-Workers = Annotated[
-    int,
-    typer.Option(min=1, max=256, help="Local processes; with several, timings are less accurate."),
-]
-
 LARGEST_PROFILE = 10_000_000  # bytes
 
 
@@ -49,10 +38,8 @@ def study(
     output: Folder,
     profile: Profile = None,
     duration: Duration = None,
-    amplitude: Amplitude = None,
     budget: Budget = 0.1,
     model: Only = None,
-    workers: Workers = 1,
     as_json: Json = False,
     force: Force = False,
     quiet: Quiet = False,
@@ -72,7 +59,6 @@ def study(
     read = read_spec(spec)
     for name, value, unit in (
         ("duration", duration, "s"),
-        ("amplitude", amplitude, "N or N m"),
         ("budget", budget, "s"),
     ):
         if value is not None:
@@ -85,9 +71,7 @@ def study(
             models=model or (),
             duration=duration,
             budget=budget,
-            amplitude=amplitude,
             profile=text,
-            workers=workers,
             progress=progress,
         )
     files = result.write(output, force=force)

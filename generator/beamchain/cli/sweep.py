@@ -29,18 +29,6 @@ Mounts = Annotated[
         help="Site or body of the spacecraft and its appendage, as for `embed`. Repeatable.",
     ),
 ]
-Prefixes = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--prefix", help="Prefix of the appendage's elements, as for `embed`. One per --mount."
-    ),
-]
-Retime = Annotated[
-    bool | None,
-    typer.Option(
-        "--retime/--no-retime", help="As for `embed`; variants are timed as the nominal craft is."
-    ),
-]
 Known = Annotated[
     Path | None,
     typer.Option(
@@ -71,9 +59,7 @@ def sweep(
     source: Source,
     output: Folder,
     mount: Mounts = None,
-    prefix: Prefixes = None,
     uncertain: Known = None,
-    retime: Retime = None,
     gain: Gains = None,
     samples: Samples = 1000,
     seed: Seed = 0,
@@ -102,8 +88,6 @@ def sweep(
             samples,
             mounts=wanted,
             uncertain=uncertain,
-            prefixes=prefix,
-            retime=retime,
             gains=gain,
             seed=seed,
             workers=workers,

@@ -247,9 +247,7 @@ def slews(
         rows += own
     if not joints and (left := hinges[MOST_HINGES:]):
         names = ", ".join(scene.bare.joint(j).name for j in left)
-        text = (
-            f"only the first {MOST_HINGES} hinges were slewed, not {names}; --joint NAME chooses."
-        )
+        text = f"only the first {MOST_HINGES} hinges were slewed, not {names}; give joints."
         warnings.append(Caution("large-motion-unknown", text))
     warnings += _warnings(rows, scene.tolerance)
     return Slews(rows, warnings)
@@ -265,8 +263,8 @@ def _wished(craft: "mujoco.MjModel", hinges: Sequence[int], joints: Sequence[str
     for name in joints:
         if name not in known:
             can = ", ".join(filter(None, known))
-            cure = f"those are: {can}." if can else "the file has none; leave --joint out."
-            raise _NoHingeError(f"--joint {name}: no hinge of that name is slewed; {cure}")
+            cure = f"those are: {can}." if can else "the file has none; leave joints out."
+            raise _NoHingeError(f"joints = {name!r}: no hinge of that name is slewed; {cure}")
     return [known[name] for name in joints] or hinges[:MOST_HINGES]
 
 

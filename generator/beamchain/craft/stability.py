@@ -1,7 +1,7 @@
-"""`beamchain stability`: step limits, large motion, and their record."""
+"""`beamchain inspect --steps`: step limits, large motion, and their record."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec, read_spec
 from beamchain.steps.budget import HOST, Budget, budget, preload_sentence
 from beamchain.steps.large_motion import LargeMotion
+from beamchain.steps.modal import timing_marks
 from beamchain.warning_codes import Caution, warnings_record
 
 Say = Callable[[str], None]
@@ -44,6 +45,7 @@ class StabilityStudy:
         warnings: sentences with codes.
         own_step: whether the file's own integrator is stable at the file's own step, in a sentence.
         slews: of the hinges between bodies of a file that `embed` wrote, empty for others.
+        is_retimable: whether `beamchain retime` can make the appendages exact at longer steps.
 
     Example:
         >>> import beamchain as bc
@@ -62,22 +64,19 @@ class StabilityStudy:
     warnings: list[str]
     own_step: str
     slews: list[SlewRow] = field(default_factory=list[SlewRow])
+    is_retimable: bool = False
 
     def as_dict(self) -> dict[str, Any]:
-        """For stability.json; `extremes` counts no cases:
-        the suite is a test of beamchain itself."""
+        """For stability.json."""
         import beamchain
 
         return {
             "beamchain": beamchain.__version__,
             "mujoco": mujoco.__version__,
-            "models": [asdict(row) for row in self.rows],
             "budgets": [b.as_dict() for b in self.budgets],
-            "own_step": self.own_step,
             "large_motion": [limit.as_dict() for limit in self.large.values()],
             "slews": [row.as_dict() for row in self.slews],
-            **warnings_record(self.warnings),
-            "extremes": {"cases": 0, "passed": 0, "refused": 0, "failed": 0, "rows": []},
+            "warnings": warnings_record(self.warnings),
         }
 
 
@@ -95,7 +94,7 @@ def stability(
     source: Spec | str | Path, say: Say = silent, joints: Sequence[str] = ()
 ) -> StabilityStudy:
     """Step limits, damping that steps add, large motion,
-    as `beamchain stability` does.
+    as `beamchain inspect --steps` does.
 
     A file that `embed` wrote is also slewed at the spacecraft's own hinges, one by one, by 90
     degrees in 5 and 10 periods of its slowest mode and by 180 degrees in 10: what the chains are
@@ -126,7 +125,7 @@ def stability(
         return study_fit(_fit(source), say)
     source = path_of("source", source, "a Spec, or the path of a SPEC.toml or MJCF (.xml) file")
     if joints and source.suffix.lower() != ".xml":
-        raise InputError(f"--joint {joints[0]}: {source} has no hinges; give a file of embed.")
+        raise InputError(f"joints = {joints[0]!r}: {source} has no hinges; give a file of embed.")
     if source.suffix.lower() == ".xml":
         model = compile_model(source)
         data = mujoco.MjData(model)
@@ -138,11 +137,13 @@ def stability(
         warnings = _warnings(limits, limits.timestep, name)
         rows = step_rows(limits)
         own_step = _own_step(limits, name)
-        if warnings or not limits.frequencies.size:
-            return StabilityStudy(rows, [limits], {}, warnings, own_step)
-        turned = slews(source, model, float(limits.frequencies[0]), say, joints)
-        warnings += turned.warnings
-        return StabilityStudy(rows, [limits], {}, warnings, own_step, turned.rows)
+        turned: list[SlewRow] = []
+        if not warnings and limits.frequencies.size:
+            found = slews(source, model, float(limits.frequencies[0]), say, joints)
+            turned = found.rows
+            warnings += found.warnings
+        retimable = bool(timing_marks(model))
+        return StabilityStudy(rows, [limits], {}, warnings, own_step, turned, retimable)
     say("fitting the chain")
     return study_fit(_fit(read_spec(source)), say)
 
@@ -182,7 +183,14 @@ def study_fit(result: Fit, say: Say = silent) -> StabilityStudy:
     scene = result.spec.scene
     unstable = [] if scene is None else _warnings(budgets[0], result.step, scene.integrator)
     own_step = _own_step(budgets[0], result.spec.integrator)
-    return StabilityStudy(rows, budgets, large, [*reasons, *overdamped, *unstable], own_step)
+    return StabilityStudy(
+        rows,
+        budgets,
+        large,
+        [*reasons, *overdamped, *unstable],
+        own_step,
+        is_retimable=bool(result.chain.tendons),
+    )
 
 
 def _own_step(limits: Budget, integrator: str) -> str:

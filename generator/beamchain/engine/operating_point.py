@@ -78,7 +78,7 @@ def poses_between(model: "mujoco.MjModel", share: float) -> dict[str, Array]:
         between = start.copy()
         mujoco.mj_differentiatePos(model, motion, 1.0, start, end)
         mujoco.mj_integratePos(model, between, motion, share)
-        out[f"{share:.0%} from {before} to {after}"] = between
+        out[f"{share:.0%} of the way from {before} to {after}"] = between
     return out
 
 

@@ -125,7 +125,7 @@ def _choose(word: str, key: str, root: type) -> str:
     return (
         f"{meant(word, allowed)}choose one of {', '.join(dict.fromkeys(allowed))}."
         if allowed
-        else "see `beamchain schema`."
+        else "see `beamchain init --schema`."
     )
 
 
@@ -153,7 +153,9 @@ def _keys_instead(word: str, place: str, struct: Any, root: type) -> str:
     """The nearest key to a word, where it belongs if it is the key of another table,
     and the keys of its own table, which is read into `struct`."""
     if struct is None:
-        return meant(word, _keys(root)).strip() or "remove it; `beamchain schema` has the keys."
+        return meant(word, _keys(root)).strip() or (
+            "remove it; `beamchain init --schema` has the keys."
+        )
     here = [field for field in struct.__struct_fields__ if not field.startswith("_")]
     config = struct.__struct_config__
     table = "[" + re.sub(r"\[.*?\]", "", place) + "]" if place else "the file"

@@ -46,19 +46,12 @@ def identify(
     modes: Annotated[
         int | None, typer.Option(min=1, help="Number of modes; default: as the criterion says.")
     ] = None,
-    axes: Annotated[
-        str | None,
-        typer.Option(metavar="XYZ", help="Axes of the hub that are used, for example z."),
-    ] = None,
     names: Annotated[
         list[str] | None,
         typer.Option(
             "--map", metavar="COLUMN=NAME", help="What a column of the log is. Repeatable."
         ),
     ] = None,
-    held_out: Annotated[
-        float, typer.Option(help="Last part of each log that is predicted first.")
-    ] = 0.2,
     as_json: Json = False,
     force: Force = False,
     quiet: Quiet = False,
@@ -88,9 +81,7 @@ def identify(
             mount,
             prior=prior,
             modes=modes,
-            axes=axes,
             map=renamed,
-            held_out=held_out,
         )
         files = found.write(output, force=force)
     tell(found.as_dict, lambda: _show(found), files, as_json, quiet)

@@ -303,7 +303,7 @@ class Identification:
             "delay_zero_within_interval": self.punctual,
             "undetermined": list(self.undetermined),
             "advice": list(self.advice),
-            **warnings_record(self.warnings),
+            "warnings": warnings_record(self.warnings),
         }
 
 

@@ -10,7 +10,7 @@ from beamchain.commands import Force, Json, Model, Quiet, print_table, print_war
 if TYPE_CHECKING:
     from beamchain.pointing.pointing import Pointing
 
-Output = Annotated[Path, typer.Option("-o", "--file", metavar="OUT.html", help="Its page.")]
+Output = Annotated[Path, typer.Option("-o", "--output", metavar="OUT.html", help="Its page.")]
 Sources = Annotated[
     Path,
     typer.Option("--disturbances", metavar="DISTURBANCES.toml", help="What disturbs the pointing."),
@@ -18,7 +18,7 @@ Sources = Annotated[
 Outputs = Annotated[
     list[str] | None,
     typer.Option(
-        "--output",
+        "--to",
         metavar="NAME",
         help="A sensor, attitude, rate or motion:SITE. Repeatable; default: attitude.",
     ),
@@ -65,7 +65,7 @@ def pointing(
     sources = read_disturbances(disturbances)
     with spinner("pointing", quiet or as_json):
         compiled = compiled_model(model)
-        place = poses_given(compiled, pose or [], None)
+        place = poses_given(compiled, pose or [])
         found = budget(compiled, sources, outputs or None, place, window=window)
         page = pointing_page(found, model.name)
         write_files({output: page}, force=force, inputs=[model, disturbances])

@@ -45,7 +45,7 @@ from beamchain.toolkit import (
     one_thread,
     without_timing,
 )
-from beamchain.warning_codes import Caution
+from beamchain.warning_codes import Caution, warnings_record
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -171,7 +171,7 @@ class Pointing:
             "window": self.window,
             "budget": self.table.records(),
             "modes": self.mode_table.records(),
-            "warnings": [str(text) for text in self.warnings],
+            "warnings": warnings_record(self.warnings),
         }
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from beamchain.commands import (
-    Angle,
     Force,
     Inputs,
     Json,
@@ -33,7 +32,7 @@ Loops = Annotated[
 Uncertain = Annotated[
     Path, typer.Option("--uncertain", metavar="CRAFT.toml", help="What is uncertain.")
 ]
-Output = Annotated[Path, typer.Option("-o", "--file", metavar="OUT.html", help="Its page.")]
+Output = Annotated[Path, typer.Option("-o", "--output", metavar="OUT.html", help="Its page.")]
 Between = Annotated[
     str | None,
     typer.Option(
@@ -57,7 +56,6 @@ def worst_case(
     inputs: Inputs = None,
     outputs: Outputs = None,
     poses: Poses = None,
-    angle: Angle = None,
     between: Between = None,
     bound: Bound = False,
     as_json: Json = False,
@@ -69,7 +67,7 @@ def worst_case(
 
     Writes its page. Exit status 3: the loop is unstable for some values.
 
-    Example: beamchain worst-case flexible.xml --input torque:bus --controller loops.toml
+    Example: beamchain worst-case flexible.xml --from torque:bus --controller loops.toml
     --uncertain craft.toml -o worst.html
     """
     from beamchain import Plant, robust
@@ -83,9 +81,9 @@ def worst_case(
     check_outputs([output], force=force, inputs=[model, controller, uncertain])
     loops = read_controller(controller)
     driven, seen = signals_with(loops, inputs or None, outputs or None)
-    with spinner("linearising", quiet or as_json, lines=True) as say:
+    with spinner("linearising", quiet or as_json) as say:
         compiled = compiled_model(model)
-        pose = poses_given(compiled, poses or [], angle)
+        pose = poses_given(compiled, poses or [])
         plant = linearise(compiled, driven, seen, pose)
         say("worst case")
 
@@ -100,11 +98,14 @@ def worst_case(
             cases = [*found]
         plants = [plant] if isinstance(plant, Plant) else plant.plants
         told = dict.fromkeys(text for each in plants for text in each.warnings)
-        warnings = [*doubtful(compiled, poses or [], angle), *told]
+        warnings = [*doubtful(compiled, poses or []), *told]
         page = worst_case_page(cases, model.name, warnings)
         write_files({output: page}, force=force, inputs=[model, controller, uncertain])
     tell(
-        lambda: {"worst": [case.as_dict() for case in cases], **warnings_record(warnings)},
+        lambda: {
+            "worst": [case.as_dict() for case in cases],
+            "warnings": warnings_record(warnings),
+        },
         lambda: _show(cases, warnings),
         [output],
         as_json,

@@ -57,7 +57,7 @@ class Cure:
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
-        return {**self.setting._asdict(), "error": self.error, "words": self.words}
+        return {**self.setting._asdict(), "error": self.error}
 
 
 def find_cure(

@@ -55,7 +55,8 @@ def servos_that_chatter(model: "mujoco.MjModel") -> Iterator[str]:
             f"{inertia_words(model, dof, moved)}: while it saturates, MuJoCo takes kv at the start "
             f"of the step, and above {np.floor(longest / digit) * digit:.2g} s it may go on "
             f'switching between its limits for ever. If it can saturate, write damping="{kv:g}" '
-            "at the joint in place of kv, or take that step.",
+            "at the joint in place of kv, or take that step, even where a longer one keeps the "
+            "tolerance.",
         )
 
 

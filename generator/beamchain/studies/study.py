@@ -14,7 +14,7 @@ import numpy as np
 from msgspec import structs
 
 from beamchain import report
-from beamchain.checks import list_of_names, number
+from beamchain.checks import list_of_names, number, positive
 from beamchain.engine.jobs import Progress, check_workers, run_jobs
 from beamchain.engine.library import one_thread
 from beamchain.errors import InputError
@@ -241,14 +241,13 @@ def study(
     start = time.perf_counter()
     spec = spec if isinstance(spec, Spec) else read_spec(spec)
     duration = None if duration is None else number("duration", duration, "s")
-    amplitude = None if amplitude is None else number("amplitude", amplitude, "N, N m")
+    amplitude = None if amplitude is None else positive("amplitude", amplitude, "N, N m")
     budget = number("budget", budget, "s")
     check_workers(workers)
     options = Options(profile, duration, budget, tuple(list_of_names("models", models)), amplitude)
     if profile is not None and amplitude is not None:
         raise InputError(
-            "--profile and --amplitude are both given; the amplitude is the doublet's: leave one "
-            "out."
+            "profile and amplitude are both given; the amplitude is the doublet's: leave one out."
         )
     text = spec_toml(spec)
     task, scenario = prepare(text, options)

@@ -34,6 +34,7 @@ from beamchain.structure.beam import Beam
 from beamchain.structure.modal_data import ModalData
 from beamchain.variants.refit import Refit
 from beamchain.variants.samples import Case, Samples, gain, join_samples, usual_gain, vary
+from beamchain.warning_codes import warnings_record
 
 NAMES = {"body": "nbody", "jnt": "njnt", "site": "nsite", "tendon": "ntendon"}
 MOST = 2**31  # samples, and seed
@@ -150,7 +151,7 @@ class Sweep:
             "participation": participation,
             "left_out": [{"sample": index, "why": why} for index, why in self.left_out.items()],
             "fields": {name: list(values.shape[1:]) for name, values in self.fields.items()},
-            "warnings": self.warnings,
+            "warnings": warnings_record(self.warnings),
             "mujoco": mujoco.__version__,
             "seconds": self.seconds,
         }

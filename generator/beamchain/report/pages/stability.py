@@ -1,4 +1,4 @@
-"""The page of `stability`: steps that hold, and how far a chain may be driven."""
+"""The page of `inspect --steps`: steps that hold, and how far a chain may be driven."""
 
 import math
 from pathlib import Path

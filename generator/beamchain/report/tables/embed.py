@@ -156,7 +156,9 @@ def pose_table(embedded: "Embedded") -> Table:
         words_of = embedded.loads
         loads = [" and ".join(words_of.get(name, [])) or None for name in names]
         columns = (*columns, Column("load (not at the step)", loads, missing="none"))
-    return Table(f"In-band error up to {number(embedded.band)} rad/s", columns)
+    between_two = "The last pose lies between two of those above: of such, the worst at the step."
+    notes = (between_two,) if worst else ()
+    return Table(f"In-band error up to {number(embedded.band)} rad/s", columns, notes=notes)
 
 
 def kept_word(assembly: "Assembly", mode: "Mode") -> str:

@@ -43,14 +43,12 @@ def space_record(fit: "Fit") -> dict[str, Any]:
         return {}
     modes = zip(space.data.belongs, space.data.leaks, strict=True)
     record = {
-        "why": space.why,
         "motions": [MOTIONS[i] for i in space.live],
         "target": port_record(space.target),
         "achieved": port_record(space.achieved),
-        "error": _fields(space.error, "frequency", "participation", "accelerance_in_band"),
+        "error": _fields(space.error, "frequency", "participation"),
         "modes": [{"belongs": port, "leak": leak} for port, leak in modes],
         "effective_mass_fractions": space.data.effective_mass_fractions,
-        "steps": space.data.steps,
         "kept": space.numbers,
     }
     return {"space": record}
@@ -116,32 +114,28 @@ def fit_record(fit: "Fit") -> dict[str, Any]:
         "look": _fields(fit.look, "drawn", "vertices", "residual"),
         "left_out": _each(fit.left_out, "what", "why", "cost"),
         "scene": _scene_record(fit),
-        **warnings_record(fit.warnings),
-        "status": _fields(fit.status, "ok", "message", "history"),
+        "warnings": warnings_record(fit.warnings),
+        "ok": fit.status.ok,
         "seconds": fit.seconds,
     }
 
 
 def _port(fit: "Fit", port: str) -> dict[str, Any]:
     error = fit.readback_error[port]
-    band = fit.bandwidth[port]
-    readback = _fields(error, "frequency", "participation")
-    in_band = error.accelerance_in_band
     return {
         "target": port_record(fit.target[port]),
         "achieved": port_record(fit.achieved[port]),
-        "error": {**readback, "accelerance_in_band": in_band, "in_band": in_band, "band": band},
-        "readback": {
-            **readback,
-            "reading": fit.measured.reading(port),
-            "distance": fit.measured.lost[port],
+        "error": {
+            **_fields(error, "frequency", "participation"),
+            "in_band": error.accelerance_in_band,
+            "band": fit.bandwidth[port],
         },
-        "bandwidth": band,
+        "readback": {"reading": fit.measured.reading(port), "distance": fit.measured.lost[port]},
     }
 
 
 def _scene_record(fit: "Fit") -> dict[str, Any] | None:
-    """What the scene was promised, what came of it, and what the model cannot answer."""
+    """What the scene was promised, and what came of it."""
     scene = fit.spec.scene
     if scene is None or scene.bandwidth is None:
         return None
@@ -150,8 +144,6 @@ def _scene_record(fit: "Fit") -> dict[str, Any] | None:
         **_fields(scene, "bandwidth", "tolerance", "axes"),
         "error": fit.promise,
         "modes": None if choice is None else choice.modes,
-        "cannot_answer": () if choice is None else choice.cannot,
-        "reasoning": () if choice is None else choice.reasoning,
         "steps": _each(fit.steps, "integrator", "step", "bound", "cost"),
     }
 
@@ -181,7 +173,7 @@ def embed_record(embedded: "Embedded") -> dict[str, Any]:
                     for port, target in a.fit.target.items()
                 },
                 "large_motion": [limit.as_dict() for limit in a.large_motion.values()],
-                "status": _fields(a.fit.status, "ok", "message"),
+                "ok": a.fit.status.ok,
             }
             for a in embedded.appendages
         ],
@@ -194,10 +186,9 @@ def embed_record(embedded: "Embedded") -> dict[str, Any]:
         **(_fields(embedded, "loads", "growth") if embedded.loaded else {}),
         "sampled_poses": {name: found.error for name, found in embedded.sampled_poses.items()},
         "kept_band": assembly.band,
-        "steps": list(embedded.steps),
         "worst": assembly.worst,
         "accelerance": {"hub": assembly.hub, "band": assembly.common, "error": assembly.in_band},
-        **warnings_record(embedded.warnings),
+        "warnings": warnings_record(embedded.warnings),
     }
 
 
@@ -209,7 +200,7 @@ def retime_record(craft: "RetimedCraft") -> dict[str, Any]:
         "time_error": None if error is None else error.as_dict(),
         **_fields(craft, "sampled_error", "tolerance", "met"),
         "cure": None if craft.cure is None else craft.cure.as_dict(),
-        **warnings_record(craft.warnings),
+        "warnings": warnings_record(craft.warnings),
     }
 
 
@@ -223,7 +214,7 @@ def inspection_record(inspection: "Inspection") -> dict[str, Any]:
         "springs": inspect_tables.spring_table(inspection).records(),
         "tendons": inspect_tables.tendon_table(inspection).records(),
         "made_for": _each(inspection.made_for, "timestep", "integrator"),
-        **warnings_record(inspection.warnings),
+        "warnings": warnings_record(inspection.warnings),
         **_fields(inspection, "integrator", "timestep"),
         "stability": _fields(limits, "omega_max", "largest_step"),
         "accuracy": _accuracy(limits),
@@ -262,7 +253,7 @@ def study_record(study: "Study") -> dict[str, Any]:
         "rigid_hub": study.rigid_hub,
         "to_reach": _to_reach(study, "error"),
         "to_reach_appendage": _to_reach(study, "error_appendage"),
-        **warnings_record(study.warnings),
+        "warnings": warnings_record(study.warnings),
         "seconds": study.seconds,
     }
 

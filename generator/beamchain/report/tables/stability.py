@@ -1,4 +1,4 @@
-"""The tables of `stability`: step limits, damping, large motion."""
+"""The tables of `inspect --steps`: step limits, damping, large motion."""
 
 import math
 from typing import TYPE_CHECKING
@@ -10,6 +10,11 @@ if TYPE_CHECKING:
     from beamchain.craft.slews import SlewBody, SlewRow
     from beamchain.craft.stability import StabilityStudy
     from beamchain.steps.budget import Budget
+
+LIFTED = (
+    "`beamchain retime` lifts what the appendages limit: they are then exact at longer steps, up "
+    "to what the spacecraft's own springs and servos allow."
+)
 
 
 def limit_table(study: "StabilityStudy") -> Table:
@@ -29,8 +34,9 @@ def damping_table(budget: "Budget") -> Table:
         Column("mode", list(budget.frequencies), "rad/s", number),
         Column("the structure's own", list(budget.ratios), format=damping_ratio),
     ]
-    for integrator, shown in budget.shown.items():
-        columns.append(Column(integrator, list(shown[:, 1]), format=damping_ratio))
+    for integrator, shown in budget.shown.items():  # implicit is near implicitfast
+        place = "page" if integrator == "implicit" else "everywhere"
+        columns.append(Column(integrator, list(shown[:, 1]), format=damping_ratio, place=place))
     title = f"{budget.name}: damping ratio shown at a step of {short(budget.timestep)} s"
     return Table(title, tuple(columns))
 
