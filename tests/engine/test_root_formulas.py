@@ -175,7 +175,9 @@ def test_poses_on_the_way_from_one_keyframe_to_the_next(share):
     qpos = f"0 0 5 {np.cos(1.0)} 0 {np.sin(1.0)} 0 .3 .4"
     model = mujoco.MjModel.from_xml_string(CRAFT.replace("0 0 0 1 0 0 0 .3 .4", qpos))
     found = poses_between(model, share)
-    assert list(found) == [f"{share:.0%} from rest to first", f"{share:.0%} from first to last"]
+    assert list(found) == [
+        f"{share:.0%} of the way from {way}" for way in ("rest to first", "first to last")
+    ]
     first, last = found.values()
     lines = np.array([[1.0, 2.0, 2.0, 0.1, 0.2], [-1.0, -2.0, 2.0, 0.2, 0.2]]) * share
     apart = np.array([[0.0, 0.0, 1.0, 0.0, 0.0], [1.0, 2.0, 3.0, 0.1, 0.2]]) + lines

@@ -75,7 +75,7 @@ def forms(folder: Path) -> dict[str, mujoco.MjModel]:
             frame.attach_body(child.body("array_link1"), "x_", "")
         out[f"MjSpec to a {where}"] = parent.compile()
     bodies = appendage[appendage.index("<body") : appendage.index("</worldbody>")]
-    pasted = bodies.replace('pos="0.0 0.0 0.0"', f'pos="{numbers(SITE)}" quat="{numbers(TURN)}"', 1)
+    pasted = bodies.replace('pos="0 0 0"', f'pos="{numbers(SITE)}" quat="{numbers(TURN)}"', 1)
     tendon = appendage[
         appendage.index("<tendon>") : appendage.index("</tendon>") + len("</tendon>")
     ]
