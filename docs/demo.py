@@ -17,7 +17,9 @@ def run(*words: str | Path) -> None:
     """A command of the package, said first; what it prints but the files is left out."""
     line = [str(word) for word in words]
     print(f"$ beamchain {shlex.join(line)}", flush=True)  # noqa: T201
-    subprocess.run([sys.executable, "-m", "beamchain", *line, "--force", "--quiet"], check=True)
+    subprocess.run(
+        [sys.executable, "-m", "beamchain", *line, "--force"], check=True, stdout=subprocess.DEVNULL
+    )
 
 
 def demo(folder: Path) -> list[Path]:

@@ -22,10 +22,12 @@ ELSEWHERE = {"extremes.png", "house.svg"}  # by make extremes, by house.py
 def beamchain(line: str, folder: Path) -> None:
     """A command of the package, in a folder."""
     print(line, flush=True)  # noqa: T201
-    words = [*shlex.split(line), "--quiet"]
+    words = shlex.split(line)
     if words[1] == "render":
         words.append("--no-mp4")  # no page shows one
-    done = subprocess.run([sys.executable, "-m", *words], cwd=folder, check=False)
+    done = subprocess.run(
+        [sys.executable, "-m", *words], cwd=folder, check=False, stdout=subprocess.DEVNULL
+    )
     if done.returncode not in (0, 3):  # 3: less came out than was asked for
         raise SystemExit(f"{line} ended with status {done.returncode}")
 

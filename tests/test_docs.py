@@ -70,7 +70,7 @@ def starting_files():
     """What README's commands may take for granted beside them: the shipped specs,
     and a spacecraft to embed into."""
     for kind in ("boom", "array", "mast"):
-        run_command(f"beamchain init {kind} --quiet --force")
+        run_command(f"beamchain init {kind} --force")
     examples = Path(bc.__file__).parent / "examples"
     Path("generator/beamchain").mkdir(parents=True)
     Path("generator/beamchain/examples").symlink_to(examples)

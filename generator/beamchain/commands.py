@@ -1,5 +1,5 @@
 """What a command of your own needs to read and to say what those of beamchain do: options, poses
-and signals as the user types them, tables, warnings, `--json` and `--quiet`.
+and signals as the user types them, tables, warnings and `--json`.
 
 A package adds its commands by the entry points `beamchain.commands`.
 """

@@ -1,6 +1,5 @@
 from .cli.common import Force as Force
 from .cli.common import Json as Json
-from .cli.common import Quiet as Quiet
 from .cli.common import console as console
 from .cli.output import print_table as print_table
 from .cli.output import print_warnings as print_warnings

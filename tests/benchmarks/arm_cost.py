@@ -77,7 +77,7 @@ def embed_times():
             for _ in range(3):
                 before = resource.getrusage(resource.RUSAGE_CHILDREN)
                 start = time.perf_counter()
-                done = [*command, *options, "-o", str(out), "--force", "--quiet"]
+                done = [*command, *options, "-o", str(out), "--force"]
                 subprocess.run(done, check=True, capture_output=True)
                 clock = time.perf_counter() - start
                 after = resource.getrusage(resource.RUSAGE_CHILDREN)

@@ -39,7 +39,6 @@ def whole_process() -> list[float]:
                 str(EXAMPLE),
                 "-o",
                 f"{folder}/{i}",
-                "--quiet",
             ]
             subprocess.run(command, check=True)
             times.append(time.perf_counter() - start)

@@ -109,7 +109,7 @@ def started(command: str, folder: Path) -> subprocess.Popen:
         a.replace("SPEC", str(recipe)).replace("OUT", str(out)) for a in COMMANDS[command][0]
     ]
     return subprocess.Popen(
-        [sys.executable, "-m", "beamchain", *arguments, "--quiet"],
+        [sys.executable, "-m", "beamchain", *arguments],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         cwd=folder,

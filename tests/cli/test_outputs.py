@@ -96,11 +96,11 @@ def test_a_craft_is_updated_in_place(place, capsys, monkeypatch):
     """What the documentation shows: with --force the new version of a spacecraft takes
     its place, and back."""
     original = (place / "craft.xml").read_bytes()
-    assert run([*EMBED, "-o", "craft.xml", "-q"], capsys, monkeypatch)[0] == 0
+    assert run([*EMBED, "-o", "craft.xml"], capsys, monkeypatch)[0] == 0
     assert b"rod_" in (place / "craft.xml").read_bytes()
     assert (
         run(
-            ["embed", "craft.xml", "--remove", "-o", "craft.xml", "--force", "-q"],
+            ["embed", "craft.xml", "--remove", "-o", "craft.xml", "--force"],
             capsys,
             monkeypatch,
         )[0]
@@ -162,11 +162,11 @@ def test_inputs_that_are_no_text(arguments, place, capsys, monkeypatch):
 def test_permissions(mask, place, capsys, monkeypatch):
     before = os.umask(mask)
     try:
-        assert run(["init", "mast", "-q"], capsys, monkeypatch)[0] == 0
+        assert run(["init", "mast"], capsys, monkeypatch)[0] == 0
         assert stat.S_IMODE((place / "mast.toml").stat().st_mode) == 0o666 & ~mask
         for mode in (0o600, 0o640, 0o664):
             (place / "mast.toml").chmod(mode)
-            assert run(["init", "mast", "-q", "--force"], capsys, monkeypatch)[0] == 0
+            assert run(["init", "mast", "--force"], capsys, monkeypatch)[0] == 0
             assert stat.S_IMODE((place / "mast.toml").stat().st_mode) == mode
     finally:
         os.umask(before)
@@ -176,8 +176,8 @@ def test_permissions(mask, place, capsys, monkeypatch):
 def test_nothing_is_left_of_a_full_disk(place, capsys, monkeypatch):
     """Whichever file the disk has no more room for: none is there, old ones are as they were,
     nor a temporary one."""
-    assert run([*EMBED, "-o", "flexible.xml", "-q"], capsys, monkeypatch)[0] == 0
-    call = ["plant", "flexible.xml", "-o", "new/p.npz", "-q"]
+    assert run([*EMBED, "-o", "flexible.xml"], capsys, monkeypatch)[0] == 0
+    call = ["plant", "flexible.xml", "-o", "new/p.npz"]
     flush = os.fsync
     for room in range(3):
         left = [room]

@@ -48,7 +48,7 @@ def wait_until(done, what: str) -> None:
 @pytest.fixture
 def sweep(tmp_path):
     """A long sweep whose two workers compute, in a session of its own."""
-    words = ["sweep", str(ARRAY), "-o", "out", "--samples", "100000", "--workers", "2", "--quiet"]
+    words = ["sweep", str(ARRAY), "-o", "out", "--samples", "100000", "--workers", "2"]
     child = subprocess.Popen(
         [sys.executable, "-m", "beamchain", *words],
         stdout=subprocess.DEVNULL,

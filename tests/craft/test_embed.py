@@ -76,7 +76,7 @@ def bare(path: Path, folder: Path) -> Path:
     """What `--remove` makes of a file, written into the folder of the spacecraft
     that it came from."""
     out = folder / "bare.xml"
-    answer = call("embed", path, "--remove", "-o", out, "--quiet", "--force")
+    answer = call("embed", path, "--remove", "-o", out, "--force")
     assert (answer.status, answer.err) == (0, "")
     return out
 
@@ -515,9 +515,7 @@ class TestCommand:
         assert set(record["appendages"][0]["hub"]) >= {"mass", "inertia", "com"}
         assert record["appendages"][0]["prefix"] == "rod_"
         back = tmp_path / "back.xml"
-        code, _, error = run(
-            ["embed", str(out), "--remove", "-o", str(back), "--quiet"], capsys, monkeypatch
-        )
+        code, _, error = run(["embed", str(out), "--remove", "-o", str(back)], capsys, monkeypatch)
         assert (code, error) == (0, "")
         assert back.read_bytes() == (CRAFTS / "planar.xml").read_bytes()
 

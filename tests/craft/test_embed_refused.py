@@ -292,7 +292,7 @@ class TestHostile:
         )
         path = tmp_path / "pulled.xml"
         pulled.write(path)
-        code, _, error = run(["inspect", str(path), "--steps", "-q"], capsys, monkeypatch)
+        code, _, error = run(["inspect", str(path), "--steps"], capsys, monkeypatch)
         assert code == 2
         assert "'drive' is preloaded: it pulls with 523.6 N m" in error
 

@@ -145,7 +145,7 @@ def test_render_without_ffmpeg_says_so(boom, tmp_path, monkeypatch, without_ffmp
     monkeypatch.setattr(
         draw, "draw_frames", lambda model, body, shown, ghosts, **_: iter([blank] * len(shown))
     )
-    arguments = ["render", str(boom / "scene.xml"), "-o", str(tmp_path / "o"), "--quiet"]
+    arguments = ["render", str(boom / "scene.xml"), "-o", str(tmp_path / "o")]
     arguments += ["--width", "64", "--height", "64"]
     done = CliRunner().invoke(app, arguments)
     assert done.exit_code == 3

@@ -139,7 +139,7 @@ def run(name: str, module: str, extra: str, wanted: list[str], words: list[str])
     asked = " ".join([extra, *wanted])
     if not ready.exists() or ready.read_text() != asked:
         venv.create(folder, with_pip=True, clear=True)
-        pip = [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
+        pip = [str(python), "-m", "pip", "install", "--disable-pip-version-check"]
         done = subprocess.run(
             [*pip, "--editable", f".{extra}", "pytest>=8", "mpmath", *wanted],
             check=False,

@@ -84,7 +84,7 @@ def command(tmp_path, capsys, monkeypatch):
     (tmp_path / "rod.toml").write_text(ROD)
 
     def beamchain(*words):
-        code, _, error = run([*words, "--quiet"], capsys, monkeypatch)
+        code, _, error = run([*words], capsys, monkeypatch)
         assert (code, error) == (0, "")
 
     return beamchain

@@ -50,9 +50,9 @@ def pages(tmp_path_factory):
     for name, fit in made.items():
         fit.write(folder / name)
     file = embedded.write(folder / "craft" / "out.xml")[-1]
-    answer = call("plant", file, "-o", folder / "craft" / "plant.npz", "--quiet")
+    answer = call("plant", file, "-o", folder / "craft" / "plant.npz")
     assert answer.status == 0, answer.err
-    answer = call("inspect", example("seed_boom"), "--steps", "-o", folder / "stability", "-q")
+    answer = call("inspect", example("seed_boom"), "--steps", "-o", folder / "stability")
     assert answer.status == 0, answer.err
     return {
         **{name: (folder / name / "report.html").read_text() for name in made},

@@ -128,7 +128,7 @@ def test_commands_of_the_embed_page_make_the_same_file(pages, observer, tmp_path
 
 
 def test_no_report_where_none_is_wanted(tmp_path):
-    words = ["embed", str(CRAFTS / "planar.xml"), "--mount", f"mount={spec('rod')}", "-q"]
+    words = ["embed", str(CRAFTS / "planar.xml"), "--mount", f"mount={spec('rod')}"]
     assert call(*words, "-o", tmp_path / "out.xml", "--no-report").status == 0
     assert [path.name for path in tmp_path.iterdir()] == ["out.xml"]
 
@@ -203,7 +203,7 @@ def test_dollars_in_a_name_are_no_formula(tmp_path):
     <actuator><motor name="push$1$" joint="drive"/></actuator></mujoco>"""
     (tmp_path / "craft.xml").write_text(text)
     words = ["plant", tmp_path / "craft.xml", "--from", "push$1$", "--to", "attitude"]
-    answer = call(*words, "-o", tmp_path / "plant.npz", "--quiet")
+    answer = call(*words, "-o", tmp_path / "plant.npz")
     assert answer.status == 0, answer.err
     assert "attitude_x per push$1$" in (tmp_path / "plant_report.html").read_text()
 

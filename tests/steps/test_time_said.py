@@ -76,7 +76,7 @@ def test_retime_prints_both_errors_and_exits_with_3(tmp_path, capsys, monkeypatc
     )
     at = ["--mount", f"a={tmp_path}/boom.toml", "--mount", f"b={tmp_path}/boom.toml"]
     run(
-        ["embed", f"{tmp_path}/bus.xml", *at, "-o", f"{tmp_path}/out.xml", "-q", "--no-report"],
+        ["embed", f"{tmp_path}/bus.xml", *at, "-o", f"{tmp_path}/out.xml", "--no-report"],
         capsys,
         monkeypatch,
     )

@@ -151,7 +151,7 @@ def random_call(rng: random.Random) -> tuple[list[str], tuple[str, ...], bool]:
         place for place in PLACES if words[0] not in ("fit", "sweep") or place not in ("/", "//")
     ]
     call = [rng.choice(places) if word == "{}" else word for word in words]
-    return [*call, *(["--force"] if force else []), "-q"], kept, force
+    return [*call, *(["--force"] if force else [])], kept, force
 
 
 def state(folder: Path) -> dict[str, bytes | str]:

@@ -14,10 +14,9 @@ from msgspec import structs
 from scipy.linalg import eigh
 
 import beamchain as bc
-from command import call, run
+from command import call
 from examples import example
 from mechanics import mass_matrix, stiffness_matrix
-from random_appendages import toml
 from specs import spec_of
 
 ARRAY = example("array_uncertain")
@@ -234,27 +233,6 @@ SOFT = {
     "fit": {"springs": "modes"},
     "uncertain": {"frequency": {"relative": 6e-4, "distribution": "uniform"}},
 }
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("option", [[], ["--quiet"]])
-def test_a_long_sweep_says_how_long_it_takes(option, tmp_path, capsys, monkeypatch):
-    """As if any time were long: one line on stderr, and none where it was asked to be quiet."""
-    monkeypatch.setattr("beamchain.cli.output.SETTLED", 0.0)
-    monkeypatch.setattr("beamchain.cli.output.LONG", 0.0)
-    (tmp_path / "soft.toml").write_text(
-        toml({**SOFT, "uncertain": {"stiffness": {"relative": 0.01}}})
-    )
-    words = ["sweep", "soft.toml", "--samples", "30", "--workers", "1", "-o", "out"]
-    monkeypatch.chdir(tmp_path)
-    status, _, err = run([*words, *option], capsys, monkeypatch)
-    assert status == 0, err
-    lines = [line for line in err.splitlines() if "left" in line]
-    if option:
-        assert not lines
-    else:
-        [line] = lines
-        assert re.fullmatch(r"making variants: 33% done after \d+ s, about \d+ s left", line)
 
 
 @pytest.mark.slow

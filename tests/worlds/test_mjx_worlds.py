@@ -156,7 +156,7 @@ def test_the_blocks_on_the_page_run(tmp_path, monkeypatch):
     spacecraft. A program of one's own moves as the worlds do; less is left ringing at the end of
     co-design."""
     monkeypatch.chdir(tmp_path)
-    subprocess.run([sys.executable, "-m", "beamchain", "init", "array", "--quiet"], check=True)
+    subprocess.run([sys.executable, "-m", "beamchain", "init", "array"], check=True)
     text = PAGE.read_text(encoding="utf-8")
     names = {}
     first = re.search(r"^```python\n(.*?)^```", text, re.S | re.M)

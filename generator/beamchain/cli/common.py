@@ -34,7 +34,6 @@ RetimeJoints = Annotated[
 Full = Annotated[
     bool, typer.Option("--full", help="Print every table as well, and how the modes were chosen.")
 ]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
 
 
 def version(value: bool) -> None:

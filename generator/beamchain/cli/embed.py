@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from beamchain.cli.common import Force, Full, Json, Quiet, RetimeJoints, console
+from beamchain.cli.common import Force, Full, Json, RetimeJoints, console
 from beamchain.cli.output import print_first, print_json, print_table, spinner, tell
 from beamchain.errors import InputError
 from beamchain.warning_codes import warnings_record
@@ -95,7 +95,6 @@ def embed(
     full: Full = False,
     as_json: Json = False,
     force: Force = False,
-    quiet: Quiet = False,
 ) -> None:
     """Attach appendages to an existing spacecraft and verify the assembled model.
 
@@ -108,12 +107,11 @@ def embed(
     from beamchain.craft.embedding import embed as attach
     from beamchain.files import beside, check_outputs
 
-    silent = quiet or as_json
     names = [_split(word, remove)[0] for word in mount or []]
     page = beside(output, "_report.html") if report and not rigid else None
     at_pose: Sequence[Mode] = ()
     if remove:
-        result = _take_out(craft, names, output, force=force, as_json=as_json, quiet=quiet)
+        result = _take_out(craft, names, output, force=force, as_json=as_json)
         if result is None:
             return
         pose = None  # the spacecraft is shown as it is left
@@ -122,7 +120,7 @@ def embed(
         outputs = [output, *([] if page is None else [page])]
         inputs = [craft, *map(Path, appendages.values())]
         check_outputs(outputs, force=force, inputs=inputs, update=(craft, output))
-        with spinner("fitting the appendages and proving the whole", silent):
+        with spinner("fitting the appendages and proving the whole"):
             result = attach(
                 craft,
                 appendages,
@@ -143,14 +141,13 @@ def embed(
         lambda: _show(result, pose, at_pose, full=full),
         files,
         as_json,
-        quiet,
     )
     if not rigid and not _is_good(result):
         raise typer.Exit(3)
 
 
 def _take_out(
-    craft: Path, names: list[str], output: Path, *, force: bool, as_json: bool, quiet: bool
+    craft: Path, names: list[str], output: Path, *, force: bool, as_json: bool
 ) -> "Embedded | None":
     """The spacecraft with the appendages that stay.
 
@@ -168,7 +165,7 @@ def _take_out(
     write_files({output: original}, force=force, update=(craft, output))
     if as_json:
         print_json({"appendages": [], "modes": [], "warnings": warnings_record(())})
-    elif not quiet:
+    else:
         console().print(f"wrote {output}, without appendages")
     return None
 

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from beamchain.cli.common import Folder, Force, Full, Json, Quiet, SpecPath, console
+from beamchain.cli.common import Folder, Force, Full, Json, SpecPath, console
 from beamchain.cli.output import print_first, print_headed, print_table, spinner, tell
 
 if TYPE_CHECKING:
@@ -17,7 +17,6 @@ def fit(
     output: Folder,
     as_json: Json = False,
     force: Force = False,
-    quiet: Quiet = False,
     full: Full = False,
 ) -> None:
     """Fit a hinge chain to an appendage, verify it in MuJoCo,
@@ -31,15 +30,15 @@ def fit(
     from beamchain.fitting.fit import fit as fit_chain
     from beamchain.fitting.spec import read_spec
 
-    with spinner("reading the spec", quiet or as_json) as say:
+    with spinner("reading the spec") as say:
         read = read_spec(spec)
         check_free(output / "fit.json", force=force)
         say("fitting the chain and reading it back from MuJoCo")
         result = fit_chain(read)
         say("drawing and writing")
         files = result.write(output, force=force)
-    tell(result.as_dict, lambda: _show(result, full=full), files, as_json, quiet)
-    if not as_json and not quiet:
+    tell(result.as_dict, lambda: _show(result, full=full), files, as_json)
+    if not as_json:
         console().print(
             f"next: beamchain embed CRAFT.xml --mount SITE={spec} -o flexible.xml", markup=False
         )

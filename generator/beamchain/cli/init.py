@@ -8,7 +8,7 @@ from typing import Annotated, Any, get_type_hints
 import typer
 
 from beamchain.cli import shipped
-from beamchain.cli.common import Force, Json, Quiet, console
+from beamchain.cli.common import Force, Json, console
 from beamchain.cli.output import print_json, print_table, tell
 from beamchain.errors import InputError
 
@@ -49,7 +49,6 @@ def init(
     ] = False,
     as_json: Json = False,
     force: Force = False,
-    quiet: Quiet = False,
 ) -> None:
     """Write a commented SPEC.toml to start from, a shipped example,
     or a small spacecraft (MJCF) to attach it to.
@@ -76,7 +75,7 @@ def init(
                 "and the other out."
             )
         if listed:
-            _list(as_json=as_json, quiet=quiet)
+            _list(as_json=as_json)
         else:
             print_json(spec_schema())
         return
@@ -93,7 +92,7 @@ def init(
     write_files(files, force=force)
     if as_json:
         print_json({"kind": kind, "file": str(place)})
-    elif not quiet:
+    else:
         out = console()
         for written in files:
             out.print(f"wrote {written}", soft_wrap=True)
@@ -142,7 +141,7 @@ def add_comments(template: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _list(*, as_json: bool, quiet: bool) -> None:
+def _list(*, as_json: bool) -> None:
     from beamchain.report.table import Column, Table
 
     examples = shipped.everything()
@@ -152,4 +151,4 @@ def _list(*, as_json: bool, quiet: bool) -> None:
     )
     table = Table("What `beamchain init` writes", columns)
     record = {"examples": table.records()}
-    tell(lambda: record, lambda: print_table(table), (), as_json, quiet)
+    tell(lambda: record, lambda: print_table(table), (), as_json)

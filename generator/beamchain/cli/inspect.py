@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamchain.cli.common import Force, Json, Quiet, console
+from beamchain.cli.common import Force, Json, console
 from beamchain.cli.embed import Loaded
 from beamchain.cli.output import print_headed, print_table, print_warnings, spinner, tell
 from beamchain.errors import InputError
@@ -59,7 +59,6 @@ def inspect(
     output: Output = None,
     as_json: Json = False,
     force: Force = False,
-    quiet: Quiet = False,
 ) -> None:
     """Print modes, masses and step limits of any MuJoCo model with hinge chains.
 
@@ -78,15 +77,15 @@ def inspect(
     if steps:
         if prove:
             raise InputError("inspect: --prove and --steps are both given; leave one out.")
-        _steps(model, output, as_json=as_json, force=force, quiet=quiet)
+        _steps(model, output, as_json=as_json, force=force)
         return
     found = inspect_model(model)
     if not prove:
-        tell(found.as_dict, lambda: _show(found), (), as_json, quiet)
+        tell(found.as_dict, lambda: _show(found), (), as_json)
         return
     from beamchain.craft.proof import prove as prove_file
 
-    with spinner("proving the file", quiet or as_json):
+    with spinner("proving the file"):
         proof = prove_file(model, loaded=loaded)
         record = {**found.as_dict(), "proof": proof.as_dict()}
 
@@ -94,12 +93,12 @@ def inspect(
         _show(found)
         _show_proof(proof, said=found.warnings)
 
-    tell(lambda: record, show, (), as_json, quiet)
+    tell(lambda: record, show, (), as_json)
     if proof.met is False:
         raise typer.Exit(3)
 
 
-def _steps(source: Path, output: Path | None, *, as_json: bool, force: bool, quiet: bool) -> None:
+def _steps(source: Path, output: Path | None, *, as_json: bool, force: bool) -> None:
     from beamchain.craft.stability import stability
     from beamchain.files import check_free, to_json, write_files
     from beamchain.report.pages.stability import stability_report
@@ -107,14 +106,14 @@ def _steps(source: Path, output: Path | None, *, as_json: bool, force: bool, qui
     if output is not None:
         check_free(output / "stability.json", force=force)
     files: dict[Path, str | bytes] = {}
-    with spinner("reading", quiet or as_json) as say:
+    with spinner("reading") as say:
         result = stability(source, say)
         record = result.as_dict()
         if output is not None:
             files[output / "report.html"] = stability_report(result, source)
             files[output / "stability.json"] = to_json(record)
             write_files(files, force=force)
-    tell(lambda: record, lambda: _show_steps(result), files, as_json, quiet)
+    tell(lambda: record, lambda: _show_steps(result), files, as_json)
 
 
 def _show_steps(result: "StabilityStudy") -> None:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from beamchain.cli.common import Force, Full, Json, Quiet, console
+from beamchain.cli.common import Force, Full, Json, console
 from beamchain.cli.output import print_first, print_table, spinner, tell
 from beamchain.cli.plant_options import Inputs, Model, Outputs, Poses
 from beamchain.errors import InputError
@@ -61,7 +61,6 @@ def plant(
     full: Full = False,
     as_json: Json = False,
     force: Force = False,
-    quiet: Quiet = False,
 ) -> None:
     """Linearise a spacecraft for control design: a state space with names and units,
     and the margins of a controller.
@@ -95,7 +94,7 @@ def plant(
                 "--discrete out, or use bc.margins in Python with a controller sampled by "
                 "control.c2d."
             )
-    with spinner("linearising", quiet or as_json) as say:
+    with spinner("linearising") as say:
         compiled = compiled_model(model)
         pose = poses_given(compiled, poses or [])
         result = linearise(compiled, driven, seen, pose, discrete=discrete, loaded=loaded)
@@ -115,7 +114,6 @@ def plant(
         lambda: _show(result, margins_by_plant, warnings, full=full),
         files,
         as_json,
-        quiet,
     )
     if not all(margins.stable for margins in margins_by_plant):
         raise typer.Exit(3)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
-from beamchain.cli.common import Folder, Force, Json, Quiet, console, explain
+from beamchain.cli.common import Folder, Force, Json, console, explain
 from beamchain.cli.output import print_warnings, tell
 from beamchain.errors import InputError
 from beamchain.warning_codes import warnings_record
@@ -86,7 +86,6 @@ def render(
     ] = True,
     as_json: Json = False,
     force: Force = False,
-    quiet: Quiet = False,
 ) -> None:
     """Draw the turning spacecraft and its vibrating appendage, or its modes: PNG, GIF,
     and MP4 if ffmpeg is installed.
@@ -170,7 +169,7 @@ def render(
             console().print(sentence)
         print_warnings(warnings)
 
-    tell(lambda: {**record, "warnings": warnings_record(warnings)}, show, out, as_json, quiet)
+    tell(lambda: {**record, "warnings": warnings_record(warnings)}, show, out, as_json)
     if want_mp4 and len(out) < 3 * len(films):
         explain(
             f"no {next(iter(films))}.mp4 was made, as there is no ffmpeg; install ffmpeg, or pip "

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from beamchain.cli.common import Force, Json, Quiet, RetimeJoints, console
+from beamchain.cli.common import Force, Json, RetimeJoints, console
 from beamchain.cli.output import print_table, print_warnings, tell
 from beamchain.errors import InputError
 
@@ -31,7 +31,6 @@ def retime(
     retime_joints: RetimeJoints = False,
     as_json: Json = False,
     force: Force = False,
-    quiet: Quiet = False,
 ) -> None:
     """Make the appendages of a model exact in time for a step and integrator,
     and set both in its `<option>`.
@@ -63,6 +62,6 @@ def retime(
         print_warnings(done.warnings)
 
     record = {"timestep": timestep, "integrator": integrator, **retime_record(done)}
-    tell(lambda: record, show, [output], as_json, quiet)
+    tell(lambda: record, show, [output], as_json)
     if done.met is False:
         raise typer.Exit(3)

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamchain.cli.common import Folder, Force, Json, Quiet, SpecPath, console
+from beamchain.cli.common import Folder, Force, Json, SpecPath, console
 from beamchain.cli.output import job_bar, print_headed, print_table, print_warnings, tell
 
 if TYPE_CHECKING:
@@ -42,7 +42,6 @@ def study(
     model: Only = None,
     as_json: Json = False,
     force: Force = False,
-    quiet: Quiet = False,
 ) -> None:
     """Measure error against run time for many models of an appendage on its hub,
     including chains of equal links.
@@ -65,7 +64,7 @@ def study(
             positive(f"--{name}", value, unit)
     check_free(output / "study.json", force=force)
     text = None if profile is None else read_text(profile)
-    with job_bar("measuring", quiet or as_json) as progress:
+    with job_bar("measuring") as progress:
         result = measure(
             read,
             models=model or (),
@@ -75,7 +74,7 @@ def study(
             progress=progress,
         )
     files = result.write(output, force=force)
-    tell(result.as_dict, lambda: show(result), files, as_json, quiet)
+    tell(result.as_dict, lambda: show(result), files, as_json)
 
 
 def read_text(path: Path) -> str:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamchain.cli.common import Folder, Force, Json, Quiet, console
+from beamchain.cli.common import Folder, Force, Json, console
 from beamchain.cli.embed import places
 from beamchain.cli.output import job_bar, print_headed, print_table, print_warnings, tell
 
@@ -66,7 +66,6 @@ def sweep(
     workers: Workers = 2,
     as_json: Json = False,
     force: Force = False,
-    quiet: Quiet = False,
 ) -> None:
     """Draw random variants of an appendage or of a whole spacecraft,
     and write them as arrays for one compiled model.
@@ -82,7 +81,7 @@ def sweep(
 
     wanted = places(mount) if mount else None
     check_free(output / "sweep.json", force=force)
-    with job_bar("making variants", quiet or as_json) as progress:
+    with job_bar("making variants") as progress:
         result = draw(
             source,
             samples,
@@ -94,7 +93,7 @@ def sweep(
             progress=progress,
         )
     files = result.write(output, force=force)
-    tell(result.as_dict, lambda: _show(result), files, as_json, quiet)
+    tell(result.as_dict, lambda: _show(result), files, as_json)
 
 
 def _show(result: "Sweep") -> None:

@@ -8,7 +8,6 @@ import typer
 from beamchain.commands import (
     Force,
     Json,
-    Quiet,
     console,
     print_table,
     print_warnings,
@@ -54,7 +53,6 @@ def identify(
     ] = None,
     as_json: Json = False,
     force: Force = False,
-    quiet: Quiet = False,
 ) -> None:
     """Identify an appendage's modes from logs of the spacecraft's motion, with their covariance.
 
@@ -74,7 +72,7 @@ def identify(
     outputs = [output, beside(output, "_report.html"), beside(output, ".json")]
     inputs = [*logs, craft, *([] if prior is None else [prior])]
     check_outputs(outputs, force=force, inputs=inputs)
-    with spinner("identifying", quiet or as_json):
+    with spinner("identifying"):
         found = find(
             list(logs),
             craft,
@@ -84,7 +82,7 @@ def identify(
             map=renamed,
         )
         files = found.write(output, force=force)
-    tell(found.as_dict, lambda: _show(found), files, as_json, quiet)
+    tell(found.as_dict, lambda: _show(found), files, as_json)
     if found.refused:
         raise typer.Exit(3)
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamchain.commands import Force, Json, Model, Quiet, print_table, print_warnings, spinner, tell
+from beamchain.commands import Force, Json, Model, print_table, print_warnings, spinner, tell
 
 if TYPE_CHECKING:
     from beamchain.pointing.pointing import Pointing
@@ -46,7 +46,6 @@ def pointing(
     window: Window = 1.0,
     as_json: Json = False,
     force: Force = False,
-    quiet: Quiet = False,
 ) -> None:
     """Compute the pointing errors that disturbances make, source by source.
 
@@ -63,13 +62,13 @@ def pointing(
 
     check_outputs([output], force=force, inputs=[model, disturbances])
     sources = read_disturbances(disturbances)
-    with spinner("pointing", quiet or as_json):
+    with spinner("pointing"):
         compiled = compiled_model(model)
         place = poses_given(compiled, pose or [])
         found = budget(compiled, sources, outputs or None, place, window=window)
         page = pointing_page(found, model.name)
         write_files({output: page}, force=force, inputs=[model, disturbances])
-    tell(found.as_dict, lambda: _show(found), [output], as_json, quiet)
+    tell(found.as_dict, lambda: _show(found), [output], as_json)
 
 
 def _show(found: "Pointing") -> None:

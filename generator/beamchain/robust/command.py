@@ -12,7 +12,6 @@ from beamchain.commands import (
     Model,
     Outputs,
     Poses,
-    Quiet,
     console,
     print_table,
     print_warnings,
@@ -60,7 +59,6 @@ def worst_case(
     bound: Bound = False,
     as_json: Json = False,
     force: Force = False,
-    quiet: Quiet = False,
 ) -> None:
     """Search the worst that a controller meets in a spacecraft with uncertain properties, and run
     it in MuJoCo.
@@ -81,7 +79,7 @@ def worst_case(
     check_outputs([output], force=force, inputs=[model, controller, uncertain])
     loops = read_controller(controller)
     driven, seen = signals_with(loops, inputs or None, outputs or None)
-    with spinner("linearising", quiet or as_json) as say:
+    with spinner("linearising") as say:
         compiled = compiled_model(model)
         pose = poses_given(compiled, poses or [])
         plant = linearise(compiled, driven, seen, pose)
@@ -109,7 +107,6 @@ def worst_case(
         lambda: _show(cases, warnings),
         [output],
         as_json,
-        quiet,
     )
     if not all(case.stable for case in cases):
         raise typer.Exit(3)
