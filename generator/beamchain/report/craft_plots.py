@@ -45,7 +45,7 @@ def assembly_figure(assembly: "Assembly") -> Figure:
     the error of all motions together, its largest in the band marked."""
     figure = Figure(figsize=(WIDTH, 5.6))
     above, below = figure.subplots(2, 1, height_ratios=(1.5, 1.0))
-    kept = assembly.omega <= assembly.common
+    kept = assembly.omega <= max(assembly.common, assembly.omega[0])
     off = np.abs(assembly.achieved - assembly.exact)[..., kept].max(axis=-1)
     size = np.abs(assembly.exact)[..., kept].max(axis=-1)
     _panel(above, assembly, int(np.argmax(np.diagonal(off) / np.diagonal(size))))
