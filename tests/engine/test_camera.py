@@ -94,7 +94,7 @@ def test_thin_solids_are_made_thick_enough_to_be_seen():
         <geom type="capsule" size=".6 .001"/><geom type="sphere" size=".001"/>
         <geom type="ellipsoid" size=".001 .002 .8"/></body></worldbody></mujoco>"""
     )
-    draw._thicken(model, 0.02)
+    draw.thicken(model, 0.02)
     wanted = [[0.5, 0.02, 0.02], [0.02, 0.7, 0.0], [0.6, 0.02, 0.0], [0.02, 0.0, 0.0]]
     assert model.geom_size[:4] == pytest.approx(np.array(wanted))
     assert model.geom_size[4] == pytest.approx([0.001, 0.002, 0.8])

@@ -1,6 +1,8 @@
-"""The drawings that move on the pages of `fit` and `embed`: they show the modes and the turn that
-MuJoCo makes of the files, and stand still in print."""
+"""The films on the pages of `fit` and `embed`: they show the modes and the turn that MuJoCo makes
+of the files, drawn as MuJoCo sees them."""
 
+import base64
+import io
 import re
 from functools import cache
 from importlib.resources import files
@@ -8,366 +10,276 @@ from importlib.resources import files
 import mujoco
 import numpy as np
 import pytest
-from lxml import etree, html
+from lxml import html
+from PIL import Image
 from scipy.linalg import eigh
 
 import beamchain as bc
-from hub_and_beam import HubAndBeam
+from beamchain.report import replay
 from mechanics import by_differences, quiet
-from modes_of_beam import modes_text
 from spacecraft import CRAFTS, spec
-
-pytestmark = pytest.mark.slow  # each makes a page and its drawings
 
 SHIPPED = files("beamchain") / "examples"
 SHOWN = 1e-4  # relative: frequencies are shown with five digits
-DIGITS = 0.006  # relative: the sizes below a drawing have three digits
-# of the largest displacement: the triad's axes have three digits; a chain's tip is the beam's
-# to 1.4 % in the first mode (its root is exact, not its tip)
-DRAWN = 0.03
-KEPT = 0.01  # relative: a tip in five modes of a beam, and in all
-RINGING = 4.0  # degrees about the angle of the turn
-LARGEST = 1_000_000  # bytes of a page
-SVG = "{http://www.w3.org/2000/svg}"
-SIZE = re.compile(r"drawn: up to ([\d.e+-]+) m, (.+) turns ([\d.e+-]+)°; time × ([\d.e+-]+)")
+LARGEST = 250_000  # bytes of a page
 
-# one rod in a plane: EI = 2000 N m^2, 4 kg/m, 8 m, on a hub of 300 kg and 90 kg m^2
-ROD = bc.Beam(
-    segments=(
-        bc.Segment(length=8.0, section=bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)),
-    )
-)
-ROD_TRUTH = HubAndBeam(8.0, 2e3, 4.0, 300.0, 90.0, 0.5)
 HUB = bc.Hub(mass=300.0, inertia=(90.0, 90.0, 90.0), offset=(0.5, 0.0, 0.0))
+ROD = (bc.Segment(length=8.0, section=bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)),)
 
 
-@pytest.fixture(scope="module")
+@cache
 def satellite():
     array = SHIPPED / "array.toml"
     return bc.embed(SHIPPED / "satellite.xml", {"left": array, "right": array})
 
 
 @cache
-def named():
-    """Names with characters of HTML, a base without solids, a keyframe."""
-    text = """<mujoco><option gravity="0 0 0"/><worldbody><body name="&lt;b&gt;&amp;&quot;hub">
-    <freejoint/><inertial pos="0 0 0" mass="300" diaginertia="90 90 90"/>
-    <site name="&lt;i&gt;" pos=".5 0 0"/><body><joint name="drive" axis="0 0 1"/>
-    <geom size=".1" mass="2" pos="0 1 0"/></body></body></worldbody>
-    <keyframe><key name="&lt;u&gt;" qpos="0 0 0 1 0 0 0 1.5"/></keyframe></mujoco>"""
-    return bc.embed(text, {"<i>": spec("rod")})
+def replays():
+    return replay.craft_replays(satellite())
 
 
 @cache
-def arm():
-    at = {"shoulder": SHIPPED / "upper.toml", "forearm": SHIPPED / "fore.toml"}
-    return bc.embed(SHIPPED / "arm.xml", at, retime=False)
+def rod(visuals):
+    spec = bc.Spec(
+        name="rod", segment=ROD, root=bc.spec.Root(hub=HUB), scene=bc.Scene(visuals=visuals)
+    )
+    return bc.fit(spec)
 
 
-@pytest.fixture(scope="module")
-def pages(satellite):
-    """The page of a craft by its name, made once."""
-    made = {"satellite": lambda: satellite, "named": named, "arm": arm}
-    return cache(lambda name: made[name]().report())
+def frames(address):
+    """The pictures of an address as arrays `(k, height, width, 3)`."""
+    kind, _, data = address.partition(",")
+    assert kind == "data:image/webp;base64"
+    film = Image.open(io.BytesIO(base64.b64decode(data)))
+    shown = []
+    for k in range(film.n_frames):
+        film.seek(k)
+        shown.append(np.asarray(film.convert("RGB")).astype(int))
+    return np.array(shown)
 
 
-@cache
-def rod_page(visuals):
-    """The page of a fit of five modes, whose appendage the scene shows or not."""
-    scene = bc.Scene(visuals=visuals)
-    fit = bc.fit(ROD, name="rod", modes={"xy": 5}, root=bc.spec.Root(hub=HUB), scene=scene)
-    return bc.report.fit_report(fit)[0]
+def modes_of(model):
+    """Frequencies [rad/s] of a model at rest, by forces and MuJoCo's mass matrix."""
+    mass, _, stiffness = by_differences(quiet(model), model.qpos0)
+    squares = eigh((stiffness + stiffness.T) / 2.0, mass, eigvals_only=True)
+    return np.sqrt(squares[squares > 1e-9 * squares.max()])
 
 
-def drawings(page):
-    """Captions, and the drawings as XML, which is stricter than HTML."""
-    found = html.fromstring(page).xpath("//figure[.//svg[@class='replay']]")
-    captions = [figure.find("figcaption").text_content().strip() for figure in found]
-    texts = re.findall(r'<svg class="replay".*?</svg>', page, re.S)
-    assert len(texts) == len(captions)
-    return captions, [
-        etree.fromstring(text.replace("<svg", f'<svg xmlns="{SVG[1:-1]}"', 1)) for text in texts
-    ]
+def drawn(text):
+    """An artist of a model, and of a body of it."""
+    return replay._Artist(mujoco.MjModel.from_xml_string(text))
 
 
-def panels(svg):
-    return [g for g in svg.findall(f"{SVG}g") if g.get("role") == "group"]
+def body(*geoms, more=""):
+    geoms = "".join(f"<geom {geom}/>" for geom in geoms)
+    return (
+        f'<mujoco>{more}<worldbody><geom type="plane" size="9 9 1"/><body pos="1 2 3" '
+        f'euler="20 30 40"><freejoint/>{geoms}</body></worldbody></mujoco>'
+    )
 
 
-def texts(panel):
-    return ["".join(text.itertext()) for text in panel.findall(f"{SVG}text")]
+# -- what MuJoCo sees ------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("geom", "volume"),
+    [
+        ('type="box" size=".3 .4 .5"', 8.0 * 0.3 * 0.4 * 0.5),
+        ('type="cylinder" size=".3 .5"', np.pi * 0.09 * 1.0),
+        ('type="capsule" size=".3 .5"', np.pi * (0.09 + 4.0 / 3.0 * 0.027)),
+        ('type="sphere" size=".5"', 4.0 / 3.0 * np.pi * 0.125),
+        ('type="ellipsoid" size=".3 .4 .5"', 4.0 / 3.0 * np.pi * 0.06),
+        ('type="mesh" mesh="wedge"', 1.0 / 6.0),
+    ],
+)
+def test_every_solid_is_closed_and_its_faces_look_outwards(geom, volume):
+    """By Gauss's theorem: the volume within the faces, of circles of twelve corners."""
+    more = '<asset><mesh name="wedge" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/></asset>'
+    artist = drawn(body(geom, more=more))
+    points = artist.points(np.array(artist.model.qpos0))
+    corners = points[artist._faces]
+    # right, up and forward are left-handed
+    a, b, c, d = corners.transpose(1, 0, 2)
+    found = (
+        -sum(np.einsum("ni,ni->", x, np.cross(y, z)) for x, y, z in ((a, b, c), (a, c, d))) / 6.0
+    )
+    assert 0.85 * volume < found < 1.001 * volume
 
 
-def points(path):
-    """`(k, 2)` of a path of relative lines, in units of the drawing."""
-    start, _, steps = path.rstrip("z").removeprefix("M").partition("l")
-    numbers = [float(word) for word in re.findall(r"-?\d+", f"{start} {steps}")]
-    return np.cumsum(np.array(numbers).reshape(-1, 2), axis=0) / 10.0
+def test_planes_and_what_is_hidden_are_not_drawn():
+    artist = drawn(body('size=".1"', 'size=".2" group="4"', 'size=".3" rgba="1 1 1 0"'))
+    points = artist.points(np.array(artist.model.qpos0))
+    assert np.ptp(points, axis=0).max() == pytest.approx(0.2, rel=0.05)
 
 
-def paths(panel, layer, kind):
-    group = next(g for g in panel.iter(f"{SVG}g") if g.get("class") == layer)
-    return [path for path in group.findall(f"{SVG}path") if path.get("class") == kind]
-
-
-def frames(path):
-    """`(f, k, 2)` of a moving path."""
-    values = path.find(f"{SVG}animate").get("values").split(";")
-    return np.array([points(value) for value in values])
-
-
-def modes_of(model, qpos):
-    """Frequencies [rad/s] and shapes of a model, by forces and MuJoCo's mass matrix."""
-    mass, _, stiffness = by_differences(quiet(model), qpos)
-    squares, shapes = eigh((stiffness + stiffness.T) / 2.0, mass)
-    moving = squares > 1e-9 * squares.max()
-    return np.sqrt(squares[moving]), shapes[:, moving]
-
-
-def motion(model, qpos, body, place, shape):
-    """`(3,)` displacement in a mode of a point of a body, given in its axes, and the point."""
+def test_a_skin_is_drawn_where_mujoco_puts_it():
+    fit = bc.fit(SHIPPED / "boom.toml")
+    model = mujoco.MjModel.from_xml_string(fit.scene_mjcf())
+    assert model.nskin == 1
+    artist = replay._Artist(model)
+    qpos = np.array(model.qpos0)
+    qpos[7:] = 0.1
+    tip = (
+        artist.points(qpos)[-model.nskinvert :]
+        - artist.points(np.array(model.qpos0))[-model.nskinvert :]
+    )
     data = mujoco.MjData(model)
     data.qpos[:] = qpos
-    mujoco.mj_forward(model, data)
-    point = data.xpos[body] + data.xmat[body].reshape(3, 3) @ place
-    moves = np.zeros((3, model.nv))
-    mujoco.mj_jac(model, data, moves, None, point, body)
-    return moves @ shape, point
+    mujoco.mj_kinematics(model, data)
+    end = data.body(model.nbody - 1)
+    length = fit.chain.length - fit.chain.links[-1].start
+    moved = end.xpos + length * end.xmat.reshape(3, 3)[:, 0]
+    data.qpos[:] = model.qpos0
+    mujoco.mj_kinematics(model, data)
+    at_rest = end.xpos + length * end.xmat.reshape(3, 3)[:, 0]
+    largest = np.linalg.norm(tip, axis=1).max()
+    assert largest == pytest.approx(np.linalg.norm(moved - at_rest), rel=0.1)
+
+
+def test_a_texture_and_transparency_give_the_colour_that_is_seen():
+    more = """<asset><texture name="t" type="2d" builtin="flat" rgb1="1 0 0" width="4" height="4"/>
+        <material name="m" texture="t" rgba="1 1 1 .5"/></asset>"""
+    artist = drawn(body('size=".1" material="m"', 'size=".2" rgba="0 0 1 1"', more=more))
+    assert {tuple(row) for row in artist._colours.round(6)} == {(1.0, 0.5, 0.5), (0.0, 0.0, 1.0)}
+
+
+def test_what_is_nearer_hides_what_is_behind_it():
+    artist = drawn(
+        '<mujoco><worldbody><body><freejoint/><geom type="box" size=".5 .5 .5" rgba="1 0 0 1"/>'
+        '</body><body pos="0 0 0"><freejoint/><geom type="box" size=".2 .2 .2" rgba="0 0 1 1"/>'
+        "</body></worldbody></mujoco>"
+    )
+    towards = -artist._frame[:, 2]
+    at_rest = np.array(artist.model.qpos0)
+    seen = []
+    for place in (3.0 * towards, -3.0 * towards):
+        qpos = at_rest.copy()
+        qpos[7:10] = place
+        (picture,) = artist.pictures([qpos], [qpos])
+        colours = np.asarray(picture).reshape(-1, 3)
+        seen.append(bool(np.any((colours[:, 2] > 120) & (colours[:, 0] < 50))))
+    assert seen == [True, False]
+
+
+def test_without_visuals_inertia_is_drawn():
+    artists = [
+        replay._Artist(mujoco.MjModel.from_xml_string(rod(visuals).scene_mjcf()))
+        for visuals in (True, False)
+    ]
+    spans = [np.ptp(a.points(np.array(a.model.qpos0)), axis=0).max() for a in artists]
+    assert spans[1] == pytest.approx(spans[0], rel=0.3)
 
 
 # -- modes -----------------------------------------------------------------------------------------
-@pytest.mark.parametrize("number", [1, 2])
-def test_two_arrays_and_their_bus_move_as_in_mujocos_own_mode(number, satellite, pages):
-    model = satellite.untimed
-    frequency, shapes = modes_of(model, model.qpos0)
-    shape = shapes[:, number - 1]
-    captions, (modes, _) = drawings(pages("satellite"))
-    assert captions[0].startswith("The coupled modes at rest")
-    panel = panels(modes)[number - 1]
-    title = texts(panel)[0]
-    assert title.startswith(f"mode {number}: ")
-    assert float(title.split()[2]) == pytest.approx(frequency[number - 1], rel=SHOWN)
-
-    # what is drawn of tips and of the bus: places at rest and displacements
-    ribbons = [frames(path) for path in paths(panel, "moving", "ribbon")]
-    ghosts = [
-        points(path.get("d"))
-        for path in panel.find(f"{SVG}g").findall(f"{SVG}path")
-        if path.get("class") == "rest"
-    ]
-    ends = [
-        min(
-            (f[:, i : i + 2].mean(axis=1) for f in ribbons for i in range(f.shape[1] - 1)),
-            key=lambda pair: float(np.linalg.norm((pair[0] + pair[1]) / 2.0 - ghost[-1])),
-        )
-        for ghost in ghosts
-    ]
-    corners = np.concatenate([frames(p) for p in paths(panel, "moving", "solid")], axis=1)
-    drawn = np.array([*(end[0] - end[1] for end in ends), *(corners[0] - corners[1]).tolist()])
-    at = np.array([ghost[-1] for ghost in ghosts])
-
-    # the same from MuJoCo, on the drawing by the triad's axes
-    (triad,) = [g for g in panels(modes)[0].findall(f"{SVG}g") if g.get("class") == "triad"]
-    axes = [p.get("d").partition("L")[2].split() for p in triad.findall(f"{SVG}path")]
-    project = np.array(axes, dtype=float).T
-    names = ["".join(t.itertext()) for t in triad.findall(f"{SVG}text")]
-    assert names == ["x", "y", "z"]
-    wanted, places = [], []
-    for a in satellite.appendages:
-        links = a.fit.chain.links
-        body = model.body(f"{a.prefix}link{len(links)}").id
-        end = np.array([a.fit.chain.length - links[-1].start, 0.0, 0.0])
-        moved, place = motion(model, model.qpos0, body, end, shape)
-        wanted.append(project @ moved)
-        places.append(project @ place)
-    scale = np.linalg.norm(at[0] - at[1]) / np.linalg.norm(places[0] - places[1])
-    bus = model.body("bus").id
-    offset = (at - scale * np.array(places)).mean(axis=0)
-    middle = (corners[0] + corners[1]) / 2.0
-    box = [
-        motion(model, model.qpos0, bus, np.array([x, y, z]), shape)
-        for x in (-0.6, 0.6)
-        for y in (-0.5, 0.5)
-        for z in (-0.5, 0.5)
-    ]
-    flat = np.array([offset + scale * (project @ place) for _, place in box])
-    for corner in middle:
-        away = np.linalg.norm(flat - corner, axis=1)
-        assert away.min() < 2.0
-        wanted.append(project @ box[int(np.argmin(away))][0])
-    wanted = np.array(wanted)
-    factor = np.sum(wanted * drawn) / np.sum(wanted**2)
-    largest = np.abs(drawn).max()
-    assert largest > 15.0  # it is seen
-    np.testing.assert_allclose(drawn, factor * wanted, atol=DRAWN * largest)
+@pytest.mark.slow
+def test_films_show_the_first_modes_of_the_table_from_where_they_bend_most():
+    films = replays().films
+    frequencies = modes_of(satellite().untimed)
+    for k, film in enumerate(films[:-1]):
+        number, omega, hz = re.fullmatch(
+            r"mode (\d+): ([\d.]+) rad/s, ([\d.]+) Hz", film.title
+        ).groups()
+        assert int(number) == k + 1
+        assert float(omega) == pytest.approx(frequencies[k], rel=SHOWN)
+        assert float(hz) == pytest.approx(frequencies[k] / 2.0 / np.pi, rel=5.0 * SHOWN)
+        assert "bending xy" in film.told
+        assert "not to scale" in film.told
+        shown = frames(film.film)
+        assert len(shown) == replay.CYCLE
+        np.testing.assert_array_equal(shown[0], frames(film.still)[0])
+        away = [np.abs(each - shown[0]).sum() for each in shown]
+        assert int(np.argmax(away)) == replay.CYCLE // 2  # the other end of the oscillation
+        np.testing.assert_array_equal(shown[1:], shown[:0:-1])  # and back
+    assert len(films) == replay.MODES + 1
 
 
-def test_the_base_answers_as_a_hub_of_finite_elements_does():
-    """The line is that of the modes kept: with more of them it comes to the beam's."""
-    frequencies, shapes = ROD_TRUTH.modes(ROD_TRUTH.whole)
-    _, (modes, _) = drawings(rod_page(visuals=True))
-    for k, panel in enumerate(panels(modes)[:2]):
-        title, *words = texts(panel)
-        assert float(title.split()[2]) == pytest.approx(frequencies[2 + k], rel=SHOWN)
-        size, name, turned, _ = SIZE.search(" ".join(words)).groups()
-        assert name == "hub"
-        shape = shapes[:, 2 + k]
-        wanted = np.degrees(abs(shape[1])) / np.abs(shape[0::2]).max()
-        assert float(turned) / float(size) == pytest.approx(wanted, rel=KEPT)
-
-
-@pytest.mark.parametrize(
-    ("craft", "name", "keys"),
-    [
-        (named, "named", ["<u>"]),
-        (arm, "arm", ["bent", "square"]),
-    ],
-)
-def test_keyframes_have_their_own_modes(craft, name, keys, pages):
-    captions, svgs = drawings(pages(name))
-    assert [caption.partition(",")[0] for caption in captions[: 1 + len(keys)]] == [
-        "The coupled modes at rest",
-        *(f"The coupled modes at keyframe {key}" for key in keys),
-    ]
-    assert ("6 of 20" in captions[0]) == (name == "arm")
-    model = craft().untimed
-    for key, svg in zip(keys, svgs[1:], strict=False):
-        frequency, _ = modes_of(model, np.array(model.key(key).qpos))
-        shown = [float(texts(panel)[0].split()[2]) for panel in panels(svg)]
-        np.testing.assert_allclose(shown, frequency[: len(shown)], rtol=SHOWN)
-
-
-def test_rates_are_those_that_the_drawing_states(pages):
-    _, (modes, _) = drawings(pages("satellite"))
-    for panel in panels(modes):
-        title, *words = texts(panel)
-        *_, rate = SIZE.search(" ".join(words)).groups()
-        (seconds,) = {
-            float(animate.get("dur").rstrip("s")) for animate in panel.iter(f"{SVG}animate")
-        }
-        period = 2.0 * np.pi / float(title.split()[2])
-        assert seconds == pytest.approx(period / float(rate), rel=2.0 * DIGITS)
-
-
-# -- the turn --------------------------------------------------------------------------------------
-def test_the_turn_ends_at_its_angle_and_bends_as_far_as_it_says(satellite, pages):
-    captions, (_, turn) = drawings(pages("satellite"))
-    assert captions[1].startswith("A turn simulated in MuJoCo")
-    (panel,) = panels(turn)
-    title, played = texts(panel)
-    assert title.startswith("bus turned by 40° about z in ")
-    assert re.fullmatch(r"elastic motion × [\d.]+; time × [\d.]+", played)
-    straight = frames(paths(panel, "moving", "rest")[0])
-    ways = straight[:, 1] - straight[:, 0]
-    angles = np.degrees(np.unwrap(np.arctan2(-ways[:, 1], ways[:, 0])))
-    assert abs(angles[-1] - angles[0]) == pytest.approx(40.0, abs=RINGING)
-    # every path of a moving layer has the same frames, or browsers jump between them
-    layer = [frames(path).shape[0] for path in panel.iter(f"{SVG}path") if len(path)]
-    assert len(set(layer)) == 1
-    # the still is where the appendages bend most: the tip is off by what the curve says
-    labels = ["".join(text.itertext()) for text in turn.iter(f"{SVG}text")]
-    most = next(float(label[:-2]) for label in labels if re.fullmatch(r"[\d.]+ m", label))
-    rest = points(paths(panel, "still", "rest")[0].get("d"))
-    scale = np.linalg.norm(rest[1] - rest[0]) / satellite.appendages[0].fit.chain.length
-    tips = [points(path.get("d")) for path in paths(panel, "still", "ribbon")]
-    ends = [(p[i] + p[i + 1]) / 2.0 for p in tips for i in range(len(p) - 1)]
-    off = min(float(np.linalg.norm(end - rest[1])) for end in ends) / scale
-    factor = float(re.search(r"× ([\d.]+);", played)[1])
-    assert off == pytest.approx(factor * most, rel=0.06)
-
-
-def test_a_turn_of_too_many_steps_is_not_drawn_and_the_page_says_so():
-    text = (SHIPPED / "satellite.xml").read_text().replace('"0.125"', '"1e-5"')
-    page = bc.embed(text, {"left": spec("rod")}).report()
-    captions, _ = drawings(page)
-    assert len(captions) == 1
-    assert "No turn is drawn: the turn takes" in page
-
-
-def test_a_base_that_does_not_fly_is_not_turned():
-    page = bc.embed(CRAFTS / "planar.xml", {"mount": spec("rod")}).report()
-    captions, (modes,) = drawings(page)
-    assert captions[0].startswith("The coupled modes at rest")
-    assert "No turn" not in page
-    assert len(panels(modes)) >= 2
-
-
-# -- the page --------------------------------------------------------------------------------------
-@pytest.mark.parametrize("name", ["satellite", "arm"])
-def test_every_drawing_has_a_still_and_says_what_it_is(name, pages):
-    page = pages(name)
-    assert len(page.encode()) < LARGEST
-    captions, svgs = drawings(page)
-    assert all(captions)
-    for svg in svgs:
-        assert svg.get("role") == "img"
-        assert svg.find(f"{SVG}title").text
-        width, height = map(float, svg.get("viewBox").split()[2:])
-        for panel in panels(svg):
-            assert panel.find(f"{SVG}title").text
-            assert "time ×" in panel.find(f"{SVG}desc").text
-            still = [
-                p.get("d") for kind in ("solid", "ribbon") for p in paths(panel, "still", kind)
-            ]
-            moving = paths(panel, "moving", "solid") + paths(panel, "moving", "ribbon")
-            assert len(moving) > 1
-            if svg is not svgs[-1]:  # of a mode: the frame of largest displacement
-                assert still == [path.get("d") for path in moving]
-            shift = np.array(re.findall(r"-?[\d.]+", panel.get("transform")), dtype=float)
-            every = np.vstack([frames(path).reshape(-1, 2) for path in moving]) + shift
-            assert every.min() >= 0.0
-            assert np.all(every <= [width, height])
-    css = re.search(r"<style>(.*?)</style>", page, re.S)[1]
-    assert "prefers-reduced-motion" in css
-    printed = css[css.index("@media print") :]
-    assert ".replay .moving { display: none !important; }" in printed
-    assert ".replay .still { display: inline; }" in printed
-
-
-def test_names_with_characters_of_html_and_a_base_without_solids(pages):
-    page = pages("named")
-    captions, svgs = drawings(page)
-    assert captions[1].startswith("The coupled modes at keyframe <u>")
-    assert any('<b>&"hub turns' in text for panel in panels(svgs[0]) for text in texts(panel))
-    root = html.fromstring(page)
-    assert not root.xpath("//b | //i | //u")
-    assert len(paths(panels(svgs[0])[0], "moving", "solid")) >= 3  # the box of its inertia
-
-
-def test_without_visuals_the_appendages_are_drawn_all_the_same():
-    drawn = [rod_page(visuals=visuals) for visuals in (True, False)]
-    one, other = (re.findall(r'<svg class="replay".*?</svg>', page, re.S) for page in drawn)
-    assert len(one) == 2
-    assert one == other
-
-
-def test_imported_modes_are_drawn_by_their_links(tmp_path):
-    (tmp_path / "modes.toml").write_text(modes_text(ROD, {"xy": 3}))
-    (tmp_path / "rod.toml").write_text('name = "rod"\n[imported]\nfile = "modes.toml"\n')
-    page = bc.embed(CRAFTS / "planar.xml", {"mount": tmp_path / "rod.toml"}).report()
-    captions, (modes, *_) = drawings(page)
-    assert "drawn by the links of its chain" in captions[0]
-    ribbon = frames(paths(panels(modes)[0], "moving", "ribbon")[0])
-    assert np.abs(ribbon[0] - ribbon[1]).max() > 15.0
-
-
-def test_a_rigid_appendage_has_no_drawing():
-    rod = bc.Spec(
-        name="rod",
-        segment=ROD.segments,
-        scene=bc.Scene(bandwidth=1e-3, axes=("z",), tolerance=0.01),
-        root=bc.spec.Root(hub=HUB),
-    )
-    fit = bc.fit(rod)
-    assert not fit.chain.hinges
-    assert "replay" not in bc.report.fit_report(fit)[0].partition("<body>")[2]
-
-
-def test_under_a_load_the_drawings_have_the_modes_of_the_table():
+@pytest.mark.slow
+def test_under_a_load_the_films_have_the_modes_of_the_table():
     text = (SHIPPED / "satellite.xml").read_text().replace('gravity="0 0 0"', 'gravity="0 0 -9.81"')
     text = text.replace("<freejoint/>", '<joint name="turn" axis="0 0 1"/>')
     craft = bc.embed(text, {"left": SHIPPED / "array.toml"}, loaded=True)
-    _, (modes,) = drawings(craft.report())
-    shown = [float(texts(panel)[0].split()[2]) for panel in panels(modes)]
+    films, note = replay.craft_replays(craft)
+    assert not note
+    assert not any("turned" in film.title for film in films)  # it does not fly
+    shown = [float(film.title.split()[2]) for film in films]
     table = [mode.mujoco for mode in craft.assembly.modes if mode.mujoco is not None]
     np.testing.assert_allclose(shown, table[: len(shown)], rtol=SHOWN)
+
+
+# -- the turn --------------------------------------------------------------------------------------
+@pytest.mark.slow
+def test_the_turn_has_no_more_torque_than_the_wheels():
+    film = replays().films[-1]
+    body, degrees, axis, seconds = re.fullmatch(
+        r"(\w+) turned by ([\d.]+)° about (\w) in ([\d.]+) s", film.title
+    ).groups()
+    assert (body, axis) == ("bus", "z")
+    assert "by 0.5 N m, all that its actuators have" in film.told
+    mass = satellite().composite
+    inertia = mass.inertia[2][2]
+    angle, duration = np.radians(float(degrees)), float(seconds)
+    assert 4.0 * angle * inertia / duration**2 == pytest.approx(0.5, rel=0.05)
+
+
+@pytest.mark.slow
+def test_a_turn_of_too_many_steps_is_not_drawn_and_the_page_says_so():
+    text = (SHIPPED / "satellite.xml").read_text().replace('"0.125"', '"1e-5"')
+    craft = bc.embed(text, {"left": spec("rod")})
+    films, note = replay.craft_replays(craft)
+    assert films
+    assert note.startswith("No turn is drawn: the turn takes")
+    assert note in craft.report()
+
+
+# -- the page --------------------------------------------------------------------------------------
+@pytest.mark.slow
+def test_the_page_shows_every_film_and_a_still_for_print_and_for_less_motion():
+    page = satellite().report()
+    assert len(page.encode()) < LARGEST
+    figures = html.fromstring(page).xpath("//div[@class='films']/figure")
+    assert len(figures) == len(replays().films)
+    for figure, film in zip(figures, replays().films, strict=True):
+        (image,) = figure.iter("img")
+        (source,) = figure.iter("source")
+        assert image.get("src") == film.film
+        assert source.get("srcset") == film.still
+        assert source.get("media") == "print, (prefers-reduced-motion: reduce)"
+        assert image.get("alt").startswith(film.title)
+        assert (int(image.get("height")), int(image.get("width"))) == frames(film.still).shape[1:3]
+        caption = figure.find("figcaption").text_content()
+        assert film.title in caption
+        assert film.told in caption
+
+
+@pytest.mark.slow
+def test_names_with_characters_of_html_stay_text():
+    text = """<mujoco><option gravity="0 0 0"/><worldbody><body name="&lt;b&gt;&amp;&quot;hub">
+    <freejoint/><inertial pos="0 0 0" mass="300" diaginertia="90 90 90"/>
+    <site name="&lt;i&gt;" pos=".5 0 0"/></body></worldbody></mujoco>"""
+    page = bc.embed(text, {"<i>": spec("rod")}).report()
+    assert '<b>&"hub turned by' in html.fromstring(page).text_content()
+    assert not html.fromstring(page).xpath("//b | //i")
+
+
+def test_a_rigid_appendage_has_no_film():
+    rigid = bc.Spec(
+        name="rod",
+        segment=ROD,
+        scene=bc.Scene(bandwidth=1e-3, axes=("z",), tolerance=0.01),
+        root=bc.spec.Root(hub=HUB),
+    )
+    fit = bc.fit(rigid)
+    assert not fit.chain.hinges
+    assert replay.scene_replays(fit) == replay.Replays(())
+
+
+@pytest.mark.slow
+def test_a_liquid_has_a_sentence_in_place_of_films():
+    films, note = replay.scene_replays(bc.fit(SHIPPED / "tank.toml"))
+    assert not films
+    assert note.startswith("No mode is drawn")
+
+
+@pytest.mark.slow
+def test_a_base_that_does_not_fly_is_not_turned():
+    films, note = replay.craft_replays(bc.embed(CRAFTS / "planar.xml", {"mount": spec("rod")}))
+    assert not note
+    assert [film.title.partition(" ")[0] for film in films] == ["mode"] * len(films)

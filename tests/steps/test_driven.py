@@ -53,7 +53,7 @@ def test_accelerated_turn_and_thrust_in_the_hubs_own_axes():
     # less what centripetal acceleration turns
     assert run.acceleration["xz"] == pytest.approx(2.0 * slew, rel=1e-3)
     assert run.slew["xy"] == pytest.approx(0.0, abs=1e-9)
-    assert run_of_turn(0.0, slew, 1, (2.0, 0.0, 0.0)) == Driven(
+    assert run_of_turn(0.0, slew, np.eye(3)[1], (2.0, 0.0, 0.0)) == Driven(
         0.0, {"xy": 0.0, "xz": 0.6}, {"xy": 0.0, "xz": slew}
     )
 

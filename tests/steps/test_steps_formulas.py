@@ -148,7 +148,7 @@ def test_a_hub_that_turns_evenly_spins_its_root_and_pulls_it_inwards():
     assert run.spin == pytest.approx(spin, rel=1e-9)
     assert run.acceleration["xy"] == pytest.approx(spin**2 * out, rel=1e-9)
     # a run that speeds up: the root at x is carried along y
-    turned = run_of_turn(spin, 0.2, 2, (out, 0.0, 0.0))
+    turned = run_of_turn(spin, 0.2, np.eye(3)[2], (out, 0.0, 0.0))
     assert turned.spin == pytest.approx(spin)
     assert turned.acceleration["xy"] == pytest.approx(0.2 * out, rel=1e-12)
     assert turned.slew["xy"] == pytest.approx(0.2, rel=1e-12)

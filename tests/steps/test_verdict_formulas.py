@@ -348,12 +348,12 @@ def test_a_root_off_the_axis_feels_the_turn_that_speeds_up():
 
 
 def test_a_turn_about_the_appendage_itself_does_not_spin_it():
-    run = run_of_turn(0.7, 0.3, 0, (0.5, 0.4, -0.6))
+    run = run_of_turn(0.7, 0.3, np.eye(3)[0], (0.5, 0.4, -0.6))
     # x cross r = (0, -z, y)
     assert run.spin == 0.0
     assert run.acceleration == pytest.approx({"xy": 0.3 * 0.6, "xz": 0.3 * 0.4})
     assert run.slew == {"xy": 0.0, "xz": 0.0}
-    run = run_of_turn(0.7, 0.3, 1, (0.5, 0.4, -0.6))
+    run = run_of_turn(0.7, 0.3, np.eye(3)[1], (0.5, 0.4, -0.6))
     assert run.spin == 0.7
     assert run.acceleration == pytest.approx({"xy": 0.0, "xz": 0.3 * 0.5})
     assert run.slew == {"xy": 0.0, "xz": 0.3}

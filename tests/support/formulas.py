@@ -372,8 +372,6 @@ from beamchain.report.headlines import (
     strain_words,
     tip_sentence,
 )
-from beamchain.report.outlines import Drawn
-from beamchain.report.replay import _steepest as steepest
 from beamchain.steps.cures import Names, Setting, find_cure, round_down
 from beamchain.steps.dominant_element import culprit, inertia_words, stable_step
 from beamchain.steps.driven import driven, run_of_turn
@@ -572,7 +570,6 @@ __all__ = [
     "Craft",
     "CraftError",
     "DrawTiming",
-    "Drawn",
     "DrawnModes",
     "Drive",
     "DriveOfHinge",
@@ -1110,7 +1107,6 @@ __all__ = [
     "start_rate",
     "states_driven_for",
     "stations_of",
-    "steepest",
     "step_length",
     "step_limits",
     "step_of_plant",

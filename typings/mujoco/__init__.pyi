@@ -93,8 +93,17 @@ class mjtRndFlag:
 class mjtLightType:
     mjLIGHT_DIRECTIONAL: mjtLightType
 
+class mjtVisFlag:
+    mjVIS_INERTIA: mjtVisFlag
+    def __int__(self) -> int: ...
+
+class mjtTextureRole:
+    mjTEXROLE_RGB: mjtTextureRole
+    def __int__(self) -> int: ...
+
 class mjtCatBit:
     mjCAT_DYNAMIC: mjtCatBit
+    mjCAT_DECOR: mjtCatBit
     def __int__(self) -> int: ...
 
 class mjtWarning:
@@ -157,8 +166,17 @@ class MjSpec:
 class MjvCamera:
     def __getattr__(self, name: str) -> Any: ...
 
-class MjvOption: ...
+class MjvOption:
+    def __getattr__(self, name: str) -> Any: ...
+
 class MjvPerturb: ...
+
+class MjvGeom:
+    def __getattr__(self, name: str) -> Any: ...
+
+class MjvScene:
+    def __init__(self, model: MjModel, maxgeom: int) -> None: ...
+    def __getattr__(self, name: str) -> Any: ...
 
 class Renderer:
     def __init__(self, model: MjModel, height: int = ..., width: int = ...) -> None: ...
@@ -190,6 +208,15 @@ def mj_applyFT(
 def mj_camlight(m: MjModel, d: MjData) -> None: ...
 def mjv_addGeoms(
     m: MjModel, d: MjData, opt: MjvOption, pert: MjvPerturb, catmask: int, scn: Any
+) -> None: ...
+def mjv_updateScene(
+    m: MjModel,
+    d: MjData,
+    opt: MjvOption,
+    pert: MjvPerturb | None,
+    cam: MjvCamera,
+    catmask: int,
+    scn: MjvScene,
 ) -> None: ...
 def mjv_initGeom(
     geom: Any,

@@ -323,10 +323,13 @@ def _modes(
 
 def too_far(fit: "Fit", slew: "Slew") -> list[str]:
     """Sentences for a turn beyond what the fit's chain is right for."""
+    import numpy as np
+
     from beamchain.steps.driven import limit_sentences, run_of_turn
 
     if fit.space is not None:
         return []
+    axis = np.eye(3)[slew.axis]
     return limit_sentences(
-        fit.large_motion[0], run_of_turn(slew.rate, slew.acceleration, slew.axis, fit.hub.offset)
+        fit.large_motion[0], run_of_turn(slew.rate, slew.acceleration, axis, fit.hub.offset)
     )

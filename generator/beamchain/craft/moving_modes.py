@@ -48,9 +48,8 @@ def moving_modes(
     out: list[MovingMode] = []
     for k in range(count):
         shape = modes.shapes[:, k]
-        moves, turns = reach(model, rest, shape), turn(model, rest, shape)
-        size = exaggerate * min(SWING * float(model.stat.extent) / moves, MOST_TURNED / turns)
-        positions = np.array([moved_positions(model, rest, size * s * shape) for s in swing])
+        positions, moves = oscillation(model, rest, shape, exaggerate * swing)
+        moves *= exaggerate
         out.append(
             MovingMode(
                 craft.mode_names[k],
@@ -58,7 +57,17 @@ def moving_modes(
                 locked(positions),
                 locked(rest),
                 body,
-                size * moves,
+                moves,
             )
         )
     return out
+
+
+def oscillation(
+    model: "mujoco.MjModel", rest: Array, shape: Array, swing: Array
+) -> tuple[Array, float]:
+    """Positions `(k, nq)` of a mode `(nv,)` at parts `(k,)` of an amplitude at which it is seen
+    well, and how far that moves what moves most [m]."""
+    moves, turns = reach(model, rest, shape), turn(model, rest, shape)
+    size = min(SWING * float(model.stat.extent) / moves, MOST_TURNED / turns)
+    return np.array([moved_positions(model, rest, size * s * shape) for s in swing]), size * moves

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import numpy as np
 from scipy.linalg import qr
+from scipy.optimize import linprog
 
 from beamchain.checks import Struct, field, finite_array, list_of_names, of_type, unknown
 from beamchain.engine.library import mujoco
@@ -213,6 +214,43 @@ def allocated(
         locked(torque),
         tuple(_null_directions(torque, allocation.actuators)),
     )
+
+
+def largest_torque(model: "mujoco.MjModel", data: "mujoco.MjData", body: int, axis: int) -> float:
+    """The largest torque both ways [N m] that the motors, thrusters and torquers on a body have
+    about one of its axes, and about no other, within `ctrlrange` and `forcerange`; infinite where
+    none turns it about that axis, or nothing limits one that does."""
+    columns: list[Array] = []
+    bounds: list[tuple[float, float]] = []
+    for i in range(model.nu):
+        gain = float(model.actuator_gainprm[i, 0])
+        try:
+            torque = _torque(model, data, "", i, body)
+        except InputError:  # it does not turn this body
+            continue
+        if not torque.any():
+            continue
+        columns.append(torque / gain)
+        limits = [(-np.inf, np.inf)]
+        if model.actuator_ctrllimited[i]:
+            low, high = sorted((gain * model.actuator_ctrlrange[i]).tolist())
+            limits.append((low, high))
+        if model.actuator_forcelimited[i]:
+            low, high = model.actuator_forcerange[i].tolist()
+            limits.append((low, high))
+        bounds.append((max(low for low, _ in limits), min(high for _, high in limits)))
+    if not columns:
+        return np.inf
+    # forces f and the torque t: T f = t along the axis
+    given = np.column_stack([*columns, -np.eye(3)[axis]])
+    most = np.inf
+    for sign in (1.0, -1.0):
+        cost = [*np.zeros(len(columns)), -sign]
+        ways = (0.0, None) if sign > 0.0 else (None, 0.0)
+        found = linprog(cost, A_eq=given, b_eq=np.zeros(3), bounds=[*bounds, ways])
+        reached = np.inf if found.x is None else abs(float(found.x[-1]))
+        most = min(most, reached if reached > REACHED else np.inf)
+    return most
 
 
 def _torque(

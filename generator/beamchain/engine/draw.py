@@ -82,7 +82,7 @@ def draw_frames(
         camera, extent = _camera(
             model, points, rest(model, shown[0]).body(body).xpos, width / height
         )
-        _thicken(model, SLIMMEST * extent)
+        thicken(model, SLIMMEST * extent)
         sky = _picture(model, shown[0], renderer, camera, hidden=True)
         drawn, faint = None, sky
         for at, rigid in zip(shown, ghosts, strict=True):
@@ -112,7 +112,8 @@ def _picture(
     return np.array(renderer.render())
 
 
-def _thicken(model: "mujoco.MjModel", least: float) -> None:
+def thicken(model: "mujoco.MjModel", least: float) -> None:
+    """Make solids and struts so thick that they are seen, `least` [m]."""
     kinds = {int(mujoco.mjtGeom.mjGEOM_BOX): 3, int(mujoco.mjtGeom.mjGEOM_CYLINDER): 2}
     kinds |= {int(mujoco.mjtGeom.mjGEOM_CAPSULE): 2, int(mujoco.mjtGeom.mjGEOM_SPHERE): 1}
     for i in range(model.ngeom):
@@ -127,20 +128,25 @@ def _camera(
 ) -> tuple[Any, float]:
     """The camera that sees all `points` `(n, 3)` of a spacecraft whose body is at `place` `(3,)`,
     and the width of what it sees [m]."""
-    flat = (points - place)[:, :2]
-    out = np.linalg.eigh(flat.T @ flat)[1][:, -1]  # the direction of arrays on both sides too
-    out = out if out @ flat.mean(axis=0) >= 0.0 else -out
     camera: Any = mujoco.MjvCamera()
-    camera.azimuth = float(np.degrees(np.arctan2(out[1], out[0]))) + AZIMUTH
-    camera.elevation = ELEVATION
+    camera.azimuth, camera.elevation = azimuth_of(points, place), ELEVATION
     up = float(np.tan(np.radians(float(model.vis.global_.fovy)) / 2.0))
-    frame = _frame(camera.azimuth, camera.elevation)
+    frame = view_frame(camera.azimuth, camera.elevation)
     middle, camera.distance = _fit_view(points @ frame, np.array([aspect * up, up]) / MARGIN)
     camera.lookat[:] = frame @ middle
     return camera, 2.0 * float(camera.distance) * up
 
 
-def _frame(azimuth: float, elevation: float) -> Array:
+def azimuth_of(points: Array, place: Array) -> float:
+    """Azimuth [degrees] of the view of all `points` `(n, 3)` of a spacecraft whose
+    body is at `place` `(3,)`."""
+    flat = (points - place)[:, :2]
+    out = np.linalg.eigh(flat.T @ flat)[1][:, -1]  # the direction of arrays on both sides too
+    out = out if out @ flat.mean(axis=0) >= 0.0 else -out
+    return float(np.degrees(np.arctan2(out[1], out[0]))) + AZIMUTH
+
+
+def view_frame(azimuth: float, elevation: float = ELEVATION) -> Array:
     """`(3, 3)` right, up and forward of a camera, in columns."""
     az, el = np.radians([azimuth, elevation])
     forward = np.array([np.cos(el) * np.cos(az), np.cos(el) * np.sin(az), np.sin(el)])

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from beamchain.checks import unknown
+from beamchain.engine.allocation import largest_torque
 from beamchain.engine.bench import rigid_mass
 from beamchain.engine.displacement import reach
-from beamchain.engine.library import mujoco
+from beamchain.engine.library import mujoco, rest
 from beamchain.engine.linear import linear_at
 from beamchain.engine.linearise import mass_matrix
 from beamchain.engine.model_rows import sprung
@@ -29,6 +30,9 @@ RINGING = 3.5  # periods of the first mode shown after the turn
 TRIAL = 0.01  # rad: a turn so small that what bends is proportional to it
 FINE, MOST_FRAMES = 12, 480  # frames a period, if that is not too many
 MOST_BENT = 0.4  # rad that a link turns out of its place: to be believed, and to be seen
+# of a turn that is chosen here: its bending, its angle at most, and that which is enough [rad];
+# the periods that it takes if fewer are not enough
+GENTLY, LARGEST, ENOUGH, LONGER = 0.1, np.pi / 9.0, np.pi / 36.0, (1.0, 3.0, 5.0)
 FELT = 1e-7  # of a mode's largest motion: less rotation of the hub is rounding
 SEEN = 0.05  # of the spacecraft's size, per radian turned: bending of a mode that a turn shows
 ANGLES = 61  # of a hinge, at which its inertia is computed
@@ -47,6 +51,7 @@ class Slew:
     omega: float  # of the mode that rings [rad/s]
     elastic: tuple[int, ...]  # addresses of the sprung joints in the positions
     joint: str = ""  # hinge that turned in place of the hub
+    torque: float = 0.0  # of the actuators about the axis [N m], where it sets the angle
 
     def shown(self, exaggerate: float) -> Array:
         """`(k, nq)` positions with the sprung joints' motion multiplied by `exaggerate`."""
@@ -73,7 +78,7 @@ class Slew:
 def simulate(
     model: "mujoco.MjModel",
     *,
-    angle: float,
+    angle: float | None,
     frames: int,
     joint: str | None = None,
     most: float = np.inf,
@@ -82,7 +87,9 @@ def simulate(
     or one of its hinges with the torque that turns the rigid spacecraft so, and let it ring.
 
     The turn takes about a period of the mode excited, or an odd number of them: then what its two
-    halves leave behind adds up. `most`: the largest number of steps.
+    halves leave behind adds up. Without an angle the hub turns by 20 degrees at most, as far as
+    its appendages bend but gently and its actuators about the axis, if any, have the torque.
+    `most`: the largest number of steps.
     """
     free = [
         j for j in range(model.njnt) if int(model.jnt_type[j]) == int(mujoco.mjtJoint.mjJNT_FREE)
@@ -102,7 +109,7 @@ def simulate(
     name = model.body(hub).name
     start = int(model.jnt_dofadr[free[0]])
     axis = 0
-    if joint is None:
+    if joint is None or angle is None:
         axis, omega = _mode_to_ring(model, np.arange(start + 3, start + 6), start, held)
         drive = _on_hub(model, hub, axis)
     else:
@@ -113,7 +120,12 @@ def simulate(
     elastic = tuple(int(model.jnt_qposadr[j]) for j in held)
     period = 2.0 * np.pi / omega
     _check_steps(model, (1.0 + RINGING) * period, most)
-    duration = _long_enough(model, drive, angle, period, frames, elastic)
+    torque = 0.0
+    if angle is None:
+        bent = _bending(model, drive, 1.0, period, frames, elastic)
+        angle, duration, torque = _chosen(model, hub, axis, period, bent)
+    else:
+        duration = _long_enough(model, drive, angle, period, frames, elastic)
     _check_steps(model, duration + RINGING * period, most)
     frames = max(frames, min(math.ceil(FINE * (duration / period + RINGING)), MOST_FRAMES))
     times = np.linspace(0.0, duration + RINGING * period, frames)
@@ -128,7 +140,23 @@ def simulate(
         omega,
         elastic,
         joint or "",
+        torque,
     )
+
+
+def _chosen(
+    model: "mujoco.MjModel", hub: int, axis: int, period: float, bent: float
+) -> tuple[float, float, float]:
+    """Angle [rad] and duration [s] of a turn about an axis of the hub, in a period of which links
+    turn by `bent` per radian, and the torque of the actuators where it is that which limits it."""
+    torque = largest_torque(model, rest(model), hub, axis)
+    mobility = np.linalg.inv(rigid_mass(model, model.body(hub).name))[3 + axis, 3 + axis]
+    by_torque = torque * float(mobility) * period**2 / 4.0
+    most = min(GENTLY / bent, by_torque)  # in one period
+    periods = next((n for n in LONGER if most * n**2 >= ENOUGH), LONGER[-1])
+    angle = min(most * periods**2, LARGEST)
+    limited = most == by_torque and angle < LARGEST
+    return angle, periods * period, torque if limited else 0.0
 
 
 Push = Callable[
@@ -148,6 +176,26 @@ def _long_enough(
     """The duration of a turn [s] in which no link turns further than `MOST_BENT` out of its place
     on a rigid appendage."""
 
+    def bent(periods: float) -> float:
+        return abs(angle) * _bending(model, drive, periods, period, frames, elastic)
+
+    for periods in PERIODS:
+        if bent(periods) <= MOST_BENT:
+            return periods * period
+    halves = math.ceil(np.sqrt(bent(1.0) / MOST_BENT))
+    return float(halves + 1 - halves % 2) * period
+
+
+def _bending(
+    model: "mujoco.MjModel",
+    drive: Drive,
+    periods: float,
+    period: float,
+    frames: int,
+    elastic: tuple[int, ...],
+) -> float:
+    """By how much a link turns out of its place on a rigid appendage, per angle of a small turn
+    that takes so many periods."""
     data = mujoco.MjData(model)
 
     def rotations(qpos: Array) -> Array:
@@ -155,22 +203,14 @@ def _long_enough(
         mujoco.mj_kinematics(model, data)
         return data.xmat.copy()
 
-    def bent(periods: float) -> float:
-        end = (periods + RINGING) * period
-        shown = _run(model, drive(TRIAL, periods * period), end, frames)
-        rigid = shown.copy()
-        rigid[:, list(elastic)] = 0.0
-        turned = [
-            np.linalg.norm(rotations(a) - rotations(b), axis=1).max() / np.sqrt(2.0)
-            for a, b in zip(shown, rigid, strict=True)
-        ]  # |R - 1| = sqrt(2) times the angle
-        return float(np.max(turned)) * abs(angle) / TRIAL
-
-    for periods in PERIODS:
-        if bent(periods) <= MOST_BENT:
-            return periods * period
-    halves = math.ceil(np.sqrt(bent(1.0) / MOST_BENT))
-    return float(halves + 1 - halves % 2) * period
+    shown = _run(model, drive(TRIAL, periods * period), (periods + RINGING) * period, frames)
+    rigid = shown.copy()
+    rigid[:, list(elastic)] = 0.0
+    turned = [
+        np.linalg.norm(rotations(a) - rotations(b), axis=1).max() / np.sqrt(2.0)
+        for a, b in zip(shown, rigid, strict=True)
+    ]  # |R - 1| = sqrt(2) times the angle
+    return float(np.max(turned)) / TRIAL
 
 
 def _on_hub(model: "mujoco.MjModel", hub: int, axis: int) -> Drive:

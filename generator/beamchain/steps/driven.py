@@ -68,10 +68,13 @@ def driven(motion: Array, spacing: float, offset: Array) -> Driven:
     return _driven(np.max(np.hypot(rate[:, 1], rate[:, 2])), *largest)
 
 
-def run_of_turn(rate: float, acceleration: float, axis: int, offset: Sequence[float]) -> Driven:
-    """The same for a turn of the hub about an axis, by its rate and acceleration."""
-    about = acceleration * np.eye(3)[axis]
-    return _driven(0.0 if axis == 0 else rate, np.cross(about, offset), about)
+def run_of_turn(
+    rate: float, acceleration: float, axis: Array, offset: "Sequence[float] | Array"
+) -> Driven:
+    """The same for a turn of the hub about a unit vector `(3,)`, in the root's axes as the offset,
+    by its rate and acceleration."""
+    about = acceleration * axis
+    return _driven(rate * float(np.hypot(axis[1], axis[2])), np.cross(about, offset), about)
 
 
 def limit_sentences(limits: Mapping[str, LargeMotion], run: Driven) -> list[str]:

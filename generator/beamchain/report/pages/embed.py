@@ -16,12 +16,10 @@ from beamchain.report.formats import error_text, short
 from beamchain.report.headlines import cure_sentence, spring_sentence
 from beamchain.report.page import Verdict, page_text
 from beamchain.report.replay import craft_replays
-from beamchain.report.shapes import all_shapes
 from beamchain.report.svg import to_svg
 from beamchain.report.tables import embed as tables
 from beamchain.report.tables.first_screen import embedded_tiles
 from beamchain.report.tables.fit import left_out_table, mode_table
-from beamchain.report.tree_plot import tree_figure
 from beamchain.steps.budget import budget
 
 if TYPE_CHECKING:
@@ -41,9 +39,6 @@ def embed_report(embedded: "Embedded", craft: str, output: str) -> str:
     figures = {"assembly": assembly_figure(assembly)}
     for i, group in enumerate(alike, 1):
         figures[f"chain{i}"] = plots.chain_figure(group.those[0].fit)
-    is_tree = any(a.loads for a in appendages)
-    if is_tree:
-        figures["tree"] = tree_figure(embedded)
     steps, no_steps = _steps(embedded)
     files = _spec_files(appendages)
     return page_text(
@@ -65,7 +60,6 @@ def embed_report(embedded: "Embedded", craft: str, output: str) -> str:
         spring_sentence=spring_sentence,
         in_band_table=tables.in_band_table,
         left_out_table=left_out_table,
-        all_shapes=all_shapes,
         steps=steps,
         no_steps=no_steps,
         gone=[m.exact for m in assembly.modes if m.mujoco is None and m.exact is not None],

@@ -11,7 +11,6 @@ from beamchain.report.formats import error_text, number, short, vector
 from beamchain.report.headlines import spring_sentence, tip_sentence
 from beamchain.report.page import Verdict, page_text
 from beamchain.report.replay import scene_replays
-from beamchain.report.shapes import all_shapes
 from beamchain.report.svg import to_svg
 from beamchain.report.tables import fit as tables
 from beamchain.report.tables.first_screen import fit_tiles
@@ -54,7 +53,6 @@ def fit_report(fit: "Fit") -> tuple[str, dict[str, str]]:
         modes=tables.mode_table(fit),
         mode_notes=tables.mode_notes(fit),
         spring_sentence=spring_sentence,
-        drawn_shapes=all_shapes(fit),
         replays=scene_replays(fit),
         in_band=tables.in_band_table(fit),
         model_errors=[tables.model_error_table(fit, port) for port in fit.target],
