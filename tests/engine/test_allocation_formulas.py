@@ -9,6 +9,7 @@ from formulas import (
     Allocated,
     allocated,
     inverse_of_torques,
+    largest_torque,
     null_directions,
     torque_of_actuator,
     torques_of_allocation,
@@ -169,3 +170,49 @@ def test_what_to_know_of_an_allocation():
     assert text.count("a : b = 1 : -0.25") == 3
     assert "; 2 more in allocations['all']" in text
     assert "more in" not in told(turn, np.diag([0.5, 0.25, 0.2]), without=(nothing,) * 3)[0][1]
+
+
+WHEEL = """<body><joint name="{0}" axis="{1}"/>
+<inertial pos="0 0 0" mass="1" diaginertia=".1 .1 .1"/></body>"""
+
+
+def about(axis, bodies, actuators):
+    """The largest torque about an axis of a bus."""
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><worldbody><body name="bus" euler="20 30 40"><freejoint/>
+        <inertial pos="0 0 0" mass="20" diaginertia="4 5 6"/>{bodies}</body></worldbody>
+        <actuator>{actuators}</actuator></mujoco>"""
+    )
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    return largest_torque(model, data, model.body("bus").id, axis)
+
+
+def test_the_largest_torque_of_wheels_is_within_their_ranges_and_about_the_axis_alone():
+    # two wheels at +-60 degrees from x: along x both add, along y only their difference is left
+    wheels = WHEEL.format("a", "1 1.7320508075688772 0") + WHEEL.format(
+        "b", "1 -1.7320508075688772 0"
+    )
+    motors = (
+        '<motor joint="a" gear="3" ctrlrange="-2 4"/><motor joint="b" gear="3" ctrlrange="-1 1"/>'
+    )
+    assert about(0, wheels, motors) == pytest.approx(2.0 * 0.5 * 3.0 * 1.0)
+    assert about(1, wheels, motors) == pytest.approx(2.0 * np.sqrt(0.75) * 3.0 * 1.0)
+    assert about(2, wheels, motors) == np.inf  # none turns it about z
+    forced = motors.replace('gear="3" ctrlrange="-2 4"', 'gear="3" forcerange="-.2 .2"')
+    assert about(0, wheels, forced) == pytest.approx(2.0 * 0.5 * 3.0 * 0.2)
+
+
+def test_thrusters_push_one_way_each_and_the_smaller_way_counts():
+    sites = '<site name="up" pos="0 2 0"/><site name="down" pos="0 -3 0"/>'
+    jets = """<general site="up" gear="0 0 1 0 0 0" gainprm="2" ctrlrange="0 1"/>
+        <general site="down" gear="0 0 1 0 0 0" gainprm="2" ctrlrange="0 1"/>"""
+    assert about(0, sites, jets) == pytest.approx(2.0 * 2.0)
+
+
+def test_a_motor_without_limits_and_one_that_turns_something_else_limit_nothing():
+    wheel = WHEEL.format("a", "1 0 0")
+    assert about(0, wheel, '<motor joint="a"/>') == np.inf
+    hung = wheel.replace("</body>", WHEEL.format("far", "1 0 0") + "</body>")
+    assert about(0, hung, '<motor joint="far" ctrlrange="-1 1"/>') == np.inf
+    assert about(0, wheel, '<position joint="a" ctrlrange="-1 1"/>') == np.inf

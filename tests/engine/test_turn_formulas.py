@@ -314,6 +314,33 @@ def test_a_hub_s_turn_excites_its_one_mode():
     assert simulate_slew(model, angle=0.05, frames=70, most=1.01 * steps).times.size == 70
 
 
+def jets(most, out=2):
+    """The hub's turn about z, where jets have so much torque and the arm is so far out."""
+    spring = ARM.replace("2 0 0", f"{out} 0 0").replace(
+        'damping=".7"\nrange="-60 100"', 'stiffness="60"'
+    )
+    motor = f'<motor site="jet" gear="0 0 0 0 0 1" ctrlrange="-{most} {most}"/>'
+    model = craft(f'<site name="jet"/>{spring}', f"<actuator>{motor}</actuator>", step=0.01)
+    return simulate_slew(model, angle=None, frames=30)
+
+
+def test_a_turn_that_is_chosen_bends_gently_and_has_no_more_torque_than_the_actuators():
+    # frozen, the craft's inertia about z through its mass centre
+    inertia = 6.0 + 0.4 + 20.0 * 3.0 / 23.0 * 2.5**2
+    strong = jets(1e6)
+    assert strong.torque == 0.0
+    assert strong.angle == pytest.approx(np.pi / 9.0)
+    assert np.abs(strong.positions[:, 7]).max() < 0.1
+    far = jets(1e6, out=9)
+    assert far.angle < strong.angle
+    assert np.abs(far.positions[:, 7]).max() == pytest.approx(0.1, rel=0.02)
+    weak = jets(0.3)
+    assert weak.torque == 0.3
+    assert weak.angle < strong.angle
+    assert inertia * weak.acceleration == pytest.approx(0.3, rel=1e-9)
+    assert weak.duration * weak.omega == pytest.approx(5.0 * 2.0 * np.pi)
+
+
 def test_a_turn_without_a_free_body_or_a_spring_is_refused():
     with pytest.raises(InputError, match="freely flying"):
         simulate_slew(mujoco.MjModel.from_xml_string(FIXED), angle=0.1, frames=5)

@@ -353,6 +353,13 @@ def test_a_turn_about_the_appendage_itself_does_not_spin_it():
     assert run.spin == 0.0
     assert run.acceleration == pytest.approx({"xy": 0.3 * 0.6, "xz": 0.3 * 0.4})
     assert run.slew == {"xy": 0.0, "xz": 0.0}
+    # about an axis between x and y only the part across spins it
+    run = run_of_turn(0.7, 0.3, np.array([0.6, 0.8, 0.0]), (0.5, 0.4, -0.6))
+    assert run.spin == pytest.approx(0.8 * 0.7)
+    assert run.acceleration == pytest.approx(
+        {"xy": 0.3 * 0.6 * 0.6, "xz": 0.3 * abs(0.6 * 0.4 - 0.8 * 0.5)}
+    )
+    assert run.slew == pytest.approx({"xy": 0.0, "xz": 0.3 * 0.8})
     run = run_of_turn(0.7, 0.3, np.eye(3)[1], (0.5, 0.4, -0.6))
     assert run.spin == 0.7
     assert run.acceleration == pytest.approx({"xy": 0.0, "xz": 0.3 * 0.5})

@@ -205,7 +205,7 @@ from beamchain.craft.timing import _stiffness_change as change_of_stiffness
 from beamchain.craft.timing import decide_timing, is_worth_timing, response_change, time_notes
 from beamchain.craft.timing import step_error as error_of_step
 from beamchain.craft.under_load import LoadedTree
-from beamchain.engine.allocation import Allocated, allocated
+from beamchain.engine.allocation import Allocated, allocated, largest_torque
 from beamchain.engine.allocation import _inverse as inverse_of_torques
 from beamchain.engine.allocation import _null_directions as null_directions
 from beamchain.engine.allocation import _torque as torque_of_actuator
@@ -872,6 +872,7 @@ __all__ = [
     "largest_forces",
     "largest_inner",
     "largest_norm_ratio",
+    "largest_torque",
     "last_kept",
     "layout_of",
     "leaves_at",

@@ -20,7 +20,7 @@ from beamchain.errors import EngineError
 Frame = NDArray[np.uint8]  # (height, width, 3)
 
 COLOURS = 96  # in a GIF
-DRAWN = 16  # in a drawing as WebP
+DRAWN = 24  # in a drawing as WebP
 
 
 def png(frame: Frame) -> bytes:
@@ -47,7 +47,7 @@ def gif(frames: Sequence[Frame], rate: float) -> bytes:
 def webp(drawings: Sequence[Image.Image], each: int) -> bytes:
     """Drawings, each shown for so many ms, as an animated WebP that repeats for ever: without loss
     but for the colours of the first one, as edges are then sharp and the file is small."""
-    palette = drawings[0].quantize(DRAWN)
+    palette = drawings[0].quantize(DRAWN, Image.Quantize.MAXCOVERAGE)
     first, *rest = [
         drawing.quantize(palette=palette, dither=Image.Dither.NONE).convert("RGB")
         for drawing in drawings
