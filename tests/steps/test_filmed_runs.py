@@ -1,5 +1,5 @@
-"""Tests internals, `steps.deployment`, and `beamchain render --run`: runs with hinges that latch,
-beside closed forms of a hinge on a fixed base.
+"""Tests internals, `steps.deployment`, and `beamchain render --run` and `--torque`: runs with
+hinges that latch and under commands, beside closed forms of a hinge or a wheel.
 
 LATCHED: Runge-Kutta's step and frames between steps [rad].
 """
@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 import beamchain as bc
 from beamchain.cli import app
 from beamchain.engine import backend
-from beamchain.steps.deployment import hinge_stages, simulate_run
+from beamchain.steps.deployment import commands, hinge_stages, simulate_run
 
 LATCHED = 2e-5
 DRIVEN = """<mujoco><option timestep="0.002" gravity="0 0 0" integrator="RK4"/><worldbody>
@@ -88,9 +88,58 @@ def test_the_start_of_a_run_flies_with_the_spacecraft():
     assert run.positions[-1, 7] > 1.0
 
 
+WHEEL = """<mujoco><option timestep="0.01" gravity="0 0 0"/><worldbody><body name="bus"><freejoint/>
+<geom type="box" size=".5 .5 .5" density="0"/><inertial pos="0 0 0" mass="9" diaginertia="3 3 3"/>
+<body name="wheel"><joint name="wheel" axis="0 0 1"/><inertial pos="0 0 0" mass="1"
+diaginertia=".1 .1 .2"/></body>{}</body></worldbody><actuator>
+<motor name="rw" joint="wheel" gear="2" ctrlrange="-1 1"/><motor name="other" joint="wheel"/>
+</actuator><keyframe><key name="pushed" ctrl="0 0.5"/></keyframe></mujoco>"""
+BENDS = """<body pos="1 0 0"><joint axis="0 0 1" stiffness="2"/>
+<geom type="box" size=".4 .1 .1" pos=".5 0 0" mass="1"/></body>"""
+HISTORY = "time,rw\n0,0.3\n0.5,-0.1\n0.8,0\n"
+
+
+def test_actuators_follow_the_history_that_is_given():
+    """The wheel against the bus: torque over the reduced inertia, twice integrated; a row holds
+    until the next, the last to the end."""
+    model = mujoco.MjModel.from_xml_string(WHEEL.format(""))
+    run = simulate_run(model, None, 1.0, 11, (), commands(model, HISTORY, "h"))
+    reduced = 3.0 * 0.2 / 3.2
+    torque = np.repeat([0.6, -0.2, 0.0], [50, 30, 20])
+    rates = np.cumsum(torque) * 0.01 / reduced
+    wanted = np.append(0.0, np.cumsum(rates) * 0.01)[::10]
+    np.testing.assert_allclose(run.positions[:, 7], wanted, rtol=1e-6, atol=1e-9)
+    pushed = simulate_run(model, "pushed", 1.0, 11, (), commands(model, HISTORY, "h"))
+    rates = np.cumsum(torque + 0.5) * 0.01 / reduced  # what the keyframe commands besides
+    wanted = np.append(0.0, np.cumsum(rates) * 0.01)[::10]
+    np.testing.assert_allclose(pushed.positions[:, 7], wanted, rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("history", "said"),
+    [
+        ("time,wheel\n0,1\n1,0\n", "one or more of rw, other"),
+        ("time,rw,rw\n0,1,1\n1,0,0\n", "one or more of rw, other"),
+        ("time,rw\n0,1.5\n1,0\n", r"rw = 1.5 is beyond its ctrlrange \[-1, 1\]"),
+        ("time,rw\n0,1\n", "at least two rows"),
+        ("time,rw\n1,1\n2,0\n", "start at 0"),
+    ],
+)
+def test_histories_that_no_actuator_can_follow_are_refused(history, said):
+    with pytest.raises(bc.InputError, match=said):
+        commands(mujoco.MjModel.from_xml_string(WHEEL.format("")), history, "h")
+
+
+def test_a_file_without_actuators_follows_no_history():
+    with pytest.raises(bc.InputError, match="the file has no actuator"):
+        commands(flaps("a"), HISTORY, "h")
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
+        (["--torque", "h.csv", "--modes", "1"], "--modes and --torque are both given"),
+        (["--torque", "h.csv", "--exaggerate", "2"], "a run is drawn to scale"),
         (["--run", "1", "--modes", "1"], "--modes and --run are both given"),
         (["--run", "1", "--joint", "a"], "--joint and --run are both given"),
         (["--key", "folded"], "--key is of --run"),
@@ -143,3 +192,24 @@ def test_a_run_is_filmed(renderer, tmp_path):
     told = json.loads(done.stdout)
     assert told["run"]["waiting"] == ["a"]
     assert "a had not latched after 1 s" in str(told["warnings"])
+
+
+@pytest.mark.slow
+def test_a_run_under_commands_is_filmed(tmp_path):
+    renderer = next((one for one in ("egl", "osmesa") if backend._works(one)), None)
+    if renderer is None:
+        pytest.skip("MuJoCo cannot draw on this machine")
+    (tmp_path / "wheel.xml").write_text(WHEEL.format(BENDS))
+    (tmp_path / "h.csv").write_text(HISTORY)
+    arguments = ["render", "wheel.xml", "-o", "o", "--width", "200", "--height", "120", "--no-mp4"]
+    done = render([*arguments, "--torque", "h.csv", "--json"], tmp_path, renderer)
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)["run"]
+    assert (told["seconds"], told["actuators"]) == (0.8, ["rw"])
+    assert (tmp_path / "o" / "wheel.gif").exists()
+    longer = [*arguments, "--torque", "h.csv", "--run", "3", "--key", "pushed", "--force"]
+    done = render(longer, tmp_path, renderer)
+    assert "simulated for 3 s from keyframe 'pushed' under commands of rw" in done.stdout
+    done = render([*arguments, "--torque", "none.csv", "--force"], tmp_path, renderer)
+    assert done.returncode == 2
+    assert "--torque 'none.csv' cannot be read" in done.stderr

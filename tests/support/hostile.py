@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import beamchain as bc
 from beamchain import read_modes, read_spec
-from beamchain.cli.study import read_text
+from beamchain.cli.common import read_text
 from beamchain.craft.embedding import take_out
 from beamchain.mjcf.craft import read_craft
 from beamchain.structure.readers.nastran_bulk import read_bulk
@@ -159,7 +159,11 @@ READERS: dict[str, tuple[str, bytes, Callable[[Path], object]]] = {
         lambda path: read_craft(path).includes,
     ),
     "spacecraft with a mark": ("xml", marked(), take_out),
-    "profile": ("csv", PROFILE.encode(), lambda path: parse_profile(read_text(path), path.name)),
+    "profile": (
+        "csv",
+        PROFILE.encode(),
+        lambda path: parse_profile(read_text(path, "--profile"), path.name),
+    ),
 }
 
 WORDS = (

@@ -34,6 +34,26 @@ RetimeJoints = Annotated[
 Full = Annotated[
     bool, typer.Option("--full", help="Print every table as well, and how the modes were chosen.")
 ]
+LARGEST_HISTORY = 10_000_000  # bytes
+
+
+def read_text(path: Path, option: str) -> str:
+    """The text of a CSV file that the user names in an option."""
+    from beamchain.errors import InputError
+    from beamchain.files import note_input
+
+    note_input(path)
+    try:
+        if path.stat().st_size > LARGEST_HISTORY:
+            raise InputError(
+                f"{option} {str(path)!r} has more than the {LARGEST_HISTORY} bytes taken; thin it "
+                "out."
+            )
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(
+            f"{option} {str(path)!r} cannot be read ({error}); give a CSV file of text."
+        ) from None
 
 
 def version(value: bool) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
-from beamchain.cli.common import Folder, Force, Json, console, explain
+from beamchain.cli.common import Folder, Force, Json, console, explain, read_text
 from beamchain.cli.output import print_warnings, tell
 from beamchain.errors import InputError
 from beamchain.warning_codes import warnings_record
@@ -68,8 +68,17 @@ def render(
             metavar="SECONDS", help="Film a simulation of so many seconds in place of a turn."
         ),
     ] = None,
+    torque: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="CSV",
+            help="Film a simulation under these commands: a column time and others named after "
+            "actuators of the file; a row holds until the next.",
+        ),
+    ] = None,
     key: Annotated[
-        str | None, typer.Option(metavar="NAME", help="The keyframe with which --run starts.")
+        str | None,
+        typer.Option(metavar="NAME", help="The keyframe with which --run or --torque starts."),
     ] = None,
     latch: Annotated[
         list[str] | None,
@@ -95,9 +104,10 @@ def render(
     With --joint a hinge without a spring turns in place of the hub, such as the elbow of an arm.
     With --modes each coupled mode of the whole spacecraft is a film of one oscillation.
     With --run the scene is simulated as it is, from the keyframe --key, beside a faint picture of
-    its start; --latch unfolds an array panel by panel. A GIF of a turn or mode begins where the
-    appendages bend furthest. Without ffmpeg there is no MP4, and the exit status is 3. Needs EGL or
-    OSMesa, but no screen.
+    its start; --latch unfolds an array panel by panel. With --torque its actuators follow a history
+    of your own, to its last time or as long as --run says, beside rigid appendages. A GIF of a turn
+    or mode begins where the appendages bend furthest. Without ffmpeg there is no MP4, and the exit
+    status is 3. Needs EGL or OSMesa, but no screen.
 
     Example: beamchain render boom.toml -o pictures
 
@@ -108,15 +118,19 @@ def render(
     Example: beamchain render flexible.xml -o pictures --joint elbow --angle 90
 
     Example: beamchain render wing.xml -o pictures --run 20 --key folded --latch "hinge1_*"
+
+    Example: beamchain render flexible.xml -o pictures --torque wheels.csv
     """
-    asked = {"--joint": joint is not None, "--modes": modes != 0, "--run": run is not None}
+    is_run = run is not None or torque is not None
+    longer = "--run" if torque is None else "--torque"
+    asked = {"--joint": joint is not None, "--modes": modes != 0, longer: is_run}
     both = [option for option, is_given in asked.items() if is_given]
     if len(both) > 1:
         raise InputError(f"render: {both[0]} and {both[1]} are both given; leave one out.")
     for option, is_given in (("--key", key is not None), ("--latch", bool(latch))):
-        if is_given and run is None:
+        if is_given and not is_run:
             raise InputError(f"render: {option} is of --run; give --run SECONDS too.")
-    if run is not None and exaggerate != 1.0:
+    if is_run and exaggerate != 1.0:
         raise InputError("render: a run is drawn to scale; leave --exaggerate out.")
     sizes = (("width", width, 64, 4096), ("height", height, 64, 4096), ("modes", modes, 0, 100))
     for name, value, low, high in (
@@ -143,8 +157,8 @@ def render(
     warnings: list[str] = []
     if modes:
         films, told = _modes(model, name, modes, exaggerate, look)
-    elif run is not None:
-        film, told, warnings = _run(model, run, key, latch or [], look)
+    elif is_run:
+        film, told, warnings = _run(model, run, key, latch or [], torque, look)
         films = {name: film}
     else:
         film, told, slew = _turn(model, math.radians(angle), joint, exaggerate, look)
@@ -267,23 +281,41 @@ def _turn(
 
 
 def _run(
-    model: "mujoco.MjModel", seconds: float, key: str | None, latch: list[str], look: Look
+    model: "mujoco.MjModel",
+    seconds: float | None,
+    key: str | None,
+    latch: list[str],
+    torque: Path | None,
+    look: Look,
 ) -> "tuple[Film, Told, list[str]]":
-    """The film of a simulated run, beside its start, and what is to be warned of."""
+    """The film of a simulated run, beside its start or rigid appendages, and what is to be warned
+    of."""
     from beamchain.engine.displacement import spacecraft_body
-    from beamchain.steps.deployment import hinge_stages, simulate_run
+    from beamchain.engine.model_rows import sprung
+    from beamchain.steps.deployment import commands, hinge_stages, simulate_run
 
-    done = simulate_run(model, key, seconds, RUN, hinge_stages(model, latch))
+    given = None if torque is None else commands(model, read_text(torque, "--torque"), torque.name)
+    if seconds is None:
+        assert given is not None
+        seconds = float(given.times[-1])
+    done = simulate_run(model, key, seconds, RUN, hinge_stages(model, latch), given)
     body = spacecraft_body(model)
     note = f"{_rate(seconds, RUN)}, to scale"
     texts = _clock(done.times, note)
-    film = _film(model, body, done.positions, done.start, texts, look, RUN // 2)._replace(first=0)
+    ghosts = done.start
+    if given is not None:
+        bent = model.jnt_qposadr[sprung(model)]
+        ghosts = done.positions.copy()
+        ghosts[:, bent] = model.qpos0[bent]
+    film = _film(model, body, done.positions, ghosts, texts, look, RUN // 2)._replace(first=0)
     begin = "the pose of the file" if key is None else f"keyframe {key!r}"
-    told = [f"simulated for {seconds:g} s from {begin}; {note}"]
+    under = "" if given is None else f" under commands of {', '.join(given.actuators)}"
+    told = [f"simulated for {seconds:g} s from {begin}{under}; {note}"]
     told += [f"{one.joint} latched at {one.time:.3f} s" for one in done.latched]
     facts = {
         "key": key,
         "seconds": seconds,
+        "actuators": [] if given is None else list(given.actuators),
         "latched": [{"joint": one.joint, "time": one.time} for one in done.latched],
         "waiting": list(done.waiting),
     }

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamchain.cli.common import Folder, Force, Json, SpecPath, console
+from beamchain.cli.common import Folder, Force, Json, SpecPath, console, read_text
 from beamchain.cli.output import job_bar, print_headed, print_table, print_warnings, tell
 
 if TYPE_CHECKING:
@@ -30,7 +30,6 @@ Only = Annotated[
     list[str] | None,
     typer.Option("--model", metavar="NAME", help="Measure this model only. Repeatable."),
 ]
-LARGEST_PROFILE = 10_000_000  # bytes
 
 
 def study(
@@ -63,7 +62,7 @@ def study(
         if value is not None:
             positive(f"--{name}", value, unit)
     check_free(output / "study.json", force=force)
-    text = None if profile is None else read_text(profile)
+    text = None if profile is None else read_text(profile, "--profile")
     with job_bar("measuring") as progress:
         result = measure(
             read,
@@ -75,25 +74,6 @@ def study(
         )
     files = result.write(output, force=force)
     tell(result.as_dict, lambda: show(result), files, as_json)
-
-
-def read_text(path: Path) -> str:
-    """The text of a file the user names."""
-    from beamchain.errors import InputError
-    from beamchain.files import note_input
-
-    note_input(path)
-    try:
-        if path.stat().st_size > LARGEST_PROFILE:
-            raise InputError(
-                f"--profile {str(path)!r} has more than the {LARGEST_PROFILE} bytes taken; thin it "
-                "out."
-            )
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(
-            f"--profile {str(path)!r} cannot be read ({error}); give a CSV file of text."
-        ) from None
 
 
 def show(result: "Study") -> None:

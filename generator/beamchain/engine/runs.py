@@ -1,17 +1,20 @@
 """Runs of a model: under given forces in one go, without Python between the steps, or step by step
 under what its state asks for."""
 
+import csv
+import io
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
 from beamchain.engine.library import mujoco, quiet, rollout_engine
-from beamchain.errors import EngineError
+from beamchain.errors import EngineError, InputError
 from beamchain.ports.motions import Array
 
 STATE = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
 FORCES = int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
+LONGEST = 1_000_000  # rows of a history
 LARGEST = 4_000_000  # numbers held at once; longer runs go in pieces
 
 
@@ -96,3 +99,36 @@ def film(
                 )
         positions[k] = data.qpos
     return positions
+
+
+def held_columns(
+    content: str, source: str, allowed: Sequence[str]
+) -> tuple[list[str], Array, Array]:
+    """Of CSV text with a column `time` [s] and some of the columns `allowed`, of which a row holds
+    until the next: names of these, times `(k,)` and values `(k, n)`."""
+    try:
+        rows = [
+            row
+            for row in csv.reader(io.StringIO(content))
+            if row and not row[0].lstrip().startswith("#")
+        ]
+    except csv.Error as error:
+        raise InputError(f"{source} is no CSV ({error}); give numbers between commas.") from None
+    head = [cell.strip() for cell in rows[0]] if rows else []
+    names = [name for name in head if name != "time"]
+    right = "time" in head and names and len({*head}) == len(head) and {*names} <= {*allowed}
+    if not right or not 3 <= len(rows) <= LONGEST:
+        raise InputError(
+            f"{source} has the head {', '.join(head) or 'nothing'} and {max(len(rows) - 1, 0)} "
+            f"rows; give a column time, one or more of {', '.join(allowed)}, and at least two rows."
+        )
+    try:
+        table = np.array([[float(cell) for cell in row] for row in rows[1:]])
+    except ValueError as error:
+        raise InputError(f"{source}: {error}; give one number per column in every row.") from None
+    times = table[:, head.index("time")]
+    if not np.all(np.isfinite(table)) or times[0] != 0.0 or np.any(np.diff(times) <= 0.0):
+        raise InputError(
+            f"{source}: times must start at 0 and ascend, and every number must be finite."
+        )
+    return names, times, table[:, [head.index(name) for name in names]]

@@ -1,5 +1,5 @@
-"""A run of a spacecraft from a keyframe, with hinges that latch at their stops stage by stage, in
-positions that a film shows."""
+"""A run of a spacecraft from a keyframe, under commands of its actuators and with hinges that latch
+at their stops stage by stage, in positions that a film shows."""
 
 import copy
 from collections.abc import Sequence
@@ -11,7 +11,8 @@ import numpy as np
 from beamchain.checks import unknown
 from beamchain.engine.library import mujoco
 from beamchain.engine.operating_point import keyframe_names
-from beamchain.engine.runs import film
+from beamchain.engine.runs import film, held_columns
+from beamchain.engine.signals import actuator_names
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array, locked
 from beamchain.steps.latch import Latched, latch, unlatch
@@ -30,6 +31,39 @@ class Run(NamedTuple):
     start: Array
     latched: tuple[Latched, ...]
     waiting: tuple[str, ...]
+
+
+class Commands(NamedTuple):
+    """Commands `(k, n)` of actuators, each held from its time `(k,)` [s] until the next."""
+
+    actuators: tuple[str, ...]
+    times: Array
+    values: Array
+
+    def at(self, time: float) -> Array:
+        """`(n,)` the commands at a time; the last ones after their time."""
+        return self.values[np.searchsorted(self.times, time, "right") - 1]
+
+
+def commands(model: "mujoco.MjModel", content: str, source: str) -> Commands:
+    """The commands of CSV text with a column `time` [s] and columns named after actuators.
+
+    Raises:
+        InputError: the text is no such table, or asks for more than an actuator's `ctrlrange`.
+    """
+    known = actuator_names(model)
+    if not known:
+        raise InputError(f"{source}: the file has no actuator; give it one, or leave --torque out.")
+    names, times, values = held_columns(content, source, known)
+    for name, column in zip(names, values.T, strict=True):
+        low, high = model.actuator_ctrlrange[known.index(name)]
+        beyond = column[(column < low) | (column > high)]
+        if bool(model.actuator_ctrllimited[known.index(name)]) and beyond.size:
+            raise InputError(
+                f"{source}: {name} = {beyond[0]:g} is beyond its ctrlrange [{low:g}, {high:g}]; "
+                "give commands within it."
+            )
+    return Commands(tuple(names), locked(times), locked(values))
 
 
 def hinge_stages(model: "mujoco.MjModel", patterns: Sequence[str]) -> list[list[str]]:
@@ -58,6 +92,7 @@ def simulate_run(
     seconds: float,
     frames: int,
     stages: Sequence[Sequence[str]] = (),
+    given: Commands | None = None,
 ) -> Run:
     """Simulate from a keyframe (None: the pose of the file) with MuJoCo's own steps.
 
@@ -68,6 +103,7 @@ def simulate_run(
         frames: how many positions are kept, evenly spaced in time.
         stages: hinges that latch at their stops. The first stage moves from the start; the hinges
             of later ones are held as they are until all of the stage before have latched.
+        given: commands of actuators over the run; the others keep those of the keyframe, or none.
     """
     model = copy.copy(model)
     data = mujoco.MjData(model)
@@ -80,6 +116,9 @@ def simulate_run(
     for stage in stages[1:]:
         for name in stage:
             latch(model, data, name, angle=float(data.joint(name).qpos[0]))
+    start, step = float(data.time), float(model.opt.timestep)
+    known = actuator_names(model)
+    commanded = [] if given is None else [known.index(name) for name in given.actuators]
     ahead = [list(stage) for stage in stages]
     latched: list[Latched] = []
 
@@ -93,6 +132,8 @@ def simulate_run(
             if (done := latch(model, data, name)) is not None:
                 latched.append(done)
                 ahead[0].remove(name)
+        if given is not None:
+            data.ctrl[commanded] = given.at(float(data.time) - start + step / 2.0)
         mujoco.mj_step(model, data)
 
     times = np.linspace(0.0, seconds, frames)

@@ -4,8 +4,6 @@ and the exact answer.
 The motion is the linear one: the beam's modes superposed on the hub.
 """
 
-import csv
-import io
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -13,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from beamchain.engine.runs import held_columns
 from beamchain.errors import InputError
 from beamchain.ports.compose import model_in_space
 from beamchain.ports.model import PortModel
@@ -33,7 +32,6 @@ LEAST_PERIODS, MOST_PERIODS = 1e-3, 1e4  # of the slowest mode that a study may 
 PULSE = 15.0  # the default doublet is a fifteenth of the duration
 # elastic hub motion of the default doublet at most [rad, or share of the appendage's length]
 SMALL = 1e-5
-LONGEST_CSV = 1_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -282,37 +280,7 @@ def parse_profile(content: str, source: str) -> Profile:
 
     The last row only ends the profile.
     """
-    try:
-        rows = [
-            row
-            for row in csv.reader(io.StringIO(content))
-            if row and not row[0].lstrip().startswith("#")
-        ]
-    except csv.Error as error:
-        raise InputError(
-            f"profile {source!r} is no CSV ({error}); give numbers between commas."
-        ) from None
-    head = [cell.strip() for cell in rows[0]] if rows else []
-    unknown = [name for name in head if name not in ("time", *COLUMNS)]
-    if "time" not in head or unknown or len(head) < 2 or not 3 <= len(rows) <= LONGEST_CSV:
-        raise InputError(
-            f"profile {source!r} has the head {', '.join(head) or 'nothing'} and "
-            f"{max(len(rows) - 1, 0)} rows; give a column time, one or more of "
-            f"{', '.join(COLUMNS)}, and at least two rows."
-        )
-    try:
-        values = np.array([[float(cell) for cell in row] for row in rows[1:]])
-    except ValueError as error:
-        raise InputError(
-            f"profile {source!r}: {error}; give one number per column in every row."
-        ) from None
-    times = values[:, head.index("time")]
-    if not np.all(np.isfinite(values)) or times[0] != 0.0 or np.any(np.diff(times) <= 0.0):
-        raise InputError(
-            f"profile {source!r}: times must start at 0 and ascend, and every number must be "
-            "finite."
-        )
+    names, times, values = held_columns(content, f"profile {source!r}", COLUMNS)
     wrench = np.zeros((times.size - 1, 6))
-    for name in {*head} - {"time"}:
-        wrench[:, COLUMNS.index(name)] = values[:-1, head.index(name)]
+    wrench[:, [COLUMNS.index(name) for name in names]] = values[:-1]
     return Profile(locked(times), locked(wrench))
