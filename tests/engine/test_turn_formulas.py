@@ -341,6 +341,15 @@ def test_a_turn_that_is_chosen_bends_gently_and_has_no_more_torque_than_the_actu
     assert weak.duration * weak.omega == pytest.approx(5.0 * 2.0 * np.pi)
 
 
+def test_a_chosen_turn_is_the_same_in_every_picture(monkeypatch):
+    largest = simulate_slew(sprung(0.01), angle=None, frames=20)
+    assert largest.angle == pytest.approx(np.radians(20.0))
+    monkeypatch.setattr("beamchain.engine.slew.LARGEST", 10.0)
+    found = [simulate_slew(sprung(0.01), angle=None, frames=frames) for frames in (20, 90)]
+    assert found[0].angle == found[1].angle > largest.angle
+    assert found[0].duration == found[1].duration
+
+
 def test_a_turn_without_a_free_body_or_a_spring_is_refused():
     with pytest.raises(InputError, match="freely flying"):
         simulate_slew(mujoco.MjModel.from_xml_string(FIXED), angle=0.1, frames=5)

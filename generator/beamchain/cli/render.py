@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 FRAMES, RUN, CYCLE, RATE = 108, 168, 48, 25.0
 SKIP = 2
 SHORTEST, LONGEST = 1e-3, 1e5  # of a run [s]
+OF_HINGE = 20.0  # degrees
 
 Scene = Annotated[
     Path,
@@ -53,8 +54,13 @@ def render(
     output: Folder,
     exaggerate: Annotated[float, typer.Option(help="Factor on the elastic motion.")] = 1.0,
     angle: Annotated[
-        float, typer.Option(metavar="DEG", help="Angle of the turn in degrees.")
-    ] = 20.0,
+        float | None,
+        typer.Option(
+            metavar="DEG",
+            help="Angle of the turn in degrees. Left out: the hub turns as on the page, within the "
+            "torque of its actuators; a hinge turns by 20.",
+        ),
+    ] = None,
     joint: Annotated[
         str | None,
         typer.Option(metavar="NAME", help="Turn this hinge of the spacecraft in place of its hub."),
@@ -135,7 +141,7 @@ def render(
     sizes = (("width", width, 64, 4096), ("height", height, 64, 4096), ("modes", modes, 0, 100))
     for name, value, low, high in (
         ("exaggerate", exaggerate, 0.0, 1e6),
-        ("angle", angle, -360.0, 360.0),
+        ("angle", 0.0 if angle is None else angle, -360.0, 360.0),
         ("run", 1.0 if run is None else run, SHORTEST, LONGEST),
         *sizes,
     ):
@@ -161,7 +167,10 @@ def render(
         film, told, warnings = _run(model, run, key, latch or [], torque, look)
         films = {name: film}
     else:
-        film, told, slew = _turn(model, math.radians(angle), joint, exaggerate, look)
+        if angle is None and joint is not None:
+            angle = OF_HINGE
+        turned = None if angle is None else math.radians(angle)
+        film, told, slew = _turn(model, turned, joint, exaggerate, look)
         films = {name: film}
         warnings = [] if fit is None else too_far(fit, slew)
     out: dict[Path, str | bytes] = {}
@@ -243,12 +252,12 @@ def _clock(times: "Array", note: str) -> list[str]:
 
 def _turn(
     model: "mujoco.MjModel",
-    angle: float,
+    angle: float | None,
     joint: str | None,
     exaggerate: float,
     look: Look,
 ) -> "tuple[Film, Told, Slew]":
-    """The film of a turn by `angle` [rad], of the hub or of a hinge."""
+    """The film of a turn by `angle` [rad], of the hub or of a hinge; None: of the chosen turn."""
     from beamchain.engine.slew import simulate
 
     slew = simulate(model, angle=angle, frames=FRAMES, joint=joint)
@@ -273,7 +282,7 @@ def _turn(
         "omega": slew.omega,
     }
     sentence = (
-        f"{slew.joint or slew.body} turned by {math.degrees(angle):g} degrees"
+        f"{slew.joint or slew.body} turned by {math.degrees(slew.angle):.4g} degrees"
         f"{f' about {axis}' if axis else ''} in "
         f"{slew.duration:.4g} s, ringing at {slew.omega:.4g} rad/s; {note}"
     )

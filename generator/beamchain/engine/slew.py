@@ -26,6 +26,7 @@ from beamchain.ports.motions import Array, locked
 _HINGE = int(mujoco.mjtJoint.mjJNT_HINGE)
 
 PERIODS = (1.0, 1.1, 1.2, 1.3, 1.4, 1.5, 1.6)  # of a turn: the shortest that does not bend too far
+SAMPLES = 54  # of a turn whose angle is chosen, the same for every picture of it
 RINGING = 3.5  # periods of the first mode shown after the turn
 TRIAL = 0.01  # rad: a turn so small that what bends is proportional to it
 FINE, MOST_FRAMES = 12, 480  # frames a period, if that is not too many
@@ -122,7 +123,7 @@ def simulate(
     _check_steps(model, (1.0 + RINGING) * period, most)
     torque = 0.0
     if angle is None:
-        bent = _bending(model, drive, 1.0, period, frames, elastic)
+        bent = _bending(model, drive, 1.0, period, SAMPLES, elastic)
         angle, duration, torque = _chosen(model, hub, axis, period, bent)
     else:
         duration = _long_enough(model, drive, angle, period, frames, elastic)
