@@ -84,7 +84,7 @@ def test_kept_modes_have_their_numbers_in_the_file(folder):
     fit = kept_fit()
     assert "Kept: modes 1, 2, 4, 7 of the 8 of the file." in fit.status.message
     assert fit.as_dict()["space"]["kept"] == KEPT
-    shown = tables.mode_table(fit, None, "")
+    shown = tables.mode_table(fit)
     heads = dict(zip(shown.head, zip(*shown.rows, strict=True), strict=True))
     assert heads["mode of the file"] == ("1", "2", "4", "7")  # each once, not once per port
     found = [float(w) for w in heads["through MuJoCo, rad/s"]]
