@@ -5,22 +5,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullLocator
 
 from beamchain.checks import one_of
 from beamchain.fitting.needs import AXES
 from beamchain.ports.motions import Array
+from beamchain.report.curves import ErrorCurve
 from beamchain.report.plots import (
     BEAM,
     OURS,
-    ROUNDING,
     WIDTH,
+    accelerance_over_error,
     drawing,
+    error_panel,
+    finished,
     frame,
     in_hz,
-    legend_above,
     literal,
-    mark_top,
     panel,
 )
 from beamchain.report.svg import to_svg
@@ -43,35 +43,15 @@ MOTIONS = (
 def assembly_figure(assembly: "Assembly") -> Figure:
     """The hub's accelerance in the motion whose largest error in the band is largest, and below it
     the error of all motions together, its largest in the band marked."""
-    figure = Figure(figsize=(WIDTH, 5.6))
-    above, below = figure.subplots(2, 1, height_ratios=(1.5, 1.0))
+    figure, above, below = accelerance_over_error()
     kept = assembly.omega <= max(assembly.common, assembly.omega[0])
     off = np.abs(assembly.achieved - assembly.exact)[..., kept].max(axis=-1)
     size = np.abs(assembly.exact)[..., kept].max(axis=-1)
     _panel(above, assembly, int(np.argmax(np.diagonal(off) / np.diagonal(size))))
-    _error(below, assembly)
-    for ax in (above, below):
-        ax.xaxis.set_minor_locator(NullLocator())  # ticks are most of what drawing costs
-        ax.yaxis.set_minor_locator(NullLocator())
-    in_hz(above)
-    above.tick_params(labelbottom=False)
-    below.set_xlabel("frequency, rad/s")
-    figure.subplots_adjust(left=0.095, right=0.965, bottom=0.09, hspace=0.2)
-    legend_above(figure, above)
-    return figure
-
-
-def _error(ax: "Axes", assembly: "Assembly") -> None:
-    """Error of the hub's motion over frequency."""
-    top = float(assembly.error.max(initial=ROUNDING))
-    error = np.maximum(assembly.error, 1e-9 * top)
-    limits = float(assembly.omega[0]), float(assembly.omega[-1])
-    frame(ax, limits, (float(error.min()) / 2.0, 4.0 * top), assembly.common)
-    ax.plot(assembly.omega, error, color=OURS, linewidth=2.0)
-    at = int(np.argmax(np.where(assembly.omega <= assembly.common, error, -1.0)))
-    mark_top(ax, float(assembly.omega[at]), float(error[at]), assembly.in_band)
-    ax.set_title("error of the hub's motion, all motions together", pad=6.0)
-    ax.set_ylabel("relative error")
+    curve = ErrorCurve(assembly.omega, assembly.error)
+    title = "error of the hub's motion, all motions together"
+    error_panel(below, curve, assembly.common, assembly.in_band, title)
+    return finished(figure)
 
 
 def _panel(ax: "Axes", assembly: "Assembly", place: int) -> None:

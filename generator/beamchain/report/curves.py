@@ -71,6 +71,10 @@ class ErrorCurve(NamedTuple):
         """Where it is largest up to `bandwidth` [rad/s]."""
         return int(np.argmax(np.where(self.omega <= bandwidth * EDGE, self.error, -1.0)))
 
+    def largest(self, bandwidth: float) -> float:
+        """The error there."""
+        return float(self.error[self.peak(bandwidth)])
+
 
 def count(number: int, word: str) -> str:
     """`1 hinge`, `2 hinges`."""

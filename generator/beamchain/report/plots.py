@@ -13,7 +13,16 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLoca
 
 from beamchain.chain.chain import Chain
 from beamchain.checks import printable
-from beamchain.report.curves import CHAIN, PLANES, count, error_curve, responses, span, worst_hub
+from beamchain.report.curves import (
+    CHAIN,
+    PLANES,
+    ErrorCurve,
+    count,
+    error_curve,
+    responses,
+    span,
+    worst_hub,
+)
 from beamchain.report.formats import error_text, short, superscript
 from beamchain.structure.beam import Beam
 
@@ -95,19 +104,35 @@ def drawing(**settings: Any) -> Generator[None]:
 def response_figure(fit: "Fit", port: str) -> Figure:
     """Accelerance of the root, undamped, of the beam and of the chain through MuJoCo, and below it
     the error of the hub's motion, whose largest in the band is the in-band error."""
+    figure, above, below = accelerance_over_error()
+    _accelerance(above, fit, port)
+    hub, place = worst_hub(fit, port)
+    curve = error_curve(fit, port, hub, span(fit, port))
+    band = fit.bandwidth[port]
+    stated = fit.readback_error[port].accelerance_in_band
+    title = f"error of the hub's motion, {place}"
+    error_panel(below, curve, band, curve.largest(band) if stated is None else stated, title)
+    return finished(figure)
+
+
+def accelerance_over_error() -> "tuple[Figure, Axes, Axes]":
+    """A new figure and its two panels over the same frequencies, to be `finished` once drawn."""
     figure = Figure(figsize=(WIDTH, 5.6))
     above, below = figure.subplots(2, 1, height_ratios=(1.5, 1.0))
-    _accelerance(above, fit, port)
-    _error(below, fit, port)
-    in_hz(above)
-    # ticks are most of what drawing costs
-    above.tick_params(labelbottom=False)
+    return figure, above, below
+
+
+def finished(figure: Figure) -> Figure:
+    """The figure of two panels with its scales of frequency and its legend."""
+    above, below = figure.axes
     for ax in (above, below):
-        ax.xaxis.set_minor_locator(NullLocator())
+        ax.xaxis.set_minor_locator(NullLocator())  # ticks are most of what drawing costs
         ax.yaxis.set_minor_locator(NullLocator())
+    in_hz(above)
+    above.tick_params(labelbottom=False)
     below.set_xlabel("frequency, rad/s")
     figure.subplots_adjust(left=0.095, right=0.965, bottom=0.09, hspace=0.2)
-    legend_above(figure, above)
+    _legend_above(figure, above)
     return figure
 
 
@@ -134,37 +159,28 @@ def _accelerance(ax: "Axes", fit: "Fit", port: str) -> None:
     ax.set_ylabel(f"|W|, {unit}")
 
 
-def _error(ax: "Axes", fit: "Fit", port: str) -> None:
-    """The error of the hub's motion, and what the fit states of it."""
-    hub, place = worst_hub(fit, port)
-    limits = span(fit, port)
-    band = fit.bandwidth[port]
-    curve = error_curve(fit, port, hub, limits)
+def error_panel(ax: "Axes", curve: ErrorCurve, band: float, stated: float, title: str) -> None:
+    """Error of the hub's motion over frequency; its largest in the band is marked with what is
+    stated of it."""
     top = float(curve.error.max(initial=ROUNDING))
     bottom = float(np.clip(curve.error.min(), 1e-7 * top, 0.1 * top))
+    limits = float(curve.omega[0]), float(curve.omega[-1])
     frame(ax, limits, (bottom / 2.0, 4.0 * top), band)
     ax.plot(curve.omega, curve.error, color=OURS, linewidth=2.0)
     at = curve.peak(band)
-    stated = fit.readback_error[port].accelerance_in_band
-    y = float(curve.error[at])
-    mark_top(ax, float(curve.omega[at]), y, y if stated is None else stated)
-    ax.set_title(f"error of the hub's motion, {place}", pad=6.0)
-    ax.set_ylabel("relative error")
-
-
-def mark_top(ax: "Axes", x: float, y: float, error: float) -> None:
-    """Mark the largest error in the band at (x, y), and say how large it is."""
-    low, high = ax.get_xlim()
-    left = x < low * (high / low) ** 0.85
+    x, y = float(curve.omega[at]), float(curve.error[at])
     ax.plot(x, y, marker="o", markersize=5.5, color=OURS, linestyle="none")
+    left = x < limits[0] * (limits[1] / limits[0]) ** 0.85
     style: Any = {"textcoords": "offset points", "color": OURS, "fontweight": "bold"}
     ax.annotate(
-        error_text(error),
+        error_text(stated),
         (x, y),
         xytext=(7 if left else -7, 4),
         ha="left" if left else "right",
         **style,
     )
+    ax.set_title(title, pad=6.0)
+    ax.set_ylabel("relative error")
 
 
 # -- logarithmic axes ------------------------------------------------------------------------------
@@ -258,7 +274,7 @@ def panel(height: float) -> "tuple[Figure, Axes]":
     return figure, figure.add_subplot()
 
 
-def legend_above(figure: Figure, ax: "Axes") -> None:
+def _legend_above(figure: Figure, ax: "Axes") -> None:
     """A legend in three columns above all panels; sets the panels' upper edge below it."""
     handles, labels = ax.get_legend_handles_labels()
     style: Any = {

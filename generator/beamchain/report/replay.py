@@ -209,7 +209,8 @@ class _Artist:
 
     def __init__(self, model: "mujoco.MjModel") -> None:
         self.model = model
-        points = drawn_points(model, rest(model))
+        still = rest(model)
+        points = drawn_points(model, still)
         self.size = float(np.linalg.norm(np.ptp(points, axis=0)))
         self._drawn = copy.copy(model)
         thicken(self._drawn, SLIMMEST * self.size)
@@ -219,7 +220,7 @@ class _Artist:
         self._bare = _is_bare(model)
         self._option.flags[int(mujoco.mjtVisFlag.mjVIS_INERTIA)] = self._bare
         self._scene = mujoco.MjvScene(self._drawn, model.ngeom + model.nbody + 100)
-        self._frame = view_frame(azimuth_of(points, rest(model).subtree_com[0]))
+        self._frame = view_frame(azimuth_of(points, still.subtree_com[0]))
         self._make_faces()
 
     def _make_faces(self) -> None:
