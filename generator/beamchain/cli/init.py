@@ -66,7 +66,6 @@ def init(
     Example: beamchain init --schema > spec.schema.json
     """
     from beamchain.files import write_files
-    from beamchain.fitting.spec import schema as spec_schema
 
     if listed or schema:
         if kind is not None or output is not None or (listed and schema):
@@ -77,6 +76,8 @@ def init(
         if listed:
             _list(as_json=as_json)
         else:
+            from beamchain.fitting.spec import schema as spec_schema
+
             print_json(spec_schema())
         return
     if kind is None:
