@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 FRAMES, RUN, CYCLE, RATE = 108, 168, 48, 25.0
 SKIP = 2
 SHORTEST, LONGEST = 1e-3, 1e5  # of a run [s]
-OF_HINGE = 20.0  # degrees
 
 Scene = Annotated[
     Path,
@@ -167,8 +166,6 @@ def render(
         film, told, warnings = _run(model, run, key, latch or [], torque, look)
         films = {name: film}
     else:
-        if angle is None and joint is not None:
-            angle = OF_HINGE
         turned = None if angle is None else math.radians(angle)
         film, told, slew = _turn(model, turned, joint, exaggerate, look)
         films = {name: film}

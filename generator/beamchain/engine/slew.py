@@ -89,8 +89,8 @@ def simulate(
 
     The turn takes about a period of the mode excited, or an odd number of them: then what its two
     halves leave behind adds up. Without an angle the hub turns by 20 degrees at most, as far as
-    its appendages bend but gently and its actuators about the axis, if any, have the torque.
-    `most`: the largest number of steps.
+    its appendages bend but gently and its actuators about the axis, if any, have the torque; a
+    hinge by 20 degrees. `most`: the largest number of steps.
     """
     free = [
         j for j in range(model.njnt) if int(model.jnt_type[j]) == int(mujoco.mjtJoint.mjJNT_FREE)
@@ -110,10 +110,11 @@ def simulate(
     name = model.body(hub).name
     start = int(model.jnt_dofadr[free[0]])
     axis = 0
-    if joint is None or angle is None:
+    if joint is None:
         axis, omega = _mode_to_ring(model, np.arange(start + 3, start + 6), start, held)
         drive = _on_hub(model, hub, axis)
     else:
+        angle = LARGEST if angle is None else angle
         number = _hinge(model, joint, held, angle)
         model = _without_actuators(model, number)
         omega = _mode_to_ring(model, np.array([int(model.jnt_dofadr[number])]), start, held)[1]
