@@ -336,3 +336,5 @@ def test_a_pose_that_the_file_was_not_fitted_for_is_told():
     ]
     assert not told(keyed, side)
     assert [told(craft.model, side) for craft in (bare, keyed)] == [True, False]
+    with pytest.raises(bc.InputError, match="qpos"):
+        bare.error_at(turned[0][:-1])

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from beamchain import report
-from beamchain.checks import one_of, path_of, true_or_false
+from beamchain.checks import finite_array, one_of, path_of, true_or_false
 from beamchain.craft.appendage import Appendage, carried, craft_elements
 from beamchain.craft.assembly import Assembly, assembly_at_rest, modes_at_pose
 from beamchain.craft.coupled_modes import Mode, slow_modes
@@ -191,6 +191,9 @@ class Embedded:
         Args:
             qpos: `(nq,)` positions of the model.
 
+        Raises:
+            InputError: the positions are not as many finite numbers.
+
         Example:
             >>> import beamchain as bc
             >>> from importlib.resources import files
@@ -199,6 +202,7 @@ class Embedded:
             >>> bool(abs(craft.error_at(craft.model.qpos0) / craft.craft_error - 1.0) < 1e-6)
             True
         """
+        qpos = finite_array("qpos", qpos, (self.model.nq,))
         bare = self.bare_qpos(qpos)
         exact = self._exact_at(lambda _: {"pose": bare}, loaded=False)
         return craft_error(self.craft, self.untimed, exact, {"pose": qpos}).error
