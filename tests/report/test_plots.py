@@ -20,6 +20,7 @@ from beamchain.fitting.options import Payload
 from beamchain.fitting.spec import spec_from_dict
 from beamchain.fitting.spec_text import spec_toml
 from beamchain.report import curves, plots
+from beamchain.report.headlines import spring_sentence
 from beamchain.report.page import capitalise
 from beamchain.report.pages.fit import fit_report
 from beamchain.report.svg import to_svg
@@ -171,6 +172,22 @@ def test_what_was_left_out_stands_with_its_cost():
     assert [row[0].text_content() for row in rows] == [item.what for item in fit.left_out]
     for row, item in zip(rows, fit.left_out, strict=True):
         assert row[2].text_content() == (plots.error_text(item.cost) if item.cost else "nothing")
+
+
+@pytest.mark.slow
+def test_where_the_springs_of_a_chain_stand():
+    """On its hinges, on a tendon per mode with that mode's stiffness, or nowhere."""
+    assert spring_sentence(bc.fit(bc.read_spec(example("seed_boom")))).startswith("Each hinge has")
+    damped = bc.fit(bc.read_spec(example("boom")))
+    said = re.findall(r"mode\d_x[yz] ([\d.]+[\d])", spring_sentence(damped))
+    frequencies = np.concatenate([damped.target[port].frequencies for port in ("xy", "xz")])
+    np.testing.assert_allclose([float(word) for word in said], frequencies**2, rtol=1e-3)
+    assert spring_sentence(bc.fit(bc.read_spec(example("tank")))) == ""
+    section = bc.Equivalent(bending_stiffness_xy=1e6, linear_mass=1.0)
+    stiff = bc.Spec(
+        segment=(bc.Segment(length=1.0, section=section),), scene=bc.Scene(bandwidth=0.1)
+    )
+    assert spring_sentence(bc.fit(stiff)) == ""
 
 
 @pytest.mark.parametrize("name", EVERY)

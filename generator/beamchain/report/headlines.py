@@ -65,10 +65,14 @@ def reached_sentences(fit: "Fit") -> list[str]:
 
 
 def spring_sentence(fit: "Fit") -> str:
-    """Where the springs of a chain stand, how stiff they are, and why there."""
-    tendons = [tendon for tendon in fit.chain.tendons if tendon.stiffness]
+    """Where the springs of a chain stand, how stiff they are, and why there; empty where it has
+    none, as a rigid body and a liquid."""
+    chain = fit.chain
+    tendons = [tendon for tendon in chain.tendons if tendon.is_mode]
     if not tendons:
-        return "Each hinge has its own spring, since no mode is damped by itself."
+        has_springs = any(any(hinge.stiffness.values()) for hinge in chain.hinges)
+        why = "Each hinge has its own spring, since no mode is damped by itself."
+        return why if has_springs else ""
     if any(tendon.damping for tendon in tendons):
         why = "so that every mode has its own damping ratio"
     else:
