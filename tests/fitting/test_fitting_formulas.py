@@ -15,12 +15,12 @@ import beamchain as bc
 from beamchain import PortModel
 from beamchain.fitting.cure import with_modal_damping
 from beamchain.fitting.fit import _with_integrator as with_integrator
-from beamchain.fitting.select import everything
 from beamchain.fitting.spec import schema
 from beamchain.fitting.spec_text import spec_toml
 from beamchain.structure.readers.imported import Imported
 from beamchain.structure.section import SOFT
 from beamchain.warning_codes import Caution
+from every_mode import everything
 from formulas import (
     Body,
     Kept,

@@ -1,6 +1,4 @@
-"""Tests an internal, `fitting.select.everything`, too.
-
-What a scene does not need: the promise holds in every random scene, and the choice is tight.
+"""What a scene does not need: the promise holds in every random scene, and the choice is tight.
 
 The promise is checked independently of the choice: the written file through MuJoCo's own matrices
 against finite elements, with the 6 x 6 definition of the in-band error written out again here, on a
@@ -34,8 +32,8 @@ from beamchain import (
     fit,
     read_spec,
 )
-from beamchain.fitting.select import everything
 from beamchain.spec import Root
+from every_mode import everything
 from random_appendages import random_appendage
 from solver import body_mass
 from spec_tables import spec_of, table_of

@@ -4,10 +4,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
-from msgspec import structs
 
 from beamchain.errors import InputError
-from beamchain.fitting.body import Body, body_of
+from beamchain.fitting.body import Body
 from beamchain.fitting.candidate import Candidate, free_ports
 from beamchain.fitting.grow import grow, prune
 from beamchain.fitting.kept import (
@@ -19,8 +18,7 @@ from beamchain.fitting.kept import (
     of_ports,
 )
 from beamchain.fitting.needs import AXES, MOST
-from beamchain.fitting.options import Modes, Scene
-from beamchain.fitting.spec import Spec
+from beamchain.fitting.options import Scene
 from beamchain.ports.compare import keeps_tolerance, tolerance_statement
 
 LISTED = 6  # modes left out whose cost is worked out each by itself; the rest stands in one line
@@ -46,33 +44,6 @@ def select(body: Body, target: str | None = None) -> Kept:
         able = able[:1]
     wanted = target or spec.root.target
     return _chosen(body, able if wanted in (None, "auto") else [str(wanted)])
-
-
-def everything(spec: Spec) -> Spec:
-    """The spec with every port kept.
-
-    All cantilever modes up to three times the scene's bandwidth, one to five each and no fewer than
-    the scene needs; of imported modes all.
-    """
-    if not spec.chooses or spec.scene is None or spec.scene.bandwidth is None:
-        raise InputError(
-            "nothing is left out without scene.bandwidth; give [scene] bandwidth, or state [modes]."
-        )
-    if spec.imported is not None:
-        every = tuple(range(1, spec.imported.read().modes + 1))
-        return structs.replace(
-            spec, imported=structs.replace(spec.imported, modes=every), modes=None
-        )
-    body = body_of(spec)
-    needed = select(body).counts
-    counts = {
-        port: max(
-            needed.get(port, 0),
-            int(np.clip(np.sum(model.frequencies <= 3.0 * spec.scene.bandwidth), 1, 5)),
-        )
-        for port, model in body.ports.items()
-    }
-    return structs.replace(spec, modes=Modes(**counts))
 
 
 def _stated(body: Body) -> Kept:
