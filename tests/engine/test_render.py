@@ -305,6 +305,11 @@ def test_the_elbow_of_an_arm_turns_by_the_angle_asked_for_and_rings():
     # the bus turns the other way, as nothing pushes from outside
     assert np.sign(slew.positions[-1, 6]) == -np.sign(degrees)
 
+    chosen = simulate(arm, angle=None, frames=10, joint="elbow")
+    assert (chosen.joint, chosen.angle) == ("elbow", pytest.approx(np.radians(20.0)))
+    turned = np.degrees(chosen.positions[:, arm.joint("elbow").qposadr[0]])
+    assert turned[chosen.times >= chosen.duration].mean() == pytest.approx(20.0, abs=2.0)
+
     with pytest.raises(bc.InputError, match="nobody.*elbow"):
         simulate(arm, angle=1.0, frames=10, joint="nobody")
     with pytest.raises(bc.InputError, match="upper_hinge1_xy.*without springs"):
