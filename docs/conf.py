@@ -42,10 +42,10 @@ html_static_path = ["site.css", "site.js"]
 html_css_files = ["site.css"]
 html_js_files = ["site.js"]
 html_show_sourcelink, html_copy_source = False, False
-# no pages below them
-html_sidebars = {page: [] for page in ("index", "start", "theory", "gallery")}
+templates_path = ["templates"]
+html_sidebars = {"**": ["pages.html"], "index": []}
 html_theme_options = {
-    "header_links_before_dropdown": 7,
+    "navbar_center": [],  # the sidebar has all pages
     "show_toc_level": 2,
     "navigation_with_keys": False,
     "footer_start": ["copyright"],
