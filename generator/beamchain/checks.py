@@ -288,7 +288,7 @@ def as_array(field: str, value: object, wanted: str = "numbers") -> "NDArray[np.
             return given.astype(np.float64)
     except (TypeError, ValueError, OverflowError):
         pass
-    raise InputError(f"{field} = {value!r:.60} is a {type(value).__name__}; {wanted} are needed.")
+    raise InputError(f"{field} = {value!r:.60} is {kind_of(value)}; {wanted} are needed.")
 
 
 def _has_shape(shape: tuple[int, ...], wanted: tuple[int | None, ...]) -> bool:
@@ -297,10 +297,16 @@ def _has_shape(shape: tuple[int, ...], wanted: tuple[int | None, ...]) -> bool:
     )
 
 
+def kind_of(value: object) -> str:
+    """The type of a value with its article: "an int"."""
+    name = type(value).__name__
+    return f"{'an' if name[0] in 'aeiouAEIOU' else 'a'} {name}"
+
+
 def of_type(field: str, value: object, kinds: type | tuple[type, ...], wanted: str) -> None:
     """`value` is of a type; `wanted` says in words what to give."""
     if not isinstance(value, kinds):
-        raise InputError(f"{field} = {value!r:.60} is a {type(value).__name__}; give {wanted}.")
+        raise InputError(f"{field} = {value!r:.60} is {kind_of(value)}; give {wanted}.")
 
 
 def path_of(field: str, value: object, wanted: str = "the path of a file") -> Path:
@@ -331,9 +337,7 @@ def list_of_names(field: str, value: object) -> list[str]:
 def true_or_false(field: str, value: object) -> bool:
     """A switch of an argument; NumPy's booleans are taken."""
     if not isinstance(value, bool) and type(value).__name__ not in ("bool", "bool_"):
-        raise InputError(
-            f"{field} = {preview(value)} is a {type(value).__name__}; give True or False."
-        )
+        raise InputError(f"{field} = {preview(value)} is {kind_of(value)}; give True or False.")
     return bool(value)
 
 

@@ -83,7 +83,7 @@ SIGNALS = {
         ("'box' touches 'wall'", "a contact has no linear part"),
     ),
     "rigid": (lambda: bc.plant(RIGID.format("")), ("no flexible mode", "bc.embed")),
-    "no model": (lambda: bc.plant(3), ("model = 3 is a int", "give the path")),
+    "no model": (lambda: bc.plant(3), ("model = 3 is an int", "give the path")),
 }
 
 POSES = {

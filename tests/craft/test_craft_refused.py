@@ -56,9 +56,9 @@ ARGUMENTS = {
     ),
     "place": (
         lambda: bc.embed(CRAFT, {5: "array.toml"}),
-        ("a place in mounts = 5 is a int", "a site or body"),
+        ("a place in mounts = 5 is an int", "a site or body"),
     ),
-    "craft": (embedded_in_five, ("craft = 5 is a int", "path or the text")),
+    "craft": (embedded_in_five, ("craft = 5 is an int", "path or the text")),
     "prefixes": (
         lambda: bc.embed(CRAFT, ARRAY, prefixes="a_"),
         ("prefixes = 'a_'", "a list of names"),
@@ -75,9 +75,9 @@ ARGUMENTS = {
         lambda: bc.plant(CRAFT, TORQUE, pose=[[1, 2], [3]]),
         ("pose[0] has the shape (2,)", "shape (7,)"),
     ),
-    "model": (lambda: bc.plant(5), ("model = 5 is a int", "MJCF file")),
+    "model": (lambda: bc.plant(5), ("model = 5 is an int", "MJCF file")),
     "data": (lambda: bc.linearise(CRAFT, data="now"), ("data = 'now' is a str", "mujoco.MjData")),
-    "port model": (lambda: bc.compare(5, 6), ("a = 5 is a int", "PortModel")),
+    "port model": (lambda: bc.compare(5, 6), ("a = 5 is an int", "PortModel")),
     "path to retime": (
         lambda: bc.retime("flexible.xml", 0.1),
         ("model = 'flexible.xml' is a str", "mujoco.MjModel"),
@@ -86,10 +86,10 @@ ARGUMENTS = {
         lambda: bc.start_velocity(None, [0.0], [0.0]),
         ("model = None is a NoneType", "mujoco.MjModel"),
     ),
-    "source": (lambda: bc.stability(5), ("source = 5 is a int", "give a Spec")),
-    "spec to study": (lambda: bc.study(5), ("spec = 5 is a int", "give a Spec")),
-    "spec to read": (lambda: bc.read_spec(5), ("spec = 5 is a int", "give a Spec")),
-    "modes to read": (lambda: bc.read_modes(5), ("path = 5 is a int", "file of modes")),
+    "source": (lambda: bc.stability(5), ("source = 5 is an int", "give a Spec")),
+    "spec to study": (lambda: bc.study(5), ("spec = 5 is an int", "give a Spec")),
+    "spec to read": (lambda: bc.read_spec(5), ("spec = 5 is an int", "give a Spec")),
+    "modes to read": (lambda: bc.read_modes(5), ("path = 5 is an int", "file of modes")),
     "input before": (lambda: bc.HeldInput(NAN), ("before is nan", "finite numbers")),
     "input now": (lambda: bc.HeldInput()([0.0, NAN]), ("now[1] is nan", "finite numbers")),
     "rigid mass": (
@@ -144,7 +144,7 @@ def nans(name):
 
 CRAFTS = {
     "inputs": (lambda: bc.plant(made(), 5), ("inputs = 5", "a list of names")),
-    "rates": (lambda: bc.plant(made(), rates=5), ("rates = 5 is a int", "speeds by joint")),
+    "rates": (lambda: bc.plant(made(), rates=5), ("rates = 5 is an int", "speeds by joint")),
     "pose of nan": (
         lambda: bc.plant(made(), TORQUE, pose=nans("nq")),
         ("pose[0] is nan", "finite numbers"),
@@ -159,10 +159,10 @@ CRAFTS = {
     ),
     "path of a plant": (
         lambda: bc.plant(made(), TORQUE).write(5),
-        ("path = 5 is a int", "path of a file"),
+        ("path = 5 is an int", "path of a file"),
     ),
     "path of a craft": (lambda: made().write(None), ("path = None is a NoneType",)),
-    "keyframe": (lambda: made().modes_at(5), ("key = 5 is a int", "name of a keyframe")),
+    "keyframe": (lambda: made().modes_at(5), ("key = 5 is an int", "name of a keyframe")),
     "timestep": (lambda: bc.retime(made().model, "0.1"), ("timestep = '0.1'", "not a number")),
     "qpos nan": (lambda: bc.retime(made().model, 0.1, pose=nans("nq")), ("pose[0] is nan",)),
     "beyond a range": (
@@ -405,8 +405,8 @@ INSIDE = {
     "x a word": (lambda: recovered(x="root"), ("x = 'root' is a str", "finite numbers (m)")),
     "no x": (lambda: recovered(x=[]), ("x holds 0 stations", "1 to 1000")),
     "rows of a beam": (lambda: recovered(rows="rows.npz"), ("rows", "at mount is a beam")),
-    "static": (lambda: recovered(static=1), ("static = 1 is a int", "True or False")),
-    "data": (lambda: recovered(data=3), ("data = 3 is a int", "mujoco.MjData")),
+    "static": (lambda: recovered(static=1), ("static = 1 is an int", "True or False")),
+    "data": (lambda: recovered(data=3), ("data = 3 is an int", "mujoco.MjData")),
     "no qpos": (lambda: recovered(data={}), ("no qpos", "arrays by name")),
     "three positions": (
         lambda: recovered(data={"qpos": [[0.0] * 3] * 2}),

@@ -80,12 +80,15 @@ ALLOCATIONS = {
     "matrix inf": (lambda: bc.allocate(["w1"], matrix=[[1.0, 2.0, np.inf]]), ("matrix", "is inf")),
     "about zx": (lambda: bc.allocate(["w1"], about="zx"), ("about = 'zx'", "must be axes")),
     "about nothing": (lambda: bc.allocate(["w1"], about=""), ("about = ''", "must be axes")),
-    "axes a number": (lambda: bc.allocate(["w1"], axes=3), ("axes of an allocation = 3 is a int",)),
+    "axes a number": (
+        lambda: bc.allocate(["w1"], axes=3),
+        ("axes of an allocation = 3 is an int",),
+    ),
 }
 
 SIGNALS = {
     "no input": (inputs, ("inputs is empty",)),
-    "a number": (lambda: inputs(a=3), ("inputs['a'] = 3 is a int", "a name, bc.allocate")),
+    "a number": (lambda: inputs(a=3), ("inputs['a'] = 3 is an int", "a name, bc.allocate")),
     "alignment for input": (
         lambda: inputs(a=bc.align("star")),
         ("inputs['a'] = ", "a name, bc.allocate"),

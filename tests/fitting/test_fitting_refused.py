@@ -104,7 +104,7 @@ PYTHON = {
         lambda: bc.Spec(segment=ROD.segments).replace(mode=2),
         ("no field 'mode'", "it has name"),
     ),
-    "hub a number": (lambda: bc.fit(ROD, hub=3), ("hub = 3 is a int", "give a Hub")),
+    "hub a number": (lambda: bc.fit(ROD, hub=3), ("hub = 3 is an int", "give a Hub")),
     "port": (
         lambda: bc.fit(ROD, modes={"yx": 2}),
         ("unknown port 'yx'", "choose from xy, xz, torsion, axial"),

@@ -79,9 +79,9 @@ REFUSED = {
     "axes": (lambda: identified(axes="q"), ("axes = 'q' is unknown",)),
     "mount a number": (
         lambda: identified({}, mount=5),
-        ("mount = 5 is a int", "site or body"),
+        ("mount = 5 is an int", "site or body"),
     ),
-    "map a number": (lambda: identified({}, map=5), ("map = 5 is a int", "by column")),
+    "map a number": (lambda: identified({}, map=5), ("map = 5 is an int", "by column")),
     "place": (lambda: identified(mount="mout"), ("mount = 'mout'", "did you mean 'mount'")),
     **{
         f"file {number}, {name}": (partial(of_file, name, content), words)

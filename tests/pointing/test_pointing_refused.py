@@ -29,7 +29,7 @@ CHANGED = (
     ("wheel", {"speeds": (NAN, 1.0)}, ("speeds[0] = nan",)),
     ("wheel", {"speeds": (1.0,)}, ("speeds = (1.0,) of wheel 'spin'", "no range")),
     ("wheel", {"speeds": 5.0}, ("speeds = 5.0 of wheel 'spin'", "no range")),
-    ("wheel", {"joint": 5}, ("wheel.joint = 5 is a int", "name of a hinge")),
+    ("wheel", {"joint": 5}, ("wheel.joint = 5 is an int", "name of a hinge")),
     ("wheel", {"harmonic": ({"order": 2.0},)}, ("no list of pointing.WheelHarmonic(...)",)),
     ("wheel", {"static": 0.0}, ("disturbs nothing", "give static")),
     ("wheel", {"static": -1.0}, ("static = -1.0", "not be negative")),

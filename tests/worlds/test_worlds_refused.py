@@ -91,9 +91,9 @@ WORLDS = {
     "observe a number": (lambda: of_two(observe=5), ("observe = 5", "a list of names")),
     "field a number": (
         lambda: of_two({5: 1.0}),
-        ("a field of variants = 5 is a int", "MuJoCo's model"),
+        ("a field of variants = 5 is an int", "MuJoCo's model"),
     ),
-    "state a number": (lambda: two().restore(5), ("state = 5 is a int", "state()")),
+    "state a number": (lambda: two().restore(5), ("state = 5 is an int", "state()")),
     "model of world 2": (lambda: two().model_of(2), ("world = 2", "whole number from 0 to 1")),
     "field with a slip": (
         lambda: of_two({"freq": 0.1}),

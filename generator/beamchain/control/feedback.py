@@ -10,7 +10,7 @@ from typing import Any, cast
 import control
 import numpy as np
 
-from beamchain.checks import preview
+from beamchain.checks import kind_of, preview
 from beamchain.control.controllers import (
     Controller,
     loop_response,
@@ -103,7 +103,7 @@ def feedback(controller: Given, signals: Signals) -> Feedback:
     if isinstance(controller, control.StateSpace | control.TransferFunction):
         return _of_system(controller, signals)
     raise InputError(
-        f"controller = {preview(controller)} is a {type(controller).__name__}; give a TOML file "
+        f"controller = {preview(controller)} is {kind_of(controller)}; give a TOML file "
         "with [[loop]], a TransferFunction or StateSpace of python-control, or "
         "{(input, output): system}."
     )
@@ -150,7 +150,7 @@ def _of_mapping(several: Mapping[Any, Any], signals: Signals) -> Feedback:
         one: Any = control.ss([], [], [], float(given)) if _is_number(given) else given
         if not isinstance(one, control.StateSpace | control.TransferFunction):
             raise InputError(
-                f"controller: {name} is a {type(given).__name__}; give a TransferFunction or "
+                f"controller: {name} is {kind_of(given)}; give a TransferFunction or "
                 "StateSpace of python-control, or a number."
             )
         if (one.ninputs, one.noutputs) != (1, 1):

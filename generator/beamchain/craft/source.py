@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from beamchain.checks import kind_of
 from beamchain.craft.disturbances import left_out
 from beamchain.craft.embedded import Embedded
 from beamchain.engine.library import mujoco
@@ -28,7 +29,7 @@ def compiled_model(
         return model
     if not isinstance(source, mujoco.MjModel | str | Path):
         raise InputError(
-            f"model = {source!r:.60} is a {type(source).__name__}; give the path of an MJCF file, "
+            f"model = {source!r:.60} is {kind_of(source)}; give the path of an MJCF file, "
             "an MjSpec, an MjModel or what bc.embed returns."
         )
     return compile_model(source)

@@ -9,6 +9,7 @@ from msgspec import structs
 
 from beamchain.chain.build import Built
 from beamchain.chain.links import raise_polar_inertia
+from beamchain.checks import kind_of
 from beamchain.engine.bench import measure, root_body
 from beamchain.engine.gravity_stiffness import sprung_by_acceleration
 from beamchain.engine.library import one_thread
@@ -228,6 +229,6 @@ def as_spec(appendage: Beam | Spec | ModalData | str | Path) -> Spec:
     if isinstance(appendage, ModalData):
         return Spec(imported=Imported(file=f"{Path(appendage.source).stem or 'modes'}.toml"))
     raise InputError(
-        f"the appendage is a {type(appendage).__name__}; give a Beam, a Spec, the path of a "
+        f"the appendage is {kind_of(appendage)}; give a Beam, a Spec, the path of a "
         "SPEC.toml, or a ModalData."
     )

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 import msgspec
 import numpy as np
 
-from beamchain.checks import Struct, field, not_negative, one_of
+from beamchain.checks import Struct, field, kind_of, not_negative, one_of
 from beamchain.errors import InputError
 from beamchain.fitting.hub import Hub
 from beamchain.ports.motions import PORTS, Array
@@ -208,7 +208,7 @@ def as_modes(given: object) -> Modes:
     if isinstance(given, Integral) and not isinstance(given, bool):
         return Modes(xy=int(given), xz=int(given))
     raise InputError(
-        f"modes = {given!r:.60} is a {type(given).__name__}; give a number for both planes, or "
+        f"modes = {given!r:.60} is {kind_of(given)}; give a number for both planes, or "
         'modes={"xy": 2, "xz": 0}.'
     )
 

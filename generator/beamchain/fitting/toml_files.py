@@ -6,6 +6,7 @@ from typing import Any, TypeVar
 
 import msgspec
 
+from beamchain.checks import kind_of
 from beamchain.errors import InputError
 from beamchain.files import LARGEST_TOML, no_file, note_input, tables
 from beamchain.fitting.sentences import sentence
@@ -20,7 +21,7 @@ def read_struct(path: "str | Path | T", kind: type[T], word: str, holds: str) ->
         return path
     if not isinstance(path, str | Path):
         raise InputError(
-            f"{word} = {path!r:.60} is a {type(path).__name__}; give the path of {holds}, or its "
+            f"{word} = {path!r:.60} is {kind_of(path)}; give the path of {holds}, or its "
             f"{kind.__name__}."
         )
     return convert(read_tables(Path(path), word, holds), kind, str(path))

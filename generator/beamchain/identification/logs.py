@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from beamchain.checks import meant
+from beamchain.checks import kind_of, meant
 from beamchain.errors import InputError
 from beamchain.files import no_file, note_input
 from beamchain.toolkit import Array, npz_arrays
@@ -125,7 +125,7 @@ def _table(one: Any, called: str, names: Mapping[str, str] | None) -> tuple[dict
         source = f"{called.split()[0]} {str(one)!r}"
         columns = _columns(Path(one), source)
     else:
-        raise InputError(f"{called} is a {type(one).__name__}; give a path or a mapping of arrays.")
+        raise InputError(f"{called} is {kind_of(one)}; give a path or a mapping of arrays.")
     renamed = names or {}
     for name in renamed:
         if name not in columns:

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamchain.checks import of_type, positive
+from beamchain.checks import kind_of, of_type, positive
 from beamchain.errors import InputError
 from beamchain.structure.section import Draw, Equivalent, Material
 
@@ -50,8 +50,7 @@ def section_from(
     geometry = getattr(section, "geometry", None)
     if geometry is None or not hasattr(section, "calculate_warping_properties"):
         raise InputError(
-            f"section = {section!r:.60} is a {type(section).__name__}; give a sectionproperties "
-            "Section."
+            f"section = {section!r:.60} is {kind_of(section)}; give a sectionproperties Section."
         )
     if material is not None:
         of_type("material", material, Material, "a bc.Material")

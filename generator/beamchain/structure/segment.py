@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 import msgspec
 import numpy as np
 
-from beamchain.checks import Struct, field, not_negative
+from beamchain.checks import Struct, field, kind_of, not_negative
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
 from beamchain.structure.section import Equivalent, Material, Section
@@ -83,8 +83,7 @@ class Segment(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         ):
             if not isinstance(value, kind):
                 raise InputError(
-                    f"{name} = {value!r:.60} is a {type(value).__name__}; give one as "
-                    f"{EXAMPLES[name]}."
+                    f"{name} = {value!r:.60} is {kind_of(value)}; give one as {EXAMPLES[name]}."
                 )
         if self.section_end is not None and type(self.section_end) is not type(self.section):
             raise InputError(
