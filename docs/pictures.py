@@ -16,7 +16,6 @@ from pathlib import Path
 from pages import pieces  # tests/support
 
 HERE = Path(__file__).parent
-ELSEWHERE = {"extremes.png", "house.svg"}  # by make extremes, by house.py
 
 
 def beamchain(line: str, folder: Path) -> None:
@@ -63,7 +62,7 @@ if __name__ == "__main__":
             page = script.stem.removesuffix("_picture")
             run_page(f"products/{page}.md", place, script.read_text(encoding="utf-8"))
             shutil.copy(place / f"{page}.svg", script.parent)
-        for picture in sorted(set(shown()) - ELSEWHERE):
+        for picture in shown():
             (made,) = place.rglob(picture)
             shutil.copy(made, HERE / picture)
             print(f"{made.stat().st_size / 1e3:7.0f} kB  {picture}")  # noqa: T201
