@@ -161,7 +161,7 @@ def damping() -> None:
         "tendon damping, file standing on the world: ratios of the steps MuJoCo takes (poles of "
         "A), w h of the last"
     )
-    chain = planar_chain(realise(space_beam().port("xy", 8).truncated(4)), space_beam())
+    chain = planar_chain(realise(space_beam().port("xy", 8).truncated(4)), space_beam().line)
     ratios = np.array([0.001, 0.05, 0.02, 0.003])
     w = chain.port("xy").frequencies
     say(f"{'asked':12s} w h       " + " ".join(f"{z:10.6f}" for z in ratios))
@@ -180,7 +180,7 @@ def damping() -> None:
                 own = ratios_of(-x @ linear.a[nv:, :nv] / h, (x - np.eye(nv)) / h)
                 say(f"{'':12s}      M^-1D " + " ".join(f"{z:10.6f}" for z in own))
     zeta = 0.1
-    one = planar_chain(realise(space_beam().port("xy", 8).truncated(1)), space_beam())
+    one = planar_chain(realise(space_beam().port("xy", 8).truncated(1)), space_beam().line)
     w1 = one.port("xy").frequencies[0]
     for integrator in ("Euler", "implicitfast"):
         low, high = 0.5, 4.0

@@ -53,7 +53,8 @@ def main() -> None:
             cells = []
             for n in HINGES:
                 reduced = full.truncated(n) if target is None else full.reduced(n, target)
-                cells.append(f"{error(planar_chain(realise(reduced), beam), hub, truth):>+11.1e}")
+                chain = planar_chain(realise(reduced), beam.line)
+                cells.append(f"{error(chain, hub, truth):>+11.1e}")
             print(f"exact, {name:7}" + "".join(cells))
         for recipe in ("naive", "classical", "midpoint"):
             cells = [f"{error(equal_links(beam, n, recipe), hub, truth):>+11.1e}" for n in HINGES]

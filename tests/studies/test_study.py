@@ -102,6 +102,27 @@ def test_response_against_a_general_integrator(ratio):
     assert np.max(np.abs(motion[:, 1] - y)) < ODE * scale[1]
 
 
+@pytest.mark.parametrize("ratio", [0.0, 0.02])
+def test_modes_that_move_nothing_leave_the_reference(prepared, ratio):
+    """A panel a hundred million times faster than its hinge: one pole, the motion of one mode."""
+    task, _ = prepared
+    one = task.beam.port("xy", 1).truncated(1).replaced(damping=np.array([ratio]))
+    stiff = one.replaced(
+        frequencies=np.append(one.frequencies, 1e8 * one.frequencies),
+        participation=np.vstack([one.participation, 1e-3 * one.participation]),
+        damping=np.full(2, ratio),
+    )
+    found, wanted = (
+        hub_response({"xy": m}, task.beam.rigid_mass(), task.hub.mass_matrix(), task.hub.offset)
+        for m in (stiff, one)
+    )
+    at = np.linspace(0.0, 60.0, 301)
+    expected = wanted.elastic(doublet(), at)[:, 5]
+    assert found.poles.size == 1
+    scale = np.max(np.abs(expected))
+    np.testing.assert_allclose(found.elastic(doublet(), at)[:, 5], expected, atol=1e-4 * scale)
+
+
 def test_reference_has_enough_modes(prepared):
     task, scenario = prepared
     at = np.linspace(0.0, 60.0, 301)

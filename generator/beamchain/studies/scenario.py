@@ -32,6 +32,7 @@ LEAST_PERIODS, MOST_PERIODS = 1e-3, 1e4  # of the slowest mode that a study may 
 PULSE = 15.0  # the default doublet is a fifteenth of the duration
 # elastic hub motion of the default doublet at most [rad, or share of the appendage's length]
 SMALL = 1e-5
+ROUNDING = 1e-15  # of all modes together: a mode that adds less to a motion is left out
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,9 +117,8 @@ def hub_response(
     shapes = model._free.shares
     if not np.any(model.damping > 0.0):
         poles = (1j * w).astype(np.complex128)
-        return HubResponse(
-            locked(mobility), poles, values.astype(np.complex128), (values / poles[:, None]).T
-        )
+        drive = values.astype(np.complex128)
+        return felt(HubResponse(locked(mobility), poles, drive, (values / poles[:, None]).T))
     # states (w q, q'): skew but for the dissipation,
     # so that the small frequencies keep their digits
     # loss_ij = w_i w_j sum_k v_ki v_kj 2 zeta_k / W_k
@@ -136,7 +136,21 @@ def hub_response(
     show = np.asarray(
         (values / w[:, None]).T @ right[: w.size][:, use] * weight, dtype=np.complex128
     )
-    return HubResponse(locked(mobility), poles[use], drive, show)
+    return felt(HubResponse(locked(mobility), poles[use], drive, show))
+
+
+def felt(response: HubResponse) -> HubResponse:
+    """A response without the modes that move the hub by less than rounding: those of a stiff panel
+    on a soft hinge."""
+    gain = response.drive / response.poles[:, None]
+    size = np.abs(np.einsum("mp,pw->pmw", response.show, gain))  # per motion and wrench
+    kept = np.any(size > ROUNDING * np.sum(size, axis=0), axis=(1, 2))
+    return replace(
+        response,
+        poles=response.poles[kept],
+        drive=response.drive[kept],
+        show=response.show[:, kept],
+    )
 
 
 def relative_motion(start: Array, end: Array) -> Array:
