@@ -123,6 +123,16 @@ def test_modes_that_move_nothing_leave_the_reference(prepared, ratio):
     np.testing.assert_allclose(found.elastic(doublet(), at)[:, 5], expected, atol=1e-4 * scale)
 
 
+@pytest.mark.slow
+def test_a_step_of_picoseconds_is_not_begun():
+    """Of a panel on a hinge, in links: a run would take 1e12 steps, which no machine can hold."""
+    spec = bc.read_spec(example("hinged_panel"))
+    ladders = bc.study(spec, models=["equal links, midpoint"], budget=1e-3).ladders
+    notes = [one.note for one in ladders if one.entry.n == 113]
+    assert notes
+    assert all(note.startswith("stopped before a step of ") for note in notes)
+
+
 def test_reference_has_enough_modes(prepared):
     task, scenario = prepared
     at = np.linspace(0.0, 60.0, 301)

@@ -40,7 +40,7 @@ def retime(
     what its appendages are. Exit status 3: it is above the tolerance of their scenes.
     Appendage modes that are too fast for the step are slowed, so that only the spacecraft's own
     springs limit the step; a step beyond that limit is refused.
-    Give actuators the mean of this and the previous input (`bc.HeldInput`).
+    Give actuators the mean of this and the previous input (`bc.HeldInput`), RK4 excepted.
 
     Example: beamchain retime flexible.xml --timestep 0.1 --integrator Euler -o flexible_0.1.xml
     """

@@ -183,7 +183,8 @@ def retime(
     Each tendon is timed by itself; errors of the coupled poles are of fourth order in the step.
     Appendages that carry bodies are timed together: stable for every payload and pose, and near in
     the response. Any earlier timing is removed first, so that repeated calls do not accumulate.
-    `model.opt` is not changed: run the model at this step, and give the input as `HeldInput` does.
+    `model.opt` is not changed: run the model at this step, and give the input as `HeldInput` does
+    (RK4: as it is).
 
     Args:
         model: compiled; arrays change, its topology does not.

@@ -115,15 +115,16 @@ def climb(task: Task, scenario: Scenario, entry: Entry, budget: float) -> Ladder
         except BeamchainError as error:
             note = str(error)
             continue
-        wrench = entry.fed(scenario.profile.mean(h, count))
-        probe = min(PROBE, count)
         if rungs:
             cost = rungs[-1].seconds * count / len(rungs[-1].run.wrench)
         else:
-            cost = simulate(model, entry.integrator, h, wrench[:probe]).seconds * count / probe
+            probe = min(PROBE, count)
+            first = entry.fed(scenario.profile.mean(h, probe))
+            cost = simulate(model, entry.integrator, h, first).seconds * count / probe
         if spent + cost > (budget if rungs else FIRST * budget):
             note = f"stopped before a step of {h:.3g} s, which would take {cost:.2g} s"
             break
+        wrench = entry.fed(scenario.profile.mean(h, count))
         course = simulate(model, entry.integrator, h, wrench)
         spent += course.seconds
         error = scenario.error(course.motion, h)
