@@ -12,17 +12,13 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-TESTS = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(TESTS / folder) for folder in ("support", "fitting", "chain")]
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "support"))
 warnings.simplefilter("error")
 
-from test_damping import ratios_of, standing  # noqa: E402
 
 from appendages import seed_boom, unit_beam  # noqa: E402
 from arrays import deployed_array, flat_bar, random_array, space_beam, tube  # noqa: E402
-from beamchain import Beam, Lump, Modes, Scene, Spec, fit, linearise  # noqa: E402
-from beamchain.chain.recursion import planar_chain, realise  # noqa: E402
-from beamchain.chain.tendons import damped_modes  # noqa: E402
+from beamchain import Beam, Lump, Modes, Scene, Spec, fit  # noqa: E402
 from beamchain.fitting.options import Payload  # noqa: E402
 from beamchain.structure import discretise  # noqa: E402
 from readback import read, with_payload  # noqa: E402
@@ -156,42 +152,6 @@ def tip() -> None:
             say(f"n = {n}, scene.tip = {asked!s:5s}: {errors}   (root {root:.0e})")
 
 
-def damping() -> None:
-    title(
-        "tendon damping, file standing on the world: ratios of the steps MuJoCo takes (poles of "
-        "A), w h of the last"
-    )
-    chain = planar_chain(realise(space_beam().port("xy", 8).truncated(4)), space_beam().line)
-    ratios = np.array([0.001, 0.05, 0.02, 0.003])
-    w = chain.port("xy").frequencies
-    say(f"{'asked':12s} w h       " + " ".join(f"{z:10.6f}" for z in ratios))
-    for integrator in ("implicit", "implicitfast", "RK4", "Euler"):
-        for h in (1e-3, 5e-3):
-            model = standing(damped_modes(chain, {"xy": ratios}), h, integrator)
-            linear = linearise(model)
-            frequencies, found = linear.discrete_frequencies()
-            say(
-                f"{integrator:12s} {w[-1] * h:5.2f}  A  "
-                + " ".join(f"{z:10.6f}" for z in found[np.argsort(frequencies)])
-            )
-            if integrator in ("implicit", "implicitfast"):
-                nv = model.nv
-                x = np.linalg.inv(linear.a[nv:, nv:])
-                own = ratios_of(-x @ linear.a[nv:, :nv] / h, (x - np.eye(nv)) / h)
-                say(f"{'':12s}      M^-1D " + " ".join(f"{z:10.6f}" for z in own))
-    zeta = 0.1
-    one = planar_chain(realise(space_beam().port("xy", 8).truncated(1)), space_beam().line)
-    w1 = one.port("xy").frequencies[0]
-    for integrator in ("Euler", "implicitfast"):
-        low, high = 0.5, 4.0
-        while high - low > 1e-4:
-            middle = (low + high) / 2.0
-            model = standing(damped_modes(one, {"xy": np.array([zeta])}), middle / w1, integrator)
-            stable = np.max(np.abs(np.linalg.eigvals(linearise(model).a))) < 1.0
-            low, high = (middle, high) if stable else (low, middle)
-        say(f"stable up to w h = {low:.4f} at ratio {zeta:g} under {integrator}")
-
-
 def times() -> None:
     title("spec to verified MJCF inside the process, best of 5 [ms] (beam models not remembered)")
     for name, beam, kept in (
@@ -223,7 +183,6 @@ if __name__ == "__main__":
         spin,
         static,
         tip,
-        damping,
         times,
     ):
         table()

@@ -120,7 +120,10 @@ def climb(task: Task, scenario: Scenario, entry: Entry, budget: float) -> Ladder
         else:
             probe = min(PROBE, count)
             first = entry.fed(scenario.profile.mean(h, probe))
-            cost = simulate(model, entry.integrator, h, first).seconds * count / probe
+            begun = simulate(model, entry.integrator, h, first)
+            if not np.all(np.isfinite(begun.motion)):
+                continue  # beyond the stability limit after all
+            cost = begun.seconds * count / probe
         if spent + cost > (budget if rungs else FIRST * budget):
             note = f"stopped before a step of {h:.3g} s, which would take {cost:.2g} s"
             break
@@ -131,7 +134,7 @@ def climb(task: Task, scenario: Scenario, entry: Entry, budget: float) -> Ladder
         rigid = rigid_motion(task, entry.integrator, h, wrench)
         appendage_error = scenario.error(course.motion, h, rigid, clock(entry))
         if not np.isfinite(error):
-            continue  # this step was beyond the stability limit after all
+            continue
         rungs.append(
             _Rung(Run(model, entry.integrator, h, wrench), error, appendage_error, course.seconds)
         )
