@@ -189,6 +189,5 @@ def test_what_is_worst_and_what_is_left_out():
     assert told((BAND, 2.0 * BAND, True)).worst == pytest.approx(1.0)
     above = told((2.7, None, True), (2.8, 3.08, True), (2.9, 8.0, True))
     assert (above.judged, above.worst) == ((), 0.0)
-    assert "2.8 rad/s" in sentence(above)
-    assert "1.0e-01" in sentence(above)
+    assert sentence(above) == f"no kept mode lies up to {BAND:.4g} rad/s"
     assert "rad/s; one mode" in sentence(told((1.0, 1.0, False)))

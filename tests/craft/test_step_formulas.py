@@ -104,7 +104,7 @@ def test_timing_is_needed_where_the_step_errs_by_more_than_is_allowed(
     monkeypatch, by, error, wanted, needed
 ):
     """0.2 is; RK4 is timed where it would be unstable alone."""
-    monkeypatch.setattr("beamchain.craft.timing.step_error", lambda *_: (error, 0.2, "rest"))
+    monkeypatch.setattr("beamchain.craft.timing.step_error", lambda *_: (error, 0.2))
     text = SLIDES.replace('integrator="Euler"', f'integrator="{by}"')
     model = mujoco.MjModel.from_xml_string(text)
 
@@ -115,7 +115,6 @@ def test_timing_is_needed_where_the_step_errs_by_more_than_is_allowed(
     liquid, stiff, boom = appendage(True, 4), appendage(False, 0), appendage(False, 4)
     found = decide_timing(model, [liquid, boom, stiff], wanted)
     assert found.needed is needed
-    assert ("unstable" in found.reason) is (error == np.inf or by == "RK4")
     assert not decide_timing(model, [liquid, stiff], wanted).needed
 
 
@@ -190,7 +189,7 @@ def test_what_timing_did_is_told_but_under_rk4_and_of_a_step_that_stays_unstable
         STILL.format(step=0.01, by=by, g="0 0 0", rho=0, mu=0, con=0, aff=0, damper=0)
     )
     error = SimpleNamespace(exact=exact, error=0.01, words="words")
-    found = time_notes(model, model, "why", error, error)
+    found = time_notes(model, model, error, error)
     assert [caution.code for caution in found] == codes
 
 

@@ -23,8 +23,8 @@ def test_a_file_that_is_unstable_without_timing_is_called_so():
         segment=(bc.Segment(length=8.0, section=section),), damping=bc.Damping(ratio=0.01)
     )
     made = bc.embed(CRAFT.format(60), {"left": wing, "right": wing}, retime=True)
-    note = next(said for said in made.warnings if "with timing" in said)
-    assert "; without: unstable at this step." in note
+    note = next(said for said in made.warnings if "have timing" in said)
+    assert "(unstable in the rest pose without)" in note
 
 
 @pytest.mark.slow

@@ -62,6 +62,9 @@ def test_a_craft_says_its_error_and_what_hangs_on_it():
     assert "bus with all that it carries: 364 kg" in lines
     assert [line.split(":")[0] for line in lines if "32 kg" in line] == ["left", "right"]
     assert rows(lines) <= MOST - 2
+    alike, opposed = (line for line in lines if line.startswith("  "))
+    assert alike.endswith("left and right in phase, bending xy; bus along y")
+    assert opposed.endswith("left and right opposed, bending xy; bus about z")
     added = craft.model.nv - craft.craft.nv
     assert embedded_tiles(craft)[-1][0] == f"{added} degrees of freedom"
 

@@ -131,7 +131,7 @@ def test_histories_that_no_actuator_can_follow_are_refused(history, said):
 
 
 def test_a_file_without_actuators_follows_no_history():
-    with pytest.raises(bc.InputError, match="the file has no actuator"):
+    with pytest.raises(bc.InputError, match="the spacecraft has no actuator"):
         commands(flaps("a"), HISTORY, "h")
 
 

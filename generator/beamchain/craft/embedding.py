@@ -581,7 +581,7 @@ def _time_and_check(
             appendages, model, result = made, plain, after
             with_error = craft_time_error(timed, model, appendages, band)
             without_error = craft_time_error(model, model, appendages, band)
-            warnings += time_notes(timed, model, decision.reason, with_error, without_error)
+            warnings += time_notes(timed, model, with_error, without_error)
             warnings += slowed
     check_craft_unchanged(craft, model, appendages)
     check_appendages_unchanged(model, appendages, found or {})

@@ -34,19 +34,16 @@ UNASKED = 1e-4  # the same where no scene states a tolerance
 
 @dataclass(frozen=True)
 class TimingDecision:
-    """Whether the appendages need timing for the craft's own step, why,
-    and the warnings where they do not get it."""
+    """Whether the appendages need timing for the craft's own step, and the warnings where they do
+    not get it."""
 
     needed: bool
-    reason: str = ""
     warnings: tuple[str, ...] = ()
 
 
-def step_error(
-    model: "mujoco.MjModel", appendages: Sequence[Appendage]
-) -> tuple[float, float, str]:
+def step_error(model: "mujoco.MjModel", appendages: Sequence[Appendage]) -> tuple[float, float]:
     """Worst error of a response in the band asked for by the model's own step in any of its poses,
-    the largest left alone, and the pose.
+    and the largest left alone.
 
     A pole that is off by d shifts its peak, which is as wide as its damping: the response there is
     off by about `|d| / |Re s|`, and below a peak beyond the band, by less. Where no scene
@@ -60,20 +57,18 @@ def step_error(
     allowed = SHARE * min((scene.tolerance for scene in scenes), default=UNASKED / SHARE)
     undamped = min(a.spec.undamped_ratio for a in appendages)
     places = poses(model)
-    growing = growing_poses(model, places)
-    if growing:
-        return float("inf"), allowed, growing[0]
-    errors: dict[str, float] = {}
-    for pose, qpos in places.items():
+    if growing_poses(model, places):
+        return float("inf"), allowed
+    errors: list[float] = []
+    for qpos in places.values():
         poles = pole_rows(model, qpos=qpos)
         ratios = compared_ratios(np.array([pole.ratio for pole in poles]), undamped)
         off = (
             pole.error * (response_change(pole.frequency, ratio, band) if scenes else 1.0)
             for pole, ratio in zip(poles, ratios.tolist(), strict=True)
         )
-        errors[pose] = max(off, default=0.0)
-    worst = max(errors, key=lambda pose: errors[pose])
-    return errors[worst], allowed, worst
+        errors += off
+    return max(errors, default=0.0), allowed
 
 
 def response_change(frequency: float, ratio: float, band: float) -> float:
@@ -104,27 +99,15 @@ def decide_timing(
             "the user's."
         )
         return TimingDecision(False, warnings=(Caution("not-exact-in-time", text),))
-    error, allowed, pose = step_error(model, appendages)
-    where = "" if pose == "rest" else f" in {pose_words(pose)}"
+    error, allowed = step_error(model, appendages)
     if name == "RK4":
-        return TimingDecision(error == float("inf"), f"it would be unstable by itself{where}")
-    if wanted:
-        return TimingDecision(True, "as asked")
-    if error == float("inf"):
-        return TimingDecision(True, f"it would be unstable by itself{where}")
-    scenes = any(a.fit.spec.scene is not None for a in appendages)
-    felt = (
-        "without timing the step would change the response by"
-        if scenes
-        else "without timing the step would move a pole, kept or not, by a share of"
-    )
-    return TimingDecision(error > allowed, f"{felt} {error:.2g}{where}, above {allowed:.2g}")
+        return TimingDecision(error == float("inf"))
+    return TimingDecision(wanted is True or error > allowed)
 
 
 def time_notes(
     model: "mujoco.MjModel",
     untimed: "mujoco.MjModel",
-    reason: str,
     with_timing: TimeError,
     without_timing: TimeError,
 ) -> list[str]:
@@ -134,25 +117,24 @@ def time_notes(
     step = f"{name} at {float(model.opt.timestep):g} s"
     if name == "RK4" or growing_poses(model, poses(model)):
         return []
-    said = ["feed each actuator the mean of the current and the previous input (bc.HeldInput)"]
+    grows = growing_poses(untimed, poses(untimed))
+    without = (
+        f"unstable in {pose_words(grows[0])} without"
+        if grows
+        else f"without, poles are off by up to {without_timing.error:.1e}"
+    )
+    said = ["feed each actuator the mean of its present and previous input (bc.HeldInput)"]
     if changed := _stiffness_change(model):
         said.insert(0, f"stiffnesses of modes changed by up to {changed:.2g}")
     if with_timing.exact:
-        text = (
-            f"the appendages are exact in time for {step} ({reason}; with timing "
-            f"{with_timing.error:.1e}); {'; '.join(said)}."
-        )
-        return [Caution("exact-in-time", text)]
-    after = ". ".join(f"{text[0].upper()}{text[1:]}" for text in said)
-    without = without_timing.words
-    if growing_poses(untimed, poses(untimed)):
-        without = "unstable at this step"
+        code, reached = "exact-in-time", f"are exact in time for {step}"
+    else:
+        code, reached = "time-error", f"have timing for {step}; at worst {with_timing.words}"
     text = (
-        f"the appendages have timing for {step} ({reason}), but not every pole is exact. Worst of "
-        f"those up to the highest mode kept, with timing: {with_timing.words}; without: {without}. "
-        f"{after}. {time_reason(with_timing)}".rstrip()
+        f"the appendages {reached} ({without}); {'; '.join(said)}. "
+        f"{'' if with_timing.exact else time_reason(with_timing)}".rstrip()
     )
-    return [Caution("time-error", text)]
+    return [Caution(code, text)]
 
 
 def _stiffness_change(model: "mujoco.MjModel") -> float:

@@ -53,7 +53,11 @@ def commands(model: "mujoco.MjModel", content: str, source: str) -> Commands:
     """
     known = actuator_names(model)
     if not known:
-        raise InputError(f"{source}: the file has no actuator; give it one, or leave --torque out.")
+        motor = '<actuator><motor name="z" site="SITE" gear="0 0 0 0 0 1"/></actuator>'
+        raise InputError(
+            f"{source}: the spacecraft has no actuator of these commands; give its file one, such "
+            f"as {motor}, or leave --torque out."
+        )
     names, times, values = held_columns(content, source, known)
     for name, column in zip(names, values.T, strict=True):
         low, high = model.actuator_ctrlrange[known.index(name)]

@@ -88,6 +88,23 @@ def embedded_lines(embedded: "Embedded") -> Iterator[str]:
     if len(several) > APPENDAGES:
         yield f"and {len(several) - APPENDAGES} more appendages"
     yield modes_sentence(embedded)
+    yield from _first_modes(embedded)
+
+
+def _first_modes(embedded: "Embedded") -> Iterator[str]:
+    """The first coupled mode, and the first one that moves what the scenes are about."""
+    from beamchain.craft.coupled_modes import AXIS
+
+    rows = [mode for mode in embedded.assembly.modes if mode.words and mode.error is not None]
+    asked = tuple(f"bus {AXIS[k]}" for k in embedded.promise.motions)
+    moving = [mode for mode in rows[1:] if mode.words.endswith(asked)]
+    for mode in [*rows[:1], *moving[:1]]:
+        assert mode.mujoco is not None
+        assert mode.error is not None
+        beyond = mode.mujoco > embedded.band
+        more = f"; above the band, off by {abs(mode.error):.1e}" if beyond else ""
+        hz = short(mode.mujoco / math.tau)
+        yield f"  {mode.mujoco:.4g} rad/s ({hz} Hz): {mode.words}{more}"
 
 
 def embedded_tiles(embedded: "Embedded") -> list[tuple[str, str]]:
