@@ -22,8 +22,6 @@ def beamchain(line: str, folder: Path) -> None:
     """A command of the package, in a folder."""
     print(line, flush=True)  # noqa: T201
     words = shlex.split(line)
-    if words[1] == "render":
-        words.append("--no-mp4")  # no page shows one
     done = subprocess.run(
         [sys.executable, "-m", *words], cwd=folder, check=False, stdout=subprocess.DEVNULL
     )

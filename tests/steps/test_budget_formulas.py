@@ -172,7 +172,7 @@ def test_frames_of_a_run_stand_at_even_times_and_a_base_takes_its_shape_along():
     assert found.waiting == ()
     rest = simulate_run(model, None, 0.1, 2)
     assert rest.positions[1] == pytest.approx(model.qpos0)
-    with pytest.raises(bc.InputError, match="--key"):
+    with pytest.raises(bc.InputError, match="--pose"):
         simulate_run(model, "gone", 0.1, 2)
     assert hinge_stages(model, ["wheel_*"]) == [["wheel_1"]]
 

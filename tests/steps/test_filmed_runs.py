@@ -142,7 +142,7 @@ def test_a_file_without_actuators_follows_no_history():
         (["--torque", "h.csv", "--exaggerate", "2"], "a run is drawn to scale"),
         (["--run", "1", "--modes", "1"], "--modes and --run are both given"),
         (["--run", "1", "--joint", "a"], "--joint and --run are both given"),
-        (["--key", "folded"], "--key is of --run"),
+        (["--pose", "folded"], "--pose is of --run"),
         (["--latch", "a"], "--latch is of --run"),
         (["--run", "0"], "--run = 0 is out of range"),
         (["--run", "nan"], "--run = nan is out of range"),
@@ -174,8 +174,8 @@ def test_a_run_is_filmed(renderer, tmp_path):
     if not backend._works(renderer):
         pytest.skip(f"MuJoCo cannot draw with {renderer} on this machine")
     (tmp_path / "flaps.xml").write_text(DRIVEN.format(FLAP.format("a") + FLAP.format("b"), "0 0"))
-    arguments = ["render", "flaps.xml", "-o", "o", "--width", "200", "--height", "120", "--no-mp4"]
-    run = ["--run", "4", "--key", "folded", "--latch", "a", "--latch", "b"]
+    arguments = ["render", "flaps.xml", "-o", "o", "--width", "200", "--height", "120"]
+    run = ["--run", "4", "--pose", "folded", "--latch", "a", "--latch", "b"]
     done = render([*arguments, *run], tmp_path, renderer)
     assert done.returncode == 0, done.stderr
     assert "simulated for 4 s from keyframe 'folded'" in done.stdout
@@ -187,7 +187,7 @@ def test_a_run_is_filmed(renderer, tmp_path):
         moving.seek(83)
         shots.append(np.asarray(moving.convert("RGB")).astype(int))
     assert np.abs(shots[0] - shots[1]).max() > 50  # it moves
-    short = [*arguments, "--run", "1", "--key", "folded", "--latch", "a", "--json", "--force"]
+    short = [*arguments, "--run", "1", "--pose", "folded", "--latch", "a", "--json", "--force"]
     done = render(short, tmp_path, renderer)
     told = json.loads(done.stdout)
     assert told["run"]["waiting"] == ["a"]
@@ -201,13 +201,13 @@ def test_a_run_under_commands_is_filmed(tmp_path):
         pytest.skip("MuJoCo cannot draw on this machine")
     (tmp_path / "wheel.xml").write_text(WHEEL.format(BENDS))
     (tmp_path / "h.csv").write_text(HISTORY)
-    arguments = ["render", "wheel.xml", "-o", "o", "--width", "200", "--height", "120", "--no-mp4"]
+    arguments = ["render", "wheel.xml", "-o", "o", "--width", "200", "--height", "120"]
     done = render([*arguments, "--torque", "h.csv", "--json"], tmp_path, renderer)
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)["run"]
     assert (told["seconds"], told["actuators"]) == (0.8, ["rw"])
     assert (tmp_path / "o" / "wheel.gif").exists()
-    longer = [*arguments, "--torque", "h.csv", "--run", "3", "--key", "pushed", "--force"]
+    longer = [*arguments, "--torque", "h.csv", "--run", "3", "--pose", "pushed", "--force"]
     done = render(longer, tmp_path, renderer)
     assert "simulated for 3 s from keyframe 'pushed' under commands of rw" in done.stdout
     done = render([*arguments, "--torque", "none.csv", "--force"], tmp_path, renderer)

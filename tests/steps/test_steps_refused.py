@@ -112,7 +112,7 @@ REFUSED = {
     "a hinge twice": (lambda: hinge_stages(folded()[0], ["a", "?"]), ("--latch names 'a' twice",)),
     "keyframe": (
         lambda: simulate_run(folded()[0], "open", 1.0, 5),
-        ("--key = 'open' is unknown", "folded"),
+        ("--pose = 'open' is unknown", "folded"),
     ),
 }
 UNTIMED = {

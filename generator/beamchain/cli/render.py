@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
-from beamchain.cli.common import Folder, Force, Json, console, explain, read_text
+from beamchain.cli.common import Folder, Force, Json, console, read_text
 from beamchain.cli.output import print_warnings, tell
 from beamchain.errors import InputError
 from beamchain.warning_codes import warnings_record
@@ -81,9 +81,9 @@ def render(
             "actuators of the file; a row holds until the next.",
         ),
     ] = None,
-    key: Annotated[
+    pose: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="The keyframe with which --run or --torque starts."),
+        typer.Option(metavar="KEYFRAME", help="Where --run or --torque starts."),
     ] = None,
     latch: Annotated[
         list[str] | None,
@@ -95,24 +95,20 @@ def render(
     ] = None,
     width: Annotated[int, typer.Option(help="Width of the pictures in pixels.")] = 640,
     height: Annotated[int, typer.Option(help="Height of the pictures in pixels.")] = 400,
-    want_mp4: Annotated[
-        bool, typer.Option("--mp4/--no-mp4", help="Write an MP4 too; needs ffmpeg.")
-    ] = True,
     as_json: Json = False,
     force: Force = False,
 ) -> None:
     """Draw the turning spacecraft and its vibrating appendage, or its modes: PNG, GIF,
-    and MP4 if ffmpeg is installed.
+    and MP4 if ffmpeg or `beamchain[mp4]` is installed.
 
     The hub turns from rest to rest in a time that excites its first mode.
     A rigid appendage is drawn faintly for comparison.
     With --joint a hinge without a spring turns in place of the hub, such as the elbow of an arm.
     With --modes each coupled mode of the whole spacecraft is a film of one oscillation.
-    With --run the scene is simulated as it is, from the keyframe --key, beside a faint picture of
+    With --run the scene is simulated as it is, from the keyframe --pose, beside a faint picture of
     its start; --latch unfolds an array panel by panel. With --torque its actuators follow a history
     of your own, to its last time or as long as --run says, beside rigid appendages. A GIF of a turn
-    or mode begins where the appendages bend furthest. Without ffmpeg there is no MP4, and the exit
-    status is 3. Needs EGL or OSMesa, but no screen.
+    or mode begins where the appendages bend furthest. Needs EGL or OSMesa, but no screen.
 
     Example: beamchain render boom.toml -o pictures
 
@@ -122,7 +118,7 @@ def render(
 
     Example: beamchain render flexible.xml -o pictures --joint elbow --angle 90
 
-    Example: beamchain render wing.xml -o pictures --run 20 --key folded --latch "hinge1_*"
+    Example: beamchain render wing.xml -o pictures --run 20 --pose folded --latch "hinge1_*"
 
     Example: beamchain render flexible.xml -o pictures --torque wheels.csv
     """
@@ -132,7 +128,7 @@ def render(
     both = [option for option, is_given in asked.items() if is_given]
     if len(both) > 1:
         raise InputError(f"render: {both[0]} and {both[1]} are both given; leave one out.")
-    for option, is_given in (("--key", key is not None), ("--latch", bool(latch))):
+    for option, is_given in (("--pose", pose is not None), ("--latch", bool(latch))):
         if is_given and not is_run:
             raise InputError(f"render: {option} is of --run; give --run SECONDS too.")
     if is_run and exaggerate != 1.0:
@@ -158,12 +154,12 @@ def render(
     name, model, fit = load(scene)
     stems = [f"{name}_mode{k}" for k in range(1, modes + 1)] or [name]
     check_outputs([output / f"{stem}.png" for stem in stems], force=force)
-    look = Look(width, height, 1 if want_mp4 else SKIP)
+    look = Look(width, height, 1 if files.ffmpeg() else SKIP)
     warnings: list[str] = []
     if modes:
         films, told = _modes(model, name, modes, exaggerate, look)
     elif is_run:
-        film, told, warnings = _run(model, run, key, latch or [], torque, look)
+        film, told, warnings = _run(model, run, pose, latch or [], torque, look)
         films = {name: film}
     else:
         turned = None if angle is None else math.radians(angle)
@@ -178,7 +174,7 @@ def render(
             output / f"{stem}.png": files.png(film.still),
             output / f"{stem}.gif": files.gif(moving[first:] + moving[:first], RATE / SKIP),
         }
-        if want_mp4 and (mp4 := files.mp4(film.frames, RATE)) is not None:
+        if (mp4 := files.mp4(film.frames, RATE)) is not None:
             out[output / f"{stem}.mp4"] = mp4
     write_files(out, force=force)
     sentences, facts = told
@@ -190,13 +186,6 @@ def render(
         print_warnings(warnings)
 
     tell(lambda: {**record, "warnings": warnings_record(warnings)}, show, out, as_json)
-    if want_mp4 and len(out) < 3 * len(films):
-        explain(
-            f"no {next(iter(films))}.mp4 was made, as there is no ffmpeg; install ffmpeg, or pip "
-            "install "
-            '"beamchain[mp4]", or use the GIF and give --no-mp4.'
-        )
-        raise typer.Exit(3)
 
 
 class Look(NamedTuple):

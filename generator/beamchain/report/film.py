@@ -75,7 +75,7 @@ def _encode(picture: Image.Image, **options: Any) -> bytes:
 
 def mp4(frames: Sequence[Frame], rate: float) -> bytes | None:
     """All frames as H.264 in MP4; None where there is no ffmpeg."""
-    program = _ffmpeg()
+    program = ffmpeg()
     if program is None:
         return None
     height, width = frames[0].shape[:2]
@@ -113,7 +113,8 @@ def mp4(frames: Sequence[Frame], rate: float) -> bytes | None:
         return place.read_bytes()
 
 
-def _ffmpeg() -> str | None:
+def ffmpeg() -> str | None:
+    """Path of ffmpeg, installed or of imageio-ffmpeg; None where there is none."""
     program = shutil.which("ffmpeg")
     if program is None and find_spec("imageio_ffmpeg") is not None:
         return str(import_module("imageio_ffmpeg").get_ffmpeg_exe())

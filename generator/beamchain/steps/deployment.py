@@ -114,7 +114,7 @@ def simulate_run(
     if key is not None:
         names = keyframe_names(model)
         if key not in names:
-            raise unknown("--key", key, names)
+            raise unknown("--pose", key, names)
         mujoco.mj_resetDataKeyframe(model, data, model.key(key).id)
     mujoco.mj_forward(model, data)
     for stage in stages[1:]:
