@@ -1,4 +1,4 @@
-"""Tests internals: `steps.driven`, `cli.render.too_far`, `studies.study._load_warnings`:
+"""Tests internals: `steps.driven`, `report.replay.turn_limits`, `studies.study._load_warnings`:
 what a run puts an appendage through.
 
 The sentences that come of it are tested through the public door in test_run_limits.py.
@@ -10,9 +10,9 @@ from scipy.spatial.transform import Rotation
 from test_run_limits import SEED, craft, seed_fit
 
 import beamchain as bc
-from beamchain.cli.render import too_far
 from beamchain.engine.slew import Slew
 from beamchain.report.pages.study import answer, study_page
+from beamchain.report.replay import turn_limits
 from beamchain.report.tables.study import reach_table
 from beamchain.steps.driven import Driven, driven, keyframes, limit_sentences, run_of_turn
 from beamchain.steps.large_motion import LargeMotion
@@ -96,14 +96,16 @@ def test_exceeded_names_the_plane_and_the_limit():
     ]
 
 
-def _slew(angle: float, seconds: float) -> Slew:
-    return Slew(np.zeros(1), np.zeros((1, 1)), "hub", 2, angle, seconds, 1.0, ())
-
-
 def test_a_rendered_turn_warns():
     fit = seed_fit()
-    assert too_far(fit, _slew(0.7, 100.0)) == []
-    said = too_far(fit, _slew(0.7, 5.0))  # 0.28 rad/s, 0.112 rad/s^2
+    model = compiled(fit.scene_mjcf())
+
+    def said_of(seconds):
+        slew = Slew(np.zeros(1), model.qpos0[None], "hub", 2, 0.7, seconds, 1.0, ())
+        return turn_limits(model, slew, {f"{fit.spec.name}_link1": fit})
+
+    assert said_of(100.0) == []
+    said = said_of(5.0)  # 0.28 rad/s, 0.112 rad/s^2
     assert ["spin" in s for s in said].count(True) == 1
     assert any(s.startswith("slew reached 0.112 rad/s^2") for s in said)
 

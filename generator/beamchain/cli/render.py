@@ -150,6 +150,7 @@ def render(
     chosen = backend.choose_renderer()
     from beamchain.files import check_outputs, write_files
     from beamchain.report import film as files
+    from beamchain.report.replay import turn_limits
 
     name, model, fit = load(scene)
     stems = [f"{name}_mode{k}" for k in range(1, modes + 1)] or [name]
@@ -165,7 +166,8 @@ def render(
         turned = None if angle is None else math.radians(angle)
         film, told, slew = _turn(model, turned, joint, exaggerate, look)
         films = {name: film}
-        warnings = [] if fit is None else too_far(fit, slew)
+        roots = {} if fit is None or slew.joint else {f"{fit.spec.name}_link1": fit}
+        warnings = turn_limits(model, slew, roots)
     out: dict[Path, str | bytes] = {}
     for stem, film in films.items():
         moving = film.frames[:: SKIP // look.skip]
@@ -346,17 +348,3 @@ def _modes(
             }
         )
     return films, (sentences, {"modes": facts})
-
-
-def too_far(fit: "Fit", slew: "Slew") -> list[str]:
-    """Sentences for a turn beyond what the fit's chain is right for."""
-    import numpy as np
-
-    from beamchain.steps.driven import limit_sentences, run_of_turn
-
-    if fit.space is not None:
-        return []
-    axis = np.eye(3)[slew.axis]
-    return limit_sentences(
-        fit.large_motion[0], run_of_turn(slew.rate, slew.acceleration, axis, fit.hub.offset)
-    )

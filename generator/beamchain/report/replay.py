@@ -173,25 +173,33 @@ def _turn_replay(artist: "_Artist", slew: Slew, roots: "Mapping[str, Fit]") -> R
         f"rigid ones, drawn faintly, by {float(sizes.max()):.2g} m at most, {scale}; {rate:.3g} "
         "times as fast as it is"
     )
-    told = "; ".join([told, *_exceeded(artist.model, slew, roots)])
+    # it bends so little that only its spin can exceed a limit: what a chain leaves of a fine one
+    # grows as the squares of bending and spin
+    fast = {
+        name: fit
+        for name, fit in roots.items()
+        if slew.rate
+        > SLOW * min((full.frequencies[0] for full in fit.full.values()), default=np.inf)
+    }
+    exceeded = [said.rstrip(".") for said in turn_limits(artist.model, slew, fast)]
+    told = "; ".join([told, *exceeded])
     return _replay([*pictures[first:], *pictures[:first]], SLOWER, title, told)
 
 
-def _exceeded(model: "mujoco.MjModel", slew: Slew, roots: "Mapping[str, Fit]") -> list[str]:
-    """Limits of large motion that a turn exceeds. It bends so little that only its spin can: what
-    a chain leaves of a fine one grows as the squares of bending and spin."""
+def turn_limits(model: "mujoco.MjModel", slew: Slew, roots: "Mapping[str, Fit]") -> list[str]:
+    """Sentences for the limits of large motion that a turn of the hub exceeds; `roots`: the
+    appendages by the bodies that are their roots."""
     out: list[str] = []
     data = rest(model, slew.positions[0])
     hub = model.body(slew.body).id
     for name, fit in roots.items():
-        slowest = min((full.frequencies[0] for full in fit.full.values()), default=np.inf)
-        if fit.space is None and slew.rate > SLOW * slowest:
+        if fit.space is None:
             root = model.body(name).id
             turn = data.xmat[root].reshape(3, 3).T
             axis = turn @ data.xmat[hub].reshape(3, 3)[:, slew.axis]
             offset = turn @ (data.xpos[root] - data.subtree_com[hub])
             run = run_of_turn(slew.rate, slew.acceleration, axis, offset)
-            out += [s.rstrip(".") for s in limit_sentences(fit.large_motion[0], run)]
+            out += limit_sentences(fit.large_motion[0], run)
     return out
 
 
