@@ -34,7 +34,7 @@ Loaded = Annotated[
 Discrete = Annotated[
     float | None,
     typer.Option(
-        metavar="STEP", help="Sampled at the controller's step in s; default: continuous."
+        metavar="STEP", help="As MuJoCo runs the file at its step in s; default: continuous."
     ),
 ]
 Loops = Annotated[
