@@ -167,7 +167,7 @@ CODES = {
     "last-mode": (
         "the modes of an imported file end too soon for the scene's bandwidth",
         "Ask for modes up to the frequency that the sentence names, or for residual vectors "
-        "([two deliveries](../accuracy.md#two-deliveries-of-one-structure)).",
+        "([deliveries](../howto/fe-modes.md#a-nastran-superelement)).",
     ),
     "least-damping": (
         "damping ratios are lower than the least at which errors are compared",
