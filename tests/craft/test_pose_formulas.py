@@ -127,6 +127,7 @@ def test_modes_that_dampers_couple_peak_where_they_are_without_them_as_well():
         ([[18.0, 0.0], [0.0, -5.0]], [0.2, 0.3], 2.0),  # falls
         ([[18.0, 9.0], [-9.0, 18.0]], [0.2, 0.3], 2.0),  # flutters
         ([[18.0, 0.0], [0.0, 5.0]], [0.2, -0.3], 2.0),  # is driven
+        ([[18.0, 0.0], [0.0, -0.75]], [0.0, 0.0], 5.0),  # at a tenth of the reach
     ],
 )
 def test_what_grows_does_at_the_rate_of_its_pole(stiffness, damping, reach):

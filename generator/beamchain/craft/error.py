@@ -63,7 +63,9 @@ from beamchain.steps.sampled import Exact
 RANK = 1e-9  # relative singular value below which a motion of the base is held
 FAR = 1000.0  # times the band: modes beyond are gathered in searches
 NEARLY = 1e-4  # in-band error that this may make
-STARTED = 0.1  # of the band: the rate about which poles are looked for that grow
+# of the band: the rate about which poles are looked for that grow; no round number, which a pole
+# of a worked example may hit
+STARTED = 0.0973
 GROWS = 1e-4  # of the band: slower growth is rounding
 STILLEST = 1e-12  # of the largest squared frequency, below which a motion is rigid
 
