@@ -188,7 +188,7 @@ def test_what_timing_did_is_told_but_under_rk4_and_of_a_step_that_stays_unstable
     model = mujoco.MjModel.from_xml_string(
         STILL.format(step=0.01, by=by, g="0 0 0", rho=0, mu=0, con=0, aff=0, damper=0)
     )
-    error = SimpleNamespace(exact=exact, error=0.01, words="words")
+    error = SimpleNamespace(exact=exact, error=0.01, words="words", frequency=3.0)
     found = time_notes(model, model, error, error)
     assert [caution.code for caution in found] == codes
 

@@ -530,6 +530,13 @@ class TestAxis:
 
 
 @pytest.mark.slow
+def test_a_thrust_across_a_tank_leaves_its_liquid_without_rest(tmp_path):
+    """And is told of, where the proof is made without it."""
+    made = bc.embed(craft_on("0 1 0 0 0 1"), {"tank": spec_along(tmp_path, None)})
+    (said,) = (one for one in made.warnings if one.code == "load-left-out")
+    assert "the file finds no rest" in said
+
+
 def test_commands(tmp_path, monkeypatch):
     """With their pages; those of `TestAxis` write none."""
     monkeypatch.chdir(tmp_path)

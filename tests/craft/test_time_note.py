@@ -27,6 +27,19 @@ def test_a_file_that_is_unstable_without_timing_is_called_so():
     assert "(unstable in the rest pose without)" in note
 
 
+def test_a_band_without_a_pole_is_called_so():
+    """The first mode lies at 79 rad/s, and a step of 0.02 s moves it by a fifth."""
+    section = bc.Equivalent(bending_stiffness_xy=5e4, linear_mass=1.0)
+    boom = bc.Spec(
+        segment=(bc.Segment(length=4.0, section=section),),
+        scene=bc.Scene(bandwidth=8.0, tolerance=1e-4, axes=("z",)),
+    )
+    text = CRAFT.format(60).replace('timestep="0.5"', 'timestep="0.02"')
+    made = bc.embed(text, {"left": boom}, retime=True)
+    (note,) = (said for said in made.warnings if said.code == "exact-in-time")
+    assert "have timing for Euler at 0.02 s, and no pole lies in the band; feed" in note
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("integrator", "step"), [("discrete", 0.02), ("RK4", 0.3)])
 def test_a_step_that_misses_is_told_of_springs_on_hinges_too(

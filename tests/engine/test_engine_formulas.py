@@ -353,7 +353,7 @@ def test_response_of_a_body_with_appendages_that_carry_is_that_of_all_coordinate
 
 def test_a_craft_without_a_free_body_is_its_first_body():
     arm = '<body name="{}">{}<geom size=".1"/></body>'
-    for joint, wanted in (("", "one"), ("<freejoint/>", "two")):
+    for joint, wanted in (("", 1), ("<freejoint/>", 2)):
         both = arm.format("one", "") + arm.format("two", joint)
         model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{both}</worldbody></mujoco>")
         assert spacecraft_body(model) == wanted

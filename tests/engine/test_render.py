@@ -233,7 +233,8 @@ def test_modes_of_a_craft_without_sky_and_light_are_drawn_like_others(tmp_path):
     done = command(arguments, tmp_path, MUJOCO_GL=renderer)
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)["modes"]
-    modes = bc.linearise(tmp_path / "flexible.xml").frequencies()
+    untimed = bc.embed(craft, {"mount": ARRAY_SPEC}, retime=False)
+    modes = bc.linearise(untimed.model).frequencies()
     assert [mode["omega"] for mode in told] == pytest.approx(modes[:1], rel=READ_BACK)
     looks(pixels(tmp_path / "o" / "flexible_mode1.png"))
     with Image.open(tmp_path / "o" / "flexible_mode1.gif") as moving:
@@ -260,6 +261,17 @@ def test_moving_modes_leave_the_mass_centre_where_it_is():
         assert np.ptp(hubs, axis=0).max() > 0.0
         assert np.ptp(centres, axis=0).max() < SECOND_ORDER * np.ptp(hubs, axis=0).max()
         np.testing.assert_allclose(mode.positions[0], mode.rest, atol=1e-12)
+
+
+def test_moving_modes_have_the_frequencies_of_the_file_without_timing():
+    """Not of its armature, which slows the second one by a third at 0.25 s."""
+    fit = bc.fit(
+        ARRAY, modes={"xy": 2}, root=bc.spec.Root(hub=HUB), damping=bc.Damping(ratio=0.005)
+    )
+    model = mujoco.MjModel.from_xml_string(fit.scene_mjcf())
+    wanted = [mode.omega for mode in moving_modes(model, 2, 4)]
+    bc.retime(model, 0.25)
+    assert [mode.omega for mode in moving_modes(model, 2, 4)] == pytest.approx(wanted, rel=1e-9)
 
 
 @pytest.mark.slow

@@ -46,6 +46,19 @@ def rod(visuals):
     return bc.fit(spec)
 
 
+@pytest.mark.slow
+def test_a_spacecraft_without_a_name_is_filmed():
+    """Its base body, as MuJoCo allows it."""
+    text = (
+        '<mujoco><option gravity="0 0 0"/><worldbody><body><freejoint/>'
+        '<inertial pos="0 0 0" mass="300" diaginertia="90 90 90"/><site name="m"/>'
+        "</body></worldbody></mujoco>"
+    )
+    films, note = replay.craft_replays(bc.embed(text, {"m": bc.Spec(name="rod", segment=ROD)}))
+    assert not note
+    assert films[-1].title.startswith("body 1 turned by ")
+
+
 def frames(address):
     """The pictures of an address as arrays `(k, height, width, 3)`."""
     kind, _, data = address.partition(",")

@@ -250,8 +250,8 @@ def _notes(name: str, spec: Spec, place: mounting.Mount, hub: Hub) -> Iterator[s
     ):
         yield Caution(
             "other-hub",
-            f"{name}: the hub of the spec ({_words(given)}) is not what the spacecraft has behind "
-            f"the root ({_words(hub)}), which was used instead.",
+            f"{name}: the spacecraft ({hub.mass:.6g} kg behind the root) was taken in place of the "
+            f"specification's hub ({given.mass:g} kg).",
         )
 
 
@@ -304,11 +304,3 @@ def _same_hub(known: Array | None, hub: Hub) -> bool:
         return False
     size = np.sqrt(np.diag(here))
     return float(np.max(np.abs(known - here) / np.outer(size, size))) <= SAME_HUB
-
-
-def _words(hub: Hub) -> str:
-    """A hub's mass, inertia and place, for a sentence."""
-    inertia, offset = (
-        ", ".join(f"{value + 0.0:.4g}" for value in values) for values in (hub.inertia, hub.offset)
-    )
-    return f"{hub.mass:.6g} kg, inertia {inertia} kg m^2, root at {offset} m from its centre"

@@ -10,6 +10,7 @@ from beamchain.engine.displacement import moved_positions, reach, spacecraft_bod
 from beamchain.engine.library import mujoco
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array, locked
+from beamchain.steps.retime import without_timing
 
 SWING = 0.05  # of the size that MuJoCo gives the spacecraft: the largest displacement shown
 MOST_TURNED = 0.4  # rad of a link, beyond which a mode's shape would not be that of small motion
@@ -27,15 +28,16 @@ class MovingMode(NamedTuple):
     omega: float
     positions: Array
     rest: Array
-    body: str
+    body: int
     swing: float
 
 
 def moving_modes(
     model: "mujoco.MjModel", count: int, frames: int, exaggerate: float = 1.0
 ) -> list[MovingMode]:
-    """The first `count` coupled modes of a model at rest, in `frames` positions each,
-    `exaggerate` times as large."""
+    """The first `count` coupled modes of a model at rest and without timing, in `frames` positions
+    each, `exaggerate` times as large."""
+    model = without_timing(model)
     craft = linear_craft(model, None, None, None, None)
     modes, rest = craft.modes, craft.point.qpos
     if count > modes.frequency.size:

@@ -118,20 +118,22 @@ def time_notes(
     if name == "RK4" or growing_poses(model, poses(model)):
         return []
     grows = growing_poses(untimed, poses(untimed))
-    without = (
-        f"unstable in {pose_words(grows[0])} without"
-        if grows
-        else f"without, poles are off by up to {without_timing.error:.1e}"
-    )
+    without = f" (without, poles are off by up to {without_timing.error:.1e})"
+    if grows:
+        without = f" (unstable in {pose_words(grows[0])} without)"
+    elif without_timing.frequency is None:
+        without = ""
     said = ["feed each actuator the mean of its present and previous input (bc.HeldInput)"]
     if changed := _stiffness_change(model):
         said.insert(0, f"stiffnesses of modes changed by up to {changed:.2g}")
-    if with_timing.exact:
+    if with_timing.frequency is None:
+        code, reached = "exact-in-time", f"have timing for {step}, and no pole lies in the band"
+    elif with_timing.exact:
         code, reached = "exact-in-time", f"are exact in time for {step}"
     else:
         code, reached = "time-error", f"have timing for {step}; at worst {with_timing.words}"
     text = (
-        f"the appendages {reached} ({without}); {'; '.join(said)}. "
+        f"the appendages {reached}{without}; {'; '.join(said)}. "
         f"{'' if with_timing.exact else time_reason(with_timing)}".rstrip()
     )
     return [Caution(code, text)]

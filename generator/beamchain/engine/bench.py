@@ -296,7 +296,7 @@ def distance(a: PortModel, b: PortModel) -> float:
     return max(float(np.max(d, initial=0.0)) for d in differences)
 
 
-def rigid_mass(model: "mujoco.MjModel", body: str) -> Array:
+def rigid_mass(model: "mujoco.MjModel", body: str | int) -> Array:
     """`(6, 6)` mass matrix of a body's frozen subtree at rest, in its own frame."""
     data = rest(model)
     root = model.body(body).id

@@ -53,7 +53,7 @@ def _largest(
     return float(np.linalg.norm(found[0] - found[1], axis=1).max()) / (2.0 * small)
 
 
-def spacecraft_body(model: "mujoco.MjModel") -> str:
-    """The name of the first body that flies freely, or of the first there is."""
+def spacecraft_body(model: "mujoco.MjModel") -> int:
+    """The first body that flies freely, or the first there is."""
     free = np.flatnonzero(model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE))
-    return str(model.body(int(model.jnt_bodyid[free[0]]) if free.size else 1).name)
+    return int(model.jnt_bodyid[free[0]]) if free.size else 1

@@ -59,7 +59,13 @@ def stage(source: str | Path) -> "mujoco.MjModel":
 
 
 def draw_frames(
-    model: "mujoco.MjModel", body: str, shown: Array, ghosts: Array, *, width: int, height: int
+    model: "mujoco.MjModel",
+    body: str | int,
+    shown: Array,
+    ghosts: Array,
+    *,
+    width: int,
+    height: int,
 ) -> Iterator[Frame]:
     """Frames `(height, width, 3)`, all from one place.
 

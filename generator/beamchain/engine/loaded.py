@@ -249,15 +249,15 @@ def loaded_linear(
             bent = partial(moved, sagged.copy())
             stiffness = slopes(bent, nv, POSITION)[np.ix_(some, some)]
             change = np.zeros(nv)
-            change[some] = -np.linalg.solve(stiffness, unbalanced(sagged)[some])
+            try:
+                change[some] = -np.linalg.solve(stiffness, unbalanced(sagged)[some])
+            except np.linalg.LinAlgError:  # nothing holds a pendulum that the load pulls aside
+                raise _no_rest(loading) from None
             mujoco.mj_integratePos(model, sagged, change, 1.0)
             if np.max(np.abs(change)) < SETTLED:
                 break
         else:
-            raise EngineError(
-                f"the appendages find no rest {loading.words}; give them more stiffness, or a "
-                "smaller load."
-            )
+            raise _no_rest(loading)
     stiffness = slopes(lambda i, by: moved(sagged, i, by), nv, POSITION)
     unbalanced(sagged)
     return replace(linear, mass=dense_mass(model, data), stiffness=loading.in_own_axes(stiffness))
@@ -267,3 +267,9 @@ def _with_gravity(model: "mujoco.MjModel", gravity: Array) -> "mujoco.MjModel":
     out = copy.copy(model)
     out.opt.gravity[:] = gravity
     return out
+
+
+def _no_rest(loading: Loading) -> EngineError:
+    return EngineError(
+        f"the appendages find no rest {loading.words}; give them more stiffness, or a smaller load."
+    )

@@ -83,6 +83,7 @@ def simulate(
     frames: int,
     joint: str | None = None,
     most: float = np.inf,
+    untimed: "mujoco.MjModel | None" = None,
 ) -> Slew:
     """Turn the spacecraft by `angle` [rad] with a torque forwards and back on its hub,
     or one of its hinges with the torque that turns the rigid spacecraft so, and let it ring.
@@ -90,7 +91,8 @@ def simulate(
     The turn takes about a period of the mode excited, or an odd number of them: then what its two
     halves leave behind adds up. Without an angle the hub turns by 20 degrees at most, as far as
     its appendages bend but gently and its actuators about the axis, if any, have the torque; a
-    hinge by 20 degrees. `most`: the largest number of steps.
+    hinge by 20 degrees. `most`: the largest number of steps; `untimed`: the model whose modes ring,
+    without the armature that makes it exact in time.
     """
     free = [
         j for j in range(model.njnt) if int(model.jnt_type[j]) == int(mujoco.mjtJoint.mjJNT_FREE)
@@ -107,17 +109,19 @@ def simulate(
             "first."
         )
     hub = int(model.jnt_bodyid[free[0]])
-    name = model.body(hub).name
+    name = model.body(hub).name or f"body {hub}"
     start = int(model.jnt_dofadr[free[0]])
     axis = 0
     if joint is None:
-        axis, omega = _mode_to_ring(model, np.arange(start + 3, start + 6), start, held)
+        axis, omega = _mode_to_ring(untimed or model, np.arange(start + 3, start + 6), start, held)
         drive = _on_hub(model, hub, axis)
     else:
         angle = LARGEST if angle is None else angle
         number = _hinge(model, joint, held, angle)
         model = _without_actuators(model, number)
-        omega = _mode_to_ring(model, np.array([int(model.jnt_dofadr[number])]), start, held)[1]
+        free_model = model if untimed is None else _without_actuators(untimed, number)
+        turned = np.array([int(model.jnt_dofadr[number])])
+        omega = _mode_to_ring(free_model, turned, start, held)[1]
         drive = _in_hinge(model, number, held, angle)
     elastic = tuple(int(model.jnt_qposadr[j]) for j in held)
     period = 2.0 * np.pi / omega
@@ -152,7 +156,7 @@ def _chosen(
     """Angle [rad] and duration [s] of a turn about an axis of the hub, in a period of which links
     turn by `bent` per radian, and the torque of the actuators where it is that which limits it."""
     torque = largest_torque(model, rest(model), hub, axis)
-    mobility = np.linalg.inv(rigid_mass(model, model.body(hub).name))[3 + axis, 3 + axis]
+    mobility = np.linalg.inv(rigid_mass(model, hub))[3 + axis, 3 + axis]
     by_torque = torque * float(mobility) * period**2 / 4.0
     most = min(GENTLY / bent, by_torque)  # in one period
     periods = next((n for n in LONGER if most * n**2 >= ENOUGH), LONGER[-1])
@@ -217,7 +221,7 @@ def _bending(
 
 def _on_hub(model: "mujoco.MjModel", hub: int, axis: int) -> Drive:
     """A torque on the hub, in the axes that it has at the start."""
-    inertia = rigid_mass(model, model.body(hub).name)
+    inertia = rigid_mass(model, hub)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     line = data.xmat[hub].reshape(3, 3)[:, axis] / np.linalg.inv(inertia)[3 + axis, 3 + axis]

@@ -13,6 +13,7 @@ from PIL import Image, ImageDraw
 
 from beamchain.craft.mode_names import cantilever_names, strain_holders, strain_shares
 from beamchain.craft.moving_modes import oscillation
+from beamchain.engine.displacement import spacecraft_body
 from beamchain.engine.draw import azimuth_of, thicken, view_frame
 from beamchain.engine.geometry import CORNERS, drawn_points
 from beamchain.engine.library import mujoco, quiet, rest
@@ -191,7 +192,7 @@ def turn_limits(model: "mujoco.MjModel", slew: Slew, roots: "Mapping[str, Fit]")
     appendages by the bodies that are their roots."""
     out: list[str] = []
     data = rest(model, slew.positions[0])
-    hub = model.body(slew.body).id
+    hub = spacecraft_body(model)
     for name, fit in roots.items():
         if fit.space is None:
             root = model.body(name).id
