@@ -29,13 +29,15 @@ class Mode:
     """A coupled mode: exact and MuJoCo's frequency [rad/s], None where the other has no partner.
 
     `kept`: most of its strain energy is in modes that the chains were asked to keep, or in the
-    craft's own springs; `words`: what moves.
+    craft's own springs; `words`: what moves; `moved`: what it adds to each motion of the base body
+    under a load there, whose square is the share of the mode.
     """
 
     exact: float | None
     mujoco: float | None
     kept: bool
     words: str = ""
+    moved: tuple[float, ...] = (0.0,) * 6
 
     @property
     def error(self) -> float | None:
@@ -81,6 +83,7 @@ def coupled_modes(pose: Pose, compiled: Linear, band: float) -> tuple[Mode, ...]
             mujoco=float(ours.frequency[partner[j]]) if j in partner else None,
             kept=bool(kept[j]),
             words=mode_words(pose, shapes[:, j]) if w <= band or kept[j] else "",
+            moved=tuple((bus_motion(pose, shapes[:nv, j]) / w).tolist()),
         )
         for j, w in enumerate(exact.frequency)
         if j in partner or w <= band
@@ -204,12 +207,17 @@ def mode_words(pose: Pose, shape: Array) -> str:
         parts.append(f"{names}{_phase(momenta)}, {WORDS[port]}")
     if own_energy > SHARE * total:
         parts.append(f"{_holders(pose, shape[:nv])} of the spacecraft")
-    # motion of the base body times the square root of the inertia that it feels
-    felt = np.diag(np.linalg.pinv(pose.rigid_accelerance, rcond=RANK, hermitian=True))
-    bus = np.sqrt(felt.clip(0.0)) * (pose.bare.outputs.acceleration @ shape[:nv])
+    bus = bus_motion(pose, shape[:nv])
     k = int(np.argmax(np.abs(bus)))
     parts.append(f"bus {AXIS[k]}" if float(np.sum(bus**2)) > STILL else "bus still")
     return "; ".join(parts)
+
+
+def bus_motion(pose: Pose, shape: Array) -> Array:
+    """`(6,)` motion of the base body in a mode `(nv,)` of the craft, times the square root of the
+    inertia that it feels."""
+    felt = np.diag(np.linalg.pinv(pose.rigid_accelerance, rcond=RANK, hermitian=True))
+    return np.sqrt(felt.clip(0.0)) * (pose.bare.outputs.acceleration @ shape)
 
 
 def _holders(pose: Pose, shape: Array) -> str:

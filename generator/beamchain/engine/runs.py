@@ -122,6 +122,12 @@ def held_columns(
             f"{source} has the head {', '.join(head) or 'nothing'} and {max(len(rows) - 1, 0)} "
             f"rows; give a column time, one or more of {', '.join(allowed)}, and at least two rows."
         )
+    for number, row in enumerate(rows[1:], 1):
+        if len(row) != len(head):
+            raise InputError(
+                f"{source}: row {number} has {len(row)} numbers for {len(head)} columns; give one "
+                "number per column in every row."
+            )
     try:
         table = np.array([[float(cell) for cell in row] for row in rows[1:]])
     except ValueError as error:

@@ -92,13 +92,12 @@ def embedded_lines(embedded: "Embedded") -> Iterator[str]:
 
 
 def _first_modes(embedded: "Embedded") -> Iterator[str]:
-    """The first coupled mode, and the first one that moves what the scenes are about."""
-    from beamchain.craft.coupled_modes import AXIS
-
+    """The first coupled mode, and the one that adds most to the motion that scenes are about."""
     rows = [mode for mode in embedded.assembly.modes if mode.words and mode.error is not None]
-    asked = tuple(f"bus {AXIS[k]}" for k in embedded.promise.motions)
-    moving = [mode for mode in rows[1:] if mode.words.endswith(asked)]
-    for mode in [*rows[:1], *moving[:1]]:
+    motions = embedded.promise.motions
+    most = max(rows, key=lambda mode: sum(mode.moved[k] ** 2 for k in motions), default=None)
+    for mode in rows[:1] if most in rows[:1] else [*rows[:1], most]:
+        assert mode is not None
         assert mode.mujoco is not None
         assert mode.error is not None
         beyond = mode.mujoco > embedded.band
