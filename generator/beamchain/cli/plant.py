@@ -131,11 +131,9 @@ def _record(
 
     scheduled = None if isinstance(result, Plant) else result
     grid = None if scheduled is None else scheduled.grid
-    inputs = tables.signal_table("Inputs", first.input_names, first.input_units)
-    outputs = tables.signal_table("Outputs", first.output_names, first.output_units)
     return {
-        "inputs": inputs.records(),
-        "outputs": outputs.records(),
+        "inputs": tables.input_table(first).records(),
+        "outputs": tables.output_table(first).records(),
         "states": list(first.state_names),
         "modes": tables.mode_table(first).records(),
         "allocations": {name: each.as_dict() for name, each in first.allocations.items()},

@@ -84,7 +84,7 @@ def show(result: "Study") -> None:
     out = console()
     print_headed(result.spec.name, answer(result))
     out.print(scenario_sentence(result))
-    print_table(reach_table(result, "error"))
+    print_table(reach_table(result))
     hub = ", ".join(f"{name} {1e6 * seconds:.2f} us" for name, seconds in result.rigid_hub.items())
     out.print(f"a step of the rigid hub alone: {hub}")
     print_warnings(result.warnings)

@@ -35,36 +35,20 @@ def fit_report(fit: "Fit") -> tuple[str, dict[str, str]]:
     figures = {f"response_{port}": plots.response_figure(fit, port) for port, *_ in groups}
     figures["chain"] = plots.chain_figure(fit)
     pictures = {f"{name}.svg": to_svg(figure, name) for name, figure in figures.items()}
-    imported = None if fit.space is None else tables.imported_table(fit.space.data)
-    effective = None if fit.space is None else tables.effective_mass_table(fit.space)
     page = page_text(
         "report.html",
         name=fit.spec.name,
         verdict=_verdict(fit),
         tiles=fit_tiles(fit),
         fit=fit,
+        tables=tables,
         pictures=pictures,
         asked=_specification(fit),
-        assumed=tables.assumed_sentences(fit),
-        imported=imported,
         modes_word=_modes_word(fit).capitalize(),
-        effective=effective,
         curves=groups,
-        modes=tables.mode_table(fit),
-        mode_notes=tables.mode_notes(fit),
         spring_sentence=spring_sentence,
         replays=scene_replays(fit),
-        in_band=tables.in_band_table(fit),
-        model_errors=[tables.model_error_table(fit, port) for port in fit.target],
-        masses=tables.mass_table(fit),
-        links=tables.link_table(fit),
-        hinges=tables.hinge_table(fit),
-        tendons=tables.tendon_table(fit),
         steps=step_table(fit.written_limits),
-        bench=fit.measured.linearisation,
-        bench_modes=tables.bench_table(fit),
-        look=tables.look_table(fit),
-        left_out=tables.left_out_table(fit.left_out),
     )
     return page, pictures
 

@@ -30,14 +30,8 @@ def stability_report(study: "StabilityStudy", source: Path) -> str:
         study=study,
         source=source,
         asked=_source(study, source),
-        limits=tables.limit_table(study),
-        models=[
-            (limits, step_table(limits, limits.name), tables.damping_table(limits))
-            for limits in study.budgets
-        ],
-        large_motion=tables.large_motion_table(study),
-        chains=tables.chain_table(study),
-        slews=tables.slew_table(study),
+        tables=tables,
+        step_table=step_table,
         drawn=drawn,
         names={limits.name.split()[0] for limits in study.budgets if limits.name},
         spec="" if source.suffix.lower() == ".xml" else spec_toml(read_spec(source)),

@@ -16,9 +16,7 @@ if TYPE_CHECKING:
 
 def study_page(study: "Study") -> tuple[str, dict[str, str]]:
     """The text of study.html, and the SVG files to stand beside it, by name."""
-    pictures = {
-        "error_against_run_time.svg": to_svg(study_plots.pareto_figure(study), "pareto"),
-    }
+    pictures = {"error_against_run_time.svg": to_svg(study_plots.pareto_figure(study), "pareto")}
     machine = ", ".join(f"{key} {value}" for key, value in study.as_dict()["machine"].items())
     page = page_text(
         "study.html",
@@ -30,7 +28,7 @@ def study_page(study: "Study") -> tuple[str, dict[str, str]]:
         study=study,
         pictures=pictures,
         scenario=scenario_sentence(study),
-        to_reach=reach_table(study, "error"),
+        to_reach=reach_table(study),
         points=point_table(study),
         commands=commands(study),
         feeding=how_to_feed(study),

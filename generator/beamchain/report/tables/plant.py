@@ -17,10 +17,18 @@ FEW = 4  # poses whose frequencies the terminal shows
 ROUNDING = 1e-9  # gain relative to the largest, below which it is rounding
 
 
-def signal_table(title: str, names: Sequence[str], units: Sequence[str]) -> Table:
-    """Inputs or outputs with their units."""
-    columns = (Column("signal", names, key="name"), Column("unit", units, key="unit"))
-    return Table(title, columns)
+def input_table(plant: "Plant") -> Table:
+    """Inputs with their units."""
+    return _signal_table("Inputs", plant.input_names, plant.input_units)
+
+
+def output_table(plant: "Plant") -> Table:
+    """Outputs with their units."""
+    return _signal_table("Outputs", plant.output_names, plant.output_units)
+
+
+def _signal_table(title: str, names: Sequence[str], units: Sequence[str]) -> Table:
+    return Table(title, (Column("signal", names, key="name"), Column("unit", units, key="unit")))
 
 
 def mode_table(plant: "Plant") -> Table:
@@ -36,15 +44,10 @@ def mode_table(plant: "Plant") -> Table:
         Column("largest gain", list(gains.max(axis=1)), format=digits(3)),
         Column("of", [pairs[strongest] for strongest in gains.argmax(axis=1)]),
     )
-    notes = (
-        (
-            f"taken out, since no input drives them or no output sees them: "
-            f"{', '.join(plant.unreached)}",
-        )
-        if plant.unreached
-        else ()
-    )
-    return Table(f"Flexible modes{f', {plant.pose}' if plant.pose else ''}", columns, notes)
+    unreached = ", ".join(plant.unreached)
+    note = f"taken out, since no input drives them or no output sees them: {unreached}"
+    notes = (note,) if unreached else ()
+    return Table(titled("Flexible modes", [plant.pose]), columns, notes)
 
 
 def allocation_tables(plant: "Plant") -> list[Table]:
