@@ -5,15 +5,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from beamchain.cli.common import Force, Full, Json, RetimeJoints, console
-from beamchain.cli.output import print_first, print_json, print_table, spinner, tell
+from beamchain.cli.common import Force, Full, Json, RetimeJoints
+from beamchain.cli.output import print_all, print_first, print_json, spinner, tell
 from beamchain.errors import InputError
 from beamchain.warning_codes import warnings_record
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from beamchain.craft.assembly import Assembly
     from beamchain.craft.coupled_modes import Mode
     from beamchain.craft.embedded import Embedded
 
@@ -132,7 +131,7 @@ def embed(
                 retime_joints=retime_joints,
                 loaded=loaded,
             )
-            _prove(result)
+            _ = result.cure, result.assembly  # kept: the proof, and what mends it
             at_pose = () if pose is None else result.modes_at(pose, beyond=True)
     drawings = {} if page is None else {page: result.report(craft.name, output.name)}
     files = result.write(output, force=force, also=drawings)
@@ -166,15 +165,8 @@ def _take_out(
     if as_json:
         print_json({"appendages": [], "modes": [], "warnings": warnings_record(())})
     else:
-        console().print(f"wrote {output}, without appendages")
+        print_all(f"wrote {output}, without appendages")
     return None
-
-
-def _prove(result: "Embedded") -> "Assembly":
-    """Compare the whole with exact appendages, and where it misses what was asked for look for a
-    cure; the result keeps what it computes."""
-    _ = result.cure
-    return result.assembly
 
 
 def _is_good(result: "Embedded") -> bool:
@@ -222,13 +214,11 @@ def _split(word: str, remove: bool) -> tuple[str, str]:
 
 def _record(result: "Embedded", pose: str | None, at_pose: "Sequence[Mode]") -> dict[str, Any]:
     """What --json prints."""
+    from beamchain.report.tables.embed import keyframe_table
+
     record = result.as_dict()
     if pose is not None:
-        modes = [
-            {"exact": m.exact, "mujoco": m.mujoco, "error": m.error, "kept": m.kept}
-            for m in at_pose
-        ]
-        record["modes_at"] = {pose: modes}
+        record["modes_at"] = {pose: keyframe_table(result.assembly, at_pose, pose).records()}
     return record
 
 
@@ -241,7 +231,7 @@ def _show(result: "Embedded", pose: str | None, at_pose: "Sequence[Mode]", *, fu
     if full:
         _show_tables(result)
     if pose is not None:
-        print_table(keyframe_table(result.assembly, at_pose, pose))
+        print_all(keyframe_table(result.assembly, at_pose, pose))
 
 
 def _show_tables(result: "Embedded") -> None:
@@ -249,26 +239,23 @@ def _show_tables(result: "Embedded") -> None:
     from beamchain.report.tables.steps import timing_sentences
     from beamchain.steps.modal import timing_marks
 
-    out = console()
-    out.print(result.composite.sentence, markup=False)
-    for line in tables.appendage_sentences(result):
-        out.print(line, markup=False)
-    print_table(tables.appendage_table(result))
-    print_table(tables.coupled_table(result.assembly))
     made = [mark for mark in timing_marks(result.model) if mark is not None]
-    for line in timing_sentences(made, "the modes in this table are without it"):
-        out.print(line)
-    if result.loaded or (result.by_step and len(result.promise.poses) > 1):
-        print_table(tables.pose_table(result))
+    by_pose = result.loaded or (result.by_step and len(result.promise.poses) > 1)
+    print_all(
+        result.composite.sentence,
+        *tables.appendage_sentences(result),
+        tables.appendage_table(result),
+        tables.coupled_table(result.assembly),
+        *timing_sentences(made, "the modes in this table are without it"),
+        tables.pose_table(result) if by_pose else None,
+    )
     for item in result.appendages:
         scene = item.fit.spec.scene
         promise = item.fit.promise
         if scene is not None and scene.bandwidth is not None and promise is not None:
-            out.print(
+            print_all(
                 f"{item.at}: this appendage alone, on the body that carries it, is within "
                 f"{promise:.2e} of what its scene asks for ({', '.join(scene.axes)} up to "
-                f"{scene.bandwidth:g} rad/s within {scene.tolerance:g}).",
-                markup=False,
+                f"{scene.bandwidth:g} rad/s within {scene.tolerance:g})."
             )
-    for line in result.steps or ("no mode was added for the craft as a whole",):
-        out.print(line, markup=False)
+    print_all(*(result.steps or ("no mode was added for the craft as a whole",)))

@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamchain.cli.common import Force, Json, console
+from beamchain.cli.common import Force, Json
 from beamchain.cli.embed import Loaded
-from beamchain.cli.output import print_headed, print_table, print_warnings, spinner, tell
+from beamchain.cli.output import print_all, print_headed, print_warnings, spinner, tell
 from beamchain.errors import InputError
 
 if TYPE_CHECKING:
@@ -120,17 +120,16 @@ def _show_steps(result: "StabilityStudy") -> None:
     from beamchain.report.tables import stability as tables
     from beamchain.report.tables.steps import step_table
 
-    console().print(result.own_step)
+    print_all(result.own_step)
     for budget in result.budgets:
-        print_table(step_table(budget, f"{budget.name}: largest time step"))
-        print_table(tables.damping_table(budget))
-    if result.is_retimable:
-        console().print(tables.LIFTED)
-    if result.large:
-        print_table(tables.large_motion_table(result))
+        title = f"{budget.name}: largest time step"
+        print_all(step_table(budget, title), tables.damping_table(budget))
+    print_all(
+        tables.LIFTED if result.is_retimable else None,
+        tables.large_motion_table(result) if result.large else None,
+    )
     if result.slews:
-        print_table(tables.chain_table(result))
-        print_table(tables.slew_table(result))
+        print_all(tables.chain_table(result), tables.slew_table(result))
     print_warnings(result.warnings, "note")
 
 
@@ -138,33 +137,27 @@ def _show(found: "Inspection") -> None:
     from beamchain.report.tables import inspect as tables
     from beamchain.report.tables.steps import step_table, timing_sentences
 
-    out = console()
     print_headed(
         found.name,
         f"{found.bodies} bodies, {found.joints} joints, {found.dofs} degrees of freedom, mass "
         f"{found.mass:.6g} kg",
     )
-    for whole in found.composite:
-        out.print(whole.sentence)
-    print_table(tables.mode_table(found))
-    if found.springs:
-        print_table(tables.spring_table(found))
-    if found.tendons:
-        print_table(tables.tendon_table(found))
     without = "modes and steps in these tables are without it, and --prove says what it keeps"
-    for line in timing_sentences(found.made_for, without):
-        out.print(line)
+    print_all(
+        *(whole.sentence for whole in found.composite),
+        tables.mode_table(found),
+        tables.spring_table(found) if found.springs else None,
+        tables.tendon_table(found) if found.tendons else None,
+        *timing_sentences(found.made_for, without),
+    )
     print_warnings(found.warnings, "note")
     title = f"Largest time steps (the model asks for {found.integrator}, {found.timestep:g} s)"
-    print_table(step_table(found.limits, title))
+    print_all(step_table(found.limits, title))
 
 
 def _show_proof(proof: "Embedded", said: "Sequence[str]") -> None:
     from beamchain.report.tables.embed import coupled_table, pose_table
 
-    out = console()
-    print_table(coupled_table(proof.assembly))
-    print_table(pose_table(proof))
-    out.print(proof.time_error.words, markup=False)
+    print_all(coupled_table(proof.assembly), pose_table(proof), proof.time_error.words)
     print_warnings((w for w in proof.warnings if w not in said), "note")
-    out.print(proof.headline, markup=False)
+    print_all(proof.headline)

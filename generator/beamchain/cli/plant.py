@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from beamchain.cli.common import Force, Full, Json, console
-from beamchain.cli.output import print_first, print_table, spinner, tell
+from beamchain.cli.common import Force, Full, Json
+from beamchain.cli.output import print_all, print_first, spinner, tell
 from beamchain.cli.plant_options import Inputs, Model, Outputs, Poses
 from beamchain.errors import InputError
 from beamchain.warning_codes import warnings_record
@@ -188,14 +188,14 @@ def _show(
     first = found if isinstance(found, Plant) else found[0]
     print_first([*plant_lines(first), *margin_lines(margins_by_plant)], (), full=full)
     if full:
-        print_table(tables.mode_table(first))
-        if not isinstance(found, Plant):
-            print_table(tables.pose_table(found))
-        if margins_by_plant:
-            print_table(tables.margin_table(margins_by_plant))
-            if near := tables.limiting_table(margins_by_plant):
-                print_table(near)
-            print_table(tables.closed_loop_table(margins_by_plant))
+        print_all(tables.mode_table(first))
+        print_all(None if isinstance(found, Plant) else tables.pose_table(found))
+    if full and margins_by_plant:
+        print_all(
+            tables.margin_table(margins_by_plant),
+            tables.limiting_table(margins_by_plant) or None,
+            tables.closed_loop_table(margins_by_plant),
+        )
     _show_reasons(margins_by_plant)
     print_first((), warnings, full=full)
 
@@ -204,8 +204,7 @@ def _show_reasons(margins_by_plant: "list[Margins]") -> None:
     """Why loops are unstable, and which of them are so by others."""
     for margins in margins_by_plant:
         pose = f"{margins.pose}: " if margins.pose else ""
-        for said in margins.reasons:
-            console().print(f"{pose}{said}")
+        print_all(*(f"{pose}{said}" for said in margins.reasons))
         others = [loop.name for loop in margins.loops if not (loop.stable or loop.causes)]
         if others:
-            console().print(f"{pose}unstable because of other loops: {', '.join(others)}")
+            print_all(f"{pose}unstable because of other loops: {', '.join(others)}")
