@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from beamchain.cli.common import Force, Full, Json, RetimeJoints
+from beamchain.cli.common import Force, Full, Json, Report, RetimeJoints
 from beamchain.cli.output import print_all, print_first, print_json, spinner, tell
 from beamchain.errors import InputError
 from beamchain.warning_codes import warnings_record
@@ -55,7 +55,7 @@ Retime = Annotated[
         "stated by a third or to within the tolerance."
     ),
 ]
-Report = Annotated[bool, typer.Option(help="Write OUT_report.html as well.")]
+
 MaxModes = Annotated[
     int, typer.Option(help="Largest number of modes per appendage if modes are added.")
 ]

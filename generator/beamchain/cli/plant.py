@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from beamchain.cli.common import Force, Full, Json
+from beamchain.cli.common import Force, Full, Json, Report
 from beamchain.cli.output import print_all, print_first, spinner, tell
 from beamchain.cli.plant_options import Inputs, Model, Outputs, Poses
 from beamchain.errors import InputError
@@ -45,7 +45,6 @@ Loops = Annotated[
         "(\\[allocation], \\[alignment]).",
     ),
 ]
-Report = Annotated[bool, typer.Option(help="Write OUT_report.html as well.")]
 
 
 def plant(
@@ -110,7 +109,7 @@ def plant(
     warnings = margin_warnings(plants, margins_by_plant)
     warnings = [*doubtful(compiled, poses or []), *warnings]
     tell(
-        lambda: _record(result, plants[0], margins_by_plant, warnings),
+        lambda: _record(result, margins_by_plant, warnings),
         lambda: _show(result, margins_by_plant, warnings, full=full),
         files,
         as_json,
@@ -120,16 +119,13 @@ def plant(
 
 
 def _record(
-    result: "Plant | ScheduledPlant",
-    first: "Plant",
-    margins_by_plant: "list[Margins]",
-    warnings: list[str],
+    result: "Plant | ScheduledPlant", margins_by_plant: "list[Margins]", warnings: list[str]
 ) -> dict[str, Any]:
     """What --json prints."""
     from beamchain.control.realisation import Plant
     from beamchain.report.tables import plant as tables
 
-    scheduled = None if isinstance(result, Plant) else result
+    first, scheduled = (result, None) if isinstance(result, Plant) else (result[0], result)
     grid = None if scheduled is None else scheduled.grid
     return {
         "inputs": tables.input_table(first).records(),
@@ -152,17 +148,11 @@ def _record(
 
 def _loop_records(margins: "Margins") -> list[dict[str, Any]]:
     """The margins at every input, and the instabilities that its loop is to blame for."""
-    return [
-        loop.as_dict()
-        | {
-            "instabilities": [
-                one.as_dict()
-                for one in margins.instabilities
-                if loop.input in one.causes or not one.causes
-            ]
-        }
-        for loop in margins.loops
-    ]
+    records: list[dict[str, Any]] = []
+    for loop in margins.loops:
+        own = (one for one in margins.instabilities if loop.input in one.causes or not one.causes)
+        records.append({**loop.as_dict(), "instabilities": [one.as_dict() for one in own]})
+    return records
 
 
 def _explained(one: "LoopVerdict", say: "Callable[[str], None]") -> "Margins":
@@ -185,11 +175,11 @@ def _show(
     from beamchain.report.tables import plant as tables
     from beamchain.report.tables.first_screen import margin_lines, plant_lines
 
-    first = found if isinstance(found, Plant) else found[0]
-    print_first([*plant_lines(first), *margin_lines(margins_by_plant)], (), full=full)
+    first, scheduled = (found, None) if isinstance(found, Plant) else (found[0], found)
+    print_all(*plant_lines(first), *margin_lines(margins_by_plant))
     if full:
-        print_all(tables.mode_table(first))
-        print_all(None if isinstance(found, Plant) else tables.pose_table(found))
+        poses = None if scheduled is None else tables.pose_table(scheduled)
+        print_all(tables.mode_table(first), poses)
     if full and margins_by_plant:
         print_all(
             tables.margin_table(margins_by_plant),
