@@ -1,20 +1,20 @@
 """`beamchain embed`: appendages into an existing spacecraft."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from beamchain.cli.common import Force, Full, Json, Report, RetimeJoints
-from beamchain.cli.output import print_all, print_first, print_json, spinner, tell
+from beamchain.cli.output import print_all, print_first, spinner, tell
 from beamchain.errors import InputError
 from beamchain.warning_codes import warnings_record
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from beamchain.craft.coupled_modes import Mode
     from beamchain.craft.embedded import Embedded
+    from beamchain.report.table import Table
 
 
 CraftFile = Annotated[Path, typer.Argument(metavar="CRAFT.xml", help="The spacecraft's MJCF file.")]
@@ -105,15 +105,15 @@ def embed(
     """
     from beamchain.craft.embedding import embed as attach
     from beamchain.files import beside, check_outputs
+    from beamchain.report.tables.embed import keyframe_table
 
     names = [_split(word, remove)[0] for word in mount or []]
     page = beside(output, "_report.html") if report and not rigid else None
-    at_pose: Sequence[Mode] = ()
+    at_pose: Table | None = None
     if remove:
         result = _take_out(craft, names, output, force=force, as_json=as_json)
         if result is None:
             return
-        pose = None  # the spacecraft is shown as it is left
     else:
         appendages = places(mount or [])
         outputs = [output, *([] if page is None else [page])]
@@ -132,15 +132,14 @@ def embed(
                 loaded=loaded,
             )
             _ = result.cure, result.assembly  # kept: the proof, and what mends it
-            at_pose = () if pose is None else result.modes_at(pose, beyond=True)
+            if pose is not None:
+                at_pose = keyframe_table(result.assembly, result.modes_at(pose, beyond=True), pose)
     drawings = {} if page is None else {page: result.report(craft.name, output.name)}
     files = result.write(output, force=force, also=drawings)
-    tell(
-        lambda: _record(result, pose, at_pose),
-        lambda: _show(result, pose, at_pose, full=full),
-        files,
-        as_json,
-    )
+    record = result.as_dict()
+    if at_pose is not None:
+        record["modes_at"] = {pose: at_pose.records()}
+    tell(lambda: record, lambda: _show(result, at_pose, full=full), files, as_json)
     if not rigid and not _is_good(result):
         raise typer.Exit(3)
 
@@ -162,10 +161,8 @@ def _take_out(
         return result
     original = relocate(result, output.parent).content
     write_files({output: original}, force=force, update=(craft, output))
-    if as_json:
-        print_json({"appendages": [], "modes": [], "warnings": warnings_record(())})
-    else:
-        print_all(f"wrote {output}, without appendages")
+    record = {"appendages": [], "modes": [], "warnings": warnings_record(())}
+    tell(lambda: record, lambda: print_all(f"wrote {output}, without appendages"), (), as_json)
     return None
 
 
@@ -212,26 +209,14 @@ def _split(word: str, remove: bool) -> tuple[str, str]:
     return name, spec
 
 
-def _record(result: "Embedded", pose: str | None, at_pose: "Sequence[Mode]") -> dict[str, Any]:
-    """What --json prints."""
-    from beamchain.report.tables.embed import keyframe_table
-
-    record = result.as_dict()
-    if pose is not None:
-        record["modes_at"] = {pose: keyframe_table(result.assembly, at_pose, pose).records()}
-    return record
-
-
-def _show(result: "Embedded", pose: str | None, at_pose: "Sequence[Mode]", *, full: bool) -> None:
+def _show(result: "Embedded", at_pose: "Table | None", *, full: bool) -> None:
     """What the terminal shows before the names of the files."""
-    from beamchain.report.tables.embed import keyframe_table
     from beamchain.report.tables.first_screen import embedded_lines
 
     print_first(embedded_lines(result), result.warnings, full=full)
     if full:
         _show_tables(result)
-    if pose is not None:
-        print_all(keyframe_table(result.assembly, at_pose, pose))
+    print_all(at_pose)
 
 
 def _show_tables(result: "Embedded") -> None:

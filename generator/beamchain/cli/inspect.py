@@ -11,8 +11,6 @@ from beamchain.cli.output import print_all, print_headed, print_warnings, spinne
 from beamchain.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from beamchain.craft.embedded import Embedded
     from beamchain.craft.inspect import Inspection
     from beamchain.craft.stability import StabilityStudy
@@ -80,21 +78,16 @@ def inspect(
         _steps(model, output, as_json=as_json, force=force)
         return
     found = inspect_model(model)
-    if not prove:
-        tell(found.as_dict, lambda: _show(found), (), as_json)
-        return
-    from beamchain.craft.proof import prove as prove_file
+    record = found.as_dict()
+    proof = None
+    if prove:
+        from beamchain.craft.proof import prove as prove_file
 
-    with spinner("proving the file"):
-        proof = prove_file(model, loaded=loaded)
-        record = {**found.as_dict(), "proof": proof.as_dict()}
-
-    def show() -> None:
-        _show(found)
-        _show_proof(proof, said=found.warnings)
-
-    tell(lambda: record, show, (), as_json)
-    if proof.met is False:
+        with spinner("proving the file"):
+            proof = prove_file(model, loaded=loaded)
+            record["proof"] = proof.as_dict()
+    tell(lambda: record, lambda: _show(found, proof), (), as_json)
+    if proof is not None and proof.met is False:
         raise typer.Exit(3)
 
 
@@ -133,8 +126,9 @@ def _show_steps(result: "StabilityStudy") -> None:
     print_warnings(result.warnings, "note")
 
 
-def _show(found: "Inspection") -> None:
+def _show(found: "Inspection", proof: "Embedded | None") -> None:
     from beamchain.report.tables import inspect as tables
+    from beamchain.report.tables.embed import coupled_table, pose_table
     from beamchain.report.tables.steps import step_table, timing_sentences
 
     print_headed(
@@ -153,11 +147,7 @@ def _show(found: "Inspection") -> None:
     print_warnings(found.warnings, "note")
     title = f"Largest time steps (the model asks for {found.integrator}, {found.timestep:g} s)"
     print_all(step_table(found.limits, title))
-
-
-def _show_proof(proof: "Embedded", said: "Sequence[str]") -> None:
-    from beamchain.report.tables.embed import coupled_table, pose_table
-
-    print_all(coupled_table(proof.assembly), pose_table(proof), proof.time_error.words)
-    print_warnings((w for w in proof.warnings if w not in said), "note")
-    print_all(proof.headline)
+    if proof is not None:
+        print_all(coupled_table(proof.assembly), pose_table(proof), proof.time_error.words)
+        print_warnings((w for w in proof.warnings if w not in found.warnings), "note")
+        print_all(proof.headline)
