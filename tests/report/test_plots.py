@@ -140,6 +140,7 @@ def test_a_curve_stands_where_the_axes_say(boom):
     fit, _, pictures = boom
     root = etree.fromstring(pictures["response_xy.svg"].encode())
     figure = plots.response_figure(fit, "xy")
+    to_svg(figure, "response_xy")  # panels get their places when they are drawn
     (across, high), ax = 72.0 * figure.get_size_inches(), figure.axes[1]
     place = ax.get_position()
     left = place.x0 * across

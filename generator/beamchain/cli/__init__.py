@@ -22,17 +22,7 @@ from beamchain.errors import BeamchainError
 USAGE: Any = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
 
 #: functions, each in a module of its name, in the order of the help
-COMMANDS = (
-    "fit",
-    "embed",
-    "study",
-    "sweep",
-    "inspect",
-    "retime",
-    "plant",
-    "render",
-    "init",
-)
+COMMANDS = ("fit", "embed", "study", "sweep", "inspect", "retime", "plant", "render", "init")
 
 app = typer.Typer(
     name="beamchain",
@@ -75,9 +65,8 @@ def main() -> None:
     3 files written but a requirement not met."""
     # matrices are small: threads only wait for each other
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    os.environ["MPLBACKEND"] = (
-        "agg"  # commands open no window of Matplotlib, which refuses to start with a name unknown
-    )
+    # commands open no window of Matplotlib, which refuses to start with a name unknown
+    os.environ["MPLBACKEND"] = "agg"
     log = logging.getLogger("beamchain.mujoco")
     log.handlers, log.propagate = [OneSentenceEach()], False
     # characters that the terminal's encoding lacks are spelled out
@@ -132,9 +121,5 @@ def _as_json(message: str, error: BaseException) -> None:
     """An error on stdout where a script asked for JSON;
     the sentence stands on stderr in any case."""
     if "--json" in sys.argv:
-        sys.stdout.write(
-            json.dumps(
-                {"error": {"message": " ".join(message.split()), "type": type(error).__name__}}
-            )
-            + "\n"
-        )
+        record = {"message": " ".join(message.split()), "type": type(error).__name__}
+        sys.stdout.write(json.dumps({"error": record}) + "\n")

@@ -1,21 +1,20 @@
 """`beamchain embed`: appendages into an existing spacecraft."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamchain.cli.common import Force, Full, Json, RetimeJoints, console
-from beamchain.cli.output import print_first, print_json, print_table, spinner, tell
+from beamchain.cli.common import Force, Full, Json, Report, RetimeJoints
+from beamchain.cli.output import print_all, print_first, spinner, tell
 from beamchain.errors import InputError
 from beamchain.warning_codes import warnings_record
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from beamchain.craft.assembly import Assembly
-    from beamchain.craft.coupled_modes import Mode
     from beamchain.craft.embedded import Embedded
+    from beamchain.report.table import Table
 
 
 CraftFile = Annotated[Path, typer.Argument(metavar="CRAFT.xml", help="The spacecraft's MJCF file.")]
@@ -56,7 +55,7 @@ Retime = Annotated[
         "stated by a third or to within the tolerance."
     ),
 ]
-Report = Annotated[bool, typer.Option(help="Write OUT_report.html as well.")]
+
 MaxModes = Annotated[
     int, typer.Option(help="Largest number of modes per appendage if modes are added.")
 ]
@@ -106,15 +105,15 @@ def embed(
     """
     from beamchain.craft.embedding import embed as attach
     from beamchain.files import beside, check_outputs
+    from beamchain.report.tables.embed import keyframe_table
 
     names = [_split(word, remove)[0] for word in mount or []]
     page = beside(output, "_report.html") if report and not rigid else None
-    at_pose: Sequence[Mode] = ()
+    at_pose: Table | None = None
     if remove:
         result = _take_out(craft, names, output, force=force, as_json=as_json)
         if result is None:
             return
-        pose = None  # the spacecraft is shown as it is left
     else:
         appendages = places(mount or [])
         outputs = [output, *([] if page is None else [page])]
@@ -132,16 +131,15 @@ def embed(
                 retime_joints=retime_joints,
                 loaded=loaded,
             )
-            _prove(result)
-            at_pose = () if pose is None else result.modes_at(pose, beyond=True)
+            _ = result.cure, result.assembly  # kept: the proof, and what mends it
+            if pose is not None:
+                at_pose = keyframe_table(result.assembly, result.modes_at(pose, beyond=True), pose)
     drawings = {} if page is None else {page: result.report(craft.name, output.name)}
     files = result.write(output, force=force, also=drawings)
-    tell(
-        lambda: _record(result, pose, at_pose),
-        lambda: _show(result, pose, at_pose, full=full),
-        files,
-        as_json,
-    )
+    record = result.as_dict()
+    if at_pose is not None:
+        record["modes_at"] = {pose: at_pose.records()}
+    tell(lambda: record, lambda: _show(result, at_pose, full=full), files, as_json)
     if not rigid and not _is_good(result):
         raise typer.Exit(3)
 
@@ -163,18 +161,9 @@ def _take_out(
         return result
     original = relocate(result, output.parent).content
     write_files({output: original}, force=force, update=(craft, output))
-    if as_json:
-        print_json({"appendages": [], "modes": [], "warnings": warnings_record(())})
-    else:
-        console().print(f"wrote {output}, without appendages")
+    record = {"appendages": [], "modes": [], "warnings": warnings_record(())}
+    tell(lambda: record, lambda: print_all(f"wrote {output}, without appendages"), (), as_json)
     return None
-
-
-def _prove(result: "Embedded") -> "Assembly":
-    """Compare the whole with exact appendages, and where it misses what was asked for look for a
-    cure; the result keeps what it computes."""
-    _ = result.cure
-    return result.assembly
 
 
 def _is_good(result: "Embedded") -> bool:
@@ -220,28 +209,14 @@ def _split(word: str, remove: bool) -> tuple[str, str]:
     return name, spec
 
 
-def _record(result: "Embedded", pose: str | None, at_pose: "Sequence[Mode]") -> dict[str, Any]:
-    """What --json prints."""
-    record = result.as_dict()
-    if pose is not None:
-        modes = [
-            {"exact": m.exact, "mujoco": m.mujoco, "error": m.error, "kept": m.kept}
-            for m in at_pose
-        ]
-        record["modes_at"] = {pose: modes}
-    return record
-
-
-def _show(result: "Embedded", pose: str | None, at_pose: "Sequence[Mode]", *, full: bool) -> None:
+def _show(result: "Embedded", at_pose: "Table | None", *, full: bool) -> None:
     """What the terminal shows before the names of the files."""
-    from beamchain.report.tables.embed import keyframe_table
     from beamchain.report.tables.first_screen import embedded_lines
 
     print_first(embedded_lines(result), result.warnings, full=full)
     if full:
         _show_tables(result)
-    if pose is not None:
-        print_table(keyframe_table(result.assembly, at_pose, pose))
+    print_all(at_pose)
 
 
 def _show_tables(result: "Embedded") -> None:
@@ -249,26 +224,23 @@ def _show_tables(result: "Embedded") -> None:
     from beamchain.report.tables.steps import timing_sentences
     from beamchain.steps.modal import timing_marks
 
-    out = console()
-    out.print(result.composite.sentence, markup=False)
-    for line in tables.appendage_sentences(result):
-        out.print(line, markup=False)
-    print_table(tables.appendage_table(result))
-    print_table(tables.coupled_table(result.assembly))
     made = [mark for mark in timing_marks(result.model) if mark is not None]
-    for line in timing_sentences(made, "the modes in this table are without it"):
-        out.print(line)
-    if result.loaded or (result.by_step and len(result.promise.poses) > 1):
-        print_table(tables.pose_table(result))
+    by_pose = result.loaded or (result.by_step and len(result.promise.poses) > 1)
+    print_all(
+        result.composite.sentence,
+        *tables.appendage_sentences(result),
+        tables.appendage_table(result),
+        tables.coupled_table(result.assembly),
+        *timing_sentences(made, "the modes in this table are without it"),
+        tables.pose_table(result) if by_pose else None,
+    )
     for item in result.appendages:
         scene = item.fit.spec.scene
         promise = item.fit.promise
         if scene is not None and scene.bandwidth is not None and promise is not None:
-            out.print(
+            print_all(
                 f"{item.at}: this appendage alone, on the body that carries it, is within "
                 f"{promise:.2e} of what its scene asks for ({', '.join(scene.axes)} up to "
-                f"{scene.bandwidth:g} rad/s within {scene.tolerance:g}).",
-                markup=False,
+                f"{scene.bandwidth:g} rad/s within {scene.tolerance:g})."
             )
-    for line in result.steps or ("no mode was added for the craft as a whole",):
-        out.print(line, markup=False)
+    print_all(*(result.steps or ("no mode was added for the craft as a whole",)))

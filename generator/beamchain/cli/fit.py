@@ -4,12 +4,11 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from beamchain.cli.common import Folder, Force, Full, Json, SpecPath, console
-from beamchain.cli.output import print_first, print_headed, print_table, spinner, tell
+from beamchain.cli.common import Folder, Force, Full, Json, SpecPath
+from beamchain.cli.output import print_all, print_first, print_headed, spinner, tell
 
 if TYPE_CHECKING:
     from beamchain.fitting.result import Fit
-    from beamchain.steps.step_map import TimeError
 
 
 def fit(
@@ -39,9 +38,7 @@ def fit(
         files = result.write(output, force=force)
     tell(result.as_dict, lambda: _show(result, full=full), files, as_json)
     if not as_json:
-        console().print(
-            f"next: beamchain embed CRAFT.xml --mount SITE={spec} -o flexible.xml", markup=False
-        )
+        print_all(f"next: beamchain embed CRAFT.xml --mount SITE={spec} -o flexible.xml")
     if not result.status.ok:
         raise typer.Exit(3)
 
@@ -62,56 +59,46 @@ def _show_tables(result: "Fit") -> None:
     from beamchain.report.headlines import made_sentence
     from beamchain.report.tables import fit as tables
     from beamchain.report.tables.steps import step_sentence
+    from beamchain.steps.sampled import off_by
 
-    out = console()
     print_headed(result.spec.name, made_sentence(result))
     if result.spec.root.hub is None:
-        out.print(assumed_hub(result.line))
+        print_all(assumed_hub(result.line))
     if result.space is not None:
+        imported = result.spec.imported
+        moved = imported is not None and any(imported.reference)
+        place = "`reference` away from it" if moved else "there"
         for step in result.space.data.steps:
             if "reference point is" in step:
-                imported = result.spec.imported
-                moved = imported is not None and any(imported.reference)
-                place = "`reference` away from it" if moved else "there"
-                out.print(f"{step}: place the spacecraft's site {place}", markup=False)
-        print_table(tables.effective_mass_table(result.space))
-    print_table(tables.mode_table(result, "Modes, read back from MuJoCo"))
-    for port in result.target:
-        out.print(result.measured.reading_sentence(port), markup=False)
-    print_table(tables.link_table(result))
-    print_table(tables.hinge_table(result))
-    if result.chain.tendons:
-        print_table(tables.tendon_table(result))
+                print_all(f"{step}: place the spacecraft's site {place}")
+        print_all(tables.effective_mass_table(result.space))
+    print_all(
+        tables.mode_table(result, "Modes, read back from MuJoCo"),
+        *(result.measured.reading_sentence(port) for port in result.target),
+        tables.link_table(result),
+        tables.hinge_table(result),
+        tables.tendon_table(result) if result.chain.tendons else None,
+    )
     if result.kept_for in ("free", "hub"):
         what = "free modes" if result.kept_for == "free" else "coupled modes on the hub given"
-        out.print(
+        print_all(
             f'target "{result.kept_for}": the {what} are the beam\'s. The cantilever modes above '
             "are the chain's own, which differ from the beam's; the relative errors compare them "
             "with the values computed for that chain."
         )
     if result.promise is None:  # which is the in-band error, where there is one
-        print_table(tables.in_band_table(result))
+        print_all(tables.in_band_table(result))
     if result.spec.payload is not None:
-        out.print(
+        print_all(
             "payload: the tip is exact with the root, so that your scene may attach any body "
             "there; the figures above are without it."
         )
-    out.print(step_sentence(result.written_limits))
-    if result.time_error is not None:
-        out.print(_sampled_sentence(result, result.time_error), markup=False)
-    milliseconds = 1e3 * sum(result.seconds.values())
-    out.print(f"spec to verified chain: {milliseconds:.1f} ms")
-
-
-def _sampled_sentence(result: "Fit", error: "TimeError") -> str:
-    """How far the step moves the hub and the poles."""
-    from beamchain.steps.sampled import off_by
-
-    moved = off_by(result.sampled_error or 0.0)
-    return (
-        f"stepped by {error.integrator} at {error.step:g} s: motion of the hub off {moved}; "
-        f"{error.words}"
-    )
+    print_all(step_sentence(result.written_limits))
+    if (error := result.time_error) is not None:
+        moved = off_by(result.sampled_error or 0.0)
+        stepped = f"stepped by {error.integrator} at {error.step:g} s"
+        print_all(f"{stepped}: motion of the hub off {moved}; {error.words}")
+    print_all(f"spec to verified chain: {1e3 * sum(result.seconds.values()):.1f} ms")
 
 
 def _explain(result: "Fit") -> None:
@@ -119,17 +106,15 @@ def _explain(result: "Fit") -> None:
     which step to take."""
     from beamchain.report.tables import fit as tables
 
-    out = console()
     if result.choice is None:
-        out.print(
+        print_all(
             "The spec states the modes itself; give [scene] a bandwidth and leave [modes] out to "
             "have them chosen."
         )
         return
-    for line in result.choice.reasoning:
-        out.print(line)
-    print_table(tables.left_out_table(result.left_out))
-    for line in result.choice.cannot:
-        out.print(f"cannot answer: {line}")
-    if result.steps:  # a rigid body takes any
-        print_table(tables.kept_step_table(result))
+    print_all(
+        *result.choice.reasoning,
+        tables.left_out_table(result.left_out),
+        *(f"cannot answer: {line}" for line in result.choice.cannot),
+        tables.kept_step_table(result) if result.steps else None,  # a rigid body takes any
+    )

@@ -9,7 +9,7 @@ import typer
 
 from beamchain.cli import shipped
 from beamchain.cli.common import Force, Json, console
-from beamchain.cli.output import print_json, print_table, tell
+from beamchain.cli.output import print_all, print_json, tell
 from beamchain.errors import InputError
 
 _TABLE = re.compile(r"(?:# )?\[+([\w.]+)\]+")
@@ -152,4 +152,4 @@ def _list(*, as_json: bool) -> None:
     )
     table = Table("What `beamchain init` writes", columns)
     record = {"examples": table.records()}
-    tell(lambda: record, lambda: print_table(table), (), as_json)
+    tell(lambda: record, lambda: print_all(table), (), as_json)

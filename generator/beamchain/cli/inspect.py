@@ -5,14 +5,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamchain.cli.common import Force, Json, console
+from beamchain.cli.common import Force, Json
 from beamchain.cli.embed import Loaded
-from beamchain.cli.output import print_headed, print_table, print_warnings, spinner, tell
+from beamchain.cli.output import print_all, print_headed, print_warnings, spinner, tell
 from beamchain.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from beamchain.craft.embedded import Embedded
     from beamchain.craft.inspect import Inspection
     from beamchain.craft.stability import StabilityStudy
@@ -80,21 +78,16 @@ def inspect(
         _steps(model, output, as_json=as_json, force=force)
         return
     found = inspect_model(model)
-    if not prove:
-        tell(found.as_dict, lambda: _show(found), (), as_json)
-        return
-    from beamchain.craft.proof import prove as prove_file
+    record = found.as_dict()
+    proof = None
+    if prove:
+        from beamchain.craft.proof import prove as prove_file
 
-    with spinner("proving the file"):
-        proof = prove_file(model, loaded=loaded)
-        record = {**found.as_dict(), "proof": proof.as_dict()}
-
-    def show() -> None:
-        _show(found)
-        _show_proof(proof, said=found.warnings)
-
-    tell(lambda: record, show, (), as_json)
-    if proof.met is False:
+        with spinner("proving the file"):
+            proof = prove_file(model, loaded=loaded)
+            record["proof"] = proof.as_dict()
+    tell(lambda: record, lambda: _show(found, proof), (), as_json)
+    if proof is not None and proof.met is False:
         raise typer.Exit(3)
 
 
@@ -120,51 +113,41 @@ def _show_steps(result: "StabilityStudy") -> None:
     from beamchain.report.tables import stability as tables
     from beamchain.report.tables.steps import step_table
 
-    console().print(result.own_step)
+    print_all(result.own_step)
     for budget in result.budgets:
-        print_table(step_table(budget, f"{budget.name}: largest time step"))
-        print_table(tables.damping_table(budget))
-    if result.is_retimable:
-        console().print(tables.LIFTED)
-    if result.large:
-        print_table(tables.large_motion_table(result))
+        title = f"{budget.name}: largest time step"
+        print_all(step_table(budget, title), tables.damping_table(budget))
+    print_all(
+        tables.LIFTED if result.is_retimable else None,
+        tables.large_motion_table(result) if result.large else None,
+    )
     if result.slews:
-        print_table(tables.chain_table(result))
-        print_table(tables.slew_table(result))
+        print_all(tables.chain_table(result), tables.slew_table(result))
     print_warnings(result.warnings, "note")
 
 
-def _show(found: "Inspection") -> None:
+def _show(found: "Inspection", proof: "Embedded | None") -> None:
     from beamchain.report.tables import inspect as tables
+    from beamchain.report.tables.embed import coupled_table, pose_table
     from beamchain.report.tables.steps import step_table, timing_sentences
 
-    out = console()
     print_headed(
         found.name,
         f"{found.bodies} bodies, {found.joints} joints, {found.dofs} degrees of freedom, mass "
         f"{found.mass:.6g} kg",
     )
-    for whole in found.composite:
-        out.print(whole.sentence)
-    print_table(tables.mode_table(found))
-    if found.springs:
-        print_table(tables.spring_table(found))
-    if found.tendons:
-        print_table(tables.tendon_table(found))
     without = "modes and steps in these tables are without it, and --prove says what it keeps"
-    for line in timing_sentences(found.made_for, without):
-        out.print(line)
+    print_all(
+        *(whole.sentence for whole in found.composite),
+        tables.mode_table(found),
+        tables.spring_table(found) if found.springs else None,
+        tables.tendon_table(found) if found.tendons else None,
+        *timing_sentences(found.made_for, without),
+    )
     print_warnings(found.warnings, "note")
     title = f"Largest time steps (the model asks for {found.integrator}, {found.timestep:g} s)"
-    print_table(step_table(found.limits, title))
-
-
-def _show_proof(proof: "Embedded", said: "Sequence[str]") -> None:
-    from beamchain.report.tables.embed import coupled_table, pose_table
-
-    out = console()
-    print_table(coupled_table(proof.assembly))
-    print_table(pose_table(proof))
-    out.print(proof.time_error.words, markup=False)
-    print_warnings((w for w in proof.warnings if w not in said), "note")
-    out.print(proof.headline, markup=False)
+    print_all(step_table(found.limits, title))
+    if proof is not None:
+        print_all(coupled_table(proof.assembly), pose_table(proof), proof.time_error.words)
+        print_warnings((w for w in proof.warnings if w not in found.warnings), "note")
+        print_all(proof.headline)

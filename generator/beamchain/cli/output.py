@@ -14,11 +14,19 @@ if TYPE_CHECKING:
     from beamchain.report.table import Table
 
 
+def print_all(*parts: "str | Table | None") -> None:
+    """Sentences, and tables with their notes, in this order."""
+    for part in parts:
+        if isinstance(part, str):
+            console().print(part)
+        elif part is not None:
+            console().print(part.grid())
+            print_all(*part.notes)
+
+
 def print_table(table: "Table") -> None:
     """A table, with words on the left of their columns and numbers on the right."""
-    console().print(table.grid())
-    for note in table.notes:
-        console().print(note)
+    print_all(table)
 
 
 def print_warnings(warnings: Iterable[str], word: str = "warning") -> None:
@@ -62,18 +70,17 @@ def print_files(files: Iterable[Path]) -> None:
         by_folder.setdefault(file.parent, []).append(file.name)
     for folder, names in by_folder.items():
         where = "" if folder == Path() else f" in {folder}"
-        console().print(f"wrote {', '.join(names)}{where}", markup=False)
+        print_all(f"wrote {', '.join(names)}{where}")
 
 
 def print_first(lines: Iterable[str], notes: Sequence[str], *, full: bool) -> None:
     """The first screen: its lines, and the notes, without `full` the first few."""
     from beamchain.report.tables.first_screen import NOTES
 
-    for line in lines:
-        console().print(line, markup=False)
+    print_all(*lines)
     print_warnings(notes if full else notes[:NOTES], "note")
     if len(notes) > NOTES and not full:
-        console().print(f"{len(notes) - NOTES} more notes with --full")
+        print_all(f"{len(notes) - NOTES} more notes with --full")
 
 
 @contextmanager

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from beamchain.cli.common import Force, Full, Json, console
-from beamchain.cli.output import print_first, print_table, spinner, tell
+from beamchain.cli.common import Force, Full, Json, Report
+from beamchain.cli.output import print_all, print_first, spinner, tell
 from beamchain.cli.plant_options import Inputs, Model, Outputs, Poses
 from beamchain.errors import InputError
 from beamchain.warning_codes import warnings_record
@@ -45,7 +45,6 @@ Loops = Annotated[
         "(\\[allocation], \\[alignment]).",
     ),
 ]
-Report = Annotated[bool, typer.Option(help="Write OUT_report.html as well.")]
 
 
 def plant(
@@ -110,7 +109,7 @@ def plant(
     warnings = margin_warnings(plants, margins_by_plant)
     warnings = [*doubtful(compiled, poses or []), *warnings]
     tell(
-        lambda: _record(result, plants[0], margins_by_plant, warnings),
+        lambda: _record(result, margins_by_plant, warnings),
         lambda: _show(result, margins_by_plant, warnings, full=full),
         files,
         as_json,
@@ -120,22 +119,17 @@ def plant(
 
 
 def _record(
-    result: "Plant | ScheduledPlant",
-    first: "Plant",
-    margins_by_plant: "list[Margins]",
-    warnings: list[str],
+    result: "Plant | ScheduledPlant", margins_by_plant: "list[Margins]", warnings: list[str]
 ) -> dict[str, Any]:
     """What --json prints."""
     from beamchain.control.realisation import Plant
     from beamchain.report.tables import plant as tables
 
-    scheduled = None if isinstance(result, Plant) else result
+    first, scheduled = (result, None) if isinstance(result, Plant) else (result[0], result)
     grid = None if scheduled is None else scheduled.grid
-    inputs = tables.signal_table("Inputs", first.input_names, first.input_units)
-    outputs = tables.signal_table("Outputs", first.output_names, first.output_units)
     return {
-        "inputs": inputs.records(),
-        "outputs": outputs.records(),
+        "inputs": tables.input_table(first).records(),
+        "outputs": tables.output_table(first).records(),
         "states": list(first.state_names),
         "modes": tables.mode_table(first).records(),
         "allocations": {name: each.as_dict() for name, each in first.allocations.items()},
@@ -154,17 +148,11 @@ def _record(
 
 def _loop_records(margins: "Margins") -> list[dict[str, Any]]:
     """The margins at every input, and the instabilities that its loop is to blame for."""
-    return [
-        loop.as_dict()
-        | {
-            "instabilities": [
-                one.as_dict()
-                for one in margins.instabilities
-                if loop.input in one.causes or not one.causes
-            ]
-        }
-        for loop in margins.loops
-    ]
+    records: list[dict[str, Any]] = []
+    for loop in margins.loops:
+        own = (one for one in margins.instabilities if loop.input in one.causes or not one.causes)
+        records.append({**loop.as_dict(), "instabilities": [one.as_dict() for one in own]})
+    return records
 
 
 def _explained(one: "LoopVerdict", say: "Callable[[str], None]") -> "Margins":
@@ -187,17 +175,17 @@ def _show(
     from beamchain.report.tables import plant as tables
     from beamchain.report.tables.first_screen import margin_lines, plant_lines
 
-    first = found if isinstance(found, Plant) else found[0]
-    print_first([*plant_lines(first), *margin_lines(margins_by_plant)], (), full=full)
+    first, scheduled = (found, None) if isinstance(found, Plant) else (found[0], found)
+    print_all(*plant_lines(first), *margin_lines(margins_by_plant))
     if full:
-        print_table(tables.mode_table(first))
-        if not isinstance(found, Plant):
-            print_table(tables.pose_table(found))
-        if margins_by_plant:
-            print_table(tables.margin_table(margins_by_plant))
-            if near := tables.limiting_table(margins_by_plant):
-                print_table(near)
-            print_table(tables.closed_loop_table(margins_by_plant))
+        poses = None if scheduled is None else tables.pose_table(scheduled)
+        print_all(tables.mode_table(first), poses)
+    if full and margins_by_plant:
+        print_all(
+            tables.margin_table(margins_by_plant),
+            tables.limiting_table(margins_by_plant) or None,
+            tables.closed_loop_table(margins_by_plant),
+        )
     _show_reasons(margins_by_plant)
     print_first((), warnings, full=full)
 
@@ -206,8 +194,7 @@ def _show_reasons(margins_by_plant: "list[Margins]") -> None:
     """Why loops are unstable, and which of them are so by others."""
     for margins in margins_by_plant:
         pose = f"{margins.pose}: " if margins.pose else ""
-        for said in margins.reasons:
-            console().print(f"{pose}{said}")
+        print_all(*(f"{pose}{said}" for said in margins.reasons))
         others = [loop.name for loop in margins.loops if not (loop.stable or loop.causes)]
         if others:
-            console().print(f"{pose}unstable because of other loops: {', '.join(others)}")
+            print_all(f"{pose}unstable because of other loops: {', '.join(others)}")

@@ -7,19 +7,15 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
-from beamchain.cli.common import Folder, Force, Json, console, read_text
-from beamchain.cli.output import print_warnings, tell
+from beamchain.cli.common import Folder, Force, Json, read_text
+from beamchain.cli.output import print_all, print_warnings, tell
 from beamchain.errors import InputError
 from beamchain.warning_codes import warnings_record
 
 if TYPE_CHECKING:
-    from beamchain.engine.draw import Frame
     from beamchain.engine.library import mujoco
-    from beamchain.engine.slew import Slew
     from beamchain.fitting.result import Fit
     from beamchain.ports.motions import Array
-
-    Told = tuple[list[str], dict[str, Any]]  # sentences, and facts for --json
 
 # frames of a turn (at least), a run and an oscillation; how many a second; a GIF has every second
 FRAMES, RUN, CYCLE, RATE = 108, 168, 48, 25.0
@@ -149,82 +145,64 @@ def render(
 
     chosen = backend.choose_renderer()
     from beamchain.files import check_outputs, write_files
-    from beamchain.report import film as files
-    from beamchain.report.replay import turn_limits
 
     name, model, fit = load(scene)
     stems = [f"{name}_mode{k}" for k in range(1, modes + 1)] or [name]
     check_outputs([output / f"{stem}.png" for stem in stems], force=force)
-    look = Look(width, height, 1 if files.ffmpeg() else SKIP)
-    warnings: list[str] = []
     if modes:
-        films, told = _modes(model, name, modes, exaggerate, look)
+        shots = _modes(model, modes, exaggerate)
     elif is_run:
-        film, told, warnings = _run(model, run, pose, latch or [], torque, look)
-        films = {name: film}
+        shots = [_run(model, run, pose, latch or [], torque)]
     else:
         turned = None if angle is None else math.radians(angle)
-        film, told, slew = _turn(model, turned, joint, exaggerate, look)
-        films = {name: film}
-        roots = {} if fit is None or slew.joint else {f"{fit.spec.name}_link1": fit}
-        warnings = turn_limits(model, slew, roots)
+        shots = [_turn(model, turned, joint, exaggerate, fit)]
     out: dict[Path, str | bytes] = {}
-    for stem, film in films.items():
-        moving = film.frames[:: SKIP // look.skip]
-        first = film.first // SKIP
-        out |= {
-            output / f"{stem}.png": files.png(film.still),
-            output / f"{stem}.gif": files.gif(moving[first:] + moving[:first], RATE / SKIP),
-        }
-        if (mp4 := files.mp4(film.frames, RATE)) is not None:
-            out[output / f"{stem}.mp4"] = mp4
+    for stem, shot in zip(stems, shots, strict=True):
+        for ending, content in _filmed(model, shot, width, height).items():
+            out[output / f"{stem}.{ending}"] = content
     write_files(out, force=force)
-    sentences, facts = told
+    told = [shot.facts for shot in shots]
+    facts = {"modes": told} if modes else {"run" if is_run else "slew": told[0]}
+    warnings = [said for shot in shots for said in shot.warnings]
     record = {"files": list(map(str, out)), "renderer": chosen, "exaggerate": exaggerate, **facts}
 
     def show() -> None:
-        for sentence in sentences:
-            console().print(sentence)
+        print_all(*(said for shot in shots for said in shot.sentences))
         print_warnings(warnings)
 
     tell(lambda: {**record, "warnings": warnings_record(warnings)}, show, out, as_json)
 
 
-class Look(NamedTuple):
-    """Size of the pictures, and which of the frames are drawn: every `skip`th."""
+class Shot(NamedTuple):
+    """What is filmed: positions `(k, nq)` beside faint ones, each with a line of text; the number
+    of the still and of what a GIF begins with; what the terminal, --json and warnings say of it."""
 
-    width: int
-    height: int
-    skip: int
+    body: str
+    shown: "Array"
+    ghosts: "Array"
+    texts: Sequence[str]
+    still: int
+    first: int
+    sentences: list[str]
+    facts: dict[str, Any]
+    warnings: Sequence[str] = ()
 
 
-class Film(NamedTuple):
-    """A still, and frames, of which a GIF begins with the one numbered `first` in a whole film."""
-
-    still: "Frame"
-    frames: "list[Frame]"
-    first: int = 0
-
-
-def _film(
-    model: "mujoco.MjModel",
-    body: str,
-    shown: "Array",
-    ghosts: "Array",
-    texts: Sequence[str],
-    look: Look,
-    still: int,
-) -> Film:
-    """Positions as frames with a line of text each; the one numbered `still` is the still."""
+def _filmed(model: "mujoco.MjModel", shot: Shot, width: int, height: int) -> dict[str, bytes]:
+    """PNG, GIF and, where there is ffmpeg, MP4, by the endings of their files."""
     from beamchain.engine.draw import draw_frames
-    from beamchain.report.film import write_text
+    from beamchain.report import film
 
-    drawn = [*range(0, len(shown), look.skip), still]
-    frames = draw_frames(
-        model, body, shown[drawn], ghosts[drawn], width=look.width, height=look.height
-    )
-    told = [write_text(frame, texts[k]) for frame, k in zip(frames, drawn, strict=True)]
-    return Film(told[-1], told[:-1], still)
+    skip = 1 if film.ffmpeg() else SKIP
+    drawn = [*range(0, len(shot.shown), skip), shot.still]
+    shown, ghosts = shot.shown[drawn], shot.ghosts[drawn]
+    frames = draw_frames(model, shot.body, shown, ghosts, width=width, height=height)
+    told = [film.write_text(frame, shot.texts[k]) for frame, k in zip(frames, drawn, strict=True)]
+    *moving, still = told
+    few, first = moving[:: SKIP // skip], shot.first // SKIP
+    made = {"png": film.png(still), "gif": film.gif(few[first:] + few[:first], RATE / SKIP)}
+    mp4 = film.mp4(moving, RATE)
+    return made if mp4 is None else {**made, "mp4": mp4}
 
 
 def _rate(seconds: float, frames: int) -> str:
@@ -243,23 +221,15 @@ def _turn(
     angle: float | None,
     joint: str | None,
     exaggerate: float,
-    look: Look,
-) -> "tuple[Film, Told, Slew]":
-    """The film of a turn by `angle` [rad], of the hub or of a hinge; None: of the chosen turn."""
+    fit: "Fit | None",
+) -> Shot:
+    """A turn by `angle` [rad], of the hub or of a hinge; None: the chosen turn."""
     from beamchain.engine.slew import simulate
+    from beamchain.report.replay import turn_limits
 
     slew = simulate(model, angle=angle, frames=FRAMES, joint=joint)
     scale = "to scale" if exaggerate == 1.0 else f"x {exaggerate:g}"
     note = f"{_rate(slew.times[-1], len(slew.times))}, bending {scale}"
-    film = _film(
-        model,
-        slew.body,
-        slew.shown(exaggerate),
-        slew.shown(0.0),
-        _clock(slew.times, note),
-        look,
-        slew.loudest,
-    )
     axis = None if slew.joint else "xyz"[slew.axis]
     facts = {
         "body": slew.body,
@@ -274,7 +244,13 @@ def _turn(
         f"{f' about {axis}' if axis else ''} in "
         f"{slew.duration:.4g} s, ringing at {slew.omega:.4g} rad/s; {note}"
     )
-    return film, ([sentence], {"slew": facts}), slew
+    roots = {} if fit is None or slew.joint else {f"{fit.spec.name}_link1": fit}
+    limits = turn_limits(model, slew, roots)
+    texts = _clock(slew.times, note)
+    shown, rigid = slew.shown(exaggerate), slew.shown(0.0)
+    return Shot(
+        slew.body, shown, rigid, texts, slew.loudest, slew.loudest, [sentence], facts, limits
+    )
 
 
 def _run(
@@ -283,10 +259,8 @@ def _run(
     key: str | None,
     latch: list[str],
     torque: Path | None,
-    look: Look,
-) -> "tuple[Film, Told, list[str]]":
-    """The film of a simulated run, beside its start or rigid appendages, and what is to be warned
-    of."""
+) -> Shot:
+    """A simulated run, beside its start or rigid appendages."""
     from beamchain.engine.displacement import spacecraft_body
     from beamchain.engine.model_rows import sprung
     from beamchain.steps.deployment import commands, hinge_stages, simulate_run
@@ -296,15 +270,12 @@ def _run(
         assert given is not None
         seconds = float(given.times[-1])
     done = simulate_run(model, key, seconds, RUN, hinge_stages(model, latch), given)
-    body = spacecraft_body(model)
     note = f"{_rate(seconds, RUN)}, to scale"
-    texts = _clock(done.times, note)
     ghosts = done.start
     if given is not None:
         bent = model.jnt_qposadr[sprung(model)]
         ghosts = done.positions.copy()
         ghosts[:, bent] = model.qpos0[bent]
-    film = _film(model, body, done.positions, ghosts, texts, look, RUN // 2)._replace(first=0)
     begin = "the pose of the file" if key is None else f"keyframe {key!r}"
     under = "" if given is None else f" under commands of {', '.join(given.actuators)}"
     told = [f"simulated for {seconds:g} s from {begin}{under}; {note}"]
@@ -316,35 +287,26 @@ def _run(
         "latched": [{"joint": one.joint, "time": one.time} for one in done.latched],
         "waiting": list(done.waiting),
     }
-    late = [f"{', '.join(done.waiting)} had not latched after {seconds:g} s; give a longer --run."]
-    return film, (told, {"run": facts}), late if done.waiting else []
+    late = f"{', '.join(done.waiting)} had not latched after {seconds:g} s; give a longer --run."
+    warnings = [late] if done.waiting else []
+    body, texts = spacecraft_body(model), _clock(done.times, note)
+    return Shot(body, done.positions, ghosts, texts, RUN // 2, 0, told, facts, warnings)
 
 
-def _modes(
-    model: "mujoco.MjModel", name: str, count: int, exaggerate: float, look: Look
-) -> "tuple[dict[str, Film], Told]":
-    """A film per coupled mode, by the stem of its files."""
+def _modes(model: "mujoco.MjModel", count: int, exaggerate: float) -> list[Shot]:
+    """An oscillation of each coupled mode."""
     from beamchain.craft.moving_modes import moving_modes
 
-    films: dict[str, Film] = {}
-    sentences: list[str] = []
-    facts: list[dict[str, Any]] = []
+    shots: list[Shot] = []
     for k, mode in enumerate(moving_modes(model, count, CYCLE, exaggerate), 1):
         text = f"mode {k}, {mode.name}: "
-        hz = f"{mode.omega / math.tau:.4g} Hz"
+        hz = mode.omega / math.tau
         period = math.tau / mode.omega
         note = f"{_rate(period * (CYCLE - 1) / CYCLE, CYCLE)}, moves {mode.swing:.2g} m at most"
         rest = mode.rest[None].repeat(CYCLE, 0)
-        texts = [f"{text}{hz}   {note}"] * CYCLE
-        film = _film(model, mode.body, mode.positions, rest, texts, look, CYCLE // 4)
-        films[f"{name}_mode{k}"] = film
-        sentences.append(f"{text}{mode.omega:.4g} rad/s, {hz}; {note}")
-        facts.append(
-            {
-                "name": mode.name,
-                "omega": mode.omega,
-                "hz": mode.omega / math.tau,
-                "swing": mode.swing,
-            }
-        )
-    return films, (sentences, {"modes": facts})
+        texts = [f"{text}{hz:.4g} Hz   {note}"] * CYCLE
+        told = [f"{text}{mode.omega:.4g} rad/s, {hz:.4g} Hz; {note}"]
+        facts = {"name": mode.name, "omega": mode.omega, "hz": hz, "swing": mode.swing}
+        still = CYCLE // 4
+        shots.append(Shot(mode.body, mode.positions, rest, texts, still, still, told, facts))
+    return shots

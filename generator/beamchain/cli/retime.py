@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from beamchain.cli.common import Force, Json, RetimeJoints, console
-from beamchain.cli.output import print_table, print_warnings, tell
+from beamchain.cli.common import Force, Json, RetimeJoints
+from beamchain.cli.output import print_all, print_warnings, tell
 from beamchain.errors import InputError
 
 
@@ -17,10 +17,7 @@ def retime(
     output: Annotated[Path, typer.Option("-o", "--output", metavar="OUT.xml", help="Output file.")],
     timestep: Annotated[
         float,
-        typer.Option(
-            metavar="H",
-            help="Step in s of the exact appendages; 0 undoes it.",
-        ),
+        typer.Option(metavar="H", help="Step in s of the exact appendages; 0 undoes it."),
     ],
     integrator: Annotated[
         str | None,
@@ -57,8 +54,7 @@ def retime(
     write_files({output: done.file.text}, force=force, update=(model, output))
 
     def show() -> None:
-        print_table(pole_table(done.file.rows))
-        console().print(retimed_headline(done), markup=False)
+        print_all(pole_table(done.file.rows), retimed_headline(done))
         print_warnings(done.warnings)
 
     record = {"timestep": timestep, "integrator": integrator, **retime_record(done)}

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamchain.cli.common import Folder, Force, Json, SpecPath, console, read_text
-from beamchain.cli.output import job_bar, print_headed, print_table, print_warnings, tell
+from beamchain.cli.common import Folder, Force, Json, SpecPath, read_text
+from beamchain.cli.output import job_bar, print_all, print_headed, print_warnings, tell
 
 if TYPE_CHECKING:
     from beamchain.studies.study import Study
@@ -55,12 +55,9 @@ def study(
     from beamchain.studies.study import study as measure
 
     read = read_spec(spec)
-    for name, value, unit in (
-        ("duration", duration, "s"),
-        ("budget", budget, "s"),
-    ):
+    for name, value in (("--duration", duration), ("--budget", budget)):
         if value is not None:
-            positive(f"--{name}", value, unit)
+            positive(name, value, "s")
     check_free(output / "study.json", force=force)
     text = None if profile is None else read_text(profile, "--profile")
     with job_bar("measuring") as progress:
@@ -81,12 +78,9 @@ def show(result: "Study") -> None:
     from beamchain.report.pages.study import answer, commands, how_to_feed, scenario_sentence
     from beamchain.report.tables.study import reach_table
 
-    out = console()
     print_headed(result.spec.name, answer(result))
-    out.print(scenario_sentence(result))
-    print_table(reach_table(result, "error"))
     hub = ", ".join(f"{name} {1e6 * seconds:.2f} us" for name, seconds in result.rigid_hub.items())
-    out.print(f"a step of the rigid hub alone: {hub}")
+    alone = f"a step of the rigid hub alone: {hub}"
+    print_all(scenario_sentence(result), reach_table(result), alone)
     print_warnings(result.warnings)
-    for sentence in (*commands(result), *how_to_feed(result)):
-        out.print(sentence)
+    print_all(*commands(result), *how_to_feed(result))

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamchain.cli.common import Folder, Force, Json, console
+from beamchain.cli.common import Folder, Force, Json
 from beamchain.cli.embed import places
-from beamchain.cli.output import job_bar, print_headed, print_table, print_warnings, tell
+from beamchain.cli.output import job_bar, print_all, print_headed, print_warnings, tell
 
 if TYPE_CHECKING:
     from beamchain.variants.sweep import Sweep
@@ -104,8 +104,6 @@ def _show(result: "Sweep") -> None:
         result.name,
         f"{record['variants']} variants of {record['samples']} samples in {result.seconds:.1f} s",
     )
-    for table in spread_tables(result):
-        print_table(table)
-    for entry in record["left_out"][:10]:
-        console().print(f"left out: sample {entry['sample']}: {entry['why']}")
+    left_out = (f"sample {entry['sample']}: {entry['why']}" for entry in record["left_out"][:10])
+    print_all(*spread_tables(result), *(f"left out: {said}" for said in left_out))
     print_warnings(result.warnings, "note")

@@ -15,11 +15,11 @@ from beamchain.report.plots import (
     OURS,
     WIDTH,
     accelerance_over_error,
+    alone,
     drawing,
     error_panel,
     finished,
     frame,
-    in_hz,
     literal,
     panel,
 )
@@ -61,16 +61,10 @@ def _panel(ax: "Axes", assembly: "Assembly", place: int) -> None:
     ours = np.abs(assembly.achieved[place, place])
     heights = float(min(exact.min(), ours.min())) / 1.3, 1.3 * float(max(exact.max(), ours.max()))
     frame(ax, (float(assembly.omega[0]), float(assembly.omega[-1])), heights, assembly.common)
-    ax.plot(
-        assembly.omega,
-        ours,
-        color=OURS,
-        linewidth=3.0,
-        label="MuJoCo, from A and B of mjd_transitionFD",
-    )
-    ax.plot(
-        assembly.omega, exact, color=BEAM, linewidth=1.0, label="exact appendages on the same hub"
-    )
+    through_mujoco = "MuJoCo, from A and B of mjd_transitionFD"
+    ax.plot(assembly.omega, ours, color=OURS, linewidth=3.0, label=through_mujoco)
+    alike = "exact appendages on the same hub"
+    ax.plot(assembly.omega, exact, color=BEAM, linewidth=1.0, label=alike)
     ax.set(title=title, ylabel=f"|H|, {unit}")
 
 
@@ -87,10 +81,7 @@ def plot_assembly(
     one_of("motion", motion, known)
     ax = panel(3.6)[1] if ax is None else ax
     _panel(ax, assembly, known[motion])
-    in_hz(ax)
-    ax.set_xlabel("frequency, rad/s")
-    ax.legend(loc="best")
-    return ax
+    return alone(ax)
 
 
 def assembly_svg(assembly: "Assembly") -> str:
@@ -100,35 +91,27 @@ def assembly_svg(assembly: "Assembly") -> str:
 
 def sweep_pictures(sweep: "Sweep") -> dict[str, str]:
     """SVG texts by the name of their file."""
-    out = {
-        "coupled_frequencies.svg": _histograms(
-            sweep.coupled, "frequency of the coupled mode, rad/s", "rad/s"
-        )
-    }
+    out = {"coupled_frequencies.svg": _frequencies(sweep.coupled)}
     if sweep.gains:
         out["modal_gains.svg"] = _gains(sweep)
     return out
 
 
 @drawing()
-def _histograms(table: Array, label: str, unit: str) -> str:
-    """A histogram per column, each on its own axis."""
-    count = min(table.shape[1], MOST)
+def _frequencies(coupled: Array) -> str:
+    """A histogram of every coupled mode, each on its own axis."""
+    count = min(coupled.shape[1], MOST)
     figure = Figure(figsize=(WIDTH, 1.0 + 1.1 * count), layout="constrained")
-    for k in range(count):
-        ax = figure.add_subplot(count, 1, k + 1)
-        values = table[:, k]
-        mean = float(values.mean())
-        spread = float(values.std())
+    axes = figure.subplots(count, 1, squeeze=False)[:, 0]
+    for k, (ax, values) in enumerate(zip(axes, coupled.T, strict=False), 1):
+        mean, spread = float(values.mean()), float(values.std())
         ax.hist(values, bins=min(40, max(5, values.size // 10)), color=OURS)
         # frequencies as they are, however close they lie
         ax.ticklabel_format(axis="x", useOffset=False, style="plain")
-        ax.set_title(
-            f"mode {k + 1}: {mean:.4g} {unit}, {mean / (2.0 * np.pi):.4g} Hz, deviation "
-            f"{100 * spread / mean:.2g} %"
-        )
-        ax.set_ylabel("variants")
-    figure.axes[-1].set_xlabel(_counted_label(label, table, count))
+        hertz = f"{mean / (2.0 * np.pi):.4g} Hz, deviation {100 * spread / mean:.2g} %"
+        ax.set(title=f"mode {k}: {mean:.4g} rad/s, {hertz}", ylabel="variants")
+    label = "frequency of the coupled mode, rad/s"
+    axes[-1].set_xlabel(_counted_label(label, coupled, count))
     return to_svg(figure, "sweep")
 
 
@@ -136,27 +119,17 @@ def _histograms(table: Array, label: str, unit: str) -> str:
 def _gains(sweep: "Sweep") -> str:
     """Every variant's gain over its mode, a panel per pair of signals."""
     figure = Figure(figsize=(WIDTH, 0.6 + 3.0 * len(sweep.gains)), layout="constrained")
-    for row, (name, values) in enumerate(sweep.gains.items(), 1):
-        ax = figure.add_subplot(len(sweep.gains), 1, row)
-        seen = [k for k in range(values.shape[1]) if values[:, k].max() > NONE * values.max()][
-            :MOST
-        ]
+    axes = figure.subplots(len(sweep.gains), 1, squeeze=False)[:, 0]
+    for ax, (name, values) in zip(axes, sweep.gains.items(), strict=True):
+        seen = np.flatnonzero(values.max(axis=0) > NONE * values.max())[:MOST]
         for place, k in enumerate(seen):
             # beside each other, not by chance
             across = place + 0.5 * (np.arange(values.shape[0]) % 101) / 101.0 - 0.25
             ax.plot(across, values[:, k], ".", color=OURS, markersize=2.0, alpha=0.5)
-            ax.plot(
-                [place - 0.32, place + 0.32],
-                [np.median(values[:, k])] * 2,
-                color="black",
-                linewidth=1.0,
-            )
+            ax.hlines(np.median(values[:, k]), place - 0.32, place + 0.32, "black", linewidth=1.0)
         ax.set_yscale("log")
-        ax.set_xticks(
-            range(len(seen)),
-            [f"{k + 1}\n{np.median(sweep.coupled[:, k]):.3g} rad/s" for k in seen],
-            fontsize=7,
-        )
+        names = [f"{k + 1}\n{np.median(sweep.coupled[:, k]):.3g} rad/s" for k in seen]
+        ax.set_xticks(range(len(seen)), names, fontsize=7)
         ax.set(title=literal(f"modal gain {name}; bar: median"), ylabel=sweep.units[name])
         ax.set_xlabel(_counted_label("coupled mode, its median frequency", values, len(seen)))
     return to_svg(figure, "gains")

@@ -34,10 +34,8 @@ def kept_count(fit: "Fit", port: str) -> int:
 
     A target may hold static shapes of further points beside its modes.
     """
-    modes = fit.target[port].modes
-    return (
-        min(modes, len(fit.readback_error[port].matches)) if port in fit.readback_error else modes
-    )
+    modes, error = fit.target[port].modes, fit.readback_error.get(port)
+    return modes if error is None else min(modes, len(error.matches))
 
 
 class Response(NamedTuple):
@@ -125,10 +123,7 @@ def response(accelerance: Accelerance, limits: tuple[float, float], points: int 
             turns = np.flatnonzero(np.diff(np.sign(values)) != 0.0)
             if turns.size == 0:
                 break
-            new = (
-                omega[turns, None]
-                + (omega[turns + 1] - omega[turns])[:, None] * np.arange(1, 7) / 7.0
-            ).ravel()
+            new = np.linspace(omega[turns], omega[turns + 1], 7, endpoint=False)[1:].ravel()
             order = np.argsort(np.concatenate([omega, new]))
             values = np.concatenate([values, accelerance(new)[0, 0]])[order]
             omega = np.concatenate([omega, new])[order]
@@ -178,23 +173,14 @@ def error_curve(fit: "Fit", port: str, hub: Array, limits: tuple[float, float]) 
     block = Block(hub, beam, tuple(range(beam.motions)))
     reference = Reference([block], band, fit.spec.undamped_ratio)
     peaks = np.concatenate([peaks_of(model, hub)[:, 0] for model in (beam, chain)])
-    steps = np.array([0.0, 0.5, 1.0, 2.0, 4.0, 8.0]) * float(
-        np.max(beam.damping, initial=DEFAULT_RATIO)
-    )
+    ratio = float(np.max(beam.damping, initial=DEFAULT_RATIO))
+    steps = ratio * np.array([0.0, 0.5, 1.0, 2.0, 4.0, 8.0])
     beyond = (peaks[:, None] * (1.0 + np.concatenate([-steps[1:], steps]))).ravel()
-    inside = reference.grid(0, [chain])
-    omega = np.unique(
-        np.concatenate([np.geomspace(*limits, 280), beyond[beyond > band], inside, [band]])
-    )
+    even, inside = np.geomspace(*limits, 280), reference.grid(0, [chain])
+    omega = np.unique(np.concatenate([even, beyond[beyond > band], inside, [band]]))
     omega = omega[(omega >= limits[0]) & (omega <= limits[1])]
-    top = _about_the_top(omega, reference.curve(0, chain, omega), band)
+    k = ErrorCurve(omega, reference.curve(0, chain, omega)).peak(band)
+    high = min(omega[min(k + 1, omega.size - 1)], max(band, omega[k]))
+    top = np.linspace(omega[max(k - 1, 0)], high, ABOUT)
     omega = np.unique(np.concatenate([omega, top]))
     return ErrorCurve(omega, reference.curve(0, chain, omega))
-
-
-def _about_the_top(omega: Array, values: Array, band: float) -> Array:
-    """Points about the largest value of a curve in the band."""
-    k = int(np.argmax(np.where(omega <= band, values, 0.0)))
-    low = omega[max(k - 1, 0)]
-    high = min(omega[min(k + 1, omega.size - 1)], max(band, omega[k]))
-    return np.linspace(low, high, ABOUT)

@@ -81,35 +81,14 @@ def mp4(frames: Sequence[Frame], rate: float) -> bytes | None:
     height, width = frames[0].shape[:2]
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder) / "film.mp4"
-        command = [
-            program,
-            "-loglevel",
-            "error",
-            "-f",
-            "rawvideo",
-            "-pix_fmt",
-            "rgb24",
-            "-s",
-            f"{width}x{height}",
-            "-r",
-            f"{rate:g}",
-            "-i",
-            "-",
-            "-vf",
-            "pad=ceil(iw/2)*2:ceil(ih/2)*2",
-            "-pix_fmt",
-            "yuv420p",
-            "-movflags",
-            "+faststart",
-            str(place),
-        ]
-        done = subprocess.run(
-            command, input=b"".join(f.tobytes() for f in frames), capture_output=True, check=False
-        )
+        given = f"-f rawvideo -pix_fmt rgb24 -s {width}x{height} -r {rate:g} -i -"
+        made = "-vf pad=ceil(iw/2)*2:ceil(ih/2)*2 -pix_fmt yuv420p -movflags +faststart"
+        command = [program, "-loglevel", "error", *given.split(), *made.split(), str(place)]
+        pixels = b"".join(frame.tobytes() for frame in frames)
+        done = subprocess.run(command, input=pixels, capture_output=True, check=False)
         if done.returncode != 0:
-            raise EngineError(
-                f"ffmpeg made no film: {done.stderr.decode(errors='replace').strip()[:200]}"
-            )
+            said = done.stderr.decode(errors="replace").strip()[:200]
+            raise EngineError(f"ffmpeg made no film: {said}")
         return place.read_bytes()
 
 

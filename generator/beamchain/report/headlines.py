@@ -12,7 +12,6 @@ from beamchain.steps.cures import RUINED
 from beamchain.steps.sampled import judged_part, off_by
 
 if TYPE_CHECKING:
-    from beamchain.craft.assembly import Assembly
     from beamchain.craft.embedded import Embedded
     from beamchain.craft.retiming import RetimedCraft
     from beamchain.fitting.result import Fit, InSpace
@@ -107,16 +106,12 @@ def _space_sentences(fit: "Fit") -> list[str]:
     space = fit.space
     if space is None:
         return []
-    out: list[str] = []
-    if fit.spec.slosh is None:
-        out.append(f"Ports: {space.why}.")
+    out = [] if fit.spec.slosh is not None else [f"Ports: {space.why}."]
     if fit.kept_for == "clamped":  # another target has modes of its own
         out.append(f"Kept: {kept_words(space)}.")
-    if space.error.mass_error > SAME_MASS:
-        out.append(
-            "The rigid mass matrix of the file departs from that of a rigid body by "
-            f"{space.error.mass_error:.1e}."
-        )
+    if (off := space.error.mass_error) > SAME_MASS:
+        rigid = "The rigid mass matrix of the file departs from that of a rigid body"
+        out.append(f"{rigid} by {off:.1e}.")
     return out
 
 
@@ -158,10 +153,16 @@ def _step_sentence(fit: "Fit") -> str:
         return ""
     kept = f", above {RUINED:g}"
     if scene is not None and scene.bandwidth is not None:
-        part = judged_part(step, scene.bandwidth)
-        kept = f", {tolerance_statement(error, scene.tolerance)}"
-        kept = f"{part}; the tolerance {scene.tolerance:g} is not met" if part else kept
+        kept = _kept_words(error, scene.tolerance, judged_part(step, scene.bandwidth))
     return f"Stepped by {fit.spec.integrator} at {step:g} s: off {off_by(error)}{kept}."
+
+
+def _kept_words(error: float, tolerance: float, part: str) -> str:
+    """How an error stands to a tolerance, which is not met where a step is judged in `part` of the
+    band."""
+    if part:
+        return f"{part}; the tolerance {tolerance:g} is not met"
+    return f", {tolerance_statement(error, tolerance)}"
 
 
 def fit_headline(fit: "Fit") -> str:
@@ -186,17 +187,17 @@ def tip_sentence(fit: "Fit") -> str | None:
     """The tip's error and the remedy, if it is above 1 % and no scene leaves the tip out."""
     if fit.spec.scene is not None and not fit.spec.scene.tip:
         return None
-    off = {
-        (p, k + 1): float(e)
-        for p, errors in fit.tip_error.items()
-        for k, e in enumerate(errors[: len(fit.readback_error[p].matches)])
-    }
-    worst = max(off, key=lambda k: abs(off[k]), default=None)
-    if worst is None or abs(off[worst]) <= TIP_TOLD:
+    off = [
+        (float(error), f"mode {k} of {port}")
+        for port, errors in fit.tip_error.items()
+        for k, error in enumerate(errors[: len(fit.readback_error[port].matches)], 1)
+    ]
+    error, mode = max(off, key=lambda each: abs(each[0]), default=(0.0, ""))
+    if abs(error) <= TIP_TOLD:
         return None
     return (
-        f"tip motion off by {off[worst]:+.1%} in mode {worst[1]} of {worst[0]}: where the tip "
-        "matters keep more modes, or give it a [[port]]"
+        f"tip motion off by {error:+.1%} in {mode}: where the tip matters keep more modes, or "
+        "give it a [[port]]"
     )
 
 
@@ -213,10 +214,8 @@ def embedded_headline(embedded: "Embedded") -> str:
         f"rad/s, all appendages together: off by at most {found.error:.2e}"
     )
     if len(found.poses) > 1:
-        said += (
-            f" (worst of {len(found.poses)} poses: "
-            f"{max(found.poses, key=lambda k: found.poses[k])})"
-        )
+        worst = max(found.poses, key=lambda name: found.poses[name])
+        said += f" (worst of {len(found.poses)} poses: {worst})"
     if embedded.loaded:
         said += f" {_load_words(embedded)}"
     part = ""
@@ -230,14 +229,13 @@ def embedded_headline(embedded: "Embedded") -> str:
             said += f" (worst: {max(sampled, key=lambda k: sampled[k].error)})"
         said += " without the load" if embedded.loaded else ""
         part = judged_part(float(option.timestep), found.band)
-    said += part
     if tolerance is None:
         above = f", above {RUINED:g}" if embedded.ruined else ""
-        return f"{said}{above}; no tolerance was requested.{_growth_words(embedded)}"
-    if part or embedded.promise.growth:
+        return f"{said}{part}{above}; no tolerance was requested.{_growth_words(embedded)}"
+    if found.growth and not part:
         said += f"; the tolerance {tolerance:g} is not met."
     else:
-        said += f", {tolerance_statement(embedded.decisive, tolerance)}."
+        said += f"{_kept_words(embedded.decisive, tolerance, part)}."
     return f"{said} {cause_sentence(embedded)}".rstrip() + _growth_words(embedded)
 
 
@@ -255,28 +253,23 @@ def _growth_words(embedded: "Embedded") -> str:
             else "chains of four to six modes in a plane buckle most nearly as their beams do; "
             "if they grow as well, take less load"
         )
-        load = " and ".join(embedded.loads[name])
-        out += (
-            f" Unstable at {name}, {load}: the exact spacecraft {exact}, the file {file}; {cure}."
-        )
+        where = f"{name}, {' and '.join(embedded.loads[name])}"
+        out += f" Unstable at {where}: the exact spacecraft {exact}, the file {file}; {cure}."
     return out
 
 
 def modes_sentence(embedded: "Embedded") -> str:
     """How far the kept modes are off, and unless the tolerance is met how many are left out."""
     assembly = embedded.assembly
+    band = f"up to {assembly.band:.4g} rad/s"
+    said = f"no kept mode lies {band}"
+    if assembly.judged:
+        said = f"kept modes {band}, off by at most {assembly.worst:.1e}"
     missing = 0 if embedded.met else len(assembly.left_out)
     if not missing:
-        return _worst_words(assembly)
+        return said
     count = "one mode in the band is" if missing == 1 else f"{missing} modes in the band are"
-    return f"{_worst_words(assembly)}; {count} left out"
-
-
-def _worst_words(assembly: "Assembly") -> str:
-    """How far the worst of the kept modes is off, or that none lies within the band."""
-    if assembly.judged:
-        return f"kept modes up to {assembly.band:.4g} rad/s, off by at most {assembly.worst:.1e}"
-    return f"no kept mode lies up to {assembly.band:.4g} rad/s"
+    return f"{said}; {count} left out"
 
 
 def _load_words(embedded: "Embedded") -> str:

@@ -1,7 +1,7 @@
 """Pictures of closed loops: open-loop Bode and Nichols with their margins, S and T, poles."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -12,6 +12,7 @@ from beamchain.report.plots import (
     HATCH,
     RIVAL,
     WIDTH,
+    beside,
     drawing,
     in_hz,
     literal,
@@ -63,19 +64,20 @@ def _wrapped(response: "NDArray[np.complex128]") -> Array:
     return phase
 
 
-def _span(several: "Sequence[Margins]", number: int) -> tuple[float, float]:
+def _by_loop(several: "Sequence[Margins]") -> "list[tuple[LoopMargins, ...]]":
+    """Every loop in each of the poses."""
+    return list(zip(*(each.loops for each in several), strict=True))
+
+
+def _span(poses: "Sequence[LoopMargins]") -> tuple[float, float]:
     """Frequencies between which an open loop has a gain that is drawn [rad/s]."""
-    low, high = np.inf, 0.0
-    for each in several:
-        loop = each.loops[number]
-        gain = _decibels(loop.response)
-        drawn = loop.omega[(gain > LOW) & (gain < HIGH)]
-        if drawn.size:
-            low, high = min(low, float(drawn[0])), max(high, float(drawn[-1]))
-    if high <= low:
-        omega = several[0].loops[number].omega
-        return float(omega[0]), float(omega[-1])
-    return low, high
+    gains = [_decibels(loop.response) for loop in poses]
+    drawn = [
+        loop.omega[(gain > LOW) & (gain < HIGH)] for loop, gain in zip(poses, gains, strict=True)
+    ]
+    seen = np.concatenate(drawn)
+    omega = seen if np.unique(seen).size > 1 else poses[0].omega
+    return float(omega.min()), float(omega.max())
 
 
 def _over_frequency(ax: "Axes", span: tuple[float, float]) -> None:
@@ -87,99 +89,81 @@ def _over_frequency(ax: "Axes", span: tuple[float, float]) -> None:
 def open_loop_figure(several: "Sequence[Margins]") -> Figure:
     """Gain and phase of every open loop, the others closed, a curve per pose;
     the least margins are marked."""
-    loops = several[0].loops
+    loops = _by_loop(several)
+    looks = pose_looks(_labels(several))
     figure = Figure(figsize=(WIDTH, 4.2 * len(loops) + 0.4), layout="constrained")
     axes = figure.subplots(2 * len(loops), 1, gridspec_kw={"height_ratios": [3, 2] * len(loops)})
-    for number, loop in enumerate(loops):
-        gain, phase = axes[2 * number], axes[2 * number + 1]
-        span = _span(several, number)
-        for each, look in zip(several, pose_looks(_labels(several)), strict=True):
-            one = each.loops[number]
-            style = look.line()
-            gain.plot(one.omega, _decibels(one.response), label=look.label, **style)
-            phase.plot(one.omega, _wrapped(one.response), **style)
+    for poses, gain, phase in zip(loops, axes[::2], axes[1::2], strict=True):
+        for loop, look in zip(poses, looks, strict=True):
+            gain.plot(loop.omega, _decibels(loop.response), label=look.label, **look.line())
+            phase.plot(loop.omega, _wrapped(loop.response), **look.line())
         gain.axhline(0.0, color=BEAM, linewidth=0.6)
         phase.axhline(-TURN, color=BEAM, linewidth=0.6)
         gain.set(ylim=(LOW, HIGH), ylabel="gain, dB")
         phase.set(ylim=(LEAST_PHASE, MOST_PHASE), yticks=PHASES, ylabel="phase, degrees")
         for ax in (gain, phase):
-            _over_frequency(ax, span)
-        gain.set_title(literal(loop.name), pad=24)
+            _over_frequency(ax, _span(poses))
+        gain.set_title(literal(poses[0].name), pad=24)
         in_hz(gain)
-        _mark_gain(gain, several, number)
-        _mark_phase(phase, several, number)
+        _mark_gain(gain, poses)
+        _mark_phase(phase, poses)
         phase.set_xlabel("frequency, rad/s")
     pose_legend(figure, _labels(several))
     return figure
 
 
-def _mark_gain(ax: "Axes", several: "Sequence[Margins]", number: int) -> None:
+def _mark_gain(ax: "Axes", poses: "Sequence[LoopMargins]") -> None:
     """Gain margins up and down as lines from the curve to 0 dB, the least of each with its
     figure."""
-    loops = [each.loops[number] for each in several]
     margins = [
-        *((loop.gain_db, loop.gain_frequency) for loop in loops),
-        *((loop.lowest_gain_db, loop.lowest_gain_frequency) for loop in loops),
+        *((loop.gain_db, loop.gain_frequency) for loop in poses),
+        *((loop.lowest_gain_db, loop.lowest_gain_frequency) for loop in poses),
     ]
     drawn = [(margin, omega) for margin, omega in margins if np.isfinite(margin) and omega > 0.0]
     for margin, omega in drawn:
         ax.plot([omega] * 2, [-margin, 0.0], color=BEAM, linewidth=0.9, marker="_")
     for side in (1.0, -1.0):
         of_side = [pair for pair in drawn if side * pair[0] > 0.0]
-        if not of_side:
-            continue
-        margin, omega = min(of_side, key=lambda pair: abs(pair[0]))
-        _say(ax, f"{margin:.1f} dB at {omega:.3g} rad/s", omega, -margin)
+        for margin, omega in sorted(of_side, key=lambda pair: abs(pair[0]))[:1]:
+            _say(ax, f"{margin:.1f} dB at {omega:.3g} rad/s", omega, -margin)
 
 
-def _mark_phase(ax: "Axes", several: "Sequence[Margins]", number: int) -> None:
+def _mark_phase(ax: "Axes", poses: "Sequence[LoopMargins]") -> None:
     """Phase margins as lines from the curve to -180 degrees, the least with its figure."""
-    loops = [each.loops[number] for each in several if np.isfinite(each.loops[number].phase)]
+    loops = [loop for loop in poses if np.isfinite(loop.phase)]
     for loop in loops:
         ends = [-TURN, loop.phase - TURN]
         ax.plot([loop.phase_frequency] * 2, ends, color=BEAM, linewidth=0.9, marker="_")
-    if loops:
-        least = min(loops, key=lambda loop: abs(loop.phase))
+    for least in sorted(loops, key=lambda loop: abs(loop.phase))[:1]:
         text = f"{least.phase:.1f}° at {least.phase_frequency:.3g} rad/s"
         _say(ax, text, least.phase_frequency, least.phase - TURN)
 
 
 def _say(ax: "Axes", text: str, x: float, y: float) -> None:
     """A figure beside a point, within the panel."""
-    low, high = ax.get_xlim()
-    right = np.log(x / low) > 0.7 * np.log(high / low)
-    ax.annotate(
-        text,
-        (x, y),
-        xytext=(-5 if right else 5, 0),
-        textcoords="offset points",
-        horizontalalignment="right" if right else "left",
-        verticalalignment="center",
-        fontsize=9.0,
-        bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0, "alpha": 0.8},
-    )
+    plate = {"facecolor": "white", "edgecolor": "none", "pad": 1.0, "alpha": 0.8}
+    beside(ax, text, (x, y), verticalalignment="center", fontsize=9.0, bbox=plate)
 
 
 @drawing()
 def nichols_figure(several: "Sequence[Margins]") -> Figure:
     """Open loops in the Nichols plane with frequencies, a panel per loop."""
-    loops = several[0].loops
+    loops = _by_loop(several)
+    looks = pose_looks(_labels(several))
     figure = Figure(figsize=(WIDTH, 3.9 * len(loops) + 0.4), layout="constrained")
     axes = figure.subplots(len(loops), 1, squeeze=False)[:, 0]
     turn = np.linspace(0.0, 2.0 * np.pi, 200)
     circle = (-1.0 + DISTANCE * np.exp(1j * turn)).astype(np.complex128)
-    around = _phase(circle)
-    for number, (ax, loop) in enumerate(zip(axes, loops, strict=True)):
-        for each, look in zip(several, pose_looks(_labels(several)), strict=True):
-            one = each.loops[number]
-            style = look.line(1.0)
-            ax.plot(_wrapped(one.response), _decibels(one.response), label=look.label, **style)
-        _mark_frequencies(ax, several[0].loops[number])
-        ax.plot(around, _decibels(circle), color=RIVAL, linewidth=0.9)
+    for ax, poses in zip(axes, loops, strict=True):
+        for loop, look in zip(poses, looks, strict=True):
+            gain = _decibels(loop.response)
+            ax.plot(_wrapped(loop.response), gain, label=look.label, **look.line(1.0))
+        _mark_frequencies(ax, poses[0])
+        ax.plot(_phase(circle), _decibels(circle), color=RIVAL, linewidth=0.9)
         ax.plot([-TURN], [0.0], "+", color=BEAM, markersize=10)
         ax.annotate("|S| = 6 dB", (-TURN, 6.5), fontsize=8.5, color="#555555", ha="center")
         ax.set(xlim=(LEAST_PHASE, MOST_PHASE), ylim=(LOW, HIGH), ylabel="gain, dB")
-        ax.set(xticks=PHASES, title=literal(loop.name))
+        ax.set(xticks=PHASES, title=literal(poses[0].name))
     axes[-1].set_xlabel("phase, degrees")
     pose_legend(figure, _labels(several))
     return figure
@@ -188,46 +172,37 @@ def nichols_figure(several: "Sequence[Margins]") -> Figure:
 def _mark_frequencies(ax: "Axes", loop: "LoopMargins") -> None:
     """Points on a Nichols curve with their frequencies [rad/s]: evenly spread on a logarithmic
     scale, and where margins are."""
-    gain = _decibels(loop.response)
+    gain, phase = _decibels(loop.response), _phase(loop.response)
     seen = loop.omega[(gain > LOW) & (gain < HIGH - TITLE)]
     if not seen.size:
         return
     spread = np.geomspace(seen[0], seen[-1], NAMED)
     margins = [w for w in (loop.gain_frequency, loop.phase_frequency) if np.isfinite(w)]
-    phase = _phase(loop.response)
+    style: Any = {"textcoords": "offset points", "fontsize": 8.0, "annotation_clip": True}
     for omega in (*spread, *margins):
         at = int(np.argmin(np.abs(loop.omega - omega)))
         ax.plot(phase[at], gain[at], ".", color=BEAM, markersize=4)
-        ax.annotate(
-            f"{omega:.3g}",
-            (phase[at], gain[at]),
-            xytext=(4, 3),
-            textcoords="offset points",
-            fontsize=8.0,
-            annotation_clip=True,
-        )
+        ax.annotate(f"{omega:.3g}", (phase[at], gain[at]), xytext=(4, 3), **style)
 
 
 @drawing()
 def sensitivity_figure(several: "Sequence[Margins]") -> Figure:
     """S (upper) and T (lower) of every loop, the others closed, a curve per pose."""
-    loops = several[0].loops
+    loops = _by_loop(several)
+    looks = pose_looks(_labels(several))
     figure = Figure(figsize=(WIDTH, 2.7 * len(loops) + 0.5), layout="constrained")
     axes = figure.subplots(len(loops), 2, squeeze=False, sharey="row")
-    for number, loop in enumerate(loops):
-        span = _span(several, number)
-        for each, look in zip(several, pose_looks(_labels(several)), strict=True):
-            one = each.loops[number]
-            style = look.line()
-            sensitivity = 1.0 / (1.0 + one.response)
-            complementary = one.response * sensitivity
-            axes[number, 0].plot(one.omega, _decibels(sensitivity), label=look.label, **style)
-            axes[number, 1].plot(one.omega, _decibels(complementary), **style)
-        for ax, name in zip(axes[number], ("S", "T"), strict=True):
+    for (left, right), poses in zip(axes, loops, strict=True):
+        for loop, look in zip(poses, looks, strict=True):
+            sensitivity = 1.0 / (1.0 + loop.response)
+            complementary = loop.response * sensitivity
+            left.plot(loop.omega, _decibels(sensitivity), label=look.label, **look.line())
+            right.plot(loop.omega, _decibels(complementary), **look.line())
+        for ax, name in ((left, "S"), (right, "T")):
             ax.axhline(0.0, color=BEAM, linewidth=0.6)
-            ax.set(ylim=(-40.0, 20.0), title=f"{name}, {literal(loop.name)}")
-            _over_frequency(ax, span)
-        axes[number, 0].set_ylabel("size, dB")
+            ax.set(ylim=(-40.0, 20.0), title=f"{name}, {literal(poses[0].name)}")
+            _over_frequency(ax, _span(poses))
+        left.set_ylabel("size, dB")
     for ax in axes[-1]:
         ax.set_xlabel("frequency, rad/s")
     pose_legend(figure, _labels(several))
@@ -238,31 +213,24 @@ def sensitivity_figure(several: "Sequence[Margins]") -> Figure:
 def closed_poles_figure(several: "Sequence[Margins]") -> Figure:
     """Poles of the closed loop above the real axis; those that grow are circled."""
     figure, ax = panel(4.2)
-    sizes = np.abs(np.concatenate([np.asarray(each.poles) for each in several]))
+    every = np.concatenate([np.asarray(each.poles) for each in several])
+    sizes, parts = np.abs(every), np.abs(every.real)
     top = float(sizes.max(initial=1.0))
-    parts = np.abs(np.concatenate([np.asarray(each.poles).real for each in several]))
     least = float(parts[parts > 1e-9 * top].min(initial=top))
     for each, look in zip(several, pose_looks(_labels(several)), strict=True):
         poles = np.asarray(each.poles, dtype=np.complex128)
         poles = poles[poles.imag >= 0.0]
         ax.plot(poles.real, poles.imag, "x", color=look.colour, markersize=5, label=look.label)
-        growing = [found.pole for found in each.instabilities]
-        ax.plot(
-            [pole.real for pole in growing],
-            [pole.imag for pole in growing],
-            "o",
-            color=GROWING,
-            fillstyle="none",
-            markersize=10,
-        )
+        growing = np.array([found.pole for found in each.instabilities], dtype=np.complex128)
+        ring: Any = {"color": GROWING, "fillstyle": "none", "markersize": 10}
+        ax.plot(growing.real, growing.imag, "o", **ring)
     ax.axvline(0.0, color=BEAM, linewidth=0.6)
     ax.axvspan(0.0, top, color=HATCH, alpha=0.25, linewidth=0.0)
     ax.set_xscale("symlog", linthresh=least)
     ax.set_yscale("symlog", linthresh=max(float(sizes[sizes > 0.0].min(initial=top)), 1e-6 * top))
     right = top if any(each.instabilities for each in several) else least
     ax.set(xlim=(-2.0 * top, right), ylim=(0.0, 2.0 * top))
-    smallest = {ax.xaxis: least, ax.yaxis: 0.0}
-    for axis, size in smallest.items():
+    for axis, size in ((ax.xaxis, least), (ax.yaxis, 0.0)):
         # beside zero there is room for zero alone
         axis.set_major_formatter(
             lambda value, _, size=size: "" if 0.0 < abs(value) < 3.0 * size else _signed(value)

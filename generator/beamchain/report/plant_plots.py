@@ -42,9 +42,8 @@ def plot_scheduled(scheduled: "ScheduledPlant", ax: "Axes | None" = None) -> "Ax
     grid = scheduled.grid
     places = np.arange(len(scheduled), dtype=np.float64) if grid is None else grid[0]
     gain = scheduled.gain
-    top = np.maximum(
-        gain.max(axis=(0, 1), keepdims=True, initial=0.0), 1e-9 * gain.max(initial=0.0) + 1e-300
-    )
+    least = 1e-9 * gain.max(initial=0.0) + 1e-300
+    top = np.maximum(gain.max(axis=(0, 1), keepdims=True, initial=0.0), least)
     size = 4.0 + 60.0 * (gain / top).max(axis=(2, 3), initial=0.0)
     for k in range(len(scheduled.modes)):
         ax.plot(places, scheduled.frequency[:, k], color=BEAM, linewidth=0.8)
@@ -69,22 +68,14 @@ def _name_modes(ax: "Axes", scheduled: "ScheduledPlant", places: Array, size: Ar
     largest = np.argsort(-size)[: int(1.0 / APART)]
     order = largest[np.argsort(frequency[largest])]
     to_axes = ax.transData + ax.transAxes.inverted()
-    heights = [float(to_axes.transform((places[last[k]], frequency[k]))[1]) for k in order]
-    for i in range(1, len(heights)):
-        heights[i] = max(heights[i], heights[i - 1] + APART)
-    for i in range(len(heights) - 1, -1, -1):
-        highest = 1.0 if i == len(heights) - 1 else heights[i + 1] - APART
-        heights[i] = min(heights[i], highest)
+    heights = np.array([to_axes.transform((places[last[k]], frequency[k]))[1] for k in order])
+    steps = APART * np.arange(len(heights))
+    heights = np.maximum.accumulate(heights - steps) + steps
+    heights = np.minimum(heights, 1.0 - steps[::-1])
+    style: Any = {"textcoords": "axes fraction", "va": "center", "annotation_clip": False}
     for k, height in zip(order, heights, strict=True):
-        ax.annotate(
-            literal(scheduled.modes[k]),
-            (places[last[k]], frequency[k]),
-            xytext=(1.02, height),
-            textcoords="axes fraction",
-            fontsize=7,
-            verticalalignment="center",
-            annotation_clip=False,
-        )
+        at = (places[last[k]], frequency[k])
+        ax.annotate(literal(scheduled.modes[k]), at, (1.02, height), fontsize=7, **style)
 
 
 @drawing()
@@ -101,12 +92,9 @@ def _grid(plants: "Sequence[Plant]") -> Array:
     modes = np.concatenate([plant.frequency for plant in plants])
     modes = modes if modes.size else np.ones(1)
     near = around(modes, 0.02 / np.sinh(5.0) * modes, half_widths(5.0, 62))
-    omega = np.unique(
-        np.concatenate([np.geomspace(0.02 * modes.min(), 5.0 * modes.max(), 400), near])
-    )
-    return np.asarray(
-        omega[omega < np.pi / plants[0].dt] if plants[0].dt else omega, dtype=np.float64
-    )
+    even = np.geomspace(0.02 * modes.min(), 5.0 * modes.max(), 400)
+    omega = np.unique(np.concatenate([even, near]))
+    return omega[omega < np.pi / plants[0].dt] if plants[0].dt else omega
 
 
 def _response(plant: "Plant", omega: Array) -> NDArray[np.complex128]:
@@ -130,10 +118,8 @@ def bode_figure(plants: "Sequence[Plant]", labels: Sequence[str] = ()) -> Figure
     omega = _grid(plants)
     responses = [_response(one, omega) for one in plants]
     seen = np.abs(responses[0]).max(axis=-1) > 0.0  # zeros have no logarithm
-    pairs: list[tuple[int, int]] = [(i, j) for i, j in np.argwhere(seen).tolist()]
-    pairs = sorted(pairs, key=lambda at: -float(plant.gain[:, at[0], at[1]].max(initial=0.0)))[
-        :PAIRS
-    ]
+    gains = plant.gain.max(axis=0, initial=0.0)
+    pairs = sorted(np.argwhere(seen).tolist(), key=lambda pair: -gains[*pair])[:PAIRS]
     if not pairs:
         figure, ax = panel(1.2)
         ax.set_axis_off()
@@ -141,8 +127,8 @@ def bode_figure(plants: "Sequence[Plant]", labels: Sequence[str] = ()) -> Figure
         return figure
     looks = pose_looks(labels or ["this pose"] * len(plants))
     figure = Figure(figsize=(WIDTH, 2.6 * len(pairs) + 0.6), layout="constrained")
-    for place, (i, j) in enumerate(pairs):
-        ax = figure.add_subplot(len(pairs), 1, place + 1)
+    axes = figure.subplots(len(pairs), 1, squeeze=False)[:, 0]
+    for ax, (i, j) in zip(axes, pairs, strict=True):
         for response, look in zip(responses, looks, strict=True):
             ax.loglog(omega, np.abs(response[i, j]), label=look.label, **look.line())
         logarithmic(ax, omega)
@@ -152,8 +138,7 @@ def bode_figure(plants: "Sequence[Plant]", labels: Sequence[str] = ()) -> Figure
         phase = np.degrees(np.unwrap(np.angle(responses[0][i, j])))
         angle.plot(omega, phase, color=BEAM, linewidth=0.7, linestyle="dotted")
         angle.set_ylabel("phase, degrees (dotted)")
-        if place == 0:
-            in_hz(ax)
+    in_hz(axes[0])
     figure.supxlabel("frequency, rad/s", fontsize=9.5)
     pose_legend(figure, labels)
     return figure
@@ -165,9 +150,8 @@ def singular_figure(plants: "Sequence[Plant]") -> Figure:
     omega = _grid(plants)
     figure, ax = panel(3.4)
     values = np.linalg.svd(np.moveaxis(_response(plants[0], omega), -1, 0), compute_uv=False)
-    ax.loglog(
-        omega, np.maximum(values, 1e-12 * values.max(initial=1e-300)), color=OURS, linewidth=1.0
-    )
+    drawn = np.maximum(values, 1e-12 * values.max(initial=1e-300))
+    ax.loglog(omega, drawn, color=OURS, linewidth=1.0)
     logarithmic(ax, omega)
     over_frequency(ax, "singular values")
     return figure
@@ -181,9 +165,8 @@ def poles_figure(plants: "Sequence[Plant]", labels: Sequence[str] = ()) -> Figur
     several = [np.asarray(one.poles(), dtype=np.complex128) for one in plants]
     for poles, look in zip(several, pose_looks(labels or ["poles"]), strict=True):
         ax.plot(poles.real, poles.imag, "x", color=look.colour, markersize=4, label=look.label)
-    i, j = np.unravel_index(
-        int(np.argmax(plant.gain.max(axis=0, initial=0.0))), (plant.noutputs, plant.ninputs)
-    )
+    gains = plant.gain.max(axis=0, initial=0.0)
+    i, j = np.unravel_index(int(np.argmax(gains)), gains.shape)
     a, b, c, d = (np.asarray(getattr(plant, name), dtype=np.float64) for name in "ABCD")
     one: Any = control.ss(a, b[:, [j]], c[[i]], d[np.ix_([i], [j])], plant.dt)
     zeros = np.asarray(one.zeros(), dtype=np.complex128)

@@ -79,8 +79,12 @@ def plot_accelerance(fit: "Fit", ax: "Axes | None" = None, port: str | None = No
     port = next(iter(fit.target)) if port is None else port
     ax = panel(3.6)[1] if ax is None else ax
     _accelerance(ax, fit, port)
-    in_hz(ax)
-    ax.set_xlabel("frequency, rad/s")
+    return alone(ax)
+
+
+def alone(ax: "Axes") -> "Axes":
+    """Axes over frequency with what they need where no others stand below them."""
+    over_frequency(ax, ax.get_ylabel())
     ax.legend(loc="best")
     return ax
 
@@ -117,7 +121,7 @@ def response_figure(fit: "Fit", port: str) -> Figure:
 
 def accelerance_over_error() -> "tuple[Figure, Axes, Axes]":
     """A new figure and its two panels over the same frequencies, to be `finished` once drawn."""
-    figure = Figure(figsize=(WIDTH, 5.6))
+    figure = Figure(figsize=(WIDTH, 5.6), layout="constrained")
     above, below = figure.subplots(2, 1, height_ratios=(1.5, 1.0))
     return figure, above, below
 
@@ -131,8 +135,7 @@ def finished(figure: Figure) -> Figure:
     in_hz(above)
     above.tick_params(labelbottom=False)
     below.set_xlabel("frequency, rad/s")
-    figure.subplots_adjust(left=0.095, right=0.965, bottom=0.09, hspace=0.2)
-    _legend_above(figure, above)
+    figure.legend(*above.get_legend_handles_labels(), loc="outside upper left", ncols=3)
     return figure
 
 
@@ -146,15 +149,10 @@ def _accelerance(ax: "Axes", fit: "Fit", port: str) -> None:
     ax.plot(chain.omega, np.abs(chain.values), label=f"{CHAIN}, through MuJoCo", **ours)
     ax.plot(beam.omega, np.abs(beam.values), color=BEAM, linewidth=1.1, label="beam")
     poles, zeros = beam.crossings()
-    edge: Any = {
-        "transform": ax.get_xaxis_transform(),
-        "color": BEAM,
-        "linestyle": "none",
-        "clip_on": False,
-    }
-    ax.plot(poles, np.ones(poles.size), marker="x", markersize=5.5, label="beam's poles", **edge)
+    edge: Any = {"transform": ax.get_xaxis_transform(), "color": BEAM, "clip_on": False}
+    ax.plot(poles, np.ones(poles.size), "x", markersize=5.5, label="beam's poles", **edge)
     edge["markerfacecolor"] = "white"
-    ax.plot(zeros, np.zeros(zeros.size), marker="o", markersize=5.0, label="beam's zeros", **edge)
+    ax.plot(zeros, np.zeros(zeros.size), "o", markersize=5.0, label="beam's zeros", **edge)
     ax.set_title(what, pad=8.0)
     ax.set_ylabel(f"|W|, {unit}")
 
@@ -170,17 +168,17 @@ def error_panel(ax: "Axes", curve: ErrorCurve, band: float, stated: float, title
     at = curve.peak(band)
     x, y = float(curve.omega[at]), float(curve.error[at])
     ax.plot(x, y, marker="o", markersize=5.5, color=OURS, linestyle="none")
-    left = x < limits[0] * (limits[1] / limits[0]) ** 0.85
-    style: Any = {"textcoords": "offset points", "color": OURS, "fontweight": "bold"}
-    ax.annotate(
-        error_text(stated),
-        (x, y),
-        xytext=(7 if left else -7, 4),
-        ha="left" if left else "right",
-        **style,
-    )
+    beside(ax, error_text(stated), (x, y), up=4, color=OURS, fontweight="bold")
     ax.set_title(title, pad=6.0)
     ax.set_ylabel("relative error")
+
+
+def beside(ax: "Axes", text: str, at: tuple[float, float], up: float = 0.0, **style: Any) -> None:
+    """A text beside a point, so many points above it, on the side where the panel has room."""
+    low, high = ax.get_xlim()
+    right = at[0] > low * (high / low) ** 0.7
+    side: Any = {"textcoords": "offset points", "ha": "right" if right else "left"}
+    ax.annotate(text, at, xytext=(-6 if right else 6, up), **side, **style)
 
 
 # -- logarithmic axes ------------------------------------------------------------------------------
@@ -200,45 +198,30 @@ def log_axis(axis: Any, limits: tuple[float, float], text: Callable[[float, floa
     which is slow and no plain text."""
     decades = float(np.log10(limits[1] / limits[0]))
     short = decades < 2.2
-    axis.set_major_locator(
-        LogLocator(subs=(1.0, 2.0, 5.0) if short else (1.0,), numticks=12 if short else 8)
-    )
-    axis.set_minor_locator(
-        LogLocator(subs=tuple(np.arange(2.0, 10.0)) if decades < 6.0 else (1.0,), numticks=60)
-    )
+    labelled = (1.0, 2.0, 5.0) if short else (1.0,)
+    ticked = tuple(np.arange(2.0, 10.0)) if decades < 6.0 else (1.0,)
+    axis.set_major_locator(LogLocator(subs=labelled, numticks=12 if short else 8))
+    axis.set_minor_locator(LogLocator(subs=ticked, numticks=60))
     axis.set_major_formatter(FuncFormatter(plain if short else text))
     axis.set_minor_formatter(NullFormatter())
 
 
 def frame(
-    ax: "Axes",
-    limits: tuple[float, float],
-    heights: tuple[float, float],
-    band: float = 0.0,
-    *,
-    decades: bool = True,
+    ax: "Axes", limits: tuple[float, float], heights: tuple[float, float], band: float = 0.0
 ) -> None:
-    """Logarithmic axes (upwards only with `decades`) with the kept band, if any,
-    shaded and what is beyond it hatched."""
-    ax.set(xscale="log", yscale="log" if decades else "linear", xlim=limits, ylim=heights)
+    """Logarithmic axes with the kept band, if any, shaded and what is beyond it hatched."""
+    ax.set(xscale="log", yscale="log", xlim=limits, ylim=heights)
     log_axis(ax.xaxis, limits, plain)
-    if decades:
-        log_axis(ax.yaxis, heights, power)
+    log_axis(ax.yaxis, heights, power)
     ax.grid(visible=True, color="#e3e3e3", linewidth=0.6)
     ax.set_axisbelow(True)
+    low, high = limits
+    below: Any = {"linewidth": 0, "zorder": 0}
     if band:
-        ax.axvspan(
-            limits[0], min(band, limits[1]), color=SHADE, linewidth=0, zorder=0, label="kept band"
-        )
-    if 0.0 < band < limits[1]:
-        style: Any = {
-            "facecolor": "none",
-            "edgecolor": HATCH,
-            "hatch": "////",
-            "linewidth": 0,
-            "zorder": 0,
-        }
-        ax.axvspan(max(band, limits[0]), limits[1], label="not asked for", **style)
+        ax.axvspan(low, min(band, high), color=SHADE, label="kept band", **below)
+    if 0.0 < band < high:
+        below |= {"facecolor": "none", "edgecolor": HATCH, "hatch": "////"}
+        ax.axvspan(max(band, low), high, label="not asked for", **below)
 
 
 def in_hz(ax: "Axes") -> None:
@@ -252,14 +235,8 @@ def in_hz(ax: "Axes") -> None:
     log_axis(above.xaxis, (low / turn, high / turn), plain)
     above.xaxis.set_minor_locator(NullLocator())
     above.tick_params(labelsize=8.5, pad=1.5)
-    ax.annotate(
-        "Hz",
-        (1.0, 1.0),
-        xycoords="axes fraction",
-        xytext=(4.0, 1.0),
-        textcoords="offset points",
-        fontsize=8.5,
-    )
+    corner: Any = {"xycoords": "axes fraction", "textcoords": "offset points"}
+    ax.annotate("Hz", (1.0, 1.0), xytext=(4.0, 1.0), fontsize=8.5, **corner)
 
 
 def over_frequency(ax: "Axes", ylabel: str) -> None:
@@ -274,33 +251,12 @@ def panel(height: float) -> "tuple[Figure, Axes]":
     return figure, figure.add_subplot()
 
 
-def _legend_above(figure: Figure, ax: "Axes") -> None:
-    """A legend in three columns above all panels; sets the panels' upper edge below it."""
-    handles, labels = ax.get_legend_handles_labels()
-    style: Any = {
-        "handlelength": 2.2,
-        "columnspacing": 1.4,
-        "borderaxespad": 0.2,
-        "bbox_to_anchor": (0.0, 1.0),
-    }
-    figure.legend(handles, labels, loc="upper left", ncols=3, **style)
-    inches = 0.62 + 0.192 * ((len(labels) + 2) // 3)
-    figure.subplots_adjust(top=1.0 - inches / figure.get_figheight())
-
-
 # -- the chain -------------------------------------------------------------------------------------
 _MARKERS = {"xy": "o", "xz": "s", "torsion": "D", "axial": "^"}
 _LABEL, _ROWS = 8.5, 3  # size of a label [pt]; rows of labels above and below the chain
 _CROSSED = Path.make_compound_path(
     Path.unit_circle(), Path([(-1, 0), (1, 0), (0, -1), (0, 1)], [1, 2, 1, 2])
 )
-_CENTRE: Any = {
-    "marker": _CROSSED,
-    "markersize": 7.0,
-    "color": "black",
-    "fillstyle": "none",
-    "linestyle": "none",
-}
 
 
 @drawing()
@@ -313,16 +269,8 @@ def chain_figure(fit: "Fit") -> Figure:
     ax = figure.add_subplot()
     _draw_chain(ax, fit.chain, fit.beam, plane)
     ax.set_xlabel("x from the root, m")
-    handles, labels = ax.get_legend_handles_labels()
-    figure.legend(
-        handles,
-        labels,
-        loc="lower center",
-        ncols=6,
-        handlelength=1.2,
-        columnspacing=1.0,
-        borderaxespad=0.2,
-    )
+    style: Any = {"ncols": 6, "handlelength": 1.2, "columnspacing": 1.0, "borderaxespad": 0.2}
+    figure.legend(*ax.get_legend_handles_labels(), loc="lower center", **style)
     return figure
 
 
@@ -336,45 +284,24 @@ def _draw_chain(ax: "Axes", chain: Chain, beam: Beam | None, plane: str) -> None
     depth = np.array([0.0 if beam is None else beam.depth(float(at), plane) for at in x])
     depth = 0.24 * (depth / depth.max() if depth.max() > 0.0 else np.ones(x.size))
     ax.fill_between(x, -depth, depth, color="#dddddd", linewidth=0, label="beam")
-    ax.fill_between(
-        [left, 0.0],
-        -0.3,
-        0.3,
-        facecolor="#f4f4f4",
-        edgecolor="#777777",
-        hatch="////",
-        linewidth=0.8,
-    )
-    if beam is not None and beam.lumps:
-        at = [lump.x for lump in beam.lumps]
-        ax.plot(
-            at,
-            np.full(len(at), 0.27),
-            marker="v",
-            color="#777777",
-            markersize=6.0,
-            linestyle="none",
-        )
+    hub: Any = {"facecolor": "#f4f4f4", "edgecolor": "#777777", "hatch": "////", "linewidth": 0.8}
+    ax.fill_between([left, 0.0], -0.3, 0.3, **hub)
+    for lump in () if beam is None else beam.lumps:
+        ax.plot(lump.x, 0.27, "v", color="#777777", markersize=6.0)
     real = [link for link in chain.links if link.mass > 0.0]
     gap = 0.004 * length
     for link in real:
         ends = [link.start + gap, min(link.start + link.length, length) - gap]
         ax.plot(ends, [0.0, 0.0], color=OURS, linewidth=5.0, solid_capstyle="butt")
-    ax.plot([link.com for link in real], np.zeros(len(real)), label="centre of mass", **_CENTRE)
+    centre: Any = {"marker": _CROSSED, "markersize": 7.0, "fillstyle": "none", "linestyle": "none"}
+    centres = [link.com for link in real]
+    ax.plot(centres, np.zeros(len(real)), color="black", label="centre of mass", **centre)
+    edge: Any = {"markerfacecolor": "white", "markeredgecolor": OURS, "markeredgewidth": 1.8}
     for port in chain.ports:
         at = [hinge.x for hinge in chain.hinges if port in hinge.stiffness]
-        style: Any = {
-            "marker": _MARKERS[port],
-            "markersize": 6.5 if port == "xy" else 5.5,
-            "linestyle": "none",
-        }
-        style |= {"markerfacecolor": "white", "markeredgecolor": OURS, "markeredgewidth": 1.8}
-        ax.plot(
-            at,
-            np.zeros(len(at)),
-            label="hinge" if len(chain.ports) == 1 else f"hinge {port}",
-            **style,
-        )
+        label = "hinge" if len(chain.ports) == 1 else f"hinge {port}"
+        size = 6.5 if port == "xy" else 5.5
+        ax.plot(at, np.zeros(len(at)), _MARKERS[port], markersize=size, label=label, **edge)
     masses = _rows(ax, [(link.com, f"{short(link.mass)} kg") for link in real])
     springs = _rows(ax, [(hinge.x, _springs(hinge.stiffness)) for hinge in chain.hinges])
     what = f"{count(len(real), 'link')}, {count(len(chain.hinges), 'hinge')}"
@@ -412,12 +339,7 @@ def _rows(
     """Labels in rows, so that none overlap: x, where the text is centred, row, text;
     None where they do not all fit."""
     left, right = ax.get_xlim()
-    figure = ax.get_figure()
-    width = (
-        72.0
-        * ax.get_position().width
-        * (figure.get_size_inches()[0] if isinstance(figure, Figure) else WIDTH)
-    )
+    width = 72.0 * ax.get_position().width * WIDTH  # of the panel [pt]
     ends: list[float] = [-np.inf] * _ROWS
     placed: list[tuple[float, float, int, str]] = []
     for x, text in sorted(labels):

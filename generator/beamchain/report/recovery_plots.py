@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from beamchain.craft.histories import Recovery
-    from beamchain.ports.motions import Array
 
 STRESS = ("largest", "smallest")
 
@@ -25,7 +24,11 @@ def plot_recovery(
     """Draw one component of a quantity over time."""
     with_stress = recovery.sections is not None
     one_of("quantity", quantity, (*recovery.histories, *(("stress",) if with_stress else ())))
-    parts, units, values, x = _drawn(recovery, quantity)
+    if quantity == "stress":
+        parts, units, values, x = STRESS, ("N/m^2",) * 2, recovery.stress, recovery.x
+    else:
+        history = recovery.histories[quantity]
+        parts, units, values, x = history.parts, history.units, history.values, history.x
     if part is not None:
         one_of("part", part, parts)
     sizes = np.nanmax(np.abs(values), axis=(0, 1), initial=0.0)
@@ -42,13 +45,3 @@ def plot_recovery(
     if x.size:
         ax.legend(loc="best")
     return ax
-
-
-def _drawn(
-    recovery: "Recovery", quantity: str
-) -> "tuple[tuple[str, ...], tuple[str, ...], Array, Array]":
-    """Components, units, values and stations of a quantity."""
-    if quantity == "stress":
-        return STRESS, ("N/m^2",) * 2, recovery.stress, recovery.x
-    history = recovery.histories[quantity]
-    return history.parts, history.units, history.values, history.x

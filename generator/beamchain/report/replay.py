@@ -127,12 +127,8 @@ def _replays(
     films = [_mode_replay(artist, mode) for mode in modes]
     try:
         with quiet():
-            slew = simulate(
-                quiet_copy(timed),
-                angle=None,
-                frames=TURN,
-                most=MOST_WORK // model.nv,
-            )
+            most = MOST_WORK // model.nv
+            slew = simulate(quiet_copy(timed), angle=None, frames=TURN, most=most)
     except EngineError as error:
         return Replays(films, f"No turn is drawn: {str(error).partition(';')[0]}.")
     except InputError:  # it does not fly freely, or nothing bends
@@ -242,9 +238,8 @@ class _Artist:
         for number, geom in enumerate(self._scene.geoms[: self._scene.ngeom]):
             own, own_faces = _solid(self._drawn, geom)
             faces.append(own_faces + len(owner))
-            colours.append(
-                np.tile(_colour(self._drawn, geom.matid, geom.rgba), (len(own_faces), 1))
-            )
+            rgba = _colour(self._drawn, geom.matid, geom.rgba)
+            colours.append(np.tile(rgba, (len(own_faces), 1)))
             corners.append(own)
             owner += [number] * len(own)
         for skin in range(self._drawn.nskin):
@@ -348,11 +343,11 @@ def _solid(model: "mujoco.MjModel", geom: "mujoco.MjvGeom") -> tuple[Array, NDAr
     kinds = mujoco.mjtGeom
     kind, size = int(geom.type), np.array(geom.size, dtype=np.float64)
     arc = np.radians(np.linspace(-90.0, 90.0, 7))
-    if kind in (int(kinds.mjGEOM_SPHERE), int(kinds.mjGEOM_ELLIPSOID)):
-        corners, faces = _revolved(np.cos(arc), np.sin(arc))
-        return corners * size, faces
-    if kind == int(kinds.mjGEOM_CYLINDER):
-        corners, faces = _revolved(np.array([0.0, 1.0, 1.0, 0.0]), np.array([-1.0, -1.0, 1.0, 1.0]))
+    if kind in (int(kinds.mjGEOM_SPHERE), int(kinds.mjGEOM_ELLIPSOID), int(kinds.mjGEOM_CYLINDER)):
+        radii, heights = np.cos(arc), np.sin(arc)
+        if kind == int(kinds.mjGEOM_CYLINDER):
+            radii, heights = np.array([[0.0, 1.0, 1.0, 0.0], [-1.0, -1.0, 1.0, 1.0]])
+        corners, faces = _revolved(radii, heights)
         return corners * size, faces
     if kind == int(kinds.mjGEOM_CAPSULE):
         both = arc[[0, 1, 2, 3, 3, 4, 5, 6]]
@@ -381,12 +376,8 @@ def _revolved(radii: Array, heights: Array) -> tuple[Array, NDArray[np.intp]]:
     """A surface around z, from the lowest circle up."""
     angle = math.tau * np.arange(ROUND) / ROUND
     ring = np.column_stack([np.cos(angle), np.sin(angle)])
-    corners = np.vstack(
-        [
-            np.column_stack([r * ring, np.full(ROUND, z)])
-            for r, z in zip(radii, heights, strict=True)
-        ]
-    )
+    circles = radii[:, None, None] * ring
+    corners = np.column_stack([circles.reshape(-1, 2), np.repeat(heights, ROUND)])
     here = np.arange(ROUND)
     there = (here + 1) % ROUND
     face = np.column_stack([here, there, there + ROUND, here + ROUND])

@@ -10,7 +10,7 @@ from beamchain.report.plots import (
     BEAM,
     OURS,
     RIVAL,
-    WIDTH,
+    SHADE,
     drawing,
     frame,
     in_hz,
@@ -38,35 +38,26 @@ WORST = 2.0  # errors above are left out of the picture: nothing of the appendag
 @drawing()
 def pareto_figure(study: "Study") -> Figure:
     """Error against run time, log-log: each model's front."""
-    figure = Figure(figsize=(WIDTH, 5.8))
-    ax = figure.add_subplot()
-    rivals = [m for m in study.models if m not in field.OURS]
-    for model in (*rivals, *(m for m in study.models if m in field.OURS)):
-        ours = model in field.OURS
-        place = list(field.OURS).index(model) if ours else rivals.index(model)
-        line = [
-            pair
-            for pair in front([x for x in study.ladders if x.entry.model == model], "error")
-            if pair[0] < WORST
-        ]
-        style: Any = {
-            "color": COLOURS[model] if ours else GREYS[place % 5],
-            "marker": MARKS[place],
-            "markersize": 4.5,
-        }
-        style |= {"linewidth": 1.8, "zorder": 3} if ours else {"linewidth": 1.1, "zorder": 2}
-        ax.plot([1e3 * p.seconds for _, p in line], [e for e, _ in line], label=model, **style)
-    ax.set(
-        xscale="log",
-        yscale="log",
-        title=STUDY_TITLES["error"],
-        ylabel="error / largest elastic motion",
-    )
+    figure, ax = panel(5.8)
+    rivals = [model for model in study.models if model not in field.OURS]
+    ours = [model for model in study.models if model in field.OURS]
+    marks = {
+        **{model: MARKS[k] for k, model in enumerate(rivals)},
+        **{model: MARKS[list(field.OURS).index(model)] for model in ours},
+    }
+    for k, (model, mark) in enumerate(marks.items()):
+        style: Any = {"color": GREYS[k % 5], "linewidth": 1.1, "zorder": 2}
+        if model in ours:
+            style = {"color": COLOURS[model], "linewidth": 1.8, "zorder": 3}
+        found = front([ladder for ladder in study.ladders if ladder.entry.model == model], "error")
+        line = [(error, 1e3 * point.seconds) for error, point in found if error < WORST]
+        errors, times = np.reshape(line, (-1, 2)).T
+        ax.plot(times, errors, marker=mark, markersize=4.5, label=model, **style)
+    ax.set(xscale="log", yscale="log", title=STUDY_TITLES["error"])
+    ax.set_ylabel("error / largest elastic motion")
     ax.set_xlabel(f"time to simulate {study.scenario.duration:g} s, ms")
     ax.grid(which="major", color="#e6e6e6", linewidth=0.6)
-    legend = figure.legend(loc="upper left", ncols=2, bbox_to_anchor=(0.09, 1.0))
-    rows = (len(legend.get_texts()) + 1) // 2
-    figure.subplots_adjust(left=0.11, right=0.98, bottom=0.085, top=0.93 - 0.035 * rows)
+    figure.legend(loc="outside upper left", ncols=2)
     return figure
 
 
@@ -74,40 +65,22 @@ def pareto_figure(study: "Study") -> Figure:
 def steps_figure(limits: "Budget") -> Figure:
     """Per integrator the range of stable steps, and the steps for 1 % and 0.1 %."""
     names = list(limits.largest_step)
-    finite = [v for v in limits.largest_step.values() if np.isfinite(v)]
-    tenths = [tenth for _, tenth in limits.accuracy.values()]
-    low = 0.5 * min(tenths)
-    high = 2.5 * max([*finite, *(one for one, _ in limits.accuracy.values())])
+    places = np.arange(len(names))
+    largest = np.array(list(limits.largest_step.values()))
+    one, tenth = np.transpose([limits.accuracy[name] for name in names])
+    low = 0.5 * float(tenth.min())
+    high = 2.5 * float(max(largest[np.isfinite(largest)].max(initial=0.0), one.max()))
     figure, ax = panel(1.15 + 0.34 * len(names))
-    for y, name in enumerate(names):
-        largest = limits.largest_step[name]
-        ax.barh(
-            y,
-            min(largest, high),
-            color="#e9f1fa",
-            edgecolor=OURS,
-            linewidth=0.8,
-            height=0.62,
-            label="stable" if y == 0 else None,
-        )
-        if not np.isfinite(largest):
-            ax.text(high / 1.06, y, "no limit", ha="right", va="center", fontsize=8.5, color=OURS)
-        one, tenth = limits.accuracy[name]
-        style: Any = {"linestyle": "none", "color": BEAM, "markersize": 9.0}
-        ax.plot(
-            tenth,
-            y,
-            marker="|",
-            markeredgewidth=2.2,
-            label="first mode within 0.1 %" if y == 0 else None,
-            **style,
-        )
-        ax.plot(
-            one, y, marker="|", markeredgewidth=1.0, label="within 1 %" if y == 0 else None, **style
-        )
+    bar: Any = {"color": SHADE, "edgecolor": OURS, "linewidth": 0.8, "height": 0.62}
+    ax.barh(places, np.minimum(largest, high), label="stable", **bar)
+    for y in places[np.isinf(largest)]:
+        ax.text(high / 1.06, y, "no limit", ha="right", va="center", fontsize=8.5, color=OURS)
+    stroke: Any = {"color": BEAM, "markersize": 9.0}
+    ax.plot(tenth, places, "|", markeredgewidth=2.2, label="first mode within 0.1 %", **stroke)
+    ax.plot(one, places, "|", markeredgewidth=1.0, label="within 1 %", **stroke)
     ax.set(xscale="log", xlim=(low, high), xlabel="time step, s")
     log_axis(ax.xaxis, (low, high), plain)
-    ax.set_yticks(range(len(names)), names)
+    ax.set_yticks(places, names)
     ax.invert_yaxis()
     ax.tick_params(axis="y", length=0.0)
     figure.legend(loc="outside upper left", ncols=2, columnspacing=1.6)
@@ -122,31 +95,15 @@ def damping_figure(limits: "Budget") -> Figure:
     w = limits.frequencies
     own = limits.ratios
     if np.any(own > 0.0):
-        ax.plot(
-            w[own > 0.0],
-            own[own > 0.0],
-            color=BEAM,
-            linestyle="none",
-            marker="_",
-            markersize=16.0,
-            markeredgewidth=2.0,
-            label="the structure's own",
-        )
+        bar: Any = {"color": BEAM, "markersize": 16.0, "markeredgewidth": 2.0}
+        ax.plot(w[own > 0.0], own[own > 0.0], "_", label="the structure's own", **bar)
     for name, values in limits.shown.items():
         ratio = values[:, 1]
         seen = ratio > SMALLEST
-        colour = RIVAL if name == "discrete" else OURS
-        ax.plot(
-            w[seen],
-            ratio[seen],
-            marker=STEP_MARKS.get(name, "x"),
-            markersize=6.0,
-            linestyle="none",
-            color=colour,
-            fillstyle="none",
-            markeredgewidth=1.4,
-            label=name if np.any(seen) else f"{name}: none, or unstable",
-        )
+        mark: Any = {"markersize": 6.0, "fillstyle": "none", "markeredgewidth": 1.4}
+        mark["color"] = RIVAL if name == "discrete" else OURS
+        label = name if np.any(seen) else f"{name}: none, or unstable"
+        ax.plot(w[seen], ratio[seen], STEP_MARKS.get(name, "x"), label=label, **mark)
     shown = [
         float(z) for v in (own[:, None], *limits.shown.values()) for z in v[:, -1] if z > SMALLEST
     ]

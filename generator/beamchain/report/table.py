@@ -4,9 +4,10 @@ What a result says in numbers is said in one such table. Terminal, notebooks and
 texts, JSON holds its values; no other place formats them.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
 
 from beamchain.report.formats import Format
 
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from rich.table import Table as Grid
 
 Place = Literal["everywhere", "page", "brief", "record"]
+Row = TypeVar("Row")
 WIDEST = 1000  # characters of a line of text
 
 
@@ -54,6 +56,21 @@ class Column:
     def texts(self) -> list[str]:
         """The cells from top to bottom."""
         return [self.missing if value is None else self.format(value) for value in self.values]
+
+
+class Rows(Generic[Row]):
+    """Things that a table has a row of each."""
+
+    def __init__(self, rows: Iterable[Row]) -> None:
+        self._rows = list(rows)
+
+    def column(
+        self, name: str, field: str | Callable[[Row], Any], *rest: Any, **more: Any
+    ) -> Column:
+        """A column with a field of each: an attribute, `fit.kept_for` being one of an attribute,
+        or a function; then what else `Column` takes."""
+        value = attrgetter(field) if isinstance(field, str) else field
+        return Column(name, [value(row) for row in self._rows], *rest, **more)
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from beamchain.engine.linearise import NUMBERS
 from beamchain.errors import EngineError
 from beamchain.fitting.spec_text import spec_toml
 from beamchain.report import plots
@@ -20,12 +19,10 @@ from beamchain.report.svg import to_svg
 from beamchain.report.tables import embed as tables
 from beamchain.report.tables.first_screen import embedded_tiles
 from beamchain.report.tables.fit import left_out_table, mode_table
-from beamchain.steps.budget import budget
 
 if TYPE_CHECKING:
     from beamchain.craft.appendage import Appendage
     from beamchain.craft.embedded import Embedded
-    from beamchain.report.table import Table
 
 SAME = 1e-3  # relative difference of chains below which appendages of one spec are shown once
 
@@ -39,7 +36,10 @@ def embed_report(embedded: "Embedded", craft: str, output: str) -> str:
     figures = {"assembly": assembly_figure(assembly)}
     for i, group in enumerate(alike, 1):
         figures[f"chain{i}"] = plots.chain_figure(group.those[0].fit)
-    steps, no_steps = _steps(embedded)
+    try:
+        steps, no_steps = tables.file_step_table(embedded), ""
+    except EngineError as error:
+        steps, no_steps = None, str(error)
     files = _spec_files(appendages)
     return page_text(
         "embed.html",
@@ -49,8 +49,7 @@ def embed_report(embedded: "Embedded", craft: str, output: str) -> str:
         embedded=embedded,
         assembly=assembly,
         asked=_sources(embedded, craft, output),
-        appendages=tables.appendage_table(embedded),
-        modes=tables.coupled_table(assembly),
+        tables=tables,
         drawn={name: to_svg(figure, name) for name, figure in figures.items()},
         replays=craft_replays(embedded),
         names=_user_names(appendages),
@@ -58,7 +57,6 @@ def embed_report(embedded: "Embedded", craft: str, output: str) -> str:
         imported=any(a.fit.space is not None for a in appendages),
         mode_table=mode_table,
         spring_sentence=spring_sentence,
-        in_band_table=tables.in_band_table,
         left_out_table=left_out_table,
         steps=steps,
         no_steps=no_steps,
@@ -78,18 +76,6 @@ def _sources(embedded: "Embedded", craft: str, output: str) -> list[tuple[str, s
         ("whole spacecraft", embedded.composite.sentence),
         ("degrees of freedom", f"{own_dofs} of the spacecraft, {added_dofs} of the appendages"),
     ]
-
-
-def _steps(embedded: "Embedded") -> "tuple[Table | None, str]":
-    """Steps that the whole file allows and its fastest mode, or no table and the reason."""
-    model = embedded.model
-    try:
-        limits = budget(model)
-    except EngineError as error:
-        return None, str(error)
-    integrator = NUMBERS[int(model.opt.integrator)]
-    fastest = float(limits.frequencies.max())
-    return tables.file_step_table(limits, integrator, float(model.opt.timestep), fastest), ""
 
 
 def _spec_files(appendages: Sequence["Appendage"]) -> list[str]:

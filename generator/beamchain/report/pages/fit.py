@@ -35,36 +35,20 @@ def fit_report(fit: "Fit") -> tuple[str, dict[str, str]]:
     figures = {f"response_{port}": plots.response_figure(fit, port) for port, *_ in groups}
     figures["chain"] = plots.chain_figure(fit)
     pictures = {f"{name}.svg": to_svg(figure, name) for name, figure in figures.items()}
-    imported = None if fit.space is None else tables.imported_table(fit.space.data)
-    effective = None if fit.space is None else tables.effective_mass_table(fit.space)
     page = page_text(
         "report.html",
         name=fit.spec.name,
         verdict=_verdict(fit),
         tiles=fit_tiles(fit),
         fit=fit,
+        tables=tables,
         pictures=pictures,
         asked=_specification(fit),
-        assumed=tables.assumed_sentences(fit),
-        imported=imported,
         modes_word=_modes_word(fit).capitalize(),
-        effective=effective,
         curves=groups,
-        modes=tables.mode_table(fit),
-        mode_notes=tables.mode_notes(fit),
         spring_sentence=spring_sentence,
         replays=scene_replays(fit),
-        in_band=tables.in_band_table(fit),
-        model_errors=[tables.model_error_table(fit, port) for port in fit.target],
-        masses=tables.mass_table(fit),
-        links=tables.link_table(fit),
-        hinges=tables.hinge_table(fit),
-        tendons=tables.tendon_table(fit),
         steps=step_table(fit.written_limits),
-        bench=fit.measured.linearisation,
-        bench_modes=tables.bench_table(fit),
-        look=tables.look_table(fit),
-        left_out=tables.left_out_table(fit.left_out),
     )
     return page, pictures
 
@@ -80,48 +64,34 @@ def _kept_modes(fit: "Fit") -> str:
 
 def _verdict(fit: "Fit") -> Verdict:
     """What to tell somebody who reads one sentence."""
-    scene = fit.spec.scene
-    promised: tuple[float, float] | None = None
-    if fit.promise is not None and scene is not None and scene.bandwidth is not None:
-        promised = fit.promise, scene.bandwidth
+    scene, error = fit.spec.scene, fit.in_band_error
     less = "" if fit.status.ok else f"Less than was asked for: {fit.status.message.rstrip('.')}. "
+    band = fit.bandwidth.get(fit.worst_port or "", 0.0)
+    if fit.promise is not None and scene is not None and scene.bandwidth is not None:
+        band = scene.bandwidth
+    off = f"off by at most {error_text(error or 0.0)} up to {short(band)} rad/s"
     if not fit.readback_error:  # the scene needs no mode
-        text = "One rigid body stands for the appendage"
-        if promised:
-            error, band = promised
-            text += (
-                f": the motion of the hub is off by at most {error_text(error)} up to "
-                f"{short(band)} rad/s"
-            )
-        return Verdict(fit.status.ok, f"{less}{text}.")
-    frequency = max(error.frequency for error in fit.readback_error.values())
-    errors = {port: error.accelerance_in_band or 0.0 for port, error in fit.readback_error.items()}
-    worst = max(errors, key=lambda port: errors[port])
+        known = "" if fit.promise is None else f": the motion of the hub is {off}"
+        return Verdict(fit.status.ok, f"{less}One rigid body stands for the appendage{known}.")
     links = sum(link.mass > 0.0 for link in fit.chain.links)
-    what = (
-        f"{count(links, 'rigid link')} on {count(len(fit.chain.hinges), 'hinge')} stand for "
-        f"the beam's {_kept_modes(fit)}"
-    )
+    kept = f"the beam's {_kept_modes(fit)}"
     if fit.space is not None:
-        kept = _kept_modes(fit)
-        if fit.kept_for == "clamped":
-            kept = fit.space.kept_words
-        what = f"{what.partition(' the beam')[0]} {kept}"
-        if fit.spec.slosh is not None:
-            what = f"{what.partition(' stand for')[0]} stand for {_modes_word(fit)}: {kept}"
-    hub = (
-        "the hub of the spec"
-        if fit.hub_mass is not None
-        else "a hub of 0.1, 1 or 10 times the appendage's mass"
+        kept = fit.space.kept_words if fit.kept_for == "clamped" else _kept_modes(fit)
+    if fit.spec.slosh is not None:
+        kept = f"{_modes_word(fit)}: {kept}"
+    hub = "the hub of the spec"
+    if fit.hub_mass is None:
+        hub = "a hub of 0.1, 1 or 10 times the appendage's mass"
+    text = (
+        f"{count(links, 'rigid link')} on {count(len(fit.chain.hinges), 'hinge')} stand for "
+        f"{kept}: the motion of {hub} is {off}"
     )
-    error, band = promised or (errors[worst], fit.bandwidth[worst])
-    text = f"{what}: the motion of {hub} is off by at most {error_text(error)} "
-    text += f"up to {short(band)} rad/s"
-    missed = scene is not None and not keeps_tolerance(error, scene.tolerance)
+    missed = scene is not None and not keeps_tolerance(error or 0.0, scene.tolerance)
     if scene is not None and missed:
         text += f", more than the tolerance of {scene.tolerance:g} less its margin of 1 %"
     if (tip := tip_sentence(fit)) is not None:
         text += f"; {tip}"
+    frequency = max(found.frequency for found in fit.readback_error.values())
     text += (
         f". Read back through MuJoCo the kept frequencies are within {error_text(frequency)} of "
         "what was asked for"
@@ -146,8 +116,9 @@ def _specification(fit: "Fit") -> list[tuple[str, str]]:
     if spec.damping is not None:
         lines.append(("damping", _damping(spec.damping)))
     if spec.payload is not None:
-        payload = f"{short(spec.payload.mass)} kg at the tip, attached by the scene"
-        lines.append(("payload", payload))
+        lines.append(
+            ("payload", f"{short(spec.payload.mass)} kg at the tip, attached by the scene")
+        )
     if (scene := spec.scene) is not None:
         timing = f"{scene.integrator}, step {fit.step:g} s, tolerance {scene.tolerance:g}"
         lines.append(("scene", timing))
@@ -191,25 +162,19 @@ def _structure(fit: "Fit") -> str:
     imported = fit.spec.imported
     if beam is None:
         return f"imported from {imported.file}" if imported is not None else "imported"
-    parts = (
-        ("segment", beam.segments),
-        ("compliant joint", beam.joints),
-        ("lumped body", beam.lumps),
-    )
-    return ", ".join(
-        count(len(those), what).replace("bodys", "bodies") for what, those in parts if those
-    )
+    parts = {"segment": beam.segments, "compliant joint": beam.joints, "lumped body": beam.lumps}
+    counts = ", ".join(count(len(those), what) for what, those in parts.items() if those)
+    return counts.replace("bodys", "bodies")
 
 
 def _asked_modes(fit: "Fit") -> str:
     """The modes that the spec asks for."""
-    given = (
-        fit.spec.kept if fit.choice is None or fit.spec.modes is None else fit.spec.modes.given()
-    )
+    modes = fit.spec.modes
+    given = fit.spec.kept if fit.choice is None or modes is None else modes.given()
     counts = ", ".join(f"{n} in {port}" for port, n in given.items())
     if fit.spec.slosh is not None:
         return f"{fit.spec.slosh.kept} in each plane, as pendulums"
     if fit.choice is None:
         return counts or "as imported"
     chosen = "as few as the scene needs"
-    return f"{chosen}; {counts} as given" if fit.spec.modes is not None and given else chosen
+    return f"{chosen}; {counts} as given" if modes is not None and given else chosen

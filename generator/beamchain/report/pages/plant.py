@@ -22,37 +22,31 @@ def plant_report(
     name: str,
 ) -> str:
     """The text of one HTML file; `of_loops`: margins per plant, empty where there are none."""
+    scheduled = None if isinstance(found, Plant) else found
     plants = [found] if isinstance(found, Plant) else list(found.plants)
-    labels = () if isinstance(found, Plant) else found.labels
+    labels = () if scheduled is None else scheduled.labels
     figures = {
         "bode": plant_plots.bode_figure(plants, labels),
         "singular": plant_plots.singular_figure(plants),
+        "poles": plant_plots.poles_figure(plants, labels),
     }
-    figures["poles"] = plant_plots.poles_figure(plants, labels)
     if of_loops:
         figures["loops"] = margin_plots.open_loop_figure(of_loops)
         figures["nichols"] = margin_plots.nichols_figure(of_loops)
         figures["sensitivities"] = margin_plots.sensitivity_figure(of_loops)
         figures["closed"] = margin_plots.closed_poles_figure(of_loops)
-    if not isinstance(found, Plant):
-        figures["angles"] = plant_plots.scheduled_figure(found)
+    if scheduled is not None:
+        figures["angles"] = plant_plots.scheduled_figure(scheduled)
     return page_text(
         "plant.html",
         name=name,
         plant=plants[0],
-        scheduled=None if isinstance(found, Plant) else found,
+        scheduled=scheduled,
+        of_loops=of_loops,
+        tables=tables,
         verdict=_verdict(plants[0], of_loops),
         tiles=plant_tiles(plants[0], of_loops),
-        inputs=tables.signal_table("Inputs", plants[0].input_names, plants[0].input_units),
-        outputs=tables.signal_table("Outputs", plants[0].output_names, plants[0].output_units),
-        allocations=tables.allocation_tables(plants[0]),
-        modes=tables.mode_table(plants[0]),
-        poses=None if isinstance(found, Plant) else tables.pose_table(found),
-        gains=tables.gain_table(plants[0]),
         warnings=margin_warnings(plants, of_loops),
-        margins=tables.margin_table(of_loops),
-        limiting=tables.limiting_table(of_loops),
-        closed_loops=tables.closed_loop_table(of_loops),
         drawn={key: to_svg(figure, key) for key, figure in figures.items()},
     )
 

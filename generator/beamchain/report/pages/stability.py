@@ -1,6 +1,5 @@
 """The page of `inspect --steps`: steps that hold, and how far a chain may be driven."""
 
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -30,14 +29,8 @@ def stability_report(study: "StabilityStudy", source: Path) -> str:
         study=study,
         source=source,
         asked=_source(study, source),
-        limits=tables.limit_table(study),
-        models=[
-            (limits, step_table(limits, limits.name), tables.damping_table(limits))
-            for limits in study.budgets
-        ],
-        large_motion=tables.large_motion_table(study),
-        chains=tables.chain_table(study),
-        slews=tables.slew_table(study),
+        tables=tables,
+        step_table=step_table,
         drawn=drawn,
         names={limits.name.split()[0] for limits in study.budgets if limits.name},
         spec="" if source.suffix.lower() == ".xml" else spec_toml(read_spec(source)),
@@ -55,17 +48,10 @@ def _source(study: "StabilityStudy", source: Path) -> list[tuple[str, str]]:
 
 
 def _steps_hold(study: "StabilityStudy") -> Verdict:
-    limits = study.budgets[0]
-    largest = {k: v for k, v in limits.largest_step.items() if math.isfinite(v)}
-    safest = min(largest, key=lambda name: largest[name])
-    text = (
-        f"{study.own_step.rstrip('.')}; every integrator is stable up to a step of "
-        f"{short(largest[safest])} s"
-    )
-    others = [
-        f"{name} up to {short(v)} s"
-        for name, v in largest.items()
-        if v > 1.05 * largest[safest] and name == "RK4"
-    ]
-    text += f" ({', '.join(others)})" if others else ""
+    largest = study.budgets[0].largest_step
+    least = min(largest.values())
+    longer = largest.get("RK4", 0.0)
+    text = f"{study.own_step.rstrip('.')}; every integrator is stable up to a step of "
+    text += f"{short(least)} s"
+    text += f" (RK4 up to {short(longer)} s)" if longer > 1.05 * least else ""
     return Verdict(not study.warnings, f"{text}.")

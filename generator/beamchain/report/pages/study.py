@@ -16,9 +16,7 @@ if TYPE_CHECKING:
 
 def study_page(study: "Study") -> tuple[str, dict[str, str]]:
     """The text of study.html, and the SVG files to stand beside it, by name."""
-    pictures = {
-        "error_against_run_time.svg": to_svg(study_plots.pareto_figure(study), "pareto"),
-    }
+    pictures = {"error_against_run_time.svg": to_svg(study_plots.pareto_figure(study), "pareto")}
     machine = ", ".join(f"{key} {value}" for key, value in study.as_dict()["machine"].items())
     page = page_text(
         "study.html",
@@ -30,7 +28,7 @@ def study_page(study: "Study") -> tuple[str, dict[str, str]]:
         study=study,
         pictures=pictures,
         scenario=scenario_sentence(study),
-        to_reach=reach_table(study, "error"),
+        to_reach=reach_table(study),
         points=point_table(study),
         commands=commands(study),
         feeding=how_to_feed(study),
@@ -41,63 +39,41 @@ def study_page(study: "Study") -> tuple[str, dict[str, str]]:
 def scenario_sentence(study: "Study") -> str:
     """What was simulated."""
     scenario = study.scenario
-    names = (
-        "x displacement",
-        "y displacement",
-        "z displacement",
-        "x rotation",
-        "y rotation",
-        "z rotation",
-    )
+    names = [f"{axis} {kind}" for kind in ("displacement", "rotation") for axis in "xyz"]
     watched = ", ".join(names[i] for i in scenario.watched)
     size = float(abs(scenario.profile.wrench).max())
+    reference = "; how much large motion changes could not be simulated."
+    if math.isfinite(scenario.nonlinear):
+        share = f"{max(scenario.nonlinear, 1e-12):.1g} of the largest elastic part."
+        reference = f", from which large motion differs by about {share}"
     return (
         f"{scenario.duration:g} s; a wrench of up to {size:.3g} (N, N m) on the hub until "
-        f"{scenario.profile.times[-1]:g} s; compared: the hub's {watched}, against "
-        f"{reference_sentence(study)}"
-    )
-
-
-def reference_sentence(study: "Study") -> str:
-    """What the motions are compared with, and how good that is."""
-    text = "the exact linear motion of hub and beam"
-    share = study.scenario.nonlinear
-    if not math.isfinite(share):
-        return f"{text}; how much large motion changes could not be simulated."
-    return (
-        f"{text}, from which large motion differs by about {max(share, 1e-12):.1g} of the "
-        "largest elastic part."
+        f"{scenario.profile.times[-1]:g} s; compared: the hub's {watched}, against the exact "
+        f"linear motion of hub and beam{reference}"
     )
 
 
 def answer(study: "Study") -> str:
     """The answer in one sentence."""
-    best = study.best(1e-3, "error") or study.best(1e-2, "error")
+    target = 1e-3 if study.best(1e-3, "error") else 1e-2
+    best = study.best(target, "error")
     if best is None:
-        nearest = study.nearest("error")
-        near = (
-            ""
-            if nearest is None
-            else f"; {nearest.model} with n = {nearest.n} comes to {nearest.error:.2g}"
-        )
+        point = study.nearest("error")
+        near = f"; {point.model} with n = {point.n} comes to {point.error:.2g}" if point else ""
         return (
             f"No setting of ours reached an error of 1e-2 within the budget{near}: raise --budget."
         )
-    target = 1e-3 if study.best(1e-3, "error") else 1e-2
     point = best.point
-    rivals = study.rivals(target, "error")
-    near = min(rivals.values(), key=lambda r: r.seconds, default=None)
     text = (
         f"For an error of {target:g}, take {point.model} with n = {point.n}, {point.integrator}, "
         f"step {point.timestep:.4g} s: {1e3 * best.seconds:.3g} ms for {study.scenario.duration:g} "
         "s."
     )
-    if near is None:
-        return text
-    return (
-        f"{text} The nearest rival, {near.model}, takes {short(near.seconds / best.seconds)} "
-        f"times as long."
-    )
+    rivals = sorted(study.rivals(target, "error").values(), key=lambda rival: rival.seconds)
+    for near in rivals[:1]:
+        longer = short(near.seconds / best.seconds)
+        text += f" The nearest rival, {near.model}, takes {longer} times as long."
+    return text
 
 
 def commands(study: "Study") -> list[str]:

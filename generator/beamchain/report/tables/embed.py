@@ -5,10 +5,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from beamchain.engine.linearise import NUMBERS
 from beamchain.report.curves import kept_count
 from beamchain.report.formats import digits, number, relative, short, vector, whole
-from beamchain.report.table import Column, Table
-from beamchain.report.tables.steps import Limits, step_table
+from beamchain.report.table import Column, Rows, Table
+from beamchain.report.tables.steps import step_table
+from beamchain.steps.budget import budget
 
 if TYPE_CHECKING:
     from beamchain.craft.appendage import Appendage
@@ -18,30 +20,26 @@ if TYPE_CHECKING:
     from beamchain.fitting.result import Fit
 
 SHOWN = 10.0  # times the band: coupled modes beyond are left to `Embedded.assembly`
-coupled_frequency = digits(8)  # shows differences that the proof resolves
 
 
 def appendage_table(embedded: "Embedded") -> Table:
     """Where every appendage is, what it hangs on, and what it keeps."""
-    appendages = embedded.appendages
-    columns = (
-        Column("at", [a.at for a in appendages]),
-        Column("prefix", [a.prefix for a in appendages], place="brief"),
-        Column("appendage", [size_words(a.fit) for a in appendages], place="page"),
-        Column("mass centre in the base's axes", _centres(embedded), "m", vector, place="page"),
-        Column("modes kept", [modes_kept(a.fit) for a in appendages], place="page"),
-        Column("target", [a.fit.kept_for for a in appendages]),
-        Column("rigidly behind its root", [a.hub.mass for a in appendages], "kg", number),
-        Column("on", [_joints(a) for a in appendages]),
-        Column("status", [_status(a) for a in appendages], place="page"),
-    )
-    if any(a.loads for a in appendages):
-        columns = (*columns, Column("carries", [_carried(a) for a in appendages], missing="-"))
-    return Table("Appendages", columns)
-
-
-def _centres(embedded: "Embedded") -> list[list[float]]:
-    return [embedded.mass_centres[a.at].tolist() for a in embedded.appendages]
+    column = Rows(embedded.appendages).column
+    centres = [embedded.mass_centres[a.at] for a in embedded.appendages]
+    columns = [
+        column("at", "at"),
+        column("prefix", "prefix", place="brief"),
+        column("appendage", lambda a: size_words(a.fit), place="page"),
+        Column("mass centre in the base's axes", centres, "m", vector, place="page"),
+        column("modes kept", lambda a: modes_kept(a.fit), place="page"),
+        column("target", "fit.kept_for"),
+        column("rigidly behind its root", "hub.mass", "kg", number),
+        column("on", _joints),
+        column("status", _status, place="page"),
+    ]
+    if any(a.loads for a in embedded.appendages):
+        columns.append(column("carries", _carried, missing="-"))
+    return Table("Appendages", tuple(columns))
 
 
 def appendage_sentences(embedded: "Embedded") -> list[str]:
@@ -95,20 +93,19 @@ def _status(appendage: "Appendage") -> str:
     return "as asked" if status.ok else status.message
 
 
-def _frequency_columns(modes: "Sequence[Mode]") -> tuple[Column, ...]:
-    """Exact and MuJoCo's frequencies and their difference."""
-    exact = [mode.exact for mode in modes]
+def _mode_columns(modes: "Sequence[Mode]", band: float) -> tuple[Column, ...]:
+    """Exact and MuJoCo's frequencies, their difference, and whether they are kept."""
+    column = Rows(modes).column
     hertz = [None if mode.exact is None else mode.exact / math.tau for mode in modes]
-    through_mujoco = [mode.mujoco for mode in modes]
-    errors = [mode.error for mode in modes]
+    precise = digits(8)  # shows differences that the proof resolves
     return (
         Column("mode", range(1, len(modes) + 1), format=whole),
-        Column("exact", exact, "rad/s", coupled_frequency, missing="-", key="exact"),
+        column("exact", "exact", "rad/s", precise, missing="-", key="exact"),
         Column("exact", hertz, "Hz", digits(5), missing="-", place="page"),
-        Column(
-            "MuJoCo", through_mujoco, "rad/s", coupled_frequency, missing="left out", key="mujoco"
-        ),
-        Column("difference", errors, format=relative, key="error"),
+        column("MuJoCo", "mujoco", "rad/s", precise, missing="left out", key="mujoco"),
+        column("difference", "error", format=relative, key="error"),
+        column("kept", lambda mode: kept_word(mode, band)),
+        column("kept", "kept", key="kept", place="record"),
     )
 
 
@@ -116,28 +113,23 @@ def coupled_table(assembly: "Assembly") -> Table:
     """The coupled modes of the whole spacecraft up to ten times the band, exact and through
     MuJoCo."""
     modes = [m for m in assembly.modes if (m.exact or m.mujoco or 0.0) <= SHOWN * assembly.band]
-    columns = (
-        *_frequency_columns(modes),
-        Column("kept", [kept_word(assembly, mode) for mode in modes]),
-        Column("kept", [mode.kept for mode in modes], key="kept", place="record"),
-        Column("what moves", [mode.words for mode in modes], key="moving"),
-    )
-    beyond = any(m.kept and m.exact is not None and m.exact > assembly.band for m in modes)
-    notes = (
-        f"Rows above {number(assembly.band)} rad/s are not judged; modes that are left out may "
-        "shift them.",
-    )
+    moving = Column("what moves", [mode.words for mode in modes], key="moving")
+    notes: list[str] = []
+    if any(mode.kept and (mode.exact or 0.0) > assembly.band for mode in modes):
+        notes.append(
+            f"Rows above {number(assembly.band)} rad/s are not judged; modes that are left out may "
+            "shift them."
+        )
+    if hidden := len(assembly.modes) - len(modes):
+        notes.append(f"{hidden} more lie above {number(SHOWN * assembly.band)} rad/s.")
     title = "Coupled modes of the whole spacecraft, without damping"
-    hidden = len(assembly.modes) - len(modes)
-    more = (f"{hidden} more lie above {number(SHOWN * assembly.band)} rad/s.",) if hidden else ()
-    return Table(title, columns, notes=(notes if beyond else ()) + more)
+    return Table(title, (*_mode_columns(modes, assembly.band), moving), tuple(notes))
 
 
 def keyframe_table(assembly: "Assembly", modes: "Sequence[Mode]", key: str) -> Table:
     """The coupled modes at a keyframe."""
-    words = [kept_word(assembly, mode) for mode in modes]
-    columns = (*_frequency_columns(modes), Column("kept", words))
-    return Table(f"Coupled modes at keyframe {key}, without damping", columns)
+    title = f"Coupled modes at keyframe {key}, without damping"
+    return Table(title, _mode_columns(modes, assembly.band))
 
 
 def pose_table(embedded: "Embedded") -> Table:
@@ -147,48 +139,54 @@ def pose_table(embedded: "Embedded") -> Table:
     between = [name for name in sampled if name not in poses]
     worst = max(between, key=lambda name: sampled[name].error, default="")
     names = [*poses, *([worst] if worst else [])]  # of those between poses the worst
-    columns = (
+    columns = [
         Column("pose", names),
         Column("error", [poses.get(name) for name in names], format=relative, missing="-"),
         Column("at the step", [sampled[name].error for name in names], format=relative),
-    )
+    ]
     if embedded.loaded:
-        words_of = embedded.loads
-        loads = [" and ".join(words_of.get(name, [])) or None for name in names]
-        columns = (*columns, Column("load (not at the step)", loads, missing="none"))
+        loads = [" and ".join(embedded.loads.get(name, [])) or None for name in names]
+        columns.append(Column("load (not at the step)", loads, missing="none"))
     between_two = "The last pose lies between two of those above: of such, the worst at the step."
     notes = (between_two,) if worst else ()
-    return Table(f"In-band error up to {number(embedded.band)} rad/s", columns, notes=notes)
+    return Table(f"In-band error up to {number(embedded.band)} rad/s", tuple(columns), notes)
 
 
-def kept_word(assembly: "Assembly", mode: "Mode") -> str:
+def kept_word(mode: "Mode", band: float) -> str:
     """Whether a coupled mode is judged: yes, no, or kept but beyond the band."""
-    if mode.kept and mode.exact is not None and mode.exact <= assembly.band:
+    if mode.kept and mode.exact is not None and mode.exact <= band:
         return "yes"
     return "kept, beyond the band" if mode.kept else "no"
 
 
-def file_step_table(limits: Limits, integrator: str, timestep: float, fastest: float) -> Table:
-    """The largest steps, and whether the file's own is stable; `fastest`: mode [rad/s]."""
-    table = step_table(limits)
+def file_step_table(embedded: "Embedded") -> Table:
+    """The largest steps that the whole file allows, and whether its own is stable.
+
+    Raises:
+        EngineError: there is no step limit to state.
+    """
+    limits = budget(embedded.model)
+    integrator = NUMBERS[int(embedded.model.opt.integrator)]
+    timestep = float(embedded.model.opt.timestep)
     state = "stable" if timestep < limits.largest_step[integrator] else "unstable: too large"
     asked = f"the file's, step {timestep:g} s: {state}"
     remarks = [asked if name == integrator else "" for name in limits.largest_step]
-    note = f"Of the whole file at rest; fastest mode {number(fastest)} rad/s."
+    note = f"Of the whole file at rest; fastest mode {number(limits.frequencies.max())} rad/s."
+    table = step_table(limits)
     return replace(table, columns=(*table.columns, Column("", remarks)), notes=(note,))
 
 
 def in_band_table(appendages: "Sequence[Appendage]") -> Table:
     """Errors of equal appendages, each alone on the hub that its root feels."""
-    errors = [(a, port, error) for a in appendages for port, error in a.fit.readback_error.items()]
+    rows = [
+        (a.at, port, f"0 to {number(a.fit.bandwidth[port])}", error.accelerance_in_band or 0.0)
+        for a in appendages
+        for port, error in a.fit.readback_error.items()
+    ]
     columns = (
-        Column("at", [a.at for a, _, _ in errors]),
-        Column("port", [port for _, port, _ in errors]),
-        Column("band", [f"0 to {number(a.fit.bandwidth[port])}" for a, port, _ in errors], "rad/s"),
-        Column(
-            "in-band error",
-            [error.accelerance_in_band or 0.0 for _, _, error in errors],
-            format=relative,
-        ),
+        Column("at", [at for at, *_ in rows]),
+        Column("port", [port for _, port, *_ in rows]),
+        Column("band", [band for *_, band, _ in rows], "rad/s"),
+        Column("in-band error", [error for *_, error in rows], format=relative),
     )
     return Table("In-band error", columns)

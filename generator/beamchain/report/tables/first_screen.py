@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from beamchain.report.curves import count
 from beamchain.report.formats import short, step_text
 from beamchain.report.headlines import (
     cure_sentence,
@@ -72,8 +73,8 @@ def fit_tiles(fit: "Fit") -> list[tuple[str, str]]:
 def _parts(fit: "Fit") -> list[str]:
     """What a chain is made of, counted."""
     chain = fit.chain
-    counts = {"link": len(chain.links), "hinge": len(chain.hinges), "tendon": len(chain.tendons)}
-    return [f"{n} {word}{'s' if n > 1 else ''}" for word, n in counts.items() if n]
+    parts = {"link": chain.links, "hinge": chain.hinges, "tendon": chain.tendons}
+    return [count(len(those), word) for word, those in parts.items() if those]
 
 
 def embedded_lines(embedded: "Embedded") -> Iterator[str]:
@@ -153,10 +154,8 @@ def plant_lines(plant: "Plant") -> Iterator[str]:
         return
     slow, fast = (short(float(pick(plant.frequency))) for pick in (np.min, np.max))
     least, most = (f"{float(pick(plant.damping_ratio)):.3g}" for pick in (np.min, np.max))
-    yield (
-        f"{len(plant.modes)} flexible modes: {slow} to {fast} rad/s, damping ratios {least} to "
-        f"{most}"
-    )
+    ratios = f"damping ratios {least} to {most}"
+    yield f"{len(plant.modes)} flexible modes: {slow} to {fast} rad/s, {ratios}"
 
 
 def margin_lines(several: "Sequence[Margins]") -> Iterator[str]:

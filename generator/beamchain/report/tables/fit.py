@@ -1,8 +1,8 @@
 """The tables of a fit: kept modes, links, hinges, tendons, errors, what was left out."""
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -19,51 +19,38 @@ from beamchain.report.formats import (
     vector,
     whole,
 )
-from beamchain.report.table import Column, Table
+from beamchain.report.table import Column, Rows, Table
 from beamchain.structure.section import Equivalent
 
 if TYPE_CHECKING:
+    from beamchain.chain.chain import Tendon
     from beamchain.fitting.kept import LeftOut
     from beamchain.fitting.result import Fit, InSpace
     from beamchain.ports.motions import Array
     from beamchain.structure.modal_data import ModalData
 
+MOTIONS = ("x", "y", "z", "rot. x", "rot. y", "rot. z")
 #: unit of a mode's participation in a port
 PARTICIPATION = {"torsion": "√(kg m²)", "axial": "√kg"}
 ROUNDING = 1e-9  # of the largest coordinate of a mass centre: one below it is zero
 PLANE_PARTICIPATION = "force √kg, moment √kg m"
 
 
-@dataclass(frozen=True)
-class MatchedMode:
-    """A mode of the target and the chain's that stands for it.
-
-    Args:
-        port: whose mode it is.
-        number: among the modes of the target, from 1.
-        in_file: its number in the file of imported modes; None where there is none.
-        target_frequency, frequency: with the root held, asked for and through MuJoCo [rad/s].
-        frequency_error: relative.
-        free_frequency: with nothing attached [rad/s]; None where there is no such mode.
-        target_participation, participation: at the root.
-        participation_error: relative.
-        target_damping, damping: damping ratios.
-        tip_error: relative error of the tip's motion; None where it is not known.
-    """
+class MatchedMode(NamedTuple):
+    """A mode of the target, and the chain's that stands for it; errors are relative."""
 
     port: str
-    number: int
-    in_file: int | None
-    target_frequency: float
-    frequency: float
+    number: int  # among the modes of the target, from 1
+    in_file: int | None  # its number in the file of imported modes
+    target_frequency: float  # with the root held [rad/s]
+    frequency: float  # the same through MuJoCo
     frequency_error: float
-    free_frequency: float | None
-    target_participation: "Array"
-    participation: "Array"
+    free_frequency: float | None  # with nothing attached [rad/s]; None where there is no such mode
+    target_participation: "Array"  # at the root
     participation_error: float
-    target_damping: float
-    damping: float
-    tip_error: float | None
+    target_damping: float  # ratio
+    damping: float  # the same through MuJoCo
+    tip_error: float | None  # of the tip's motion; None where it is not known
 
 
 def left_out_sentences(fit: "Fit") -> list[str]:
@@ -111,7 +98,7 @@ def matched_modes(fit: "Fit", port: str) -> list[MatchedMode]:
     error = fit.readback_error[port]
     free = achieved.free_frequencies
     tip = fit.tip_error.get(port, ())
-    modes = []
+    modes: list[MatchedMode] = []
     for match in np.argsort(error.matches[:, 1]):
         i, j = (int(index) for index in error.matches[match])
         mode = MatchedMode(
@@ -123,7 +110,6 @@ def matched_modes(fit: "Fit", port: str) -> list[MatchedMode]:
             frequency_error=float(error.frequency_errors[match]),
             free_frequency=float(free[i]) if i < len(free) else None,
             target_participation=target.participation[j],
-            participation=achieved.participation[i],
             participation_error=float(error.participation_errors[match]),
             target_damping=float(target.damping[j]),
             damping=float(achieved.damping[i]),
@@ -159,7 +145,7 @@ def every_mode(fit: "Fit") -> list[MatchedMode]:
         if mode.in_file not in by_number or space.data.belongs[mode.in_file - 1] == mode.port:
             by_number[mode.in_file] = mode
     return [
-        replace(by_number[number], number=k)
+        by_number[number]._replace(number=k)
         for k, number in enumerate(space.numbers, 1)
         if number in by_number
     ]
@@ -168,49 +154,29 @@ def every_mode(fit: "Fit") -> list[MatchedMode]:
 def mode_table(fit: "Fit", title: str = "") -> Table:
     """The kept modes, each once: asked for, read back through MuJoCo, how far off."""
     modes = every_mode(fit)
-    ratios = any(mode.target_damping > 0.0 or mode.damping > 0.0 for mode in modes)
-    hertz = [mode.target_frequency / (2.0 * np.pi) for mode in modes]
+    column = Rows(modes).column
     columns = [
-        Column("port", [mode.port for mode in modes]),
-        Column("mode", [mode.number for mode in modes], format=whole),
+        column("port", "port"),
+        column("mode", "number", format=whole),
         *_file_column([mode.in_file for mode in modes]),
-        Column("target", [mode.target_frequency for mode in modes], "rad/s", number, place="page"),
-        Column("target", hertz, "Hz", number, place="page"),
-        Column("through MuJoCo", [mode.frequency for mode in modes], "rad/s", number),
-        Column("relative error", [mode.frequency_error for mode in modes], format=relative),
-        Column(
-            "nothing attached",
-            [mode.free_frequency for mode in modes],
-            "rad/s",
-            number,
-            missing="none",
-            place="brief",
+        column("target", "target_frequency", "rad/s", number, place="page"),
+        column("target", lambda m: m.target_frequency / math.tau, "Hz", number, place="page"),
+        column("through MuJoCo", "frequency", "rad/s", number),
+        column("relative error", "frequency_error", format=relative),
+        column(
+            "nothing attached", "free_frequency", "rad/s", number, missing="none", place="brief"
         ),
-        Column(
-            "participation",
-            [mode.target_participation for mode in modes],
-            format=vector,
-            place="page",
-        ),
-        Column(
-            "relative error",
-            [mode.participation_error for mode in modes],
-            format=relative,
-            place="page",
-        ),
+        column("participation", "target_participation", format=vector, place="page"),
+        column("relative error", "participation_error", format=relative, place="page"),
     ]
-    if ratios:
-        asked = [mode.target_damping for mode in modes]
-        achieved = [mode.damping for mode in modes]
+    if any(mode.target_damping > 0.0 or mode.damping > 0.0 for mode in modes):
         columns += [
-            Column("damping ratio, asked", asked, format=damping_ratio),
-            Column("damping ratio, through MuJoCo", achieved, format=damping_ratio),
+            column("damping ratio, asked", "target_damping", format=damping_ratio),
+            column("damping ratio, through MuJoCo", "damping", format=damping_ratio),
         ]
     if any(mode.tip_error is not None for mode in modes):
-        tip_errors = [mode.tip_error for mode in modes]
-        columns.append(
-            Column("tip motion, relative error", tip_errors, format=relative, place="page")
-        )
+        name = "tip motion, relative error"
+        columns.append(column(name, "tip_error", format=relative, place="page"))
     return Table(title, tuple(columns))
 
 
@@ -236,20 +202,19 @@ def mode_notes(fit: "Fit") -> list[str]:
 def link_table(fit: "Fit") -> Table:
     """The rigid links of the chain."""
     links = fit.chain.links
+    column = Rows(links).column
     columns = (
         Column("link", range(1, len(links) + 1), format=whole),
-        Column("starts at x", [link.start for link in links], "m", number),
-        Column("length", [link.length for link in links], "m", number),
-        Column("mass", [link.mass for link in links], "kg", number),
-        Column("centre of mass x", [link.com for link in links], "m", number),
-        Column("inertia xx, yy, zz about it", [link.inertia for link in links], "kg m^2", vector),
+        column("starts at x", "start", "m", number),
+        column("length", "length", "m", number),
+        column("mass", "mass", "kg", number),
+        column("centre of mass x", "com", "m", number),
+        column("inertia xx, yy, zz about it", "inertia", "kg m^2", vector),
     )
     return Table("Links", columns)
 
 
-def _stiffness_text(stiffness: float | None) -> str:
-    if stiffness is None:
-        return "rigid"
+def _stiffness_text(stiffness: float) -> str:
     return number(stiffness) if stiffness else "free"
 
 
@@ -276,47 +241,37 @@ def hinge_table(fit: "Fit") -> Table:
 def tendon_table(fit: "Fit") -> Table:
     """The tendons of the chain, one per mode."""
     tendons = fit.chain.tendons
-    frequencies = [t.stiffness**0.5 if t.stiffness else None for t in tendons]
+    column = Rows(tendons).column
     space = fit.space if fit.kept_for == "clamped" else None
     in_file = [space.in_file(t.label) if space and t.is_mode else None for t in tendons]
     columns = (
-        Column("tendon", [f"{fit.spec.name}_{tendon.label}" for tendon in tendons]),
+        column("tendon", lambda t: f"{fit.spec.name}_{t.label}"),
         *_file_column(in_file),
-        Column("frequency", frequencies, "rad/s", number, missing="-"),
-        Column("damping", [tendon.damping for tendon in tendons], "1/s", number),
-        Column("armature", [tendon.armature for tendon in tendons], format=number),
-        Column(
-            "coefficients, by hinge",
-            [_coefficients(tendon.freedoms, tendon.coefficients) for tendon in tendons],
-            place="page",
-        ),
+        column("frequency", lambda t: t.stiffness**0.5 or None, "rad/s", number, missing="-"),
+        column("damping", "damping", "1/s", number),
+        column("armature", "armature", format=number),
+        column("coefficients, by hinge", _coefficients, place="page"),
     )
     return Table("Tendons", columns)
 
 
-def _coefficients(freedoms: Iterable[tuple[int, str]], coefficients: "Array") -> str:
-    pairs = zip(freedoms, coefficients, strict=True)
+def _coefficients(tendon: "Tendon") -> str:
+    pairs = zip(tendon.freedoms, tendon.coefficients, strict=True)
     return ", ".join(f"{hinge + 1} {port}: {value:.4g}" for (hinge, port), value in pairs)
 
 
 def in_band_table(fit: "Fit") -> Table:
     """Error of the hub's motion, port by port."""
     ports = list(fit.readback_error)
+    errors = [error.accelerance_in_band or 0.0 for error in fit.readback_error.values()]
     columns = (
         Column("port", ports),
         Column("band", [f"0 to {number(fit.bandwidth[port])}" for port in ports], "rad/s"),
-        Column(
-            CHAIN,
-            [fit.readback_error[port].accelerance_in_band or 0.0 for port in ports],
-            format=relative,
-        ),
+        Column(CHAIN, errors, format=relative),
     )
+    note = "No hub is given: the worst of three, 0.1, 1 and 10 times the appendage's rigid mass."
     if fit.hub_mass is not None:
         note = "On the hub of the spec."
-    else:
-        note = (
-            "No hub is given: the worst of three, 0.1, 1 and 10 times the appendage's rigid mass."
-        )
     if fit.promise is not None:
         note += " Each port by itself; what the scene asks of the hub counts all ports together."
     return Table("In-band error", columns, (note,))
@@ -325,8 +280,7 @@ def in_band_table(fit: "Fit") -> Table:
 def imported_table(data: "ModalData") -> Table:
     """Imported modes about the port, and the port that each is counted to."""
     frequencies = data.frequencies
-    motions = ("x", "y", "z", "rot. x", "rot. y", "rot. z")
-    shares = zip(motions, np.transpose(data.participation), strict=True)
+    shares = zip(MOTIONS, np.transpose(data.participation), strict=True)
     columns = (
         Column("mode", range(1, len(frequencies) + 1), format=whole),
         Column("frequency", list(frequencies), "rad/s", number),
@@ -351,13 +305,12 @@ def effective_mass_table(space: "InSpace") -> Table:
     every = np.vstack([shares, *sums.values()])
     frequencies: list[float | None] = [*(data.frequencies / (2.0 * np.pi)).tolist()]
     frequencies += [None] * len(sums)
-    motions = ("x", "y", "z", "rot. x", "rot. y", "rot. z")
     columns = (
         Column("mode", [*(str(k + 1) for k in range(data.modes)), *sums]),
         Column("frequency", frequencies, "Hz", digits(7)),
         *(
-            Column(motion, share.tolist(), "%", hundredths)
-            for motion, share in zip(motions, every.T, strict=True)
+            Column(motion, share, "%", hundredths)
+            for motion, share in zip(MOTIONS, every.T.tolist(), strict=True)
         ),
     )
     notes = (
@@ -462,10 +415,11 @@ def bench_table(fit: "Fit") -> Table:
 
 def left_out_table(items: "Sequence[LeftOut]") -> Table:
     """What the model does without."""
+    column = Rows(items).column
     columns = (
-        Column("left out", [item.what for item in items]),
-        Column("why", [item.why for item in items]),
-        Column("cost", [item.cost or None for item in items], format=relative, missing="nothing"),
+        column("left out", "what"),
+        column("why", "why"),
+        column("cost", lambda item: item.cost or None, format=relative, missing="nothing"),
     )
     note = (
         "Cost: relative change of the hub's motion within the band that leaving it out alone makes."
@@ -475,11 +429,8 @@ def left_out_table(items: "Sequence[LeftOut]") -> Table:
 
 def look_table(fit: "Fit") -> Table:
     """How far the drawn surfaces miss each kept mode; empty where there are none."""
-    rows = [
-        (port, k, float(error))
-        for port, errors in fit.look.residual.items()
-        for k, error in enumerate(errors, 1)
-    ]
+    residual = fit.look.residual.items()
+    rows = [(port, k, error) for port, errors in residual for k, error in enumerate(errors, 1)]
     columns = (
         Column("port", [port for port, _, _ in rows]),
         Column("mode", [number for _, number, _ in rows], format=whole),
@@ -496,11 +447,11 @@ def look_table(fit: "Fit") -> Table:
 
 def kept_step_table(fit: "Fit") -> Table:
     """The largest steps that keep the scene's tolerance."""
-    steps = fit.steps
+    column = Rows(fit.steps).column
     columns = (
-        Column("integrator", [step.integrator for step in steps]),
-        Column("largest step", [step.step for step in steps], "s", step_text),
-        Column("bounded by", [step.bound for step in steps]),
-        Column("cost", [step.cost for step in steps], format="{:.2f}".format),
+        column("integrator", "integrator"),
+        column("largest step", "step", "s", step_text),
+        column("bounded by", "bound"),
+        column("cost", "cost", format="{:.2f}".format),
     )
     return Table("Steps that keep the tolerance", columns)

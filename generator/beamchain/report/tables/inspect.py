@@ -1,11 +1,12 @@
 """The tables of `inspect`: modes and springs of any MuJoCo model."""
 
 import math
+from operator import itemgetter
 from typing import TYPE_CHECKING
 
 from beamchain.report.formats import damping_ratio, number, whole
 from beamchain.report.headlines import strain_words
-from beamchain.report.table import Column, Table
+from beamchain.report.table import Column, Rows, Table
 
 if TYPE_CHECKING:
     from beamchain.craft.inspect import Inspection
@@ -36,24 +37,22 @@ def mode_table(inspection: "Inspection") -> Table:
 
 def spring_table(inspection: "Inspection") -> Table:
     """Joints with springs."""
-    names = [name for name, _, _ in inspection.springs]
-    stiffness = [value for _, value, _ in inspection.springs]
-    damping = [value for _, _, value in inspection.springs]
+    column = Rows(inspection.springs).column
     columns = (
-        Column("joint", names, key="joint"),
-        Column("stiffness", stiffness, STIFFNESS, number, key="stiffness"),
-        Column("damping", damping, DAMPING, number, key="damping"),
+        column("joint", itemgetter(0), key="joint"),
+        column("stiffness", itemgetter(1), STIFFNESS, number, key="stiffness"),
+        column("damping", itemgetter(2), DAMPING, number, key="damping"),
     )
     return Table("Sprung joints", columns)
 
 
 def tendon_table(inspection: "Inspection") -> Table:
     """Tendons with springs."""
-    tendons = inspection.tendons
+    column = Rows(inspection.tendons).column
     columns = (
-        Column("tendon", [name for name, _, _, _ in tendons], key="tendon"),
-        Column("stiffness", [k for _, k, _, _ in tendons], STIFFNESS, number, key="stiffness"),
-        Column("damping", [d for _, _, d, _ in tendons], DAMPING, number, key="damping"),
-        Column("armature", [a for _, _, _, a in tendons], ARMATURE, number, key="armature"),
+        column("tendon", itemgetter(0), key="tendon"),
+        column("stiffness", itemgetter(1), STIFFNESS, number, key="stiffness"),
+        column("damping", itemgetter(2), DAMPING, number, key="damping"),
+        column("armature", itemgetter(3), ARMATURE, number, key="armature"),
     )
     return Table("Sprung tendons", columns)

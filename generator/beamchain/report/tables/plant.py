@@ -2,10 +2,11 @@
 
 import math
 from collections.abc import Sequence
+from operator import attrgetter
 from typing import TYPE_CHECKING
 
 from beamchain.report.formats import digits, number
-from beamchain.report.table import Column, Place, Table
+from beamchain.report.table import Column, Place, Rows, Table
 
 if TYPE_CHECKING:
     from beamchain.control.margins import LoopMargins, Margins
@@ -17,10 +18,18 @@ FEW = 4  # poses whose frequencies the terminal shows
 ROUNDING = 1e-9  # gain relative to the largest, below which it is rounding
 
 
-def signal_table(title: str, names: Sequence[str], units: Sequence[str]) -> Table:
-    """Inputs or outputs with their units."""
-    columns = (Column("signal", names, key="name"), Column("unit", units, key="unit"))
-    return Table(title, columns)
+def input_table(plant: "Plant") -> Table:
+    """Inputs with their units."""
+    return _signal_table("Inputs", plant.input_names, plant.input_units)
+
+
+def output_table(plant: "Plant") -> Table:
+    """Outputs with their units."""
+    return _signal_table("Outputs", plant.output_names, plant.output_units)
+
+
+def _signal_table(title: str, names: Sequence[str], units: Sequence[str]) -> Table:
+    return Table(title, (Column("signal", names, key="name"), Column("unit", units, key="unit")))
 
 
 def mode_table(plant: "Plant") -> Table:
@@ -36,15 +45,10 @@ def mode_table(plant: "Plant") -> Table:
         Column("largest gain", list(gains.max(axis=1)), format=digits(3)),
         Column("of", [pairs[strongest] for strongest in gains.argmax(axis=1)]),
     )
-    notes = (
-        (
-            f"taken out, since no input drives them or no output sees them: "
-            f"{', '.join(plant.unreached)}",
-        )
-        if plant.unreached
-        else ()
-    )
-    return Table(f"Flexible modes{f', {plant.pose}' if plant.pose else ''}", columns, notes)
+    unreached = ", ".join(plant.unreached)
+    note = f"taken out, since no input drives them or no output sees them: {unreached}"
+    notes = (note,) if unreached else ()
+    return Table(titled("Flexible modes", [plant.pose]), columns, notes)
 
 
 def allocation_tables(plant: "Plant") -> list[Table]:
@@ -116,11 +120,8 @@ def margin_table(several: "Sequence[Margins]") -> Table:
     """Margins at every input that a loop drives, the loops of the others closed, pose by pose; why
     a closed loop is unstable in its notes."""
     loops = [(margins.pose, loop) for margins in several for loop in margins.loops]
-    notes = [
-        f"{margins.pose}: {said}" if margins.pose else said
-        for margins in several
-        for said in margins.reasons
-    ]
+    reasons = [(margins.pose, said) for margins in several for said in margins.reasons]
+    notes = [f"{pose}: {said}" if pose else said for pose, said in reasons]
     if any(margins.timestep for margins in several):
         notes.append("Sampled: all figures hold at the samples, up to pi/T.")
 
@@ -148,21 +149,15 @@ def margin_table(several: "Sequence[Margins]") -> Table:
 def limiting_table(several: "Sequence[Margins]") -> Table:
     """The flexible modes near whose frequencies the margins lie; of loops that have any."""
     figures = ("gain", "phase", "disk")
-    loops = [
-        (margins.pose, loop)
-        for margins in several
-        for loop in margins.loops
-        if any(figure in loop.modes for figure in figures)
-    ]
-    columns = (
+    every = [(margins.pose, loop) for margins in several for loop in margins.loops]
+    loops = [(pose, loop) for pose, loop in every if not loop.modes.keys().isdisjoint(figures)]
+    columns = [
         *pose_columns([pose for pose, _ in loops]),
         Column("input broken", [loop.input for _, loop in loops]),
-        *(
-            Column(figure, [loop.modes.get(figure) for _, loop in loops], missing="-")
-            for figure in figures
-        ),
-    )
-    return Table("Modes within 20 % of a margin's frequency", columns)
+    ]
+    for figure in figures:
+        columns.append(Column(figure, [loop.modes.get(figure) for _, loop in loops], missing="-"))
+    return Table("Modes within 20 % of a margin's frequency", tuple(columns))
 
 
 def _state(loop: "LoopMargins") -> str:
@@ -180,9 +175,7 @@ def closed_loop_table(several: "Sequence[Margins]") -> Table:
         ("peak of S", "peak_sensitivity"),
         ("peak of T", "peak_complementary"),
     ):
-        extrema = [
-            (extremum.value, extremum.frequency)
-            for extremum in (getattr(margins, field) for margins in several)
-        ]
-        columns.append(Column(f"{name} (at rad/s)", extrema, format=margin_at_text))
+        extremum = attrgetter(f"{field}.value", f"{field}.frequency")
+        column = Rows(several).column(f"{name} (at rad/s)", extremum, format=margin_at_text)
+        columns.append(column)
     return Table("All loops at once", tuple(columns))

@@ -11,8 +11,7 @@ from beamchain.report.tables import inspect as inspect_tables
 from beamchain.report.tables.embed import coupled_table
 from beamchain.report.tables.fit import mass_record
 from beamchain.structure.settle_modes import MOTIONS
-from beamchain.studies.pareto import TARGETS, Metric, Reach, power
-from beamchain.studies.scenario import Scenario
+from beamchain.studies.pareto import TARGETS, Metric, power
 from beamchain.warning_codes import warnings_record
 
 if TYPE_CHECKING:
@@ -42,16 +41,17 @@ def space_record(fit: "Fit") -> dict[str, Any]:
     if (space := fit.space) is None:
         return {}
     modes = zip(space.data.belongs, space.data.leaks, strict=True)
-    record = {
-        "motions": [MOTIONS[i] for i in space.live],
-        "target": port_record(space.target),
-        "achieved": port_record(space.achieved),
-        "error": _fields(space.error, "frequency", "participation"),
-        "modes": [{"belongs": port, "leak": leak} for port, leak in modes],
-        "effective_mass_fractions": space.data.effective_mass_fractions,
-        "kept": space.numbers,
+    return {
+        "space": {
+            "motions": [MOTIONS[i] for i in space.live],
+            "target": port_record(space.target),
+            "achieved": port_record(space.achieved),
+            "error": _fields(space.error, "frequency", "participation"),
+            "modes": [{"belongs": port, "leak": leak} for port, leak in modes],
+            "effective_mass_fractions": space.data.effective_mass_fractions,
+            "kept": space.numbers,
+        }
     }
-    return {"space": record}
 
 
 def fit_record(fit: "Fit") -> dict[str, Any]:
@@ -244,7 +244,8 @@ def study_record(study: "Study") -> dict[str, Any]:
             **_fields(scenario.profile, "times", "wrench"),
             "largest_elastic_motion": scenario.largest,
         },
-        "reference": _reference(scenario),
+        # what the motions were compared with, and how much large motion would change of it
+        "reference": {"kind": "linear", "nonlinear": scenario.nonlinear},
         "points": [point._asdict() for point in study.points],
         "notes": [
             {**_fields(ladder.entry, "model", "n", "integrator"), "note": ladder.note}
@@ -258,11 +259,6 @@ def study_record(study: "Study") -> dict[str, Any]:
     }
 
 
-def _reference(scenario: Scenario) -> dict[str, Any]:
-    """What the motions were compared with, and how much large motion would change of it."""
-    return {"kind": "linear", "nonlinear": scenario.nonlinear}
-
-
 def _to_reach(study: "Study", metric: Metric) -> dict[str, Any]:
     out: dict[str, Any] = {power(target): None for target in TARGETS}
     for target in TARGETS:
@@ -272,11 +268,10 @@ def _to_reach(study: "Study", metric: Metric) -> dict[str, Any]:
         out[power(target)] = {
             **best.point._asdict(),
             "rivals": {model: reach.seconds / best.seconds for model, reach in rivals.items()},
-            "rival_points": {model: _reach_record(reach) for model, reach in rivals.items()},
+            "rival_points": {
+                model: _fields(reach.point, "n", "integrator", "timestep")
+                | _fields(reach, "seconds")
+                for model, reach in rivals.items()
+            },
         }
     return out
-
-
-def _reach_record(reach: Reach) -> dict[str, Any]:
-    setting = _fields(reach.point, "n", "integrator", "timestep")
-    return {**setting, **_fields(reach, "seconds")}

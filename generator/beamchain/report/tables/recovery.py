@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING, Any
 
 from beamchain.report.formats import digits, number, short
-from beamchain.report.table import Column, Table
+from beamchain.report.table import Rows, Table
 
 if TYPE_CHECKING:
     from beamchain.craft.histories import Extreme, Recovery
@@ -13,43 +13,36 @@ NOTHING = 1e-9  # of the largest value with the same unit: a component below it 
 
 def recovery_table(recovery: "Recovery") -> Table:
     """Each component where it is largest along the appendage; what is nowhere is left out."""
-    rows = worst_stations(recovery)
-    places = [row.x for row in rows]
+    column = Rows(worst_stations(recovery)).column
     columns = (
-        Column("quantity", [row.quantity for row in rows], key="quantity"),
-        Column("unit", [row.unit for row in rows], key="unit"),
-        Column("at x", places, "m", short, key="x"),
-        Column("smallest", [row.smallest for row in rows], format=digits(5), key="smallest"),
-        Column("at", [row.smallest_at for row in rows], "s", number, key="smallest_at"),
-        Column("from", [row.smallest_from for row in rows], key="smallest_from"),
-        Column("largest", [row.largest for row in rows], format=digits(5), key="largest"),
-        Column("at", [row.largest_at for row in rows], "s", number, key="largest_at"),
-        Column("from", [row.largest_from for row in rows], key="largest_from"),
+        column("quantity", "quantity", key="quantity"),
+        column("unit", "unit", key="unit"),
+        column("at x", "x", "m", short, key="x"),
+        column("smallest", "smallest", format=digits(5), key="smallest"),
+        column("at", "smallest_at", "s", number, key="smallest_at"),
+        column("from", "smallest_from", key="smallest_from"),
+        column("largest", "largest", format=digits(5), key="largest"),
+        column("at", "largest_at", "s", number, key="largest_at"),
+        column("from", "largest_from", key="largest_from"),
     )
-    note = (
+    notes = [
         "with the static part of the modes left out"
         if recovery.static
         else "the kept modes alone; the root's load and accelerations are those of the spacecraft"
-    )
-    notes = (note,)
+    ]
     if recovery.in_file:
-        numbers = ", ".join(
-            f"{k} ({name})" for name, k in zip(recovery.modes, recovery.in_file, strict=True)
-        )
-        notes = (note, f"modes of the file: {numbers}")
-    return Table(f"Extremes inside the appendage at {recovery.place}", columns, notes)
+        named = zip(recovery.modes, recovery.in_file, strict=True)
+        notes.append(f"modes of the file: {', '.join(f'{k} ({name})' for name, k in named)}")
+    return Table(f"Extremes inside the appendage at {recovery.place}", columns, tuple(notes))
 
 
 def worst_stations(recovery: "Recovery") -> "list[Extreme]":
     """Per component the station where it is largest, in the order of the components."""
-    every = recovery.extremes
     largest: dict[str, float] = {}
     worst: dict[str, Extreme] = {}
-    for row in every:
+    for row in recovery.extremes:
         largest[row.unit] = max(largest.get(row.unit, 0.0), _size(row))
-        known = worst.get(row.quantity)
-        if known is None or _size(row) > _size(known):
-            worst[row.quantity] = row
+        worst[row.quantity] = max(worst.get(row.quantity, row), row, key=_size)
     return [row for row in worst.values() if _size(row) > NOTHING * largest[row.unit]]
 
 

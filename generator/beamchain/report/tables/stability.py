@@ -1,16 +1,17 @@
 """The tables of `inspect --steps`: step limits, damping, large motion."""
 
 import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from beamchain.report.formats import damping_ratio, number, relative, short, step_text
-from beamchain.report.table import Column, Table
+from beamchain.report.table import Column, Rows, Table
 
 if TYPE_CHECKING:
-    from beamchain.craft.slews import SlewBody, SlewRow
     from beamchain.craft.stability import StabilityStudy
     from beamchain.steps.budget import Budget
 
+Makes = Callable[..., Column]  # as `Rows.column`
 LIFTED = (
     "`beamchain retime` lifts what the appendages limit: they are then exact at longer steps, up "
     "to what the spacecraft's own springs and servos allow."
@@ -19,11 +20,11 @@ LIFTED = (
 
 def limit_table(study: "StabilityStudy") -> Table:
     """The largest stable steps."""
-    rows = study.rows
+    column = Rows(study.rows).column
     columns = (
-        Column("model", [row.name for row in rows]),
-        Column("integrator", [row.integrator for row in rows]),
-        Column("largest stable step", [row.largest for row in rows], "s", step_text),
+        column("model", "name"),
+        column("integrator", "integrator"),
+        column("largest stable step", "largest", "s", step_text),
     )
     return Table("Largest stable step", columns)
 
@@ -43,54 +44,47 @@ def damping_table(budget: "Budget") -> Table:
 
 def slew_table(study: "StabilityStudy") -> Table:
     """What the file's own step is off in slews of hinges, per body."""
-    rows = [(slew, body) for slew in study.slews for body in slew.bodies]
+    slew, body, which = _per_body(study)
     columns = (
-        *_slew_columns(rows),
-        Column("elastic part", [b.elastic_attitude for _, b in rows], "rad", tiny),
-        Column("step off by", [b.step_attitude for _, b in rows], "rad", tiny),
-        Column("of the elastic part", [b.step_share for _, b in rows], format=relative),
-        Column("step off by", [b.step_place for _, b in rows], "m", tiny),
-        Column("momentum lost", [s.momentum for s, _ in rows], format=tiny, missing="held"),
-        Column("energy off by", [s.energy for s, _ in rows], format=tiny, place="page"),
-        Column("RK4 off by", [s.error_rk4 for s, _ in rows], "rad", tiny),
-        Column(
-            "RK4's momentum lost",
-            [s.momentum_rk4 for s, _ in rows],
-            format=tiny,
-            missing="held",
-            place="page",
-        ),
+        *which,
+        body("elastic part", "elastic_attitude", "rad", tiny),
+        body("step off by", "step_attitude", "rad", tiny),
+        body("of the elastic part", "step_share", format=relative),
+        body("step off by", "step_place", "m", tiny),
+        slew("momentum lost", "momentum", format=tiny, missing="held"),
+        slew("energy off by", "energy", format=tiny, place="page"),
+        slew("RK4 off by", "error_rk4", "rad", tiny),
+        slew("RK4's momentum lost", "momentum_rk4", format=tiny, missing="held", place="page"),
     )
-    return Table(f"Slews of hinges: what {_own_step(study)} does", columns)
+    own = "".join(f"{row.integrator} at {short(row.timestep)} s" for row in study.slews[:1])
+    return Table(f"Slews of hinges: what {own} does", columns)
 
 
 def chain_table(study: "StabilityStudy") -> Table:
     """What the chains are off in slews of hinges, per body."""
-    rows = [(slew, body) for slew in study.slews for body in slew.bodies]
+    _, body, which = _per_body(study)
     columns = (
-        *_slew_columns(rows),
-        Column("elastic part", [b.elastic_attitude for _, b in rows], "rad", tiny),
-        Column("elastic part", [b.elastic_place for _, b in rows], "m", tiny),
-        Column("chains off by", [b.chain_attitude for _, b in rows], "rad", tiny),
-        Column("chains off by", [b.chain_place for _, b in rows], "m", tiny),
-        Column("of the elastic part", [b.chain_share for _, b in rows], format=relative),
+        *which,
+        body("elastic part", "elastic_attitude", "rad", tiny),
+        body("elastic part", "elastic_place", "m", tiny),
+        body("chains off by", "chain_attitude", "rad", tiny),
+        body("chains off by", "chain_place", "m", tiny),
+        body("of the elastic part", "chain_share", format=relative),
     )
     return Table("Slews of hinges: what the chains hold", columns)
 
 
-def _slew_columns(rows: "list[tuple[SlewRow, SlewBody]]") -> tuple[Column, ...]:
-    """Which slew, and which body."""
-    return (
-        Column("hinge", [slew.joint for slew, _ in rows]),
-        Column("by", [math.degrees(slew.angle) for slew, _ in rows], "deg", short),
-        Column("in", [slew.duration for slew, _ in rows], "s", short),
-        Column("body", [body.name for _, body in rows]),
+def _per_body(study: "StabilityStudy") -> "tuple[Makes, Makes, tuple[Column, ...]]":
+    """What makes columns of slews and of their bodies, a row per body; and those that say which."""
+    rows = [(slew, body) for slew in study.slews for body in slew.bodies]
+    slew, body = Rows(slew for slew, _ in rows).column, Rows(body for _, body in rows).column
+    which = (
+        slew("hinge", "joint"),
+        slew("by", lambda row: math.degrees(row.angle), "deg", short),
+        slew("in", "duration", "s", short),
+        body("body", "name"),
     )
-
-
-def _own_step(study: "StabilityStudy") -> str:
-    own = study.slews[0] if study.slews else None
-    return "" if own is None else f"{own.integrator} at {short(own.timestep)} s"
+    return slew, body, which
 
 
 def tiny(value: float) -> str:
@@ -104,14 +98,13 @@ def _limit_text(value: float) -> str:
 
 def large_motion_table(study: "StabilityStudy") -> Table:
     """How far the chain may be driven in each plane."""
-    limits = study.large.values()
-    accelerations = [limit.acceleration for limit in limits]
+    column = Rows(study.large.values()).column
     columns = (
         Column("plane", list(study.large)),
-        Column("spin", [limit.spin for limit in limits], "rad/s", _limit_text),
-        Column("acceleration across", accelerations, "m/s^2", _limit_text),
-        Column("acceleration along", [limit.axial for limit in limits], "m/s^2", _limit_text),
-        Column("slew", [limit.slew for limit in limits], "rad/s^2", _limit_text),
+        column("spin", "spin", "rad/s", _limit_text),
+        column("acceleration across", "acceleration", "m/s^2", _limit_text),
+        column("acceleration along", "axial", "m/s^2", _limit_text),
+        column("slew", "slew", "rad/s^2", _limit_text),
     )
     notes = (
         "Spin, acceleration across and slew: up to here the chain stays within 1 % of 60 links. "
