@@ -136,6 +136,18 @@ def test_no_mp4_without_ffmpeg(without_ffmpeg):
     assert film.mp4(frames(), 20.0) is None
 
 
+@pytest.mark.parametrize(
+    ("program", "said"),
+    [("exit 1", "made no film: it does not say why"), ("echo no libx264 >&2; exit 1", "libx264")],
+)
+def test_an_ffmpeg_that_fails_says_so(program, said, tmp_path, monkeypatch):
+    (tmp_path / "ffmpeg").write_text(f"#!/bin/sh\n{program}\n")
+    (tmp_path / "ffmpeg").chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}{os.pathsep}{os.environ['PATH']}")
+    with pytest.raises(bc.BeamchainError, match=said):
+        film.mp4(frames(), 20.0)
+
+
 @pytest.mark.slow
 def test_render_without_ffmpeg_makes_no_mp4(boom, tmp_path, monkeypatch, without_ffmpeg):
     monkeypatch.setattr(backend, "choose_renderer", lambda: "none")

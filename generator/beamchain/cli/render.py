@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
-from beamchain.cli.common import Folder, Force, Json, read_text
+from beamchain.cli.common import Folder, Force, Json, explain, read_text
 from beamchain.cli.output import print_all, print_warnings, tell
-from beamchain.errors import InputError
+from beamchain.errors import EngineError, InputError
 from beamchain.warning_codes import warnings_record
 
 if TYPE_CHECKING:
@@ -126,7 +126,9 @@ def render(
         raise InputError(f"render: {both[0]} and {both[1]} are both given; leave one out.")
     for option, is_given in (("--pose", pose is not None), ("--latch", bool(latch))):
         if is_given and not is_run:
-            raise InputError(f"render: {option} is of --run; give --run SECONDS too.")
+            raise InputError(f"render: {option} is of a run; give --run or --torque too.")
+    if angle is not None and (is_run or modes):
+        raise InputError("render: --angle is of a turn; leave it out.")
     if is_run and exaggerate != 1.0:
         raise InputError("render: a run is drawn to scale; leave --exaggerate out.")
     sizes = (("width", width, 64, 4096), ("height", height, 64, 4096), ("modes", modes, 0, 100))
@@ -177,7 +179,6 @@ class Shot(NamedTuple):
     """What is filmed: positions `(k, nq)` beside faint ones, each with a line of text; the number
     of the still and of what a GIF begins with; what the terminal, --json and warnings say of it."""
 
-    body: str
     shown: "Array"
     ghosts: "Array"
     texts: Sequence[str]
@@ -190,18 +191,24 @@ class Shot(NamedTuple):
 
 def _filmed(model: "mujoco.MjModel", shot: Shot, width: int, height: int) -> dict[str, bytes]:
     """PNG, GIF and, where there is ffmpeg, MP4, by the endings of their files."""
+    from beamchain.engine.displacement import spacecraft_body
     from beamchain.engine.draw import draw_frames
     from beamchain.report import film
 
     skip = 1 if film.ffmpeg() else SKIP
     drawn = [*range(0, len(shot.shown), skip), shot.still]
     shown, ghosts = shot.shown[drawn], shot.ghosts[drawn]
-    frames = draw_frames(model, shot.body, shown, ghosts, width=width, height=height)
+    body = spacecraft_body(model)
+    frames = draw_frames(model, body, shown, ghosts, width=width, height=height)
     told = [film.write_text(frame, shot.texts[k]) for frame, k in zip(frames, drawn, strict=True)]
     *moving, still = told
     few, first = moving[:: SKIP // skip], shot.first // SKIP
     made = {"png": film.png(still), "gif": film.gif(few[first:] + few[:first], RATE / SKIP)}
-    mp4 = film.mp4(moving, RATE)
+    try:
+        mp4 = film.mp4(moving, RATE)
+    except EngineError as error:
+        explain(f"no MP4: {error}")
+        return made
     return made if mp4 is None else {**made, "mp4": mp4}
 
 
@@ -226,8 +233,10 @@ def _turn(
     """A turn by `angle` [rad], of the hub or of a hinge; None: the chosen turn."""
     from beamchain.engine.slew import simulate
     from beamchain.report.replay import turn_limits
+    from beamchain.steps.retime import without_timing
 
-    slew = simulate(model, angle=angle, frames=FRAMES, joint=joint)
+    plain = without_timing(model)
+    slew = simulate(model, angle=angle, frames=FRAMES, joint=joint, untimed=plain)
     scale = "to scale" if exaggerate == 1.0 else f"x {exaggerate:g}"
     note = f"{_rate(slew.times[-1], len(slew.times))}, bending {scale}"
     axis = None if slew.joint else "xyz"[slew.axis]
@@ -248,9 +257,7 @@ def _turn(
     limits = turn_limits(model, slew, roots)
     texts = _clock(slew.times, note)
     shown, rigid = slew.shown(exaggerate), slew.shown(0.0)
-    return Shot(
-        slew.body, shown, rigid, texts, slew.loudest, slew.loudest, [sentence], facts, limits
-    )
+    return Shot(shown, rigid, texts, slew.loudest, slew.loudest, [sentence], facts, limits)
 
 
 def _run(
@@ -261,7 +268,6 @@ def _run(
     torque: Path | None,
 ) -> Shot:
     """A simulated run, beside its start or rigid appendages."""
-    from beamchain.engine.displacement import spacecraft_body
     from beamchain.engine.model_rows import sprung
     from beamchain.steps.deployment import commands, hinge_stages, simulate_run
 
@@ -289,8 +295,8 @@ def _run(
     }
     late = f"{', '.join(done.waiting)} had not latched after {seconds:g} s; give a longer --run."
     warnings = [late] if done.waiting else []
-    body, texts = spacecraft_body(model), _clock(done.times, note)
-    return Shot(body, done.positions, ghosts, texts, RUN // 2, 0, told, facts, warnings)
+    texts = _clock(done.times, note)
+    return Shot(done.positions, ghosts, texts, RUN // 2, 0, told, facts, warnings)
 
 
 def _modes(model: "mujoco.MjModel", count: int, exaggerate: float) -> list[Shot]:
@@ -308,5 +314,5 @@ def _modes(model: "mujoco.MjModel", count: int, exaggerate: float) -> list[Shot]
         told = [f"{text}{mode.omega:.4g} rad/s, {hz:.4g} Hz; {note}"]
         facts = {"name": mode.name, "omega": mode.omega, "hz": hz, "swing": mode.swing}
         still = CYCLE // 4
-        shots.append(Shot(mode.body, mode.positions, rest, texts, still, still, told, facts))
+        shots.append(Shot(mode.positions, rest, texts, still, still, told, facts))
     return shots

@@ -5,9 +5,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from beamchain.craft.linear_craft import linear_craft
-from beamchain.engine.displacement import moved_positions, reach, spacecraft_body, turn
+from beamchain.craft.mode_names import cantilever_names, mode_names
+from beamchain.engine.displacement import moved_positions, reach, turn
 from beamchain.engine.library import mujoco
+from beamchain.engine.linear import linear_at
+from beamchain.engine.operating_point import quiet_copy, rest_point
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array, locked
 from beamchain.steps.retime import without_timing
@@ -20,15 +22,13 @@ class MovingMode(NamedTuple):
     """One mode, named after the cantilever mode or joint with most of its strain energy;
     `omega` [rad/s].
 
-    `positions` `(k, nq)` over one oscillation, from rest; `body`: the spacecraft's; `swing`: the
-    largest displacement [m].
+    `positions` `(k, nq)` over one oscillation, from rest; `swing`: the largest displacement [m].
     """
 
     name: str
     omega: float
     positions: Array
     rest: Array
-    body: int
     swing: float
 
 
@@ -38,14 +38,15 @@ def moving_modes(
     """The first `count` coupled modes of a model at rest and without timing, in `frames` positions
     each, `exaggerate` times as large."""
     model = without_timing(model)
-    craft = linear_craft(model, None, None, None, None)
-    modes, rest = craft.modes, craft.point.qpos
+    point = rest_point(quiet_copy(model))
+    linear, rest = linear_at(point), point.qpos
+    modes = linear.modes()
+    names = mode_names(modes.shapes, *cantilever_names(model, linear.mass, linear.stiffness))
     if count > modes.frequency.size:
         raise InputError(
             f"--modes = {count}: the spacecraft has {modes.frequency.size} coupled modes; give at "
             "most as many."
         )
-    body = spacecraft_body(model)
     swing = np.sin(2.0 * np.pi * np.arange(frames) / frames)
     out: list[MovingMode] = []
     for k in range(count):
@@ -54,11 +55,10 @@ def moving_modes(
         moves *= exaggerate
         out.append(
             MovingMode(
-                craft.mode_names[k],
+                names[k],
                 float(modes.frequency[k]),
                 locked(positions),
                 locked(rest),
-                body,
                 moves,
             )
         )

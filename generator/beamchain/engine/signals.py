@@ -111,7 +111,13 @@ def base(model: "mujoco.MjModel") -> int:
 
 def usual_inputs(model: "mujoco.MjModel") -> list[str]:
     """All actuators, a torque on the base where there is none."""
-    return actuator_names(model) or [f"torque:{model.body(base(model)).name}"]
+    name = model.body(base(model)).name
+    if not actuator_names(model) and not name:
+        raise InputError(
+            "the spacecraft's base body has no name, by which a torque on it could be asked for; "
+            'write <body name="bus">.'
+        )
+    return actuator_names(model) or [f"torque:{name}"]
 
 
 def named_inputs(

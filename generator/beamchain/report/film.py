@@ -85,10 +85,13 @@ def mp4(frames: Sequence[Frame], rate: float) -> bytes | None:
         made = "-vf pad=ceil(iw/2)*2:ceil(ih/2)*2 -pix_fmt yuv420p -movflags +faststart"
         command = [program, "-loglevel", "error", *given.split(), *made.split(), str(place)]
         pixels = b"".join(frame.tobytes() for frame in frames)
-        done = subprocess.run(command, input=pixels, capture_output=True, check=False)
+        try:
+            done = subprocess.run(command, input=pixels, capture_output=True, check=False)
+        except OSError as error:
+            raise EngineError(f"{program} could not be run: {error.strerror}.") from None
         if done.returncode != 0:
             said = done.stderr.decode(errors="replace").strip()[:200]
-            raise EngineError(f"ffmpeg made no film: {said}")
+            raise EngineError(f"{program} made no film: {said or 'it does not say why'}")
         return place.read_bytes()
 
 
@@ -96,7 +99,10 @@ def ffmpeg() -> str | None:
     """Path of ffmpeg, installed or of imageio-ffmpeg; None where there is none."""
     program = shutil.which("ffmpeg")
     if program is None and find_spec("imageio_ffmpeg") is not None:
-        return str(import_module("imageio_ffmpeg").get_ffmpeg_exe())
+        try:
+            return str(import_module("imageio_ffmpeg").get_ffmpeg_exe())
+        except RuntimeError:  # installed without its program
+            return None
     return program
 
 

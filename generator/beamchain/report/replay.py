@@ -128,7 +128,7 @@ def _replays(
     try:
         with quiet():
             most = MOST_WORK // model.nv
-            slew = simulate(quiet_copy(timed), angle=None, frames=TURN, most=most)
+            slew = simulate(quiet_copy(timed), angle=None, frames=TURN, most=most, untimed=model)
     except EngineError as error:
         return Replays(films, f"No turn is drawn: {str(error).partition(';')[0]}.")
     except InputError:  # it does not fly freely, or nothing bends
