@@ -124,7 +124,8 @@ def _mark_gain(ax: "Axes", poses: "Sequence[LoopMargins]") -> None:
         ax.plot([omega] * 2, [-margin, 0.0], color=BEAM, linewidth=0.9, marker="_")
     for side in (1.0, -1.0):
         of_side = [pair for pair in drawn if side * pair[0] > 0.0]
-        for margin, omega in sorted(of_side, key=lambda pair: abs(pair[0]))[:1]:
+        if of_side:
+            margin, omega = min(of_side, key=lambda pair: abs(pair[0]))
             _say(ax, f"{margin:.1f} dB at {omega:.3g} rad/s", omega, -margin)
 
 
@@ -134,7 +135,8 @@ def _mark_phase(ax: "Axes", poses: "Sequence[LoopMargins]") -> None:
     for loop in loops:
         ends = [-TURN, loop.phase - TURN]
         ax.plot([loop.phase_frequency] * 2, ends, color=BEAM, linewidth=0.9, marker="_")
-    for least in sorted(loops, key=lambda loop: abs(loop.phase))[:1]:
+    if loops:
+        least = min(loops, key=lambda loop: abs(loop.phase))
         text = f"{least.phase:.1f}° at {least.phase_frequency:.3g} rad/s"
         _say(ax, text, least.phase_frequency, least.phase - TURN)
 

@@ -1,5 +1,6 @@
 """The page of `inspect --steps`: steps that hold, and how far a chain may be driven."""
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -53,5 +54,5 @@ def _steps_hold(study: "StabilityStudy") -> Verdict:
     longer = largest.get("RK4", 0.0)
     text = f"{study.own_step.rstrip('.')}; every integrator is stable up to a step of "
     text += f"{short(least)} s"
-    text += f" (RK4 up to {short(longer)} s)" if longer > 1.05 * least else ""
+    text += f" (RK4 up to {short(longer)} s)" if 1.05 * least < longer < math.inf else ""
     return Verdict(not study.warnings, f"{text}.")

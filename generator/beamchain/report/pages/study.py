@@ -69,8 +69,8 @@ def answer(study: "Study") -> str:
         f"step {point.timestep:.4g} s: {1e3 * best.seconds:.3g} ms for {study.scenario.duration:g} "
         "s."
     )
-    rivals = sorted(study.rivals(target, "error").values(), key=lambda rival: rival.seconds)
-    for near in rivals[:1]:
+    if rivals := study.rivals(target, "error").values():
+        near = min(rivals, key=lambda rival: rival.seconds)
         longer = short(near.seconds / best.seconds)
         text += f" The nearest rival, {near.model}, takes {longer} times as long."
     return text

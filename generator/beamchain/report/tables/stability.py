@@ -43,7 +43,7 @@ def damping_table(budget: "Budget") -> Table:
 
 
 def slew_table(study: "StabilityStudy") -> Table:
-    """What the file's own step is off in slews of hinges, per body."""
+    """What the file's own step is off in slews of hinges, of which there are some, per body."""
     slew, body, which = _per_body(study)
     columns = (
         *which,
@@ -56,8 +56,9 @@ def slew_table(study: "StabilityStudy") -> Table:
         slew("RK4 off by", "error_rk4", "rad", tiny),
         slew("RK4's momentum lost", "momentum_rk4", format=tiny, missing="held", place="page"),
     )
-    own = "".join(f"{row.integrator} at {short(row.timestep)} s" for row in study.slews[:1])
-    return Table(f"Slews of hinges: what {own} does", columns)
+    own = study.slews[0]
+    step = f"{own.integrator} at {short(own.timestep)} s"
+    return Table(f"Slews of hinges: what {step} does", columns)
 
 
 def chain_table(study: "StabilityStudy") -> Table:
