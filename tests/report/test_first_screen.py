@@ -65,6 +65,9 @@ def test_a_craft_says_its_error_and_what_hangs_on_it():
     alike, opposed = (line for line in lines if line.startswith("  "))
     assert alike.endswith("left and right in phase, bending xy; bus along y")
     assert opposed.endswith("left and right opposed, bending xy; bus about z")
+    twin = list(embedded_lines(bc.embed(CRAFT, {"left": boom()}, rigid=True)))
+    assert twin[0].startswith("rigid twin: ")
+    assert twin[-1].endswith("kept: none")
     added = craft.model.nv - craft.craft.nv
     assert embedded_tiles(craft)[-1][0] == f"{added} degrees of freedom"
 

@@ -125,7 +125,7 @@ def test_study_warns_where_no_chain_reaches_a_target():
     found = studies.Study(spec, studies.Options(), task.kept, loud, ladders, 0.0)
     assert found.best(1e-2, "error") is None
     assert any(s.startswith("exact, hub, n = 2: slew") for s in studies._load_warnings(task, found))
-    assert "exact, hub with n = 2 comes to 0.2" in answer(found)
+    assert "exact, hub with n = 2 comes to 0.2: study more modes" in answer(found)
     rows = reach_table(found).rows
     assert [r[1] for r in rows[:2]] == ["none of ours within the budget", "equal links, midpoint"]
 

@@ -59,9 +59,14 @@ def answer(study: "Study") -> str:
     best = study.best(target, "error")
     if best is None:
         point = study.nearest("error")
-        near = f"; {point.model} with n = {point.n} comes to {point.error:.2g}" if point else ""
+        if point is None:
+            return "No setting of ours was measured within the budget: raise --budget."
+        notes = [ladder.note for ladder in study.ladders if ladder.entry == point.entry]
+        cut = any(note.startswith("stopped") for note in notes)
+        cure = "raise --budget" if cut else "study more modes, by larger numbers in [modes]"
         return (
-            f"No setting of ours reached an error of 1e-2 within the budget{near}: raise --budget."
+            f"No setting of ours reached an error of 1e-2; {point.model} with n = {point.n} comes "
+            f"to {point.error:.2g}: {cure}."
         )
     point = best.point
     text = (

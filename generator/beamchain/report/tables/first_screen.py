@@ -79,17 +79,19 @@ def _parts(fit: "Fit") -> list[str]:
 
 def embedded_lines(embedded: "Embedded") -> Iterator[str]:
     """The error of the whole against the tolerance, and what hangs on it."""
-    if cure := cure_sentence(embedded):
+    composite, several = embedded.composite, embedded.appendages
+    rigid = several[0].rigid  # the twin, which no cure is for
+    if not rigid and (cure := cure_sentence(embedded)):
         yield cure
     yield embedded.headline
-    composite, several = embedded.composite, embedded.appendages
     yield f"{composite.body} with all that it carries: {short(composite.mass)} kg"
     for a in several[:APPENDAGES]:
-        yield f"{a.at}: {appendage_words(a.fit)}; kept: {modes_kept(a.fit)}"
+        yield f"{a.at}: {appendage_words(a.fit)}; kept: {'none' if rigid else modes_kept(a.fit)}"
     if len(several) > APPENDAGES:
         yield f"and {len(several) - APPENDAGES} more appendages"
-    yield modes_sentence(embedded)
-    yield from _first_modes(embedded)
+    if not rigid:
+        yield modes_sentence(embedded)
+        yield from _first_modes(embedded)
 
 
 def _first_modes(embedded: "Embedded") -> Iterator[str]:
