@@ -208,6 +208,10 @@ def test_a_run_under_commands_is_filmed(tmp_path):
     told = json.loads(done.stdout)["run"]
     assert (told["seconds"], told["actuators"]) == (0.8, ["rw"])
     assert (tmp_path / "o" / "wheel.gif").exists()
+    (tmp_path / "brief.csv").write_text("time,rw\n0,1\n1e-6,0\n")
+    brief = render([*arguments, "--torque", "brief.csv", "--force"], tmp_path, renderer)
+    assert brief.returncode == 2
+    assert "--torque ends at 1e-06 s; give times from 0.001 to 100000 s" in brief.stderr
     longer = [*arguments, "--torque", "h.csv", "--run", "3", "--pose", "pushed", "--force"]
     done = render(longer, tmp_path, renderer)
     assert "simulated for 3 s from keyframe 'pushed' under commands of rw" in done.stdout

@@ -275,6 +275,11 @@ def _run(
     if seconds is None:
         assert given is not None
         seconds = float(given.times[-1])
+        if not SHORTEST <= seconds <= LONGEST:
+            raise InputError(
+                f"render: --torque ends at {seconds:g} s; give times from {SHORTEST:g} to "
+                f"{LONGEST:g} s, or --run SECONDS."
+            )
     done = simulate_run(model, key, seconds, RUN, hinge_stages(model, latch), given)
     note = f"{_rate(seconds, RUN)}, to scale"
     ghosts = done.start
