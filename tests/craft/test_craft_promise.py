@@ -180,7 +180,8 @@ def test_everything_shown_is_of_the_band_and_the_axes_asked_for(tmp_path):
     assert told.count("beyond the band") == len(beyond)
     said = " ".join(told.split())
     assert "up to 10 rad/s" in said
-    assert f"at {beyond[0].exact:.4g} rad/s" in said
+    assert f"{beyond[0].mujoco:.4g} rad/s (" in said
+    assert "; above the band, off by " in said
     page = (tmp_path / "out_report.html").read_text()
     assert f"{len(assembly.judged)} coupled mode" in page
     assert page.count(">kept, beyond the band</td>") == len(beyond)

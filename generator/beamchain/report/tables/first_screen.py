@@ -97,10 +97,11 @@ def embedded_lines(embedded: "Embedded") -> Iterator[str]:
 def _first_modes(embedded: "Embedded") -> Iterator[str]:
     """The first coupled mode, and the one that adds most to the motion that scenes are about."""
     rows = [mode for mode in embedded.assembly.modes if mode.words and mode.error is not None]
+    if not rows:
+        return
     motions = embedded.promise.motions
-    most = max(rows, key=lambda mode: sum(mode.moved[k] ** 2 for k in motions), default=None)
-    for mode in rows[:1] if most in rows[:1] else [*rows[:1], most]:
-        assert mode is not None
+    first, most = rows[0], max(rows, key=lambda mode: sum(mode.moved[k] ** 2 for k in motions))
+    for mode in [first] if most is first else [first, most]:
         assert mode.mujoco is not None
         assert mode.error is not None
         beyond = mode.mujoco > embedded.band
