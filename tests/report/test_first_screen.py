@@ -68,6 +68,8 @@ def test_a_craft_says_its_error_and_what_hangs_on_it():
     twin = list(embedded_lines(bc.embed(CRAFT, {"left": boom()}, rigid=True)))
     assert twin[0].startswith("rigid twin: ")
     assert twin[-1].endswith("kept: none")
+    slow = bc.Spec(name="boom", segment=boom().segment, scene=bc.Scene(bandwidth=0.01))
+    assert not any("Hz): " in line for line in embedded_lines(bc.embed(CRAFT, {"left": slow})))
     added = craft.model.nv - craft.craft.nv
     assert embedded_tiles(craft)[-1][0] == f"{added} degrees of freedom"
 
