@@ -136,10 +136,12 @@ def embed(
                 at_pose = keyframe_table(result.assembly, result.modes_at(pose, beyond=True), pose)
     drawings = {} if page is None else {page: result.report(craft.name, output.name)}
     files = result.write(output, force=force, also=drawings)
-    record = result.as_dict()
-    if at_pose is not None:
-        record["modes_at"] = {pose: at_pose.records()}
-    tell(lambda: record, lambda: _show(result, at_pose, full=full), files, as_json)
+    more = {} if at_pose is None else {"modes_at": {pose: at_pose.records()}}
+
+    def show() -> None:
+        _show(result, at_pose, full=full)
+
+    tell(lambda: {**result.as_dict(), **more}, show, files, as_json)
     if not rigid and not _is_good(result):
         raise typer.Exit(3)
 

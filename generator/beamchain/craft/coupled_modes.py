@@ -77,13 +77,14 @@ def coupled_modes(pose: Pose, compiled: Linear, band: float) -> tuple[Mode, ...]
     asked_for = np.concatenate([np.ones(nv, np.bool_), *pose.kept])
     kept = energy[asked_for].sum(axis=0) > 0.5 * energy.sum(axis=0)
     partner = _pairs(exact, ours, kept, pose.bare.mass)
+    moved = bus_motion(pose, shapes[:nv]) / exact.frequency
     modes = [
         Mode(
             exact=float(w),
             mujoco=float(ours.frequency[partner[j]]) if j in partner else None,
             kept=bool(kept[j]),
             words=mode_words(pose, shapes[:, j]) if w <= band or kept[j] else "",
-            moved=tuple((bus_motion(pose, shapes[:nv, j]) / w).tolist()),
+            moved=tuple(moved[:, j].tolist()),
         )
         for j, w in enumerate(exact.frequency)
         if j in partner or w <= band
@@ -214,10 +215,10 @@ def mode_words(pose: Pose, shape: Array) -> str:
 
 
 def bus_motion(pose: Pose, shape: Array) -> Array:
-    """`(6,)` motion of the base body in a mode `(nv,)` of the craft, times the square root of the
-    inertia that it feels."""
+    """`(6,)` or `(6, n)` motion of the base body in a mode `(nv,)` of the craft or in several
+    `(nv, n)`, times the square root of the inertia that it feels."""
     felt = np.diag(np.linalg.pinv(pose.rigid_accelerance, rcond=RANK, hermitian=True))
-    return np.sqrt(felt.clip(0.0)) * (pose.bare.outputs.acceleration @ shape)
+    return (np.sqrt(felt.clip(0.0)) * (pose.bare.outputs.acceleration @ shape).T).T
 
 
 def _holders(pose: Pose, shape: Array) -> str:

@@ -4,13 +4,13 @@ from pathlib import Path
 
 import numpy as np
 
-from beamchain.checks import kind_of
+from beamchain.checks import of_type
 from beamchain.craft.disturbances import left_out
 from beamchain.craft.embedded import Embedded
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
 from beamchain.engine.model_checks import check_model
-from beamchain.errors import EngineError, InputError
+from beamchain.errors import EngineError
 from beamchain.warning_codes import Caution
 
 
@@ -27,11 +27,8 @@ def compiled_model(
             raise EngineError(f"MuJoCo refuses the model: {error}") from None
         check_model(model, "the model")
         return model
-    if not isinstance(source, mujoco.MjModel | str | Path):
-        raise InputError(
-            f"model = {source!r:.60} is {kind_of(source)}; give the path of an MJCF file, "
-            "an MjSpec, an MjModel or what bc.embed returns."
-        )
+    wanted = "the path of an MJCF file, an MjSpec, an MjModel or what bc.embed returns"
+    of_type("model", source, (mujoco.MjModel, str, Path), wanted)
     return compile_model(source)
 
 

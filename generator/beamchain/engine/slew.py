@@ -112,16 +112,16 @@ def simulate(
     name = model.body(hub).name or f"body {hub}"
     start = int(model.jnt_dofadr[free[0]])
     axis = 0
+    ringing = model if untimed is None else untimed
     if joint is None:
-        axis, omega = _mode_to_ring(untimed or model, np.arange(start + 3, start + 6), start, held)
+        axis, omega = _mode_to_ring(ringing, np.arange(start + 3, start + 6), start, held)
         drive = _on_hub(model, hub, axis)
     else:
         angle = LARGEST if angle is None else angle
         number = _hinge(model, joint, held, angle)
         model = _without_actuators(model, number)
-        free_model = model if untimed is None else _without_actuators(untimed, number)
         turned = np.array([int(model.jnt_dofadr[number])])
-        omega = _mode_to_ring(free_model, turned, start, held)[1]
+        omega = _mode_to_ring(_without_actuators(ringing, number), turned, start, held)[1]
         drive = _in_hinge(model, number, held, angle)
     elastic = tuple(int(model.jnt_qposadr[j]) for j in held)
     period = 2.0 * np.pi / omega

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import msgspec
 
-from beamchain.checks import Struct, field, kind_of, path_of
+from beamchain.checks import Struct, field, of_type, path_of
 from beamchain.errors import InputError
 from beamchain.fitting.hub import Hub
 from beamchain.fitting.options import (
@@ -400,10 +400,8 @@ class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
 def _check_kind(key: str, value: object, kind: type, example: str) -> None:
     """What is given for a table is an object of its class."""
-    if value is not None and not isinstance(value, kind):
-        raise InputError(
-            f"{key} = {value!r:.60} is {kind_of(value)}; give a {kind.__name__}: {example}."
-        )
+    if value is not None:
+        of_type(key, value, kind, f"a {kind.__name__}: {example}")
 
 
 def read_spec(path: str | Path) -> Spec:

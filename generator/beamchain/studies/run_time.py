@@ -134,7 +134,7 @@ def climb(task: Task, scenario: Scenario, entry: Entry, budget: float) -> Ladder
         rigid = rigid_motion(task, entry.integrator, h, wrench)
         appendage_error = scenario.error(course.motion, h, rigid, clock(entry))
         if not np.isfinite(error):
-            continue
+            continue  # as above, later in the run
         rungs.append(
             _Rung(Run(model, entry.integrator, h, wrench), error, appendage_error, course.seconds)
         )
