@@ -11,10 +11,18 @@ PYTEST := pytest --timeout 900 -n $(WORKERS) --dist worksteal
 
 .PHONY: help demo test tests quick mutants test-full hosts bench bench-peers notebooks docs docs-pictures wheel wheel-test wheel-newest lint clean fuzz extremes ledger test-kernels
 
-$(VENV)/.installed: pyproject.toml
-	@echo "installing into $(VENV), which takes a minute or more the first time"
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+
+# what a user installs, and then what the tests and notebooks need
+$(VENV)/.package: pyproject.toml
+	@echo "installing into $(VENV), which takes half a minute the first time"
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,notebooks]'
+	$(PIP) --editable .
+	touch $@
+
+$(VENV)/.installed: $(VENV)/.package
+	@echo "installing what the tests need, another half a minute"
+	$(PIP) --editable '.[dev,notebooks]'
 	touch $@
 
 help:
@@ -30,7 +38,7 @@ help:
 	@echo "by hand: ledger (STORE=1, CRAFT=\"a b\"), mutants (SEED=1), test-kernels, fuzz (EXAMPLES=2000), extremes,"
 	@echo "         notebooks, docs-pictures, wheel-newest, clean"
 
-demo: $(VENV)/.installed
+demo: $(VENV)/.package
 	$(BIN)/python docs/demo.py build/demo
 
 lint: $(VENV)/.installed
@@ -108,7 +116,7 @@ notebooks: $(VENV)/.installed
 	$(BIN)/python notebooks/execute.py
 
 $(VENV)/.docs: $(VENV)/.installed
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
+	$(PIP) --editable '.[docs]'
 	touch $@
 
 docs: $(VENV)/.docs

@@ -26,12 +26,13 @@ def fit(
     Example: beamchain fit boom.toml -o boom
     """
     from beamchain.files import check_free
-    from beamchain.fitting.fit import fit as fit_chain
     from beamchain.fitting.spec import read_spec
 
     with spinner("reading the spec") as say:
         read = read_spec(spec)
         check_free(output / "fit.json", force=force)
+        from beamchain.fitting.fit import fit as fit_chain  # what it loads takes half a second
+
         say("fitting the chain and reading it back from MuJoCo")
         result = fit_chain(read)
         say("drawing and writing")
