@@ -161,6 +161,47 @@ PARTS = {
     ),
 }
 GYM, GYM_CLASSES = "worlds.gym", ("worlds.satellite.Satellite",)
+#: type of error: the built-in one that it also is, meaning, cure
+ERRORS = {
+    "InputError": (
+        "ValueError",
+        "a value, a file or an option cannot be used",
+        "change the field that is named",
+    ),
+    "RealisationError": (
+        "ArithmeticError",
+        "no physical chain has the wanted behaviour",
+        "fewer modes, or another `root.target`",
+    ),
+    "EngineError": (
+        "RuntimeError",
+        "MuJoCo refuses a model",
+        "correct the MJCF file where MuJoCo points",
+    ),
+    "OutputError": (
+        "OSError",
+        "a file exists or cannot be written",
+        "`--force` (`force=True`), or another folder",
+    ),
+}
+ABOUT_WARNINGS = """# Warnings and errors
+
+Warnings appear on the console, in reports and in the JSON output. There each is
+`{"code": "gravity", "message": "..."}`. In Python each item of `.warnings` has a `.code`. Sentences
+may be reworded; codes do not change.
+
+An error ends a command with exit status 2, and nothing is written. Its sentence names the field,
+the value, what is allowed and the cure. With `--json` it is also printed as
+`{"error": {"message": "...", "type": "InputError"}}`. In Python all types are `bc.BeamchainError`:
+
+| type | also | meaning | cure |
+|---|---|---|---|
+"""
+STATUS = """
+Exit status 3 is no error: files were written, but a requirement was not met, which `status` or a
+warning names.
+
+"""
 WORDS = {
     "number": "number",
     "integer": "whole number",
@@ -448,12 +489,16 @@ def _first(thing: Any) -> str:
 
 
 def warnings() -> str:
-    """Every warning code with its meaning and cure."""
+    """Every type of error, and every warning code, with its meaning and cure."""
     sections = [
         f"## {code}\n\n{meaning[0].upper()}{meaning[1:]}.\n\n**Cure:** {cure}\n"
         for code, (meaning, cure) in CODES.items()
     ]
-    return "# Warnings\n\n" + "\n".join(sections)
+    rows = [
+        f"| `{name}` | `{also}` | {meaning} | {cure} |\n"
+        for name, (also, meaning, cure) in ERRORS.items()
+    ]
+    return ABOUT_WARNINGS + "".join(rows) + STATUS + "\n".join(sections)
 
 
 def pages() -> dict[str, str]:

@@ -27,7 +27,7 @@ PRODUCTS = [
 ]
 PAGES = [README, *sorted((ROOT / "docs").glob("*.md")), *HOWTO, *PRODUCTS]
 # these pages begin in an empty folder
-EMPTY = [ROOT / "docs" / "start.md", ROOT / "docs" / "gallery.md", *HOWTO]
+EMPTY = [*(ROOT / "docs" / f"{name}.md" for name in ("start", "control", "gallery")), *HOWTO]
 # sections whose `py` block needs another package: page, title, what must import
 HOSTS = {
     "basilisk": ("simulators", "Basilisk", "Basilisk.simulation.mujoco"),

@@ -110,6 +110,11 @@ def test_every_warning_is_in_the_reference(pages):
     assert found == list(CODES)
 
 
+def test_every_error_is_in_the_reference(pages):
+    found = {row[0].strip("`") for row in rows(pages["reference/warnings.md"]) if "`" in row[0]}
+    assert found == {one.__name__ for one in bc.BeamchainError.__subclasses__()}
+
+
 def test_every_public_name_has_a_page(pages):
     for name, full in NAMES.items():
         assert f":: beamchain.{full}" in pages[f"reference/python/{name}.md"]
