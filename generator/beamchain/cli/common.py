@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 SpecPath = Annotated[
     Path,
     typer.Argument(
-        metavar="SPEC.toml", help="Specification of the appendage; see `beamchain init --schema`."
+        metavar="SPEC.toml", help="Specification of the appendage; see `beamchain init schema`."
     ),
 ]
 Folder = Annotated[
