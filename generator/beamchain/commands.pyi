@@ -1,10 +1,9 @@
 from .cli.common import Force as Force
-from .cli.common import Json as Json
 from .cli.common import console as console
+from .cli.output import print_files as print_files
 from .cli.output import print_table as print_table
 from .cli.output import print_warnings as print_warnings
 from .cli.output import spinner as spinner
-from .cli.output import tell as tell
 from .cli.plant_options import Inputs as Inputs
 from .cli.plant_options import Model as Model
 from .cli.plant_options import Outputs as Outputs

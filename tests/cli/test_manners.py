@@ -21,8 +21,8 @@ from examples import EXAMPLES, example
 # of what comes with the package, those that are fitted and drawn here: modes stated, chosen, and
 # of a liquid; tests/studies and tests/craft take others
 WHOLE = ("seed_boom", "array_scene", "tank")
-#: commands that print their numbers as JSON; those of the others stand in files that they write
-FOR_SCRIPTS = ("fit", "embed", "inspect", "plant")
+#: commands that print their numbers as JSON; others write them into a file, or Python has them
+FOR_SCRIPTS = ("fit", "embed", "inspect", "plant", "retime")
 STARTS = sorted(path.stem for path in EXAMPLES.glob("*.toml"))
 #: what the script that pip installs does, by its entry point
 AS_INSTALLED = """

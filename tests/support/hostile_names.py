@@ -168,8 +168,6 @@ def commands(name: str) -> list[list[str]]:
             f"{name}=attitude",
             "--samples",
             "6",
-            "--workers",
-            "1",
             "-o",
             "variants",
         ],

@@ -49,8 +49,6 @@ CALLS = (
             "bus.toml",
             "--samples",
             "2",
-            "--workers",
-            "1",
             "-o",
             "{}",
         ],

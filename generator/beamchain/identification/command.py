@@ -7,12 +7,11 @@ import typer
 
 from beamchain.commands import (
     Force,
-    Json,
     console,
+    print_files,
     print_table,
     print_warnings,
     spinner,
-    tell,
 )
 from beamchain.errors import InputError
 
@@ -51,7 +50,6 @@ def identify(
             "--map", metavar="COLUMN=NAME", help="What a column of the log is. Repeatable."
         ),
     ] = None,
-    as_json: Json = False,
     force: Force = False,
 ) -> None:
     """Identify an appendage's modes from logs of the spacecraft's motion, with their covariance.
@@ -82,7 +80,8 @@ def identify(
             map=renamed,
         )
         files = found.write(output, force=force)
-    tell(found.as_dict, lambda: _show(found), files, as_json)
+    _show(found)
+    print_files(files)
     if found.refused:
         raise typer.Exit(3)
 
