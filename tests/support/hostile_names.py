@@ -152,8 +152,6 @@ def commands(name: str) -> list[list[str]]:
             f"site:{name}=rod.toml",
             "-o",
             "flexible.xml",
-            "--pose",
-            name,
             "--full",
         ],
         ["inspect", "flexible.xml"],

@@ -24,14 +24,6 @@ Folder = Annotated[
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on stdout.")]
 Report = Annotated[bool, typer.Option(help="Write OUT_report.html as well.")]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite existing files.")]
-RetimeJoints = Annotated[
-    bool,
-    typer.Option(
-        "--retime-joints",
-        help="Put armature on the spacecraft's own sprung and servo-driven joints as well, so that "
-        "their step error is of fourth order too.",
-    ),
-]
 Full = Annotated[
     bool, typer.Option("--full", help="Print every table as well, and how the modes were chosen.")
 ]
