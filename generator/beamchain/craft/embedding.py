@@ -27,7 +27,6 @@ from beamchain.craft.appendage import (
 from beamchain.craft.disturbances import check_flags
 from beamchain.craft.documents import (
     AppendageRequest,
-    assemble,
     compile_document,
     flattened,
     is_foreign,
@@ -91,7 +90,6 @@ def embed(
     max_modes: int = MOST_MODES,
     rigid: bool = False,
     carry: Mapping[str, str | Sequence[str]] | None = None,
-    retime_joints: bool = False,
     loaded: bool = False,
 ) -> Embedded:
     """Attach appendages to a spacecraft and verify the assembled model.
@@ -119,9 +117,6 @@ def embed(
         carry: bodies of the spacecraft that hang on ports, by `PLACE:PORT`. In the spacecraft's
             file each is a child of the body that holds the place, where it is at rest; default:
             what the [[port]] of the specification names.
-        retime_joints: put armature on the spacecraft's own sprung and servo-driven joints as well,
-            so that their step error is of fourth order too; the appendages are then made exact in
-            time in any case.
         loaded: whether to prove the spacecraft under its own load: the gravity of its `<option>`,
             where its base is held or stands on joints, and the `ctrl` of each keyframe, such as a
             constant thrust that accelerates a free base. The appendages sag and are stiffened by
@@ -147,7 +142,7 @@ def embed(
     """
     loaded = true_or_false("loaded", loaded)
     with noted_inputs() as inputs:
-        result = _embed(craft, mounts, prefixes, retime, max_modes, rigid, carry, retime_joints)
+        result = _embed(craft, mounts, prefixes, retime, max_modes, rigid, carry)
     is_file = (
         isinstance(craft, str | Path) and result.document is not None and not is_mjcf_text(craft)
     )
@@ -161,7 +156,6 @@ def embed(
             retime=retime,
             max_modes=max_modes,
             carry=carry,
-            retime_joints=retime_joints,
             loaded=loaded,
         )
     result = with_known(
@@ -172,8 +166,7 @@ def embed(
         loaded=loaded,
         call=call,
         given=mounts,
-        retime=True if retime_joints else retime,
-        joints=retime_joints,
+        retime=retime,
         most=max_modes,
     )
     return with_loads_told(result)
@@ -238,22 +231,12 @@ def _embed(
     max_modes: int,
     rigid: bool,
     carry: Mapping[str, str | Sequence[str]] | None,
-    retime_joints: bool,
 ) -> Embedded:
     """Do the work of `embed`."""
     hung = checked_carry(carry)
     check_places(mounts)
     rigid = true_or_false("rigid", rigid)
     retime = None if retime is None else true_or_false("retime", retime)
-    joints = true_or_false("retime_joints", retime_joints)
-    if joints and isinstance(craft, mujoco.MjSpec):
-        raise InputError(
-            "retime_joints changes joints of the spacecraft's file, and an MjSpec has none; give "
-            "the path of its file, or call bc.retime(model, timestep, joints=True) on what you "
-            "compile."
-        )
-    if joints and retime is False:
-        raise InputError("retime_joints needs timing; leave out retime=False (--no-retime).")
     if not mounts:
         raise InputError(
             "nothing to embed: give at least one place and spec, --mount NAME=SPEC.toml."
@@ -305,7 +288,7 @@ def _embed(
     places = [*(base_place(at, wanted) for at in wanted), *(f"body:{name}" for name in hanging)]
     if not all(is_written_out(original, place) for place in places):
         original, flat = flattened(original), True
-    made = _embed_in_document(original, wanted, retime, most, fits, rigid, joints)
+    made = _embed_in_document(original, wanted, retime, most, fits, rigid)
     if not flat:
         return made
     note = Caution(
@@ -460,7 +443,6 @@ def _embed_in_document(
     most: int = MOST_MODES,
     fits: "Fits | None" = None,
     rigid: bool = False,
-    joints: bool = False,
 ) -> Embedded:
     craft, appendages, warnings, steps = _fit_on_craft(
         original, wanted, most, fits or Fits(), rigid=rigid
@@ -474,12 +456,9 @@ def _embed_in_document(
         craft,
         appendages,
         lambda those: compile_document(original, those, layout),
-        True if joints else retime,
+        retime,
         compatibility.default_attributes(original.parts()),
-        joints=joints,
     )
-    if joints:  # a joint that the file does not hold by name is refused before anything is written
-        assemble(original, made.appendages, None, layout)
     return with_known(
         made,
         OF_MOTION,
@@ -553,13 +532,11 @@ def _time_and_check(
     build: "Callable[[tuple[Appendage, ...]], mujoco.MjModel]",
     retime: bool | None,
     found: Mapping[str, Mapping[str, int]] | None = None,
-    *,
-    joints: bool = False,
 ) -> Embedded:
     """The spacecraft with its appendages, exact in time where that is worth it.
 
     `build` compiles the spacecraft with appendages; `found`: defaults of its document that
-    would change them; `joints`: time the spacecraft's own joints too.
+    would change them.
     """
     model = build(appendages)
     result = Embedded(appendages, craft, model, ())
@@ -572,7 +549,7 @@ def _time_and_check(
         check_names(craft, on_tendons)
         plain = build(on_tendons)
         band = joint_request([a.spec for a in appendages]).band
-        timed, slowed = with_timing(plain, band, joints=joints)
+        timed, slowed = with_timing(plain, band)
         made = tuple(replace(a, timed=timed) for a in on_tendons)
         before = None if retime else result.sampled_error
         # against the same exact craft
