@@ -103,9 +103,7 @@ class Case:
         self.folder = folder
 
     def embed(self, at=None, **more):
-        return bc.embed(
-            self.text, at or self.at, prefixes=["left_", "right_"], retime=False, **more
-        )
+        return bc.embed(self.text, at or self.at, retime=False, **more)
 
     def found(self, done) -> float:
         """Craft error in the exported file."""

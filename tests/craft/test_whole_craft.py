@@ -68,6 +68,7 @@ def test_equal_appendages_get_prefixes_of_their_places(flexible, one):
         (("mount", "array"), ["array_mount_", "array_"]),
         (("body:array-l", "array-r"), ["array-l_", "array-r_"]),
         (("array",), ["array_"]),
+        (("m+", "m?"), ["array_m__", "array_m__2_"]),
     ],
 )
 def test_no_prefix_says_the_appendages_name_twice(places, prefixes):

@@ -36,13 +36,6 @@ Carry = Annotated[
         "what \\[\\[port]] of SPEC.toml carries.",
     ),
 ]
-Prefix = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="PREFIX",
-        help="Prefix of the appendage's elements; default: its name and `_`. One per --mount.",
-    ),
-]
 Remove = Annotated[
     bool, typer.Option("--remove", help="Remove appendages: those of --mount NAME, or all.")
 ]
@@ -73,7 +66,6 @@ def embed(
     output: Output,
     mount: Mounts = None,
     carry: Carry = None,
-    prefix: Prefix = None,
     remove: Remove = False,
     retime: Retime = None,
     report: Report = True,
@@ -109,7 +101,6 @@ def embed(
             result = attach(
                 craft,
                 appendages,
-                prefixes=prefix,
                 retime=retime,
                 rigid=rigid,
                 carry=_carried(carry or []),

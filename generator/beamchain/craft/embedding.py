@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from beamchain.checks import is_mjcf_text, list_of_names, of_type, true_or_false
+from beamchain.checks import is_mjcf_text, of_type, true_or_false
 from beamchain.checks import whole_number as checked_int
 from beamchain.craft.appendage import (
     PROBE,
@@ -85,7 +85,6 @@ def embed(
     craft: "str | Path | mujoco.MjSpec",
     mounts: Mapping[str, Spec | Beam | ModalData | Fit | str | Path],
     *,
-    prefixes: Sequence[str] | None = None,
     retime: bool | None = None,
     max_modes: int = MOST_MODES,
     rigid: bool = False,
@@ -102,10 +101,10 @@ def embed(
             outwards): a spec, the path of a SPEC.toml, a beam, imported modes, or a fit. A fit is
             used as it is if its hub is that of the spacecraft, and otherwise repeated. If a site
             and a body share a name, write `site:NAME` or `body:NAME`; `PLACE:PORT` is the port
-            `PORT` of the appendage at another `PLACE`. Imported modes without a file
-            are not available when the written file is given to `embed` again.
-        prefixes: one per entry of `mounts`; default: `NAME_` of the appendage,
-            or `NAME_PLACE_` if two would have the same, `PLACE_` where that begins with `NAME`.
+            `PORT` of the appendage at another `PLACE`. Elements are named `NAME_...` after the
+            specification, or `NAME_PLACE_...` if two would have the same, `PLACE_...` where that
+            begins with `NAME`. Imported modes without a file are not available when the written
+            file is given to `embed` again.
         retime: whether to make the appendages exact in time for the spacecraft's own step and
             integrator; default: only if the step's error would exceed a tenth of the scenes'
             tolerance (1e-4 without one), and timing lowers `sampled_error` by a third or to within
@@ -142,7 +141,7 @@ def embed(
     """
     loaded = true_or_false("loaded", loaded)
     with noted_inputs() as inputs:
-        result = _embed(craft, mounts, prefixes, retime, max_modes, rigid, carry)
+        result = _embed(craft, mounts, retime, max_modes, rigid, carry)
     is_file = (
         isinstance(craft, str | Path) and result.document is not None and not is_mjcf_text(craft)
     )
@@ -152,7 +151,6 @@ def embed(
         call = partial(
             embed,
             craft,
-            prefixes=prefixes,
             retime=retime,
             max_modes=max_modes,
             carry=carry,
@@ -226,7 +224,6 @@ def _left_out_cautions(result: Embedded, items: Sequence[PlacedBody]) -> list[st
 def _embed(
     craft: "str | Path | mujoco.MjSpec",
     mounts: Mapping[str, Spec | Beam | ModalData | Fit | str | Path],
-    prefixes: Sequence[str] | None,
     retime: bool | None,
     max_modes: int,
     rigid: bool,
@@ -241,30 +238,21 @@ def _embed(
         raise InputError(
             "nothing to embed: give at least one place and spec, --mount NAME=SPEC.toml."
         )
-    given = [] if prefixes is None else list_of_names("prefixes", prefixes)
-    if given and len(given) != len(mounts):
-        raise InputError(
-            f"{len(given)} prefixes are given for {len(mounts)} appendages; give one --prefix per "
-            "--mount, or none."
-        )
     wanted: dict[str, AppendageRequest] = {}
     ready: dict[str, Fit] = {}
     held: dict[str, ModalData] = {}
     most = checked_int("max_modes", max_modes, 0, 1000)
-    for i, (name, one) in enumerate(mounts.items()):
+    for name, one in mounts.items():
         made = one if isinstance(one, Fit) else None
         data = made.space.data if made is not None and made.space is not None else one
         if isinstance(data, ModalData):
             held[name] = with_length(data, None)
         spec = one.spec if isinstance(one, Fit) else as_spec(one)
-        prefix = given[i] if given else ""
-        if given:
-            insert.check_prefix(prefix)
         if spec.imported is not None:  # the mark in the file must find the modes from anywhere
             spec = msgspec.structs.replace(spec, imported=spec.imported.beside(Path.cwd()))
         if made is not None:
             ready[name] = made if made.spec == spec else replace(made, spec=spec)
-        wanted[name] = AppendageRequest(spec, prefix, carries_of(name, spec, hung))
+        wanted[name] = AppendageRequest(spec, "", carries_of(name, spec, hung))
     for key in hung:
         if key.rpartition(":")[0] not in wanted:
             raise InputError(
@@ -311,7 +299,8 @@ def _assign_prefixes(
     before: dict[str, AppendageRequest], wanted: dict[str, AppendageRequest]
 ) -> dict[str, AppendageRequest]:
     """All appendages with their prefixes: the name of each,
-    with that of its place where two would have the same, which stands alone if it begins so.
+    with that of its place where two would have the same, which stands alone if it begins so, and
+    with a number where that is taken too.
 
     An appendage that replaces one of the same name at the same place keeps its prefix.
     """
@@ -320,20 +309,19 @@ def _assign_prefixes(
     taken = [wish.prefix for wish in out.values()]
     for at, wish in wanted.items():
         spec = wish.spec
-        if not wish.prefix and at in before and before[at].spec.name == spec.name:
+        if at in before and before[at].spec.name == spec.name:
             # names that other parts of the user's file may refer to
             out[at] = wish._replace(prefix=before[at].prefix)
-        elif not wish.prefix:
+        else:
             place = re.sub(r"[^A-Za-z0-9_.-]", "_", kinds_and_name(at)[1])
-            short = {
-                f"{spec.name}_": names.count(spec.name) == 1,
-                f"{place}_": place.startswith(spec.name),
-            }
-            own = next(
-                (word for word, is_clear in short.items() if is_clear and word not in taken),
-                f"{spec.name}_{place}_",
-            )
-            insert.check_prefix(own)
+            whole = f"{spec.name}_{place}_"
+            choices = [
+                *([f"{spec.name}_"] if names.count(spec.name) == 1 else []),
+                *([f"{place}_"] if place.startswith(spec.name) else []),
+                whole,
+                *(f"{whole}{k}_" for k in range(2, len(out) + 2)),
+            ]
+            own = next(word for word in choices if word not in taken)
             taken.append(own)
             out[at] = wish._replace(prefix=own)
     return out
