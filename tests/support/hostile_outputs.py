@@ -21,10 +21,6 @@ CALLS = (
         ("flexible.xml", "loops.json"),
     ),
     (
-        ["plant", "flexible.xml", "--controller", "loops.json", "-o", "{}", "--no-report"],
-        ("flexible.xml", "loops.json"),
-    ),
-    (
         [
             "identify",
             "log.csv",

@@ -22,7 +22,6 @@ Folder = Annotated[
     Path, typer.Option("-o", "--output", metavar="DIR", help="Folder for the results.")
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on stdout.")]
-Report = Annotated[bool, typer.Option(help="Write OUT_report.html as well.")]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite existing files.")]
 Full = Annotated[
     bool, typer.Option("--full", help="Print every table as well, and how the modes were chosen.")

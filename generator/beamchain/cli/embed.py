@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamchain.cli.common import Force, Full, Json, Report
+from beamchain.cli.common import Force, Full, Json
 from beamchain.cli.output import print_all, print_first, spinner, tell
 from beamchain.errors import InputError
 from beamchain.warning_codes import warnings_record
@@ -47,6 +47,7 @@ Retime = Annotated[
         "stated by a third or to within the tolerance."
     ),
 ]
+Report = Annotated[bool, typer.Option(help="Write OUT_report.html as well.")]
 Rigid = Annotated[
     bool,
     typer.Option("--rigid", help="Write the rigid twin: the same model with rigid appendages."),

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from beamchain.cli.common import Force, Full, Json, Report
+from beamchain.cli.common import Force, Full, Json
 from beamchain.cli.output import print_all, print_first, spinner, tell
 from beamchain.cli.plant_options import Inputs, Model, Outputs, Poses
 from beamchain.errors import InputError
@@ -56,7 +56,6 @@ def plant(
     discrete: Discrete = None,
     loaded: Loaded = False,
     controller: Loops = None,
-    report: Report = True,
     full: Full = False,
     as_json: Json = False,
     force: Force = False,
@@ -82,7 +81,7 @@ def plant(
 
     page = beside(output, "_report.html")
     files_read = [model, *([] if controller is None else [controller])]
-    check_outputs([output, *([page] if report else ())], force=force, inputs=files_read)
+    check_outputs([output, page], force=force, inputs=files_read)
     loops = None if controller is None else read_controller(controller)
     driven, seen = inputs or None, outputs or None
     if loops is not None:
@@ -101,11 +100,9 @@ def plant(
         say("margins")
         closed_loops = [] if loops is None else loop_verdicts(result, loops)
         margins_by_plant = [_explained(one, say) for one in closed_loops]
-        pages: dict[Path, str] = {}
-        if report:
-            say("report")
-            pages[page] = plant_report(result, margins_by_plant, model.name)
-    files = [result.write(output, force=force, also=pages or None), *pages]
+        say("report")
+        pages = {page: plant_report(result, margins_by_plant, model.name)}
+    files = [result.write(output, force=force, also=pages), page]
     warnings = margin_warnings(plants, margins_by_plant)
     warnings = [*doubtful(compiled, poses or []), *warnings]
     tell(
