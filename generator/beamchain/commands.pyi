@@ -1,12 +1,11 @@
 from .cli.common import Force as Force
-from .cli.common import console as console
+from .cli.common import Inputs as Inputs
+from .cli.common import Model as Model
+from .cli.common import Outputs as Outputs
+from .cli.common import Poses as Poses
+from .cli.output import print_all as print_all
 from .cli.output import print_files as print_files
-from .cli.output import print_table as print_table
 from .cli.output import print_warnings as print_warnings
 from .cli.output import spinner as spinner
-from .cli.plant_options import Inputs as Inputs
-from .cli.plant_options import Model as Model
-from .cli.plant_options import Outputs as Outputs
-from .cli.plant_options import Poses as Poses
 from .cli.poses import doubtful as doubtful
 from .cli.poses import poses_given as poses_given

@@ -268,7 +268,7 @@ def test_init_never_replaces_without_force(tmp_path, capsys, monkeypatch):
     assert (tmp_path / "boom.toml").read_text() != "mine"
     code, told, _ = run(["init", "mast", "-o", "deeper/own.toml"], capsys, monkeypatch)
     assert told.splitlines() == [
-        "wrote deeper/own.toml",
+        "wrote own.toml in deeper",
         "next: beamchain fit deeper/own.toml -o own",
     ]
     assert (tmp_path / "deeper" / "own.toml").is_file()

@@ -9,7 +9,7 @@ import typer
 
 from beamchain.cli import shipped
 from beamchain.cli.common import Force, console
-from beamchain.cli.output import print_all, print_json
+from beamchain.cli.output import print_all, print_files, print_json
 from beamchain.errors import InputError
 
 _TABLE = re.compile(r"(?:# )?\[+([\w.]+)\]+")
@@ -68,35 +68,26 @@ def init(
         _list()
         return
     from beamchain.files import to_json, write_files
+    from beamchain.fitting.spec import schema
 
-    out = console()
     if kind == "schema":
-        from beamchain.fitting.spec import schema
-
         if output is None:
             print_json(schema())
-            return
-        files = {output: to_json(schema())}
-        following = None
-    else:
-        files, following = _start(kind, output)
-    write_files(files, force=force)
-    for written in files:
-        out.print(f"wrote {written}", soft_wrap=True)
-    if following is not None:
-        out.print(f"next: beamchain {following}", soft_wrap=True)
-
-
-def _start(kind: str, output: Path | None) -> tuple[dict[Path, str], str]:
-    """The files of what is shipped, and the command that takes them."""
+        else:
+            write_files({output: to_json(schema())}, force=force)
+            print_files([output])
+        return
     start = shipped.pick(shipped.everything(), kind, "init: the kind")
     place = output or Path(f"{kind}{start.path.suffix}")
     text = start.path.read_text(encoding="utf-8")
     files = {place.parent / one.name: one.read_text(encoding="utf-8") for one in start.beside}
     files[place] = add_comments(text) if place.suffix == ".toml" else text
+    write_files(files, force=force)
+    following = f"beamchain fit {place} -o {place.stem}"
     if start in shipped.spacecraft():
-        return files, f"embed {place} {_PLACES[kind]} -o flexible.xml"
-    return files, f"fit {place} -o {place.stem}"
+        following = f"beamchain embed {place} {_PLACES[kind]} -o flexible.xml"
+    print_files(files)
+    console().print(f"next: {following}", soft_wrap=True)
 
 
 #: of the shipped spacecraft, with what is shipped for them

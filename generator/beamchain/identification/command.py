@@ -7,9 +7,8 @@ import typer
 
 from beamchain.commands import (
     Force,
-    console,
+    print_all,
     print_files,
-    print_table,
     print_warnings,
     spinner,
 )
@@ -99,8 +98,6 @@ def _column_names(names: list[str] | None) -> dict[str, str]:
 def _show(found: "Identification") -> None:
     from beamchain.identification.tables import mode_table
 
-    print_table(mode_table(found))
-    console().print(found.timing)
-    for sentence in found.undetermined:
-        console().print(f"not determined: {sentence}")
+    undetermined = (f"not determined: {sentence}" for sentence in found.undetermined)
+    print_all(mode_table(found), found.timing, *undetermined)
     print_warnings(found.warnings)

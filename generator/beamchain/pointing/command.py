@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from beamchain.commands import Force, Model, print_files, print_table, print_warnings, spinner
+from beamchain.commands import Force, Model, print_all, print_files, print_warnings, spinner
 
 Output = Annotated[Path, typer.Option("-o", "--output", metavar="OUT.html", help="Its page.")]
 Sources = Annotated[
@@ -64,7 +64,6 @@ def pointing(
         found = budget(compiled, sources, outputs or None, place, window=window)
         page = pointing_page(found, model.name)
         write_files({output: page}, force=force, inputs=[model, disturbances])
-    print_table(found.table)
-    print_table(found.mode_table)
+    print_all(found.table, found.mode_table)
     print_warnings(found.warnings, "note")
     print_files([output])

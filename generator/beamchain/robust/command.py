@@ -11,9 +11,8 @@ from beamchain.commands import (
     Model,
     Outputs,
     Poses,
-    console,
+    print_all,
     print_files,
-    print_table,
     print_warnings,
     spinner,
 )
@@ -93,10 +92,8 @@ def worst_case(
         warnings = [*doubtful(compiled, poses or []), *told]
         page = worst_case_page(cases, model.name, warnings)
         write_files({output: page}, force=force, inputs=[model, controller, uncertain])
-    for case in cases:
-        console().print(f"worst case, {case.sentence}")
-    for case in cases:
-        print_table(case.table)
+    print_all(*(f"worst case, {case.sentence}" for case in cases))
+    print_all(*(case.table for case in cases))
     print_warnings(warnings, "note")
     print_files([output])
     if not all(case.stable for case in cases):
