@@ -35,7 +35,7 @@ def demo(folder: Path) -> list[Path]:
     except EngineError as error:
         print(f"There is no picture of it: {error}")  # noqa: T201
         return made
-    run("render", flexible, "-o", folder, "--angle", "20", "--height", "320")
+    run("render", flexible, "-o", folder, "--angle", "20")
     return [flexible.with_suffix(".gif"), *made]
 
 

@@ -40,7 +40,7 @@ HOSTS = {
 }
 QUICKER = {
     "--samples 1000": "--samples 8",
-    "beamchain study": "beamchain study --budget 0.002 --duration 60",
+    "beamchain study": "beamchain study --budget 0.002",
 }  # minutes
 LARGEST, FIRST, ALL = 1_000_000, 1_500_000, 8_000_000  # bytes: a picture, README's, all of them
 DONE = (0, 3)  # exit: done; done but less came out than was asked for

@@ -67,6 +67,7 @@ def test_the_name_of_a_loop_is_the_plant_s(tmp_path, capsys, monkeypatch):
 
 POINTS = """<mujoco><option gravity="0 0 0"/><worldbody><body name="bus"><freejoint/>
 <inertial pos="0 0 0" mass="300" diaginertia="90 90 90"/><site name="mount" pos="0.5 0 0"/>
+<site name="left.side" pos="0 0.5 0" zaxis="1 0 0"/>
 <body name="w"><inertial pos="0 0 0" mass="5" diaginertia="0.1 0.1 0.2"/>
 <joint name="w" axis="0 0 1"/></body>
 <body name="v"><inertial pos="0 0 0" mass="5" diaginertia="0.1 0.1 0.2"/>
@@ -80,13 +81,14 @@ def test_points_in_signals():
     """python-control takes no point; names stay different, and each still drives what it drove."""
     section = bc.Equivalent(bending_stiffness_xy=2e3, bending_stiffness_xz=3e3, linear_mass=4.0)
     spec = bc.Spec(segment=(bc.Segment(length=8.0, section=section),), name="rod")
-    dotted = bc.plant(bc.embed(POINTS, {"mount": spec}, prefixes=["left.rod_"]))
-    plain = bc.plant(bc.embed(POINTS.replace("a.b", "motor"), {"mount": spec}))
+    dotted = bc.plant(bc.embed(POINTS, {"mount": spec, "left.side": spec}))
+    without = POINTS.replace("a.b", "motor").replace("left.side", "left")
+    plain = bc.plant(bc.embed(without, {"mount": spec, "left": spec}))
     assert dotted.input_names == ("a.b", "a_b")
     assert len(set(dotted.input_labels)) == 2
     assert not [label for label in (*dotted.input_labels, *dotted.state_labels) if "." in label]
     assert dotted.input_labels[1] == "a_b"  # which it was before
-    assert any(name.startswith("left.rod_") for name in dotted.state_names)
+    assert any(name.startswith("rod_left.side_") for name in dotted.state_names)
     at = 1j * np.array([0.1, 0.7, 5.0])
     np.testing.assert_allclose(dotted(at), plain(at), rtol=1e-9)
     first = dotted["attitude_z", dotted.input_labels[0]]

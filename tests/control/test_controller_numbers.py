@@ -71,7 +71,6 @@ def margins(flexible, text, folder, capsys, monkeypatch):
         "loops.toml",
         "-o",
         "p.npz",
-        "--no-report",
         "--force",
     ]
     code, told, sentence = run([*call, "--json"], capsys, monkeypatch)

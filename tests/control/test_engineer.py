@@ -212,7 +212,7 @@ def told(words, capsys, monkeypatch, folder):
 
 
 def test_the_command_makes_the_same_plants(folder, capsys, monkeypatch):
-    words = ["--controller", "one_axis.toml", *ASKED, "-o", "plant.mat", "--no-report", "--force"]
+    words = ["--controller", "one_axis.toml", *ASKED, "-o", "plant.mat", "--force"]
     record = told(words, capsys, monkeypatch, folder)
     assert [row["name"] for row in record["inputs"]] == [f"torque_{axis}" for axis in "xyz"]
     assert {row["unit"] for row in record["inputs"]} == {"N m"}

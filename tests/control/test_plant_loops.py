@@ -208,9 +208,7 @@ def test_a_wrong_sign_is_unstable_and_has_no_margins(file, tmp_path, capsys, mon
         str(written(scaled(LOOPS, 0, -1.0), tmp_path)),
         *ANGLES,
     ]
-    code, told, _ = run(
-        [*words, "-o", str(tmp_path / "plant.npz"), "--no-report", "--full"], capsys, monkeypatch
-    )
+    code, told, _ = run([*words, "-o", str(tmp_path / "plant.npz"), "--full"], capsys, monkeypatch)
     assert code == 3
     assert re.search(r"UNSTABLE(\W+-){4}\W", told)
 

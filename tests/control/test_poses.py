@@ -202,7 +202,7 @@ def place(made, tmp_path_factory):
 def asked(place, capsys, monkeypatch, *words):
     monkeypatch.chdir(place)
     common = ["plant", "flexible.xml", "--from", "torque:bus", "-o", "p.npz", "--force"]
-    return run([*common, "--no-report", *words], capsys, monkeypatch)
+    return run([*common, *words], capsys, monkeypatch)
 
 
 def test_poses_are_given_in_degrees_and_metres(place, capsys, monkeypatch):

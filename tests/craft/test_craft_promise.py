@@ -399,5 +399,6 @@ def test_a_cure_beyond_the_allowed_number_of_modes_is_named():
     }
     missed = bc.embed(text, booms, max_modes=8)
     assert missed.met is False
-    assert missed.cure.words.startswith("Allow 16 modes an appendage (max-modes): ")
+    said = "Allow 16 modes an appendage (max_modes in Python, or state [modes]): "
+    assert missed.cure.words.startswith(said)
     assert bc.embed(text, booms, max_modes=16).met

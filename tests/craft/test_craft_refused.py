@@ -59,10 +59,6 @@ ARGUMENTS = {
         ("a place in mounts = 5 is an int", "a site or body"),
     ),
     "craft": (embedded_in_five, ("craft = 5 is an int", "path or the text")),
-    "prefixes": (
-        lambda: bc.embed(CRAFT, ARRAY, prefixes="a_"),
-        ("prefixes = 'a_'", "a list of names"),
-    ),
     "retime": (
         lambda: bc.embed(CRAFT, ARRAY, retime=np.zeros((2, 2))),
         ("retime = ", "ndarray", "True or False"),
@@ -187,10 +183,6 @@ UPPER = Link("upper", 6.0, 0.05, 0.08)
 FORE = Link("fore", 5.0, 0.04, 0.05, 2.0, (0.01, 0.01, 0.01), (0.0, 0.0, 1.0))
 
 
-def rods(*prefixes, places=("mount",)):
-    bc.embed(HUB.format(MOUNT), {place: spec("rod") for place in places}, prefixes=prefixes)
-
-
 def including(**files):
     """A craft that includes a.xml."""
     for name, inside in files.items():
@@ -270,13 +262,6 @@ def uncertain(**change):
 
 
 EMBED = {
-    "prefix of two words": (lambda: rods("a b"), ("prefix = 'a b'",)),
-    "prefix of a number": (lambda: rods("1_"), ("1_", "start with a letter")),
-    "prefixes too many": (lambda: rods("a_", "b_"), ("2 prefixes",)),
-    "one prefix for two": (
-        lambda: rods("a_", "a_", places=("mount", "body:hub")),
-        ("a_", "give each its own --prefix"),
-    ),
     "cycle of includes": (
         lambda: including(a='<include file="b.xml"/>', b='<include file="a.xml"/>'),
         ("a.xml -> b.xml -> a.xml",),

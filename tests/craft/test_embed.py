@@ -391,9 +391,8 @@ class TestHub:
         done = bc.embed(CRAFTS / "planar.xml", {"mount": own})
         first = next(m for m in done.assembly.modes if m.kept)
         assert abs(first.error) < COUPLED
-        again = bc.embed(
-            done.to_mjcf(), {"side": own}, prefixes=["side_"]
-        )  # the choice is made anew from the spec kept
+        # the choice is made anew from the spec kept
+        again = bc.embed(done.to_mjcf(), {"side": own})
         assert [a.at for a in again.appendages] == ["mount", "side"]
 
     @pytest.mark.slow

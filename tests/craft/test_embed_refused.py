@@ -75,7 +75,7 @@ REFUSED = {
     "document type": ('<!DOCTYPE m [<!ENTITY a "b">]>' + craft(), "mount", "document type"),
     "other root": ("<robot/>", "mount", "not <mujoco>"),
     "no XML": ("<mujoco>", "mount", "not XML"),
-    "name taken": (craft('<site name="mount"/><site name="rod_root"/>'), "mount", "--prefix"),
+    "name taken": (craft('<site name="mount"/><site name="rod_root"/>'), "mount", "another name"),
     "boundmass": (craft(before='<compiler boundmass="1"/>'), "mount", "boundmass = 1 kg"),
     "boundinertia": (
         craft(before='<compiler boundinertia="1"/>'),
@@ -204,11 +204,6 @@ class TestRefused:
     def test_locked(self, done):
         with pytest.raises(bc.BeamchainError, match="cannot write"):
             done.write("/proc/beamchain/out.xml")
-
-    def test_two_with_prefixes_of_their_own(self):
-        at = {"mount": spec("rod"), "body:hub": spec("rod")}
-        made = bc.embed(craft(), at, prefixes=["a_", "b_"], rigid=True)
-        assert made.model.body("b_link1")
 
 
 class TestHostile:

@@ -15,7 +15,6 @@ from test_craft_promise import AGREE, found_error, in_space
 import beamchain as bc
 import finite_elements as fe
 from beamchain import ModalData
-from command import run
 from prints import plate
 from solver import Modes
 
@@ -104,9 +103,7 @@ class Case:
         self.folder = folder
 
     def embed(self, at=None, **more):
-        return bc.embed(
-            self.text, at or self.at, prefixes=["left_", "right_"], retime=False, **more
-        )
+        return bc.embed(self.text, at or self.at, retime=False, **more)
 
     def found(self, done) -> float:
         """Craft error in the exported file."""
@@ -161,25 +158,11 @@ def test_what_was_typed_stays(kind, tmp_path):
 
 
 @pytest.mark.slow
-def test_no_more_modes_than_the_bound(tmp_path, capsys, monkeypatch):
+def test_no_more_modes_than_the_bound(tmp_path):
     case = Case("coupled", tmp_path)
     own = case.embed(max_modes=0)
     most = max(map(kept, own.appendages))
-    words = [
-        "embed",
-        str(tmp_path / "craft.xml"),
-        "-o",
-        str(tmp_path / "out.xml"),
-        "--no-report",
-        "--no-retime",
-    ]
-    words += [
-        word
-        for site, spec in case.at.items()
-        for word in ("--mount", f"{site}={spec}", "--prefix", f"{site}_")
-    ]
-    code, _, _ = run([*words, "--max-modes", str(most)], capsys, monkeypatch)
-    assert code == 3
+    assert case.embed(max_modes=most).met is False
     more = case.embed(max_modes=most + 1)
     assert [kept(a) for a in more.appendages] == [most + 1] * 2
     assert more.craft_error < own.craft_error

@@ -316,23 +316,10 @@ class TestSaid:
 
     @pytest.mark.slow
     def test_key_lists_every_kept_mode(self, tmp_path):
-        embedded(tmp_path, 0.05)
-        (tmp_path / "craft.xml").write_text(craft(BURN))
-        told = call(
-            *("embed", tmp_path / "craft.xml", "--mount", f"tank={tmp_path / 'tank.toml'}"),
-            *(
-                "--loaded",
-                "--pose",
-                "burn",
-                "--json",
-                "--no-report",
-                "-o",
-                tmp_path / "flexible.xml",
-            ),
-        )
-        rows = told.record["modes_at"]["burn"]
-        assert len(rows) == len(told.record["modes"]) == 4
-        assert all(row["kept"] and abs(row["error"]) < HELD for row in rows)
+        result = embedded(tmp_path, 0.05)
+        modes = result.modes_at("burn", beyond=True)
+        assert len(modes) == len(result.as_dict()["modes"]) == 4
+        assert all(mode.kept and abs(mode.error) < HELD for mode in modes)
 
 
 #: The place by the axis of it that is the tank's, for one and the same tank: its x, y and z are the

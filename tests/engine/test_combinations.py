@@ -253,7 +253,7 @@ def asked(place, capsys, monkeypatch, *words, loops=ALLOCATION + ALIGNMENT + LOO
     (place / "loops.toml").write_text(loops)
     monkeypatch.chdir(place)
     common = ["plant", "flexible.xml", "--controller", "loops.toml", "-o", "p.npz"]
-    return run([*common, "--no-report", "--force", "--json", *words], capsys, monkeypatch)
+    return run([*common, "--force", "--json", *words], capsys, monkeypatch)
 
 
 def names(out, kind):

@@ -218,7 +218,7 @@ class TestFile:
         assert data.qacc[:3] == pytest.approx(0.05 * np.array(along), abs=1e-12)
 
     def test_schema_names_the_axes(self):
-        key = json.loads(call("init", "--schema").out)["$defs"]["Slosh"]["properties"]["axis"]
+        key = json.loads(call("init", "schema").out)["$defs"]["Slosh"]["properties"]["axis"]
         assert set(key["enum"]) == {"x", "y", "z", "-x", "-y", "-z"}
         assert key["default"] == "x"
 

@@ -58,7 +58,7 @@ def tables():
     """Name and table of every object in the schema."""
     return [
         (name, table)
-        for name, table in json.loads(run("init", "--schema")[1])["$defs"].items()
+        for name, table in json.loads(run("init", "schema")[1])["$defs"].items()
         if "properties" in table
     ]
 

@@ -100,10 +100,9 @@ def test_a_file_that_is_refused_is_said_to_be(tmp_path, monkeypatch):
         names["prior.toml"],
         "-o",
         names["m.toml"],
-        "--json",
     )
     assert done.status == 3
-    record = done.record
+    record = json.loads((tmp_path / "m.json").read_text())
     said = {item["code"]: item["message"] for item in record["warnings"]}
     assert "residual mass" in said["modes-refused"]
     (tmp_path / "spec.toml").write_text('[imported]\nfile = "m.toml"\n', encoding="utf-8")

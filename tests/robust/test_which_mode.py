@@ -144,7 +144,7 @@ def test_modes_that_oppose_each_other_are_listed_as_left_out(embedded, plant, tm
     assert sum("torsion" in name for name in plant.unreached) == 1
     file = embedded.write(tmp_path / "flexible.xml")[-1]
     answer = call("plant", file, "--full", "--from", "torque:bus", "--to", "attitude", "-o",
-                  tmp_path / "p.npz", "--no-report")  # fmt: skip
+                  tmp_path / "p.npz")  # fmt: skip
     words = " ".join(answer.out.split())
     assert f"no output sees them: {', '.join(plant.unreached)}" in words
 

@@ -6,7 +6,7 @@ times are Pade approximations in one of the two, to 1e-6 at these frequencies. `
 MuJoCo; the run is as long as leaves 2 % of any difference from the prediction unseen.
 """
 
-import json
+import re
 
 import control
 import mujoco
@@ -105,15 +105,13 @@ def test_the_command_and_the_page_say_where_it_begins_to_ring(tmp_path, capsys, 
     words = ["worst-case", tmp_path / "flexible.xml", "--from", "torque:bus"]
     words += ["--to", "attitude"]
     words += ["--controller", tmp_path / "loop.toml", "--uncertain", tmp_path / "uncertain.toml"]
-    words = [str(word) for word in [*words, "-o", tmp_path / "worst.html", "--json"]]
+    words = [str(word) for word in [*words, "-o", tmp_path / "worst.html"]]
     status, out, err = run(words, capsys, monkeypatch)
     assert status == 3, err
-    [worst] = json.loads(out)["worst"]
-    assert worst["stable"] is False
-    assert worst["gain"] is None
+    (said,) = re.findall(r"the loop begins to ring at ([\d.]+) rad/s", " ".join(out.split()))
     page = " ".join((tmp_path / "worst.html").read_text(encoding="utf-8").split())
     assert "at which the loop begins to ring" in page
-    assert f"{worst['frequency']:.5g}" in page
+    assert said in page
 
 
 @pytest.mark.parametrize(

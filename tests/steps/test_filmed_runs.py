@@ -4,7 +4,6 @@ hinges that latch and under commands, beside closed forms of a hinge or a wheel.
 LATCHED: Runge-Kutta's step and frames between steps [rad].
 """
 
-import json
 import os
 import subprocess
 import sys
@@ -175,7 +174,7 @@ def test_a_run_is_filmed(renderer, tmp_path):
     if not backend._works(renderer):
         pytest.skip(f"MuJoCo cannot draw with {renderer} on this machine")
     (tmp_path / "flaps.xml").write_text(DRIVEN.format(FLAP.format("a") + FLAP.format("b"), "0 0"))
-    arguments = ["render", "flaps.xml", "-o", "o", "--width", "200", "--height", "120"]
+    arguments = ["render", "flaps.xml", "-o", "o", "--width", "200"]
     run = ["--run", "4", "--pose", "folded", "--latch", "a", "--latch", "b"]
     done = render([*arguments, *run], tmp_path, renderer)
     assert done.returncode == 0, done.stderr
@@ -188,11 +187,9 @@ def test_a_run_is_filmed(renderer, tmp_path):
         moving.seek(83)
         shots.append(np.asarray(moving.convert("RGB")).astype(int))
     assert np.abs(shots[0] - shots[1]).max() > 50  # it moves
-    short = [*arguments, "--run", "1", "--pose", "folded", "--latch", "a", "--json", "--force"]
+    short = [*arguments, "--run", "1", "--pose", "folded", "--latch", "a", "--force"]
     done = render(short, tmp_path, renderer)
-    told = json.loads(done.stdout)
-    assert told["run"]["waiting"] == ["a"]
-    assert "a had not latched after 1 s" in str(told["warnings"])
+    assert "warning: a had not latched after 1 s" in done.stdout
 
 
 @pytest.mark.slow
@@ -202,11 +199,10 @@ def test_a_run_under_commands_is_filmed(tmp_path):
         pytest.skip("MuJoCo cannot draw on this machine")
     (tmp_path / "wheel.xml").write_text(WHEEL.format(BENDS))
     (tmp_path / "h.csv").write_text(HISTORY)
-    arguments = ["render", "wheel.xml", "-o", "o", "--width", "200", "--height", "120"]
-    done = render([*arguments, "--torque", "h.csv", "--json"], tmp_path, renderer)
+    arguments = ["render", "wheel.xml", "-o", "o", "--width", "200"]
+    done = render([*arguments, "--torque", "h.csv"], tmp_path, renderer)
     assert done.returncode == 0, done.stderr
-    told = json.loads(done.stdout)["run"]
-    assert (told["seconds"], told["actuators"]) == (0.8, ["rw"])
+    assert "simulated for 0.8 s from the pose of the file under commands of rw" in done.stdout
     assert (tmp_path / "o" / "wheel.gif").exists()
     (tmp_path / "brief.csv").write_text("time,rw\n0,1\n1e-6,0\n")
     brief = render([*arguments, "--torque", "brief.csv", "--force"], tmp_path, renderer)

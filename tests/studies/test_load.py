@@ -3,7 +3,6 @@
 Tests an internal as well, `studies.study.prepare`: what a load changes, without measuring.
 """
 
-import json
 from importlib.resources import files
 from pathlib import Path
 
@@ -12,7 +11,6 @@ import pytest
 import beamchain as bc
 from beamchain.fitting.spec_text import spec_toml
 from beamchain.studies import study as studies
-from command import run
 
 SEED = Path(str(files("beamchain"))) / "examples" / "seed_boom.toml"
 QUICK = {"models": ["exact, hub"], "duration": 8.0, "budget": 0.001}
@@ -70,11 +68,10 @@ def test_two_loads_and_negative_ones_are_refused(tmp_path):
         bc.study(SEED, amplitude=-2.0)
 
 
-def test_the_field_is_our_chains_and_equal_links(tmp_path, capsys, monkeypatch):
-    call = ["study", str(SEED), "-o", str(tmp_path / "o"), "--model", "flexcomp rod", "--json"]
-    code, told, _ = run(call, capsys, monkeypatch)
-    assert code == 2
-    choice = json.loads(told)["error"]["message"].split("choose from ")[1]
+def test_the_field_is_our_chains_and_equal_links():
+    with pytest.raises(bc.InputError) as refused:
+        bc.study(SEED, models=["flexcomp rod"])
+    choice = str(refused.value).split("choose from ")[1]
     assert "exact, hub" in choice
     assert "equal links, classical" in choice
     assert "rod" not in choice

@@ -425,12 +425,10 @@ def test_command(tmp_path):
         "exact, hub",
         "--model",
         field.PAPER,
-        "--json",
     ]
     answer = call(*words)
     assert answer.status == 0, answer.err
-    record = answer.record
-    assert json.loads((out / "study.json").read_text()) == record
+    record = json.loads((out / "study.json").read_text())
     keys = {
         "model",
         "n",
@@ -452,7 +450,7 @@ def test_command(tmp_path):
     assert "http://" not in page.replace("http://www.w3.org", "")
     again = call(*words)
     assert again.status == 2
-    assert again.record["error"]["type"] == "OutputError"
+    assert "--force" in again.err
     spec = bc.read_spec(out / "recommended_1e-2.toml")
     assert spec.kept == {"xy": best["n"]}
     # `ok` depends on the step, and so on the machine: up to its last mode it may be off by 10 %

@@ -21,10 +21,6 @@ CALLS = (
         ("flexible.xml", "loops.json"),
     ),
     (
-        ["plant", "flexible.xml", "--controller", "loops.json", "-o", "{}", "--no-report"],
-        ("flexible.xml", "loops.json"),
-    ),
-    (
         [
             "identify",
             "log.csv",
@@ -49,8 +45,6 @@ CALLS = (
             "bus.toml",
             "--samples",
             "2",
-            "--workers",
-            "1",
             "-o",
             "{}",
         ],

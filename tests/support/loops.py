@@ -32,7 +32,6 @@ def asked(model: Path, loops: list[dict[str, Any]], *words: object) -> Answer:
             written(loops, place),
             "-o",
             place / "plant.npz",
-            "--no-report",
             "--json",
         ]
         return call(*call_of, *words)

@@ -15,25 +15,45 @@ if TYPE_CHECKING:
 SpecPath = Annotated[
     Path,
     typer.Argument(
-        metavar="SPEC.toml", help="Specification of the appendage; see `beamchain init --schema`."
+        metavar="SPEC.toml", help="Specification of the appendage; see `beamchain init schema`."
     ),
 ]
 Folder = Annotated[
     Path, typer.Option("-o", "--output", metavar="DIR", help="Folder for the results.")
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on stdout.")]
-Report = Annotated[bool, typer.Option(help="Write OUT_report.html as well.")]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite existing files.")]
-RetimeJoints = Annotated[
-    bool,
-    typer.Option(
-        "--retime-joints",
-        help="Put armature on the spacecraft's own sprung and servo-driven joints as well, so that "
-        "their step error is of fourth order too.",
-    ),
-]
 Full = Annotated[
     bool, typer.Option("--full", help="Print every table as well, and how the modes were chosen.")
+]
+Model = Annotated[Path, typer.Argument(metavar="FILE.xml", help="The spacecraft's MJCF file.")]
+Inputs = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--from",
+        metavar="NAME",
+        help="An actuator, torque:BODY, force:BODY or wrench:SITE. Repeatable; default: the "
+        "\\[allocation] tables of LOOPS.toml, else all actuators.",
+    ),
+]
+Outputs = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--to",
+        metavar="NAME",
+        help="A sensor, attitude, rate or motion:SITE. Repeatable; default: the \\[alignment] "
+        "tables of LOOPS.toml, else attitude and rate.",
+    ),
+]
+Poses = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--pose",
+        metavar="JOINT=45,...",
+        help="Pose to linearise in: joints in degrees (slides in m), or the name of a keyframe; "
+        "default: rest. Repeatable, or JOINT=0,45,90: a plant for each, modes followed in this "
+        "order.",
+    ),
 ]
 LARGEST_HISTORY = 10_000_000  # bytes
 

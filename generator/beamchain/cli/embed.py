@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamchain.cli.common import Force, Full, Json, Report, RetimeJoints
+from beamchain.cli.common import Force, Full, Json
 from beamchain.cli.output import print_all, print_first, spinner, tell
 from beamchain.errors import InputError
 from beamchain.warning_codes import warnings_record
@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from beamchain.craft.embedded import Embedded
-    from beamchain.report.table import Table
 
 
 CraftFile = Annotated[Path, typer.Argument(metavar="CRAFT.xml", help="The spacecraft's MJCF file.")]
@@ -37,13 +36,6 @@ Carry = Annotated[
         "what \\[\\[port]] of SPEC.toml carries.",
     ),
 ]
-Prefix = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="PREFIX",
-        help="Prefix of the appendage's elements; default: its name and `_`. One per --mount.",
-    ),
-]
 Remove = Annotated[
     bool, typer.Option("--remove", help="Remove appendages: those of --mount NAME, or all.")
 ]
@@ -55,10 +47,7 @@ Retime = Annotated[
         "stated by a third or to within the tolerance."
     ),
 ]
-
-MaxModes = Annotated[
-    int, typer.Option(help="Largest number of modes per appendage if modes are added.")
-]
+Report = Annotated[bool, typer.Option(help="Write OUT_report.html as well.")]
 Rigid = Annotated[
     bool,
     typer.Option("--rigid", help="Write the rigid twin: the same model with rigid appendages."),
@@ -71,10 +60,6 @@ Loaded = Annotated[
         "of its keyframes, such as a constant thrust.",
     ),
 ]
-AtKeyframe = Annotated[
-    str | None,
-    typer.Option("--pose", metavar="KEYFRAME", help="Print the modes in this pose as well."),
-]
 
 
 def embed(
@@ -82,15 +67,11 @@ def embed(
     output: Output,
     mount: Mounts = None,
     carry: Carry = None,
-    prefix: Prefix = None,
     remove: Remove = False,
     retime: Retime = None,
     report: Report = True,
-    max_modes: MaxModes = 12,
     rigid: Rigid = False,
     loaded: Loaded = False,
-    pose: AtKeyframe = None,
-    retime_joints: RetimeJoints = False,
     full: Full = False,
     as_json: Json = False,
     force: Force = False,
@@ -105,11 +86,9 @@ def embed(
     """
     from beamchain.craft.embedding import embed as attach
     from beamchain.files import beside, check_outputs
-    from beamchain.report.tables.embed import keyframe_table
 
     names = [_split(word, remove)[0] for word in mount or []]
     page = beside(output, "_report.html") if report and not rigid else None
-    at_pose: Table | None = None
     if remove:
         result = _take_out(craft, names, output, force=force, as_json=as_json)
         if result is None:
@@ -123,25 +102,15 @@ def embed(
             result = attach(
                 craft,
                 appendages,
-                prefixes=prefix,
                 retime=retime,
-                max_modes=max_modes,
                 rigid=rigid,
                 carry=_carried(carry or []),
-                retime_joints=retime_joints,
                 loaded=loaded,
             )
             _ = result.cure, result.assembly  # kept: the proof, and what mends it
-            if pose is not None:
-                at_pose = keyframe_table(result.assembly, result.modes_at(pose, beyond=True), pose)
     drawings = {} if page is None else {page: result.report(craft.name, output.name)}
     files = result.write(output, force=force, also=drawings)
-    more = {} if at_pose is None else {"modes_at": {pose: at_pose.records()}}
-
-    def show() -> None:
-        _show(result, at_pose, full=full)
-
-    tell(lambda: {**result.as_dict(), **more}, show, files, as_json)
+    tell(result.as_dict, lambda: _show(result, full=full), files, as_json)
     if not rigid and not _is_good(result):
         raise typer.Exit(3)
 
@@ -211,14 +180,13 @@ def _split(word: str, remove: bool) -> tuple[str, str]:
     return name, spec
 
 
-def _show(result: "Embedded", at_pose: "Table | None", *, full: bool) -> None:
+def _show(result: "Embedded", *, full: bool) -> None:
     """What the terminal shows before the names of the files."""
     from beamchain.report.tables.first_screen import embedded_lines
 
     print_first(embedded_lines(result), result.warnings, full=full)
     if full:
         _show_tables(result)
-    print_all(at_pose)
 
 
 def _show_tables(result: "Embedded") -> None:

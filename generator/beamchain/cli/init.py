@@ -8,8 +8,8 @@ from typing import Annotated, Any, get_type_hints
 import typer
 
 from beamchain.cli import shipped
-from beamchain.cli.common import Force, Json, console
-from beamchain.cli.output import print_all, print_json, tell
+from beamchain.cli.common import Force, console
+from beamchain.cli.output import print_all, print_files, print_json
 from beamchain.errors import InputError
 
 _TABLE = re.compile(r"(?:# )?\[+([\w.]+)\]+")
@@ -17,19 +17,20 @@ _KEY = re.compile(r"(?:# )?(\w+) = [^#]*")
 COLUMN = 38  # of the comments in a template
 
 
-def _kinds(incomplete: str) -> list[tuple[str, str]]:
-    return [
-        (one.name, one.about) for one in shipped.everything() if one.name.startswith(incomplete)
-    ]
+def _kinds(incomplete: str = "") -> list[tuple[str, str]]:
+    """Names of what is written that begin so, and what each is."""
+    shown = [(one.name, one.about) for one in shipped.everything()]
+    shown.append(("schema", "The JSON schema of SPEC.toml, for editors; printed without -o."))
+    return [(name, about) for name, about in shown if name.startswith(incomplete)]
 
 
 def init(
     kind: Annotated[
         str | None,
         typer.Argument(
-            metavar="[boom|array|mast|craft|EXAMPLE]",
-            help="What to write: a specification, a spacecraft (craft), or an example shown by "
-            "--list.",
+            metavar="[boom|array|mast|craft|schema|EXAMPLE]",
+            help="What to write: a specification, a spacecraft (craft), the keys of a "
+            "specification (schema), or an example. Left out: they are listed.",
             autocompletion=_kinds,
         ),
     ] = None,
@@ -43,17 +44,15 @@ def init(
             show_default="KIND.toml or craft.xml",
         ),
     ] = None,
-    listed: Annotated[bool, typer.Option("--list", help="List what can be written.")] = False,
-    schema: Annotated[
-        bool, typer.Option("--schema", help="Print the JSON schema of SPEC.toml, for editors.")
-    ] = False,
-    as_json: Json = False,
     force: Force = False,
 ) -> None:
     """Write a commented SPEC.toml to start from, a shipped example,
     or a small spacecraft (MJCF) to attach it to.
 
+    Without a kind, list what can be written.
     Existing files are overwritten only with --force.
+
+    Example: beamchain init
 
     Example: beamchain init boom
 
@@ -61,46 +60,34 @@ def init(
 
     Example: beamchain init craft
 
-    Example: beamchain init --list
-
-    Example: beamchain init --schema > spec.schema.json
+    Example: beamchain init schema -o spec.schema.json
     """
-    from beamchain.files import write_files
-
-    if listed or schema:
-        if kind is not None or output is not None or (listed and schema):
-            raise InputError(
-                f"init: --{'list' if listed else 'schema'} writes no file; leave KIND, --output "
-                "and the other out."
-            )
-        if listed:
-            _list(as_json=as_json)
-        else:
-            from beamchain.fitting.spec import schema as spec_schema
-
-            print_json(spec_schema())
-        return
     if kind is None:
-        raise InputError(
-            "init: the kind is missing; choose boom, array, mast or craft, or see `beamchain init "
-            "--list`."
-        )
+        if output is not None:
+            raise InputError("init: the kind is missing; see `beamchain init` for what there is.")
+        _list()
+        return
+    from beamchain.files import to_json, write_files
+    from beamchain.fitting.spec import schema
+
+    if kind == "schema":
+        if output is None:
+            print_json(schema())
+        else:
+            write_files({output: to_json(schema())}, force=force)
+            print_files([output])
+        return
     start = shipped.pick(shipped.everything(), kind, "init: the kind")
     place = output or Path(f"{kind}{start.path.suffix}")
     text = start.path.read_text(encoding="utf-8")
     files = {place.parent / one.name: one.read_text(encoding="utf-8") for one in start.beside}
     files[place] = add_comments(text) if place.suffix == ".toml" else text
     write_files(files, force=force)
-    if as_json:
-        print_json({"kind": kind, "file": str(place)})
-    else:
-        out = console()
-        for written in files:
-            out.print(f"wrote {written}", soft_wrap=True)
-        following = f"beamchain fit {place} -o {place.stem}"
-        if start in shipped.spacecraft():
-            following = f"beamchain embed {place} {_PLACES[kind]} -o flexible.xml"
-        out.print(f"next: {following}", soft_wrap=True)
+    following = f"beamchain fit {place} -o {place.stem}"
+    if start in shipped.spacecraft():
+        following = f"beamchain embed {place} {_PLACES[kind]} -o flexible.xml"
+    print_files(files)
+    console().print(f"next: {following}", soft_wrap=True)
 
 
 #: of the shipped spacecraft, with what is shipped for them
@@ -142,14 +129,12 @@ def add_comments(template: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _list(*, as_json: bool) -> None:
+def _list() -> None:
     from beamchain.report.table import Column, Table
 
-    examples = shipped.everything()
+    names, abouts = zip(*_kinds(), strict=True)
     columns = (
-        Column("name", [example.name for example in examples], key="name"),
-        Column("what it is", [example.about for example in examples], key="about"),
+        Column("name", names, key="name"),
+        Column("what it is", abouts, key="about"),
     )
-    table = Table("What `beamchain init` writes", columns)
-    record = {"examples": table.records()}
-    tell(lambda: record, lambda: print_all(table), (), as_json)
+    print_all(Table("What `beamchain init` writes", columns))

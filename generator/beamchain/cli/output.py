@@ -24,11 +24,6 @@ def print_all(*parts: "str | Table | None") -> None:
             print_all(*part.notes)
 
 
-def print_table(table: "Table") -> None:
-    """A table, with words on the left of their columns and numbers on the right."""
-    print_all(table)
-
-
 def print_warnings(warnings: Iterable[str], word: str = "warning") -> None:
     """One line each."""
     for warning in warnings:

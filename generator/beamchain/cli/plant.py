@@ -1,15 +1,13 @@
 """`beamchain plant`: the spacecraft as a control engineer's plant."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamchain.cli.common import Force, Full, Json, Report
+from beamchain.cli.common import Force, Full, Inputs, Json, Model, Outputs, Poses
 from beamchain.cli.output import print_all, print_first, spinner, tell
-from beamchain.cli.plant_options import Inputs, Model, Outputs, Poses
 from beamchain.errors import InputError
-from beamchain.warning_codes import warnings_record
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -56,7 +54,6 @@ def plant(
     discrete: Discrete = None,
     loaded: Loaded = False,
     controller: Loops = None,
-    report: Report = True,
     full: Full = False,
     as_json: Json = False,
     force: Force = False,
@@ -79,10 +76,11 @@ def plant(
     from beamchain.craft.source import compiled_model
     from beamchain.files import beside, check_outputs
     from beamchain.report.pages.plant import plant_report
+    from beamchain.report.tables.record import plant_record
 
     page = beside(output, "_report.html")
     files_read = [model, *([] if controller is None else [controller])]
-    check_outputs([output, *([page] if report else ())], force=force, inputs=files_read)
+    check_outputs([output, page], force=force, inputs=files_read)
     loops = None if controller is None else read_controller(controller)
     driven, seen = inputs or None, outputs or None
     if loops is not None:
@@ -101,58 +99,19 @@ def plant(
         say("margins")
         closed_loops = [] if loops is None else loop_verdicts(result, loops)
         margins_by_plant = [_explained(one, say) for one in closed_loops]
-        pages: dict[Path, str] = {}
-        if report:
-            say("report")
-            pages[page] = plant_report(result, margins_by_plant, model.name)
-    files = [result.write(output, force=force, also=pages or None), *pages]
+        say("report")
+        pages = {page: plant_report(result, margins_by_plant, model.name)}
+    files = [result.write(output, force=force, also=pages), page]
     warnings = margin_warnings(plants, margins_by_plant)
     warnings = [*doubtful(compiled, poses or []), *warnings]
     tell(
-        lambda: _record(result, margins_by_plant, warnings),
+        lambda: plant_record(result, margins_by_plant, warnings),
         lambda: _show(result, margins_by_plant, warnings, full=full),
         files,
         as_json,
     )
     if not all(margins.stable for margins in margins_by_plant):
         raise typer.Exit(3)
-
-
-def _record(
-    result: "Plant | ScheduledPlant", margins_by_plant: "list[Margins]", warnings: list[str]
-) -> dict[str, Any]:
-    """What --json prints."""
-    from beamchain.control.realisation import Plant
-    from beamchain.report.tables import plant as tables
-
-    first, scheduled = (result, None) if isinstance(result, Plant) else (result[0], result)
-    grid = None if scheduled is None else scheduled.grid
-    return {
-        "inputs": tables.input_table(first).records(),
-        "outputs": tables.output_table(first).records(),
-        "states": list(first.state_names),
-        "modes": tables.mode_table(first).records(),
-        "allocations": {name: each.as_dict() for name, each in first.allocations.items()},
-        "angles": None if grid is None else grid[0],
-        "poses": None if scheduled is None else list(scheduled.labels),
-        "pose_modes": None if scheduled is None else list(scheduled.modes),
-        "frequencies": None if scheduled is None else scheduled.frequency,
-        "margins": [_loop_records(margins) for margins in margins_by_plant] or [[]],
-        "closed_loops": [
-            {key: value for key, value in margins.as_dict().items() if key != "loops"}
-            for margins in margins_by_plant
-        ],
-        "warnings": warnings_record(warnings),
-    }
-
-
-def _loop_records(margins: "Margins") -> list[dict[str, Any]]:
-    """The margins at every input, and the instabilities that its loop is to blame for."""
-    records: list[dict[str, Any]] = []
-    for loop in margins.loops:
-        own = (one for one in margins.instabilities if loop.input in one.causes or not one.causes)
-        records.append({**loop.as_dict(), "instabilities": [one.as_dict() for one in own]})
-    return records
 
 
 def _explained(one: "LoopVerdict", say: "Callable[[str], None]") -> "Margins":

@@ -3,14 +3,13 @@
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from beamchain.cli.common import Folder, Force, Json, explain, read_text
-from beamchain.cli.output import print_all, print_warnings, tell
+from beamchain.cli.common import Folder, Force, explain, read_text
+from beamchain.cli.output import print_all, print_files, print_warnings
 from beamchain.errors import EngineError, InputError
-from beamchain.warning_codes import warnings_record
 
 if TYPE_CHECKING:
     from beamchain.engine.library import mujoco
@@ -89,9 +88,7 @@ def render(
             "commas. Given again: held until those before have latched.",
         ),
     ] = None,
-    width: Annotated[int, typer.Option(help="Width of the pictures in pixels.")] = 640,
-    height: Annotated[int, typer.Option(help="Height of the pictures in pixels.")] = 400,
-    as_json: Json = False,
+    width: Annotated[int, typer.Option(help="Width of the pictures in pixels, 8:5.")] = 640,
     force: Force = False,
 ) -> None:
     """Draw the turning spacecraft and its vibrating appendage, or its modes: PNG, GIF,
@@ -131,12 +128,12 @@ def render(
         raise InputError("render: --angle is of a turn; leave it out.")
     if is_run and exaggerate != 1.0:
         raise InputError("render: a run is drawn to scale; leave --exaggerate out.")
-    sizes = (("width", width, 64, 4096), ("height", height, 64, 4096), ("modes", modes, 0, 100))
     for name, value, low, high in (
         ("exaggerate", exaggerate, 0.0, 1e6),
         ("angle", 0.0 if angle is None else angle, -360.0, 360.0),
         ("run", 1.0 if run is None else run, SHORTEST, LONGEST),
-        *sizes,
+        ("width", width, 64, 4096),
+        ("modes", modes, 0, 100),
     ):
         if not low <= value <= high:
             raise InputError(
@@ -145,7 +142,7 @@ def render(
             )
     from beamchain.engine import backend
 
-    chosen = backend.choose_renderer()
+    backend.choose_renderer()
     from beamchain.files import check_outputs, write_files
 
     name, model, fit = load(scene)
@@ -160,24 +157,18 @@ def render(
         shots = [_turn(model, turned, joint, exaggerate, fit)]
     out: dict[Path, str | bytes] = {}
     for stem, shot in zip(stems, shots, strict=True):
-        for ending, content in _filmed(model, shot, width, height).items():
+        for ending, content in _filmed(model, shot, width).items():
             out[output / f"{stem}.{ending}"] = content
     write_files(out, force=force)
-    told = [shot.facts for shot in shots]
-    facts = {"modes": told} if modes else {"run" if is_run else "slew": told[0]}
-    warnings = [said for shot in shots for said in shot.warnings]
-    record = {"files": list(map(str, out)), "renderer": chosen, "exaggerate": exaggerate, **facts}
-
-    def show() -> None:
-        print_all(*(said for shot in shots for said in shot.sentences))
-        print_warnings(warnings)
-
-    tell(lambda: {**record, "warnings": warnings_record(warnings)}, show, out, as_json)
+    for shot in shots:
+        print_all(*shot.sentences)
+        print_warnings(shot.warnings)
+    print_files(out)
 
 
 class Shot(NamedTuple):
     """What is filmed: positions `(k, nq)` beside faint ones, each with a line of text; the number
-    of the still and of what a GIF begins with; what the terminal, --json and warnings say of it."""
+    of the still and of what a GIF begins with; what the terminal and warnings say of it."""
 
     shown: "Array"
     ghosts: "Array"
@@ -185,11 +176,10 @@ class Shot(NamedTuple):
     still: int
     first: int
     sentences: list[str]
-    facts: dict[str, Any]
     warnings: Sequence[str] = ()
 
 
-def _filmed(model: "mujoco.MjModel", shot: Shot, width: int, height: int) -> dict[str, bytes]:
+def _filmed(model: "mujoco.MjModel", shot: Shot, width: int) -> dict[str, bytes]:
     """PNG, GIF and, where there is ffmpeg, MP4, by the endings of their files."""
     from beamchain.engine.displacement import spacecraft_body
     from beamchain.engine.draw import draw_frames
@@ -199,7 +189,7 @@ def _filmed(model: "mujoco.MjModel", shot: Shot, width: int, height: int) -> dic
     drawn = [*range(0, len(shot.shown), skip), shot.still]
     shown, ghosts = shot.shown[drawn], shot.ghosts[drawn]
     body = spacecraft_body(model)
-    frames = draw_frames(model, body, shown, ghosts, width=width, height=height)
+    frames = draw_frames(model, body, shown, ghosts, width=width, height=width * 5 // 8)
     told = [film.write_text(frame, shot.texts[k]) for frame, k in zip(frames, drawn, strict=True)]
     *moving, still = told
     few, first = moving[:: SKIP // skip], shot.first // SKIP
@@ -240,14 +230,6 @@ def _turn(
     scale = "to scale" if exaggerate == 1.0 else f"x {exaggerate:g}"
     note = f"{_rate(slew.times[-1], len(slew.times))}, bending {scale}"
     axis = None if slew.joint else "xyz"[slew.axis]
-    facts = {
-        "body": slew.body,
-        "joint": slew.joint or None,
-        "axis": axis,
-        "angle": slew.angle,
-        "seconds": slew.duration,
-        "omega": slew.omega,
-    }
     sentence = (
         f"{slew.joint or slew.body} turned by {math.degrees(slew.angle):.4g} degrees"
         f"{f' about {axis}' if axis else ''} in "
@@ -257,7 +239,7 @@ def _turn(
     limits = turn_limits(model, slew, roots)
     texts = _clock(slew.times, note)
     shown, rigid = slew.shown(exaggerate), slew.shown(0.0)
-    return Shot(shown, rigid, texts, slew.loudest, slew.loudest, [sentence], facts, limits)
+    return Shot(shown, rigid, texts, slew.loudest, slew.loudest, [sentence], limits)
 
 
 def _run(
@@ -291,17 +273,10 @@ def _run(
     under = "" if given is None else f" under commands of {', '.join(given.actuators)}"
     told = [f"simulated for {seconds:g} s from {begin}{under}; {note}"]
     told += [f"{one.joint} latched at {one.time:.3f} s" for one in done.latched]
-    facts = {
-        "key": key,
-        "seconds": seconds,
-        "actuators": [] if given is None else list(given.actuators),
-        "latched": [{"joint": one.joint, "time": one.time} for one in done.latched],
-        "waiting": list(done.waiting),
-    }
     late = f"{', '.join(done.waiting)} had not latched after {seconds:g} s; give a longer --run."
     warnings = [late] if done.waiting else []
     texts = _clock(done.times, note)
-    return Shot(done.positions, ghosts, texts, RUN // 2, 0, told, facts, warnings)
+    return Shot(done.positions, ghosts, texts, RUN // 2, 0, told, warnings)
 
 
 def _modes(model: "mujoco.MjModel", count: int, exaggerate: float) -> list[Shot]:
@@ -317,7 +292,6 @@ def _modes(model: "mujoco.MjModel", count: int, exaggerate: float) -> list[Shot]
         rest = mode.rest[None].repeat(CYCLE, 0)
         texts = [f"{text}{hz:.4g} Hz   {note}"] * CYCLE
         told = [f"{text}{mode.omega:.4g} rad/s, {hz:.4g} Hz; {note}"]
-        facts = {"name": mode.name, "omega": mode.omega, "hz": hz, "swing": mode.swing}
         still = CYCLE // 4
-        shots.append(Shot(mode.positions, rest, texts, still, still, told, facts))
+        shots.append(Shot(mode.positions, rest, texts, still, still, told))
     return shots

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from beamchain.cli.common import Force, Json, RetimeJoints
+from beamchain.cli.common import Force, Json
 from beamchain.cli.output import print_all, print_warnings, tell
 from beamchain.errors import InputError
 
@@ -25,7 +25,14 @@ def retime(
             metavar="NAME", help="Integrator, by MuJoCo's name; default: the model's own."
         ),
     ] = None,
-    retime_joints: RetimeJoints = False,
+    retime_joints: Annotated[
+        bool,
+        typer.Option(
+            "--retime-joints",
+            help="Put armature on the spacecraft's own sprung and servo-driven joints as well, so "
+            "that their step error is of fourth order too.",
+        ),
+    ] = False,
     as_json: Json = False,
     force: Force = False,
 ) -> None:

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamchain.cli.common import Folder, Force, Json, SpecPath, read_text
-from beamchain.cli.output import job_bar, print_all, print_headed, print_warnings, tell
+from beamchain.cli.common import Folder, Force, SpecPath, read_text
+from beamchain.cli.output import job_bar, print_all, print_files, print_headed, print_warnings
 
 if TYPE_CHECKING:
     from beamchain.studies.study import Study
@@ -15,12 +15,6 @@ Profile = Annotated[
     Path | None,
     typer.Option(
         metavar="CSV", help="Wrench on the hub: columns time, fx fy fz [N], mx my mz [N m]."
-    ),
-]
-Duration = Annotated[
-    float | None,
-    typer.Option(
-        metavar="SECONDS", help="Simulated time; default: four periods of the slowest mode."
     ),
 ]
 Budget = Annotated[
@@ -36,10 +30,8 @@ def study(
     spec: SpecPath,
     output: Folder,
     profile: Profile = None,
-    duration: Duration = None,
     budget: Budget = 0.1,
     model: Only = None,
-    as_json: Json = False,
     force: Force = False,
 ) -> None:
     """Measure error against run time for many models of an appendage on its hub,
@@ -55,22 +47,20 @@ def study(
     from beamchain.studies.study import study as measure
 
     read = read_spec(spec)
-    for name, value in (("--duration", duration), ("--budget", budget)):
-        if value is not None:
-            positive(name, value, "s")
+    positive("--budget", budget, "s")
     check_free(output / "study.json", force=force)
     text = None if profile is None else read_text(profile, "--profile")
     with job_bar("measuring") as progress:
         result = measure(
             read,
             models=model or (),
-            duration=duration,
             budget=budget,
             profile=text,
             progress=progress,
         )
     files = result.write(output, force=force)
-    tell(result.as_dict, lambda: show(result), files, as_json)
+    show(result)
+    print_files(files)
 
 
 def show(result: "Study") -> None:

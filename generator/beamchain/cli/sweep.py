@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamchain.cli.common import Folder, Force, Json
+from beamchain.cli.common import Folder, Force
 from beamchain.cli.embed import places
-from beamchain.cli.output import job_bar, print_all, print_headed, print_warnings, tell
+from beamchain.cli.output import job_bar, print_all, print_files, print_headed, print_warnings
 
 if TYPE_CHECKING:
     from beamchain.variants.sweep import Sweep
@@ -52,7 +52,6 @@ Seed = Annotated[
     int,
     typer.Option(min=0, help="Random seed; the same seed gives the same variants on any machine."),
 ]
-Workers = Annotated[int, typer.Option(min=1, max=256, help="Local processes.")]
 
 
 def sweep(
@@ -63,8 +62,6 @@ def sweep(
     gain: Gains = None,
     samples: Samples = 1000,
     seed: Seed = 0,
-    workers: Workers = 2,
-    as_json: Json = False,
     force: Force = False,
 ) -> None:
     """Draw random variants of an appendage or of a whole spacecraft,
@@ -72,10 +69,13 @@ def sweep(
 
     Writes scene.xml or flexible.xml, variants.npz, apply_variants.py, pictures and sweep.json into
     DIR. Uncertain modes, masses and drives only change numbers; an uncertain structure is fitted
-    again for every sample.
+    again for every sample, in a process per core (LOKY_MAX_CPU_COUNT sets fewer).
 
     Example: beamchain sweep craft.xml --mount mount=array.toml --uncertain craft.toml -o variants
     """
+    from joblib import cpu_count
+
+    from beamchain.engine.jobs import MOST_WORKERS
     from beamchain.files import check_free
     from beamchain.variants.sweep import sweep as draw
 
@@ -89,11 +89,12 @@ def sweep(
             uncertain=uncertain,
             gains=gain,
             seed=seed,
-            workers=workers,
+            workers=min(cpu_count(), MOST_WORKERS),
             progress=progress,
         )
     files = result.write(output, force=force)
-    tell(result.as_dict, lambda: _show(result), files, as_json)
+    _show(result)
+    print_files(files)
 
 
 def _show(result: "Sweep") -> None:

@@ -139,14 +139,8 @@ def check_names(craft: "mujoco.MjModel", appendages: Sequence[Appendage]) -> Non
         if taken[kind]:
             name = getattr(craft, word)(taken[kind][0]).name
             raise InputError(
-                f"the spacecraft already has a {word} {name!r}; give the appendage another "
-                f"--prefix{_named_so(appendages, name)}."
-            )
-    prefixes = [a.prefix for a in appendages]
-    for i, prefix in enumerate(prefixes):
-        if prefix in prefixes[:i]:
-            raise InputError(
-                f"two appendages have the prefix {prefix!r}; give each its own --prefix."
+                f"the spacecraft already has a {word} {name!r}; give the appendage another name "
+                f"in its specification{_named_so(appendages, name)}."
             )
 
 

@@ -73,7 +73,10 @@ def changes_of(
 def more_modes(appendages: Sequence[Appendage], most: int) -> dict[str, int]:
     """A larger number of modes to allow an appendage, in words, where one has as many as `most`."""
     full = any(free_ports(a.spec) and candidate_of(a).modes >= most for a in appendages)
-    return {f"allow {2 * most} modes an appendage (max-modes)": 2 * most} if full and most else {}
+    if not (full and most):
+        return {}
+    said = f"allow {2 * most} modes an appendage (max_modes in Python, or state [modes])"
+    return {said: 2 * most}
 
 
 def _words(said: str, appendages: Sequence[Appendage], group: Sequence[int]) -> str:

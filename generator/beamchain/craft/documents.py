@@ -25,8 +25,7 @@ from beamchain.mjcf.craft import Craft, craft_from_text, read_bytes, read_craft
 from beamchain.mjcf.place import Target, find_target, place_includes_with_targets
 from beamchain.mjcf.relocate import relocate, spacecraft_before
 from beamchain.mjcf.text import Edit
-from beamchain.steps.joint_time import timed_joints
-from beamchain.steps.retime_file import joint_attributes, timed_words
+from beamchain.steps.retime_file import timed_words
 
 FOREIGN = (".urdf", ".mjz")  # what MuJoCo reads beside MJCF
 
@@ -170,11 +169,6 @@ def assemble(
         out = insert.extend_keys(out, layout["qpos"], layout["qvel"], layout["rest"])
     timed = next((a.timed for a in appendages if a.timed is not None), None)
     if timed is not None:
-        joints = joint_attributes([out.root], timed, timed_joints(timed))
-        out = out.edit(
-            undo.change_marked(out, element, undo.JointMark, attributes)
-            for element, attributes in joints.items()
-        )
         out = undo.mark_step(out, timed_words(timed))
     return out
 

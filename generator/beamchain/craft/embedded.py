@@ -87,7 +87,7 @@ class Embedded:
             it changed what it was given.
         given: the appendages by place of that call.
         retime: whether timing was asked for, as the argument of `embed` says.
-        joints: whether timing may change the spacecraft's own joints (`retime_joints` of `embed`).
+        joints: whether timing may change the spacecraft's own joints (`--retime-joints`).
         most: number of modes that an appendage may keep where modes are added (`max_modes`).
         names: how the user changes integrator, step and timing, in the words of a cure.
 

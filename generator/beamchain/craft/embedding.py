@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from beamchain.checks import is_mjcf_text, list_of_names, of_type, true_or_false
+from beamchain.checks import is_mjcf_text, of_type, true_or_false
 from beamchain.checks import whole_number as checked_int
 from beamchain.craft.appendage import (
     PROBE,
@@ -27,7 +27,6 @@ from beamchain.craft.appendage import (
 from beamchain.craft.disturbances import check_flags
 from beamchain.craft.documents import (
     AppendageRequest,
-    assemble,
     compile_document,
     flattened,
     is_foreign,
@@ -86,12 +85,10 @@ def embed(
     craft: "str | Path | mujoco.MjSpec",
     mounts: Mapping[str, Spec | Beam | ModalData | Fit | str | Path],
     *,
-    prefixes: Sequence[str] | None = None,
     retime: bool | None = None,
     max_modes: int = MOST_MODES,
     rigid: bool = False,
     carry: Mapping[str, str | Sequence[str]] | None = None,
-    retime_joints: bool = False,
     loaded: bool = False,
 ) -> Embedded:
     """Attach appendages to a spacecraft and verify the assembled model.
@@ -104,10 +101,10 @@ def embed(
             outwards): a spec, the path of a SPEC.toml, a beam, imported modes, or a fit. A fit is
             used as it is if its hub is that of the spacecraft, and otherwise repeated. If a site
             and a body share a name, write `site:NAME` or `body:NAME`; `PLACE:PORT` is the port
-            `PORT` of the appendage at another `PLACE`. Imported modes without a file
-            are not available when the written file is given to `embed` again.
-        prefixes: one per entry of `mounts`; default: `NAME_` of the appendage,
-            or `NAME_PLACE_` if two would have the same, `PLACE_` where that begins with `NAME`.
+            `PORT` of the appendage at another `PLACE`. Elements are named `NAME_...` after the
+            specification, or `NAME_PLACE_...` if two would have the same, `PLACE_...` where that
+            begins with `NAME`. Imported modes without a file are not available when the written
+            file is given to `embed` again.
         retime: whether to make the appendages exact in time for the spacecraft's own step and
             integrator; default: only if the step's error would exceed a tenth of the scenes'
             tolerance (1e-4 without one), and timing lowers `sampled_error` by a third or to within
@@ -119,9 +116,6 @@ def embed(
         carry: bodies of the spacecraft that hang on ports, by `PLACE:PORT`. In the spacecraft's
             file each is a child of the body that holds the place, where it is at rest; default:
             what the [[port]] of the specification names.
-        retime_joints: put armature on the spacecraft's own sprung and servo-driven joints as well,
-            so that their step error is of fourth order too; the appendages are then made exact in
-            time in any case.
         loaded: whether to prove the spacecraft under its own load: the gravity of its `<option>`,
             where its base is held or stands on joints, and the `ctrl` of each keyframe, such as a
             constant thrust that accelerates a free base. The appendages sag and are stiffened by
@@ -147,7 +141,7 @@ def embed(
     """
     loaded = true_or_false("loaded", loaded)
     with noted_inputs() as inputs:
-        result = _embed(craft, mounts, prefixes, retime, max_modes, rigid, carry, retime_joints)
+        result = _embed(craft, mounts, retime, max_modes, rigid, carry)
     is_file = (
         isinstance(craft, str | Path) and result.document is not None and not is_mjcf_text(craft)
     )
@@ -157,11 +151,9 @@ def embed(
         call = partial(
             embed,
             craft,
-            prefixes=prefixes,
             retime=retime,
             max_modes=max_modes,
             carry=carry,
-            retime_joints=retime_joints,
             loaded=loaded,
         )
     result = with_known(
@@ -172,8 +164,7 @@ def embed(
         loaded=loaded,
         call=call,
         given=mounts,
-        retime=True if retime_joints else retime,
-        joints=retime_joints,
+        retime=retime,
         most=max_modes,
     )
     return with_loads_told(result)
@@ -233,55 +224,35 @@ def _left_out_cautions(result: Embedded, items: Sequence[PlacedBody]) -> list[st
 def _embed(
     craft: "str | Path | mujoco.MjSpec",
     mounts: Mapping[str, Spec | Beam | ModalData | Fit | str | Path],
-    prefixes: Sequence[str] | None,
     retime: bool | None,
     max_modes: int,
     rigid: bool,
     carry: Mapping[str, str | Sequence[str]] | None,
-    retime_joints: bool,
 ) -> Embedded:
     """Do the work of `embed`."""
     hung = checked_carry(carry)
     check_places(mounts)
     rigid = true_or_false("rigid", rigid)
     retime = None if retime is None else true_or_false("retime", retime)
-    joints = true_or_false("retime_joints", retime_joints)
-    if joints and isinstance(craft, mujoco.MjSpec):
-        raise InputError(
-            "retime_joints changes joints of the spacecraft's file, and an MjSpec has none; give "
-            "the path of its file, or call bc.retime(model, timestep, joints=True) on what you "
-            "compile."
-        )
-    if joints and retime is False:
-        raise InputError("retime_joints needs timing; leave out retime=False (--no-retime).")
     if not mounts:
         raise InputError(
             "nothing to embed: give at least one place and spec, --mount NAME=SPEC.toml."
-        )
-    given = [] if prefixes is None else list_of_names("prefixes", prefixes)
-    if given and len(given) != len(mounts):
-        raise InputError(
-            f"{len(given)} prefixes are given for {len(mounts)} appendages; give one --prefix per "
-            "--mount, or none."
         )
     wanted: dict[str, AppendageRequest] = {}
     ready: dict[str, Fit] = {}
     held: dict[str, ModalData] = {}
     most = checked_int("max_modes", max_modes, 0, 1000)
-    for i, (name, one) in enumerate(mounts.items()):
+    for name, one in mounts.items():
         made = one if isinstance(one, Fit) else None
         data = made.space.data if made is not None and made.space is not None else one
         if isinstance(data, ModalData):
             held[name] = with_length(data, None)
         spec = one.spec if isinstance(one, Fit) else as_spec(one)
-        prefix = given[i] if given else ""
-        if given:
-            insert.check_prefix(prefix)
         if spec.imported is not None:  # the mark in the file must find the modes from anywhere
             spec = msgspec.structs.replace(spec, imported=spec.imported.beside(Path.cwd()))
         if made is not None:
             ready[name] = made if made.spec == spec else replace(made, spec=spec)
-        wanted[name] = AppendageRequest(spec, prefix, carries_of(name, spec, hung))
+        wanted[name] = AppendageRequest(spec, "", carries_of(name, spec, hung))
     for key in hung:
         if key.rpartition(":")[0] not in wanted:
             raise InputError(
@@ -305,7 +276,7 @@ def _embed(
     places = [*(base_place(at, wanted) for at in wanted), *(f"body:{name}" for name in hanging)]
     if not all(is_written_out(original, place) for place in places):
         original, flat = flattened(original), True
-    made = _embed_in_document(original, wanted, retime, most, fits, rigid, joints)
+    made = _embed_in_document(original, wanted, retime, most, fits, rigid)
     if not flat:
         return made
     note = Caution(
@@ -328,7 +299,8 @@ def _assign_prefixes(
     before: dict[str, AppendageRequest], wanted: dict[str, AppendageRequest]
 ) -> dict[str, AppendageRequest]:
     """All appendages with their prefixes: the name of each,
-    with that of its place where two would have the same, which stands alone if it begins so.
+    with that of its place where two would have the same, which stands alone if it begins so, and
+    with a number where that is taken too.
 
     An appendage that replaces one of the same name at the same place keeps its prefix.
     """
@@ -337,20 +309,19 @@ def _assign_prefixes(
     taken = [wish.prefix for wish in out.values()]
     for at, wish in wanted.items():
         spec = wish.spec
-        if not wish.prefix and at in before and before[at].spec.name == spec.name:
+        if at in before and before[at].spec.name == spec.name:
             # names that other parts of the user's file may refer to
             out[at] = wish._replace(prefix=before[at].prefix)
-        elif not wish.prefix:
+        else:
             place = re.sub(r"[^A-Za-z0-9_.-]", "_", kinds_and_name(at)[1])
-            short = {
-                f"{spec.name}_": names.count(spec.name) == 1,
-                f"{place}_": place.startswith(spec.name),
-            }
-            own = next(
-                (word for word, is_clear in short.items() if is_clear and word not in taken),
-                f"{spec.name}_{place}_",
-            )
-            insert.check_prefix(own)
+            whole = f"{spec.name}_{place}_"
+            choices = [
+                *([f"{spec.name}_"] if names.count(spec.name) == 1 else []),
+                *([f"{place}_"] if place.startswith(spec.name) else []),
+                whole,
+                *(f"{whole}{k}_" for k in range(2, len(out) + 2)),
+            ]
+            own = next(word for word in choices if word not in taken)
             taken.append(own)
             out[at] = wish._replace(prefix=own)
     return out
@@ -460,7 +431,6 @@ def _embed_in_document(
     most: int = MOST_MODES,
     fits: "Fits | None" = None,
     rigid: bool = False,
-    joints: bool = False,
 ) -> Embedded:
     craft, appendages, warnings, steps = _fit_on_craft(
         original, wanted, most, fits or Fits(), rigid=rigid
@@ -474,12 +444,9 @@ def _embed_in_document(
         craft,
         appendages,
         lambda those: compile_document(original, those, layout),
-        True if joints else retime,
+        retime,
         compatibility.default_attributes(original.parts()),
-        joints=joints,
     )
-    if joints:  # a joint that the file does not hold by name is refused before anything is written
-        assemble(original, made.appendages, None, layout)
     return with_known(
         made,
         OF_MOTION,
@@ -553,13 +520,11 @@ def _time_and_check(
     build: "Callable[[tuple[Appendage, ...]], mujoco.MjModel]",
     retime: bool | None,
     found: Mapping[str, Mapping[str, int]] | None = None,
-    *,
-    joints: bool = False,
 ) -> Embedded:
     """The spacecraft with its appendages, exact in time where that is worth it.
 
     `build` compiles the spacecraft with appendages; `found`: defaults of its document that
-    would change them; `joints`: time the spacecraft's own joints too.
+    would change them.
     """
     model = build(appendages)
     result = Embedded(appendages, craft, model, ())
@@ -572,7 +537,7 @@ def _time_and_check(
         check_names(craft, on_tendons)
         plain = build(on_tendons)
         band = joint_request([a.spec for a in appendages]).band
-        timed, slowed = with_timing(plain, band, joints=joints)
+        timed, slowed = with_timing(plain, band)
         made = tuple(replace(a, timed=timed) for a in on_tendons)
         before = None if retime else result.sampled_error
         # against the same exact craft

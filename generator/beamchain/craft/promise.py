@@ -21,7 +21,7 @@ from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec
 from beamchain.ports.compare import keeps_tolerance
 
-MOST_MODES = 12  # of an appendage, unless --max-modes says otherwise
+MOST_MODES = 12  # of an appendage, unless `max_modes` says otherwise
 ROUNDS = 3  # of growing and fitting: what comes out may miss what was foreseen
 
 

@@ -40,7 +40,8 @@ def run_jobs(
     Args:
         function: called in workers, or in this process where there is one.
         jobs: its arguments, job by job.
-        workers: processes; None: as `joblib.parallel_config` was told, without it this process.
+        workers: processes, of which no more are started than there are jobs; None: as
+            `joblib.parallel_config` was told, without it this process.
         progress: told how many are done.
 
     Returns:
@@ -53,9 +54,8 @@ def run_jobs(
     tell = progress or _silent
     tell(0, len(jobs))
     here = workers is not None
-    with (
-        parallel_config("loky", n_jobs=workers, inner_max_num_threads=1) if here else nullcontext()
-    ):
+    number = min(workers or 1, max(len(jobs), 1))
+    with parallel_config("loky", n_jobs=number, inner_max_num_threads=1) if here else nullcontext():
         try:
             # which workers that start now inherit: this process alone answers them
             with _interrupts_ignored():

@@ -125,7 +125,7 @@ def _choose(word: str, key: str, root: type) -> str:
     return (
         f"{meant(word, allowed)}choose one of {', '.join(dict.fromkeys(allowed))}."
         if allowed
-        else "see `beamchain init --schema`."
+        else "see `beamchain init schema`."
     )
 
 
@@ -154,7 +154,7 @@ def _keys_instead(word: str, place: str, struct: Any, root: type) -> str:
     and the keys of its own table, which is read into `struct`."""
     if struct is None:
         return meant(word, _keys(root)).strip() or (
-            "remove it; `beamchain init --schema` has the keys."
+            "remove it; `beamchain init schema` has the keys."
         )
     here = [field for field in struct.__struct_fields__ if not field.startswith("_")]
     config = struct.__struct_config__

@@ -7,12 +7,10 @@ import typer
 
 from beamchain.commands import (
     Force,
-    Json,
-    console,
-    print_table,
+    print_all,
+    print_files,
     print_warnings,
     spinner,
-    tell,
 )
 from beamchain.errors import InputError
 
@@ -51,7 +49,6 @@ def identify(
             "--map", metavar="COLUMN=NAME", help="What a column of the log is. Repeatable."
         ),
     ] = None,
-    as_json: Json = False,
     force: Force = False,
 ) -> None:
     """Identify an appendage's modes from logs of the spacecraft's motion, with their covariance.
@@ -82,7 +79,8 @@ def identify(
             map=renamed,
         )
         files = found.write(output, force=force)
-    tell(found.as_dict, lambda: _show(found), files, as_json)
+    _show(found)
+    print_files(files)
     if found.refused:
         raise typer.Exit(3)
 
@@ -100,8 +98,6 @@ def _column_names(names: list[str] | None) -> dict[str, str]:
 def _show(found: "Identification") -> None:
     from beamchain.identification.tables import mode_table
 
-    print_table(mode_table(found))
-    console().print(found.timing)
-    for sentence in found.undetermined:
-        console().print(f"not determined: {sentence}")
+    undetermined = (f"not determined: {sentence}" for sentence in found.undetermined)
+    print_all(mode_table(found), found.timing, *undetermined)
     print_warnings(found.warnings)

@@ -3,7 +3,6 @@
 Keyframes are extended by the rest values of the new joints.
 """
 
-import re
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field
@@ -51,15 +50,6 @@ def with_prefix(appendage: Element, name: str, prefix: str) -> Element:
             if str(value).startswith(f"{name}_"):
                 node.set(key, prefix + str(value)[len(name) + 1 :])
     return out
-
-
-def check_prefix(prefix: str) -> None:
-    """Refuse a prefix that does not make valid, findable names."""
-    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_.-]{0,62}", prefix):
-        raise InputError(
-            f"prefix = {prefix!r} must start with a letter and hold only letters, digits, _ . - "
-            '(at most 63); for example "left_".'
-        )
 
 
 def insert_appendages(craft: Craft, insertions: Sequence[Insertion]) -> Craft:

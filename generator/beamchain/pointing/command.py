@@ -1,14 +1,11 @@
 """`beamchain pointing`: the jitter budget of a spacecraft."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from beamchain.commands import Force, Json, Model, print_table, print_warnings, spinner, tell
-
-if TYPE_CHECKING:
-    from beamchain.pointing.pointing import Pointing
+from beamchain.commands import Force, Model, print_all, print_files, print_warnings, spinner
 
 Output = Annotated[Path, typer.Option("-o", "--output", metavar="OUT.html", help="Its page.")]
 Sources = Annotated[
@@ -44,7 +41,6 @@ def pointing(
     outputs: Outputs = None,
     pose: Poses = None,
     window: Window = 1.0,
-    as_json: Json = False,
     force: Force = False,
 ) -> None:
     """Compute the pointing errors that disturbances make, source by source.
@@ -68,10 +64,6 @@ def pointing(
         found = budget(compiled, sources, outputs or None, place, window=window)
         page = pointing_page(found, model.name)
         write_files({output: page}, force=force, inputs=[model, disturbances])
-    tell(found.as_dict, lambda: _show(found), [output], as_json)
-
-
-def _show(found: "Pointing") -> None:
-    print_table(found.table)
-    print_table(found.mode_table)
+    print_all(found.table, found.mode_table)
     print_warnings(found.warnings, "note")
+    print_files([output])

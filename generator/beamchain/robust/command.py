@@ -1,28 +1,22 @@
 """`beamchain worst-case`: the worst gain of a controlled spacecraft with uncertain properties."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from beamchain.commands import (
     Force,
     Inputs,
-    Json,
     Model,
     Outputs,
     Poses,
-    console,
-    print_table,
+    print_all,
+    print_files,
     print_warnings,
     spinner,
-    tell,
 )
 from beamchain.errors import InputError
-from beamchain.warning_codes import warnings_record
-
-if TYPE_CHECKING:
-    from beamchain.robust.worst_gains import WorstCase
 
 Loops = Annotated[
     Path,
@@ -57,7 +51,6 @@ def worst_case(
     poses: Poses = None,
     between: Between = None,
     bound: Bound = False,
-    as_json: Json = False,
     force: Force = False,
 ) -> None:
     """Search the worst that a controller meets in a spacecraft with uncertain properties, and run
@@ -99,15 +92,10 @@ def worst_case(
         warnings = [*doubtful(compiled, poses or []), *told]
         page = worst_case_page(cases, model.name, warnings)
         write_files({output: page}, force=force, inputs=[model, controller, uncertain])
-    tell(
-        lambda: {
-            "worst": [case.as_dict() for case in cases],
-            "warnings": warnings_record(warnings),
-        },
-        lambda: _show(cases, warnings),
-        [output],
-        as_json,
-    )
+    print_all(*(f"worst case, {case.sentence}" for case in cases))
+    print_all(*(case.table for case in cases))
+    print_warnings(warnings, "note")
+    print_files([output])
     if not all(case.stable for case in cases):
         raise typer.Exit(3)
 
@@ -122,11 +110,3 @@ def _ends(between: str | None) -> tuple[str | None, str | None]:
             f"--between {between!r} is INPUT:OUTPUT of the plant, for example torque_z:attitude_z."
         )
     return source, target
-
-
-def _show(cases: "list[WorstCase]", warnings: list[str]) -> None:
-    for case in cases:
-        console().print(f"worst case, {case.sentence}")
-    for case in cases:
-        print_table(case.table)
-    print_warnings(warnings, "note")

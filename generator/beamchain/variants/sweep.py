@@ -226,7 +226,6 @@ def sweep(
     *,
     mounts: "Mapping[str, Spec | Beam | ModalData | str | Path] | None" = None,
     uncertain: UncertainCraft | str | Path | None = None,
-    prefixes: Sequence[str] | None = None,
     retime: bool | None = None,
     gains: Sequence[str] | None = None,
     seed: int = 0,
@@ -248,7 +247,7 @@ def sweep(
         samples: number of samples.
         mounts: the appendage for each site or body, as in `embed`; their [uncertain] counts.
         uncertain: of the craft: masses, drives, modes by prefix; or the path of its TOML file.
-        prefixes, retime: as in `embed`.
+        retime: as in `embed`.
         gains: pairs "INPUT=OUTPUT" of signals of `bc.plant` whose modal gains are followed;
             default: "torque:BASE=attitude".
         seed: of the draws; the same seed gives the same variants.
@@ -290,7 +289,7 @@ def sweep(
             nominal: Nominal = _nominal_fit(source, given)
         else:
             assert not isinstance(source, Spec)
-            nominal = _nominal_craft(source, mounts, given, prefixes, retime)
+            nominal = _nominal_craft(source, mounts, given, retime)
     case = _case(nominal, given, pairs)
     drawn = _draw(case, seed=seed, samples=samples, workers=workers, progress=progress)
     arrays = drawn.arrays
@@ -353,7 +352,6 @@ def _nominal_craft(
     source: Embedded | str | Path,
     mounts: Places | None,
     given: UncertainCraft,
-    prefixes: Sequence[str] | None,
     retime: bool | None,
 ) -> Embedded | Craft:
     """The nominal craft with its appendages."""
@@ -373,7 +371,7 @@ def _nominal_craft(
             place: what if isinstance(what, ModalData) else _on_modes(as_spec(what))
             for place, what in mounts.items()
         }
-    return embed(source, appendages, prefixes=prefixes, retime=retime)
+    return embed(source, appendages, retime=retime)
 
 
 def _on_modes(spec: Spec) -> Spec:

@@ -152,8 +152,6 @@ def _command(embedded: "Embedded", craft: str, output: str, files: list[str]) ->
         f"beamchain embed {craft}",
         *(f"--mount {a.at}={f}" for a, f in zip(appendages, files, strict=True)),
     ]
-    if any(a.prefix != f"{a.spec.name}_" for a in appendages):
-        words += [f"--prefix {a.prefix}" for a in appendages]
     if embedded.loaded:
         words.append("--loaded")
     return " \\\n  ".join([*words, f"-o {output}"])

@@ -126,12 +126,6 @@ def coupled_table(assembly: "Assembly") -> Table:
     return Table(title, (*_mode_columns(modes, assembly.band), moving), tuple(notes))
 
 
-def keyframe_table(assembly: "Assembly", modes: "Sequence[Mode]", key: str) -> Table:
-    """The coupled modes at a keyframe."""
-    title = f"Coupled modes at keyframe {key}, without damping"
-    return Table(title, _mode_columns(modes, assembly.band))
-
-
 def pose_table(embedded: "Embedded") -> Table:
     """The error of the whole at every pose, in continuous time and at the file's own step."""
     poses = embedded.promise.poses

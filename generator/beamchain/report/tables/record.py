@@ -1,13 +1,14 @@
 """What scripts may want of results, as plain numbers: fit.json, study.json,
-and what `embed --json` prints."""
+and what `--json` prints."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from beamchain.mjcf.write import joint_name
 from beamchain.ports.model import PortModel
 from beamchain.report.tables import inspect as inspect_tables
+from beamchain.report.tables import plant as plant_tables
 from beamchain.report.tables.embed import coupled_table
 from beamchain.report.tables.fit import mass_record
 from beamchain.structure.settle_modes import MOTIONS
@@ -15,6 +16,9 @@ from beamchain.studies.pareto import TARGETS, Metric, power
 from beamchain.warning_codes import warnings_record
 
 if TYPE_CHECKING:
+    from beamchain.control.margins import Margins
+    from beamchain.control.realisation import Plant
+    from beamchain.control.scheduled import ScheduledPlant
     from beamchain.craft.embedded import Embedded
     from beamchain.craft.inspect import Inspection
     from beamchain.craft.retiming import RetimedCraft
@@ -226,6 +230,44 @@ def _accuracy(limits: "StepLimits") -> dict[str, dict[str, float]]:
         name: {"1%": one_percent, "0.1%": tenth}
         for name, (one_percent, tenth) in limits.accuracy.items()
     }
+
+
+def plant_record(
+    result: "Plant | ScheduledPlant",
+    margins_by_plant: "Sequence[Margins]",
+    warnings: Sequence[str],
+) -> dict[str, Any]:
+    """What `plant --json` prints."""
+    from beamchain.control.realisation import Plant
+
+    first, scheduled = (result, None) if isinstance(result, Plant) else (result[0], result)
+    grid = None if scheduled is None else scheduled.grid
+    return {
+        "inputs": plant_tables.input_table(first).records(),
+        "outputs": plant_tables.output_table(first).records(),
+        "states": list(first.state_names),
+        "modes": plant_tables.mode_table(first).records(),
+        "allocations": {name: each.as_dict() for name, each in first.allocations.items()},
+        "angles": None if grid is None else grid[0],
+        "poses": None if scheduled is None else list(scheduled.labels),
+        "pose_modes": None if scheduled is None else list(scheduled.modes),
+        "frequencies": None if scheduled is None else scheduled.frequency,
+        "margins": [_loop_records(margins) for margins in margins_by_plant] or [[]],
+        "closed_loops": [
+            {key: value for key, value in margins.as_dict().items() if key != "loops"}
+            for margins in margins_by_plant
+        ],
+        "warnings": warnings_record(warnings),
+    }
+
+
+def _loop_records(margins: "Margins") -> list[dict[str, Any]]:
+    """The margins at every input, and the instabilities that its loop is to blame for."""
+    records: list[dict[str, Any]] = []
+    for loop in margins.loops:
+        own = (one for one in margins.instabilities if loop.input in one.causes or not one.causes)
+        records.append({**loop.as_dict(), "instabilities": [one.as_dict() for one in own]})
+    return records
 
 
 def study_record(study: "Study") -> dict[str, Any]:
