@@ -23,13 +23,16 @@ from beamchain.report.tables.fit import left_out_table, mode_table
 if TYPE_CHECKING:
     from beamchain.craft.appendage import Appendage
     from beamchain.craft.embedded import Embedded
+    from beamchain.steps.deployment import Commands
 
 SAME = 1e-3  # relative difference of chains below which appendages of one spec are shown once
 
 
-def embed_report(embedded: "Embedded", craft: str, output: str) -> str:
-    """The text of the page; `craft` and `output` are the names of the files that
-    were read and written."""
+def embed_report(
+    embedded: "Embedded", craft: str, output: str, given: "Commands | None" = None
+) -> str:
+    """The text of the page; `craft` and `output` are the names of the files that were read and
+    written, `given` the commands of actuators under which it is filmed in place of a turn."""
     assembly = embedded.assembly
     appendages = embedded.appendages
     alike = _alike(appendages)
@@ -51,7 +54,7 @@ def embed_report(embedded: "Embedded", craft: str, output: str) -> str:
         asked=_sources(embedded, craft, output),
         tables=tables,
         drawn={name: to_svg(figure, name) for name, figure in figures.items()},
-        replays=craft_replays(embedded),
+        replays=craft_replays(embedded, given),
         names=_user_names(appendages),
         alike=alike,
         imported=any(a.fit.space is not None for a in appendages),
