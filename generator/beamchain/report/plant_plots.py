@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-import control
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
@@ -18,7 +17,6 @@ from beamchain.report.plots import (
     in_hz,
     literal,
     log_axis,
-    over_frequency,
     panel,
     plain,
     power,
@@ -141,40 +139,4 @@ def bode_figure(plants: "Sequence[Plant]", labels: Sequence[str] = ()) -> Figure
     in_hz(axes[0])
     figure.supxlabel("frequency, rad/s", fontsize=9.5)
     pose_legend(figure, labels)
-    return figure
-
-
-@drawing()
-def singular_figure(plants: "Sequence[Plant]") -> Figure:
-    """Singular values of the first plant over frequency."""
-    omega = _grid(plants)
-    figure, ax = panel(3.4)
-    values = np.linalg.svd(np.moveaxis(_response(plants[0], omega), -1, 0), compute_uv=False)
-    drawn = np.maximum(values, 1e-12 * values.max(initial=1e-300))
-    ax.loglog(omega, drawn, color=OURS, linewidth=1.0)
-    logarithmic(ax, omega)
-    over_frequency(ax, "singular values")
-    return figure
-
-
-@drawing()
-def poles_figure(plants: "Sequence[Plant]", labels: Sequence[str] = ()) -> Figure:
-    """Poles of every plant, and the zeros of the pair with the largest modal gain of the first."""
-    plant = plants[0]
-    figure, ax = panel(3.8)
-    several = [np.asarray(one.poles(), dtype=np.complex128) for one in plants]
-    for poles, look in zip(several, pose_looks(labels or ["poles"]), strict=True):
-        ax.plot(poles.real, poles.imag, "x", color=look.colour, markersize=4, label=look.label)
-    gains = plant.gain.max(axis=0, initial=0.0)
-    i, j = np.unravel_index(int(np.argmax(gains)), gains.shape)
-    a, b, c, d = (np.asarray(getattr(plant, name), dtype=np.float64) for name in "ABCD")
-    one: Any = control.ss(a, b[:, [j]], c[[i]], d[np.ix_([i], [j])], plant.dt)
-    zeros = np.asarray(one.zeros(), dtype=np.complex128)
-    pair = f"{literal(plant.output_names[i])} per {literal(plant.input_names[j])}"
-    reach = 2.0 * float(np.abs(several[0]).max(initial=1e-12))
-    zeros = zeros[np.abs(zeros) < reach]
-    ax.plot(zeros.real, zeros.imag, "o", color=BEAM, fillstyle="none", label=f"zeros, {pair}")
-    unit = "" if plant.dt else ", rad/s"
-    ax.set(xlabel=f"real part{unit}", ylabel=f"imaginary part{unit}")
-    figure.legend(loc="outside upper left", ncols=2)
     return figure

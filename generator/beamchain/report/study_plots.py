@@ -1,23 +1,12 @@
-"""Pictures of studies: error against run time, times against links, steps and their damping."""
+"""Pictures of studies: error against run time, and the damping that steps show."""
 
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from beamchain.report.formats import STUDY_TITLES, short
-from beamchain.report.plots import (
-    BEAM,
-    OURS,
-    RIVAL,
-    SHADE,
-    drawing,
-    frame,
-    in_hz,
-    log_axis,
-    panel,
-    plain,
-)
+from beamchain.report.formats import STUDY_TITLE, short
+from beamchain.report.plots import BEAM, OURS, RIVAL, drawing, frame, in_hz, panel
 from beamchain.studies import field
 from beamchain.studies.pareto import front
 
@@ -53,37 +42,11 @@ def pareto_figure(study: "Study") -> Figure:
         line = [(error, 1e3 * point.seconds) for error, point in found if error < WORST]
         errors, times = np.reshape(line, (-1, 2)).T
         ax.plot(times, errors, marker=mark, markersize=4.5, label=model, **style)
-    ax.set(xscale="log", yscale="log", title=STUDY_TITLES["error"])
+    ax.set(xscale="log", yscale="log", title=STUDY_TITLE)
     ax.set_ylabel("error / largest elastic motion")
     ax.set_xlabel(f"time to simulate {study.scenario.duration:g} s, ms")
     ax.grid(which="major", color="#e6e6e6", linewidth=0.6)
     figure.legend(loc="outside upper left", ncols=2)
-    return figure
-
-
-@drawing()
-def steps_figure(limits: "Budget") -> Figure:
-    """Per integrator the range of stable steps, and the steps for 1 % and 0.1 %."""
-    names = list(limits.largest_step)
-    places = np.arange(len(names))
-    largest = np.array(list(limits.largest_step.values()))
-    one, tenth = np.transpose([limits.accuracy[name] for name in names])
-    low = 0.5 * float(tenth.min())
-    high = 2.5 * float(max(largest[np.isfinite(largest)].max(initial=0.0), one.max()))
-    figure, ax = panel(1.15 + 0.34 * len(names))
-    bar: Any = {"color": SHADE, "edgecolor": OURS, "linewidth": 0.8, "height": 0.62}
-    ax.barh(places, np.minimum(largest, high), label="stable", **bar)
-    for y in places[np.isinf(largest)]:
-        ax.text(high / 1.06, y, "no limit", ha="right", va="center", fontsize=8.5, color=OURS)
-    stroke: Any = {"color": BEAM, "markersize": 9.0}
-    ax.plot(tenth, places, "|", markeredgewidth=2.2, label="first mode within 0.1 %", **stroke)
-    ax.plot(one, places, "|", markeredgewidth=1.0, label="within 1 %", **stroke)
-    ax.set(xscale="log", xlim=(low, high), xlabel="time step, s")
-    log_axis(ax.xaxis, (low, high), plain)
-    ax.set_yticks(places, names)
-    ax.invert_yaxis()
-    ax.tick_params(axis="y", length=0.0)
-    figure.legend(loc="outside upper left", ncols=2, columnspacing=1.6)
     return figure
 
 

@@ -25,15 +25,10 @@ def plant_report(
     scheduled = None if isinstance(found, Plant) else found
     plants = [found] if isinstance(found, Plant) else list(found.plants)
     labels = () if scheduled is None else scheduled.labels
-    figures = {
-        "bode": plant_plots.bode_figure(plants, labels),
-        "singular": plant_plots.singular_figure(plants),
-        "poles": plant_plots.poles_figure(plants, labels),
-    }
+    figures = {"bode": plant_plots.bode_figure(plants, labels)}
     if of_loops:
         figures["loops"] = margin_plots.open_loop_figure(of_loops)
         figures["nichols"] = margin_plots.nichols_figure(of_loops)
-        figures["sensitivities"] = margin_plots.sensitivity_figure(of_loops)
         figures["closed"] = margin_plots.closed_poles_figure(of_loops)
     if scheduled is not None:
         figures["angles"] = plant_plots.scheduled_figure(scheduled)
