@@ -262,7 +262,6 @@ def _show_tables(result: "Embedded") -> None:
     by_pose = result.loaded or (result.by_step and len(result.promise.poses) > 1)
     print_all(
         result.composite.sentence,
-        *tables.appendage_sentences(result),
         tables.appendage_table(result),
         tables.coupled_table(result.assembly),
         *timing_sentences(made, "the modes in this table are without it"),

@@ -1,6 +1,5 @@
 """The page of `fit`: what was asked, what came out, how far it is from the beam."""
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from beamchain.fitting.hub import assumed_hub
@@ -17,7 +16,6 @@ from beamchain.report.tables.first_screen import fit_tiles
 from beamchain.report.tables.steps import step_table
 
 if TYPE_CHECKING:
-    from beamchain.fitting.options import Damping
     from beamchain.fitting.result import Fit
 
 TARGETS = {
@@ -101,28 +99,17 @@ def _verdict(fit: "Fit") -> Verdict:
 
 # -- what was asked --------------------------------------------------------------------------------
 def _specification(fit: "Fit") -> list[tuple[str, str]]:
-    """The specification in words, line by line."""
-    spec = fit.spec
+    """What the specification comes to, line by line; it stands itself at the end of the page."""
     mass = fit.line.rigid_mass()[0, 0]
     size = f"{short(fit.line.length)} m long, {short(mass)} kg"
     bands = (f"{port} up to {number(band)} rad/s" for port, band in fit.bandwidth.items())
-    lines = [
+    return [
         ("appendage", f"{size}: {_structure(fit)}"),
         ("modes to keep", _asked_modes(fit)),
         ("target", TARGETS[fit.kept_for]),
         ("hub", _hub(fit)),
         ("band", "; ".join(bands)),
     ]
-    if spec.damping is not None:
-        lines.append(("damping", _damping(spec.damping)))
-    if spec.payload is not None:
-        lines.append(
-            ("payload", f"{short(spec.payload.mass)} kg at the tip, attached by the scene")
-        )
-    if (scene := spec.scene) is not None:
-        timing = f"{scene.integrator}, step {fit.step:g} s, tolerance {scene.tolerance:g}"
-        lines.append(("scene", timing))
-    return lines
 
 
 def _hub(fit: "Fit") -> str:
@@ -131,18 +118,6 @@ def _hub(fit: "Fit") -> str:
         return assumed_hub(fit.line)
     text = f"{short(hub.mass)} kg, inertia {vector(hub.inertia)} kg m² about its centre"
     return f"{text}, root at {vector(hub.offset)} m from it" if any(hub.offset) else text
-
-
-def _damping(damping: "Damping") -> str:
-    ratio = damping.ratio
-    if isinstance(ratio, Mapping):
-        ratios = "; ".join(f"{port} {vector(values)}" for port, values in ratio.items())
-    elif isinstance(ratio, tuple):
-        ratios = f"{vector(ratio)} by mode of the file"
-    else:
-        ratios = f"{ratio:g}"
-    form = "a tendon per mode" if damping.form == "modal" else "plain joint damping"
-    return f"ratio {ratios}, as {form}"
 
 
 def _modes_word(fit: "Fit") -> str:

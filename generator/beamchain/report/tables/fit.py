@@ -2,13 +2,13 @@
 
 import math
 from collections.abc import Sequence
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from beamchain.ports.compare import DEFAULT_RATIO
 from beamchain.ports.motions import PORTS
-from beamchain.report.curves import CHAIN
 from beamchain.report.formats import (
     damping_ratio,
     digits,
@@ -260,19 +260,25 @@ def _coefficients(tendon: "Tendon") -> str:
     return ", ".join(f"{hinge + 1} {port}: {value:.4g}" for (hinge, port), value in pairs)
 
 
-def in_band_table(fit: "Fit") -> Table:
-    """Error of the hub's motion, port by port."""
-    ports = list(fit.readback_error)
-    errors = [error.accelerance_in_band or 0.0 for error in fit.readback_error.values()]
+def in_band_table(fits: "Sequence[Fit]", at: Sequence[str] = ()) -> Table:
+    """Error of the hub's motion of appendages at some places, each alone, port by port."""
+    rows = [
+        (k, fit.bandwidth[port], port, error.accelerance_in_band or 0.0)
+        for k, fit in enumerate(fits)
+        for port, error in fit.readback_error.items()
+    ]
+    column = Rows(rows).column
     columns = (
-        Column("port", ports),
-        Column("band", [f"0 to {number(fit.bandwidth[port])}" for port in ports], "rad/s"),
-        Column(CHAIN, errors, format=relative),
+        column("port", itemgetter(2)),
+        column("band", lambda row: f"0 to {number(row[1])}", "rad/s"),
+        column("in-band error", itemgetter(3), format=relative),
     )
+    if at:
+        return Table("In-band error", (column("at", lambda row: at[row[0]]), *columns))
     note = "No hub is given: the worst of three, 0.1, 1 and 10 times the appendage's rigid mass."
-    if fit.hub_mass is not None:
+    if fits[0].hub_mass is not None:
         note = "On the hub of the spec."
-    if fit.promise is not None:
+    if fits[0].promise is not None:
         note += " Each port by itself; what the scene asks of the hub counts all ports together."
     return Table("In-band error", columns, (note,))
 
@@ -425,24 +431,6 @@ def left_out_table(items: "Sequence[LeftOut]") -> Table:
         "Cost: relative change of the hub's motion within the band that leaving it out alone makes."
     )
     return Table("Left out", columns, (note,))
-
-
-def look_table(fit: "Fit") -> Table:
-    """How far the drawn surfaces miss each kept mode; empty where there are none."""
-    residual = fit.look.residual.items()
-    rows = [(port, k, error) for port, errors in residual for k, error in enumerate(errors, 1)]
-    columns = (
-        Column("port", [port for port, _, _ in rows]),
-        Column("mode", [number for _, number, _ in rows], format=whole),
-        Column("error of the drawn surface", [error for _, _, error in rows], format=relative),
-    )
-    note = (
-        "Largest error of a vertex's displacement, relative to the largest displacement in that "
-        "mode; drawing changes no motion. All that links can do to a vertex is turn it about the "
-        "hinges: modes with different shapes about the same hinges, of two planes or of bending "
-        "and torsion, cannot all be met, and what is left is least in the sum of squares."
-    )
-    return Table("", columns, (note,))
 
 
 def kept_step_table(fit: "Fit") -> Table:
