@@ -22,7 +22,6 @@ from .pages.notebook import embedded_text as embedded_text
 from .pages.notebook import fit_html as fit_html
 from .pages.notebook import fit_text as fit_text
 from .pages.notebook import margins_html as margins_html
-from .pages.notebook import recovery_html as recovery_html
 from .pages.notebook import table_html as table_html
 from .pages.study import study_page as study_page
 from .plant_plots import logarithmic as logarithmic

@@ -76,14 +76,6 @@ def _name_modes(ax: "Axes", scheduled: "ScheduledPlant", places: Array, size: Ar
         ax.annotate(literal(scheduled.modes[k]), at, (1.02, height), fontsize=7, **style)
 
 
-@drawing()
-def scheduled_figure(scheduled: "ScheduledPlant") -> Figure:
-    """The same as a figure of its own."""
-    figure, ax = panel(4.4)
-    plot_scheduled(scheduled, ax)
-    return figure
-
-
 def _grid(plants: "Sequence[Plant]") -> Array:
     """`(k,)` frequencies that resolve the modes [rad/s]; none is a mode's own,
     where an undamped plant is infinite."""

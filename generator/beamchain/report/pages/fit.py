@@ -12,7 +12,7 @@ from beamchain.report.page import Verdict, page_text
 from beamchain.report.replay import scene_replays
 from beamchain.report.svg import to_svg
 from beamchain.report.tables import fit as tables
-from beamchain.report.tables.first_screen import fit_tiles
+from beamchain.report.tables.first_screen import appendage_words, fit_tiles
 from beamchain.report.tables.steps import step_table
 
 if TYPE_CHECKING:
@@ -100,11 +100,9 @@ def _verdict(fit: "Fit") -> Verdict:
 # -- what was asked --------------------------------------------------------------------------------
 def _specification(fit: "Fit") -> list[tuple[str, str]]:
     """What the specification comes to, line by line; it stands itself at the end of the page."""
-    mass = fit.line.rigid_mass()[0, 0]
-    size = f"{short(fit.line.length)} m long, {short(mass)} kg"
     bands = (f"{port} up to {number(band)} rad/s" for port, band in fit.bandwidth.items())
     return [
-        ("appendage", f"{size}: {_structure(fit)}"),
+        ("appendage", appendage_words(fit)),
         ("modes to keep", _asked_modes(fit)),
         ("target", TARGETS[fit.kept_for]),
         ("hub", _hub(fit)),
@@ -123,23 +121,6 @@ def _hub(fit: "Fit") -> str:
 def _modes_word(fit: "Fit") -> str:
     """What the modes are, where they are no beam's."""
     return "the imported modes" if fit.spec.slosh is None else "the liquid's lateral modes"
-
-
-def _structure(fit: "Fit") -> str:
-    """What the appendage is made of."""
-    beam = fit.beam
-    if (liquid := fit.spec.slosh) is not None:
-        return (
-            f"liquid of {liquid.density:g} kg/m³ in a cylinder of {liquid.radius:g} m radius; "
-            f"modes at {liquid.acceleration:g} m/s² along its axis, "
-            f"{liquid.axis} of its place"
-        )
-    imported = fit.spec.imported
-    if beam is None:
-        return f"imported from {imported.file}" if imported is not None else "imported"
-    parts = {"segment": beam.segments, "compliant joint": beam.joints, "lumped body": beam.lumps}
-    counts = ", ".join(count(len(those), what) for what, those in parts.items() if those)
-    return counts.replace("bodys", "bodies")
 
 
 def _asked_modes(fit: "Fit") -> str:
