@@ -1,26 +1,22 @@
-"""Pictures of studies: error against run time, and the damping that steps show."""
+"""The picture of a study: error against run time."""
 
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from beamchain.report.formats import STUDY_TITLE, short
-from beamchain.report.plots import BEAM, OURS, RIVAL, drawing, frame, in_hz, panel
+from beamchain.report.formats import STUDY_TITLE
+from beamchain.report.plots import OURS, drawing, panel
 from beamchain.studies import field
 from beamchain.studies.pareto import front
 
 if TYPE_CHECKING:
-    from beamchain.steps.budget import Budget
     from beamchain.studies.study import Study
 
 #: Ours in colours that differ in lightness, rivals in grey, each told by its mark too.
 COLOURS = dict(zip(field.OURS, ("#082f5c", OURS, "#3d8fd6", "#8dbbe6"), strict=True))
 GREYS = ("#9a9a9a", "#707070", "#b4b4b4", "#555555", "#c4c4c4")
 MARKS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "h")
-#: Marks differ in shape, not in colour alone.
-STEP_MARKS = {"Euler": "v", "implicit": "s", "implicitfast": "o", "discrete": "D", "RK4": "^"}
-SMALLEST = 1e-7  # damping ratio: below it an integrator adds none to speak of
 WORST = 2.0  # errors above are left out of the picture: nothing of the appendage is right there
 
 
@@ -47,33 +43,4 @@ def pareto_figure(study: "Study") -> Figure:
     ax.set_xlabel(f"time to simulate {study.scenario.duration:g} s, ms")
     ax.grid(which="major", color="#e6e6e6", linewidth=0.6)
     figure.legend(loc="outside upper left", ncols=2)
-    return figure
-
-
-@drawing()
-def damping_figure(limits: "Budget") -> Figure:
-    """Damping ratio of every mode, the structure's own and as each integrator shows it;
-    over frequency."""
-    figure, ax = panel(3.5)
-    w = limits.frequencies
-    own = limits.ratios
-    if np.any(own > 0.0):
-        bar: Any = {"color": BEAM, "markersize": 16.0, "markeredgewidth": 2.0}
-        ax.plot(w[own > 0.0], own[own > 0.0], "_", label="the structure's own", **bar)
-    for name, values in limits.shown.items():
-        ratio = values[:, 1]
-        seen = ratio > SMALLEST
-        mark: Any = {"markersize": 6.0, "fillstyle": "none", "markeredgewidth": 1.4}
-        mark["color"] = RIVAL if name == "discrete" else OURS
-        label = name if np.any(seen) else f"{name}: none, or unstable"
-        ax.plot(w[seen], ratio[seen], STEP_MARKS.get(name, "x"), label=label, **mark)
-    shown = [
-        float(z) for v in (own[:, None], *limits.shown.values()) for z in v[:, -1] if z > SMALLEST
-    ]
-    upwards = 0.3 * min(shown, default=SMALLEST), 3.0 * max(shown, default=1.0)
-    frame(ax, (float(w[0]) / 1.6, 1.6 * float(w[-1])), upwards)
-    in_hz(ax)
-    title = f"at a step of {short(limits.timestep)} s"
-    ax.set(xlabel="frequency of the mode, rad/s", ylabel="damping ratio", title=title)
-    figure.legend(loc="outside upper left", ncols=3, columnspacing=1.2)
     return figure

@@ -46,7 +46,7 @@ def fit_report(fit: "Fit") -> tuple[str, dict[str, str]]:
         curves=groups,
         spring_sentence=spring_sentence,
         replays=scene_replays(fit),
-        steps=step_table(fit.written_limits),
+        steps=step_table({"": fit.written_limits}, "Largest time step"),
     )
     return page, pictures
 

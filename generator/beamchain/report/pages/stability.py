@@ -6,11 +6,10 @@ from typing import TYPE_CHECKING
 
 from beamchain.fitting.spec import read_spec
 from beamchain.fitting.spec_text import spec_toml
-from beamchain.report import study_plots
 from beamchain.report.formats import short
 from beamchain.report.page import Verdict, page_text
-from beamchain.report.svg import to_svg
 from beamchain.report.tables import stability as tables
+from beamchain.report.tables.steps import step_table
 
 if TYPE_CHECKING:
     from beamchain.craft.stability import StabilityStudy
@@ -18,9 +17,6 @@ if TYPE_CHECKING:
 
 def stability_report(study: "StabilityStudy", source: Path) -> str:
     """The text of the page; `source` is the SPEC.toml or MODEL.xml."""
-    drawn: dict[str, str] = {}
-    for i, limits in enumerate(study.budgets):
-        drawn[f"damping{i}"] = to_svg(study_plots.damping_figure(limits), f"damping{i}")
     return page_text(
         "stability.html",
         name=source.stem,
@@ -28,7 +24,7 @@ def stability_report(study: "StabilityStudy", source: Path) -> str:
         study=study,
         source=source,
         tables=tables,
-        drawn=drawn,
+        steps=step_table({each.name: each for each in study.budgets}, ""),
         names={limits.name.split()[0] for limits in study.budgets if limits.name},
         spec="" if source.suffix.lower() == ".xml" else spec_toml(read_spec(source)),
     )

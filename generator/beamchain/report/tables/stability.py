@@ -1,13 +1,11 @@
 """The tables of `inspect --steps`: step limits, damping, large motion."""
 
 import math
-from collections.abc import Callable, Sequence
-from operator import itemgetter
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from beamchain.report.formats import damping_ratio, number, relative, short, step_text
+from beamchain.report.formats import damping_ratio, number, relative, short
 from beamchain.report.table import Column, Rows, Table
-from beamchain.steps.budget import HOST
 
 if TYPE_CHECKING:
     from beamchain.craft.stability import StabilityStudy
@@ -18,25 +16,6 @@ LIFTED = (
     "`beamchain retime` lifts what the appendages limit: they are then exact at longer steps, up "
     "to what the spacecraft's own springs and servos allow."
 )
-
-
-def limit_table(budgets: "Sequence[Budget]") -> Table:
-    """The largest steps of every model that are stable, and that keep its slowest mode."""
-    rows = [
-        (budget.name, integrator, largest, *budget.accuracy[integrator])
-        for budget in budgets
-        for integrator, largest in budget.largest_step.items()
-        if integrator != HOST
-    ]
-    column = Rows(rows).column
-    columns = (
-        column("model", itemgetter(0)),
-        column("integrator", itemgetter(1)),
-        column("stable up to", itemgetter(2), "s", step_text),
-        column("first mode within 1 % up to", itemgetter(3), "s", step_text),
-        column("within 0.1 % up to", itemgetter(4), "s", step_text),
-    )
-    return Table("Largest stable step", columns)
 
 
 def damping_table(budget: "Budget") -> Table:
