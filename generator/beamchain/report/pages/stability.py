@@ -1,12 +1,10 @@
 """The page of `inspect --steps`: steps that hold, and how far a chain may be driven."""
 
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from beamchain.fitting.spec import read_spec
 from beamchain.fitting.spec_text import spec_toml
-from beamchain.report.formats import short
 from beamchain.report.page import Verdict, page_text
 from beamchain.report.tables import stability as tables
 from beamchain.report.tables.steps import step_table
@@ -20,7 +18,7 @@ def stability_report(study: "StabilityStudy", source: Path) -> str:
     return page_text(
         "stability.html",
         name=source.stem,
-        verdict=_steps_hold(study),
+        verdict=Verdict(not study.warnings, study.own_step),
         study=study,
         source=source,
         tables=tables,
@@ -28,13 +26,3 @@ def stability_report(study: "StabilityStudy", source: Path) -> str:
         names={limits.name.split()[0] for limits in study.budgets if limits.name},
         spec="" if source.suffix.lower() == ".xml" else spec_toml(read_spec(source)),
     )
-
-
-def _steps_hold(study: "StabilityStudy") -> Verdict:
-    largest = study.budgets[0].largest_step
-    least = min(largest.values())
-    longer = largest.get("RK4", 0.0)
-    text = f"{study.own_step.rstrip('.')}; every integrator is stable up to a step of "
-    text += f"{short(least)} s"
-    text += f" (RK4 up to {short(longer)} s)" if 1.05 * least < longer < math.inf else ""
-    return Verdict(not study.warnings, f"{text}.")

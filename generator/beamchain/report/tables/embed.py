@@ -30,8 +30,7 @@ def appendage_table(embedded: "Embedded") -> Table:
         column("modes kept", lambda a: modes_kept(a.fit), place="page"),
         column("target", "fit.kept_for"),
         column("rigidly behind its root", "hub.mass", "kg", number),
-        column("on", _joints),
-        column("status", _status, place="page"),
+        column("on", lambda a: ", ".join(j.words for j in a.mount.joints) or "nothing that moves"),
     ]
     if any(a.loads for a in embedded.appendages):
         columns.append(column("carries", _carried, missing="-"))
@@ -62,16 +61,6 @@ def modes_kept(fit: "Fit") -> str:
     if space is None or fit.kept_for != "clamped":
         return counts or "rigid"
     return f"{counts}: {space.kept_words}"
-
-
-def _joints(appendage: "Appendage") -> str:
-    joints = ", ".join(joint.words for joint in appendage.mount.joints)
-    return joints or "nothing that moves"
-
-
-def _status(appendage: "Appendage") -> str:
-    status = appendage.fit.status
-    return "as asked" if status.ok else status.message
 
 
 def _mode_columns(modes: "Sequence[Mode]", band: float) -> tuple[Column, ...]:

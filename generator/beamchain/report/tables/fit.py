@@ -23,7 +23,6 @@ from beamchain.report.table import Column, Rows, Table
 from beamchain.structure.section import Equivalent
 
 if TYPE_CHECKING:
-    from beamchain.chain.chain import Tendon
     from beamchain.fitting.kept import LeftOut
     from beamchain.fitting.result import Fit, InSpace
     from beamchain.ports.motions import Array
@@ -250,14 +249,8 @@ def tendon_table(fit: "Fit") -> Table:
         column("frequency", lambda t: t.stiffness**0.5 or None, "rad/s", number, missing="-"),
         column("damping", "damping", "1/s", number),
         column("armature", "armature", format=number),
-        column("coefficients, by hinge", _coefficients, place="page"),
     )
     return Table("Tendons", columns)
-
-
-def _coefficients(tendon: "Tendon") -> str:
-    pairs = zip(tendon.freedoms, tendon.coefficients, strict=True)
-    return ", ".join(f"{hinge + 1} {port}: {value:.4g}" for (hinge, port), value in pairs)
 
 
 def in_band_table(fits: "Sequence[Fit]", at: Sequence[str] = ()) -> Table:
