@@ -329,26 +329,6 @@ def mass_words(rigid: "Array") -> str:
     return f"Total mass {number(found['mass'])} kg, mass centre at ({where}) m from the root."
 
 
-Comparison = tuple[str, float, float]  # what it is, of the beam, of the chain
-
-
-def _comparison_table(title: str, what: str, rows: Sequence[Comparison], difference: str) -> Table:
-    differences = [_relative_difference(exact, chain) for _, exact, chain in rows]
-    columns = (
-        Column(what, [name for name, _, _ in rows]),
-        Column("beam", [exact for _, exact, _ in rows], format=number),
-        Column("chain, through MuJoCo", [chain for _, _, chain in rows], format=number),
-        Column(difference, differences, format=relative, missing="–"),
-    )
-    return Table(title, columns)
-
-
-def _relative_difference(exact: float, chain: float) -> float | None:
-    if exact:
-        return chain / exact - 1.0
-    return 0.0 if chain == exact else None
-
-
 def model_error_table(fit: "Fit", port: str) -> Table:
     """Held, free and on the hub: frequencies of the beam and of the chain in continuous time."""
     beam = fit.full[port]
@@ -369,7 +349,14 @@ def model_error_table(fit: "Fit", port: str) -> Table:
             zip(of_beam[:kept], of_chain[:kept], strict=False), start=1
         )
     ]
-    return _comparison_table(f"Model error in {port}", "frequencies, rad/s", rows, "model error")
+    column = Rows(rows).column
+    columns = (
+        column("frequencies, rad/s", itemgetter(0)),
+        column("beam", itemgetter(1), format=number),
+        column("chain, through MuJoCo", itemgetter(2), format=number),
+        column("model error", lambda row: row[2] / row[1] - 1.0, format=relative),
+    )
+    return Table(f"Model error in {port}", columns)
 
 
 def mass_record(rigid: "Array") -> dict[str, Any]:
@@ -377,21 +364,6 @@ def mass_record(rigid: "Array") -> dict[str, Any]:
     m = float(rigid[0, 0])
     com = [(rigid[1, 5] - rigid[2, 4]) / 2.0 / m, -rigid[0, 5] / m, rigid[0, 4] / m]
     return {"mass": m, "com": com, "inertia": rigid[3:, 3:]}
-
-
-def mass_table(fit: "Fit") -> Table:
-    """Mass, centre and inertia about the root, of the beam and of the chain."""
-    beam = mass_record(fit.line.rigid_mass())
-    chain = mass_record(fit.measured.rigid_mass)
-    rows = [("mass, kg", beam["mass"], chain["mass"])]
-    for axis, exact, achieved in zip("xyz", beam["com"], chain["com"], strict=True):
-        rows.append((f"centre of mass {axis}, m", exact, achieved))
-    for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)):
-        exact = float(beam["inertia"][i, j])
-        achieved = float(chain["inertia"][i, j])
-        if i == j or exact or achieved:
-            rows.append((f"inertia {'xyz'[i]}{'xyz'[j]}, kg m²", exact, achieved))
-    return _comparison_table("Mass, centre, inertia", "", rows, "relative difference")
 
 
 def bench_table(fit: "Fit") -> Table:
