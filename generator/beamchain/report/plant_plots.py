@@ -12,12 +12,12 @@ from beamchain.ports.peaks import around, half_widths
 from beamchain.report.plots import (
     BEAM,
     OURS,
-    WIDTH,
     drawing,
     in_hz,
     literal,
     log_axis,
     panel,
+    panels,
     plain,
     power,
 )
@@ -116,8 +116,7 @@ def bode_figure(plants: "Sequence[Plant]", labels: Sequence[str] = ()) -> Figure
         ax.text(0.5, 0.5, "no input moves an output", ha="center", va="center")
         return figure
     looks = pose_looks(labels or ["this pose"] * len(plants))
-    figure = Figure(figsize=(WIDTH, 2.6 * len(pairs) + 0.6), layout="constrained")
-    axes = figure.subplots(len(pairs), 1, squeeze=False)[:, 0]
+    figure, axes = panels(2.6 * len(pairs) + 0.6, *[1.0] * len(pairs))
     for ax, (i, j) in zip(axes, pairs, strict=True):
         for response, look in zip(responses, looks, strict=True):
             ax.loglog(omega, np.abs(response[i, j]), label=look.label, **look.line())
