@@ -1,4 +1,4 @@
-"""Pictures of closed loops: open-loop Bode and Nichols with their margins, poles."""
+"""Pictures of closed loops: open-loop Bode and Nichols with their margins, S and T, poles."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -11,6 +11,7 @@ from beamchain.report.plots import (
     BEAM,
     HATCH,
     RIVAL,
+    WIDTH,
     beside,
     drawing,
     in_hz,
@@ -183,6 +184,30 @@ def _mark_frequencies(ax: "Axes", loop: "LoopMargins") -> None:
         at = int(np.argmin(np.abs(loop.omega - omega)))
         ax.plot(phase[at], gain[at], ".", color=BEAM, markersize=4)
         ax.annotate(f"{omega:.3g}", (phase[at], gain[at]), xytext=(4, 3), **style)
+
+
+@drawing()
+def sensitivity_figure(several: "Sequence[Margins]") -> Figure:
+    """S (upper) and T (lower) of every loop, the others closed, a curve per pose."""
+    loops = _by_loop(several)
+    looks = pose_looks(_labels(several))
+    figure = Figure(figsize=(WIDTH, 2.7 * len(loops) + 0.5), layout="constrained")
+    axes = figure.subplots(len(loops), 2, squeeze=False, sharey="row")
+    for (left, right), poses in zip(axes, loops, strict=True):
+        for loop, look in zip(poses, looks, strict=True):
+            sensitivity = 1.0 / (1.0 + loop.response)
+            complementary = loop.response * sensitivity
+            left.plot(loop.omega, _decibels(sensitivity), label=look.label, **look.line())
+            right.plot(loop.omega, _decibels(complementary), **look.line())
+        for ax, name in ((left, "S"), (right, "T")):
+            ax.axhline(0.0, color=BEAM, linewidth=0.6)
+            ax.set(ylim=(-40.0, 20.0), title=f"{name}, {literal(poses[0].name)}")
+            _over_frequency(ax, _span(poses))
+        left.set_ylabel("size, dB")
+    for ax in axes[-1]:
+        ax.set_xlabel("frequency, rad/s")
+    pose_legend(figure, _labels(several))
+    return figure
 
 
 @drawing()

@@ -30,6 +30,7 @@ def plant_report(
     if of_loops:
         figures["loops"] = margin_plots.open_loop_figure(of_loops)
         figures["nichols"] = margin_plots.nichols_figure(of_loops)
+        figures["sensitivities"] = margin_plots.sensitivity_figure(of_loops)
         figures["closed"] = margin_plots.closed_poles_figure(of_loops)
     if scheduled is not None:
         with drawing():
