@@ -281,8 +281,9 @@ def test_the_page_films_the_users_own_commands(tmp_path):
         data.ctrl[0] = 5.0 if step < 200 else -5.0 if step < 400 else 0.0
         mujoco.mj_step(model, data)
         positions.append(data.qpos.copy())
-    moments = np.linspace(0.0, 8.0, replay.FINER * (replay.RUN - 1) + 1)[:: replay.FINER]
-    shown = np.array([positions[round(100.0 * moment)] for moment in moments])
+    film = frames(films[told])
+    assert replay.TURN < len(film) <= replay.RUN
+    shown = np.array(positions[:: 800 // (len(film) - 1)])
     rigid = shown.copy()
     rigid[:, 7:] = 0.0
     artist = replay._Artist(model)
@@ -293,7 +294,7 @@ def test_the_page_films_the_users_own_commands(tmp_path):
     factor = re.search(r"drawn (\S+) times as large", told)
     larger = rigid + (1.0 if factor is None else float(factor[1])) * (shown - rigid)
     wanted = np.array([np.asarray(picture) for picture in artist.pictures(larger, rigid)])
-    found = np.roll(frames(films[told]), int(np.argmax(off)), axis=0)
+    found = np.roll(film, int(np.argmax(off)), axis=0)
     assert found.shape == wanted.shape
     changes = np.abs(np.diff(wanted.astype(int), axis=0)).mean(axis=(1, 2, 3)).max()
     assert np.abs(found - wanted).mean(axis=(1, 2, 3)).max() < 0.5 * changes

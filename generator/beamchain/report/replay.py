@@ -43,7 +43,7 @@ CYCLE, TURN, RUN = 14, 27, 54  # frames of an oscillation, and of a turn or a ru
 EACH, SLOWER = 90, 110  # and ms that each of them is shown
 SWING = 0.08  # of the craft's size: elastic displacement up to which a turn is drawn
 FACTORS = (1.0, 2.0, 5.0)  # times powers of ten, by which that may be drawn larger than it is
-FINER = 9  # times the frames of a run: positions from which its rates are taken
+FINER = 9  # times the frames of a run: positions at most, from which its rates are taken
 MOST_WORK = 400_000  # steps times degrees of freedom of the simulation of a turn
 SLOW = 0.1  # of an appendage's first frequency: a slower turn is within all limits of spin
 ROUND = 12  # corners of a circle
@@ -181,7 +181,11 @@ def _run_replay(
 ) -> Replay:
     """A run under commands of actuators to their last time."""
     seconds = float(given.times[-1])
-    run = simulate_run(model, None, seconds, FINER * (RUN - 1) + 1, given=given)
+    step = float(model.opt.timestep)
+    # so many steps apart, all of them: rates are taken from how positions follow each other
+    apart = step * max(math.ceil(seconds / step / (FINER * RUN)), 1)
+    spaces = max(round(seconds / apart), 2)
+    run = simulate_run(model, None, spaces * apart, spaces + 1, given=given)
     title = f"{seconds:.4g} s under commands of {', '.join(given.actuators)}"
     told = ["simulated in MuJoCo", *run_limits(model, run, roots)]
     return _motion_replay(artist, run.times, run.positions, run.rigid, RUN, title, told)
