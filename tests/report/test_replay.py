@@ -16,6 +16,7 @@ from scipy.linalg import eigh
 
 import beamchain as bc
 from beamchain.report import replay
+from beamchain.steps.deployment import commands
 from command import call
 from mechanics import by_differences, quiet
 from spacecraft import CRAFTS, spec
@@ -298,6 +299,14 @@ def test_the_page_films_the_users_own_commands(tmp_path):
     assert found.shape == wanted.shape
     changes = np.abs(np.diff(wanted.astype(int), axis=0)).mean(axis=(1, 2, 3)).max()
     assert np.abs(found - wanted).mean(axis=(1, 2, 3)).max() < 0.5 * changes
+
+
+@pytest.mark.slow
+def test_a_run_in_which_nothing_moves_is_drawn_to_scale():
+    craft = bc.embed(COMMANDED, {"mount": spec("rod")})
+    given = commands(craft.model, "time,z\n0,0\n0.005,0\n", "h")  # less than a step
+    told = replay.craft_replays(craft, given).films[-1].told
+    assert "by 0 m at most, to scale" in told
 
 
 @pytest.mark.parametrize(

@@ -42,6 +42,7 @@ SLIMMEST = 1.0 / 140.0  # of the craft's size: thinner solids would vanish
 CYCLE, TURN, RUN = 14, 27, 54  # frames of an oscillation, and of a turn or a run at most,
 EACH, SLOWER = 90, 110  # and ms that each of them is shown
 SWING = 0.08  # of the craft's size: elastic displacement up to which a turn is drawn
+STILL = 1e-9  # of the same: less is rounding, and drawn as it is
 FACTORS = (1.0, 2.0, 5.0)  # times powers of ten, by which that may be drawn larger than it is
 FINER = 9  # times the frames of a run: positions at most, from which its rates are taken
 MOST_WORK = 400_000  # steps times degrees of freedom of the simulation of a turn
@@ -207,9 +208,10 @@ def _motion_replay(
     shown, rigid = positions[some], straight[some]
     away = [artist.points(a) - artist.points(b) for a, b in zip(shown, rigid, strict=True)]
     sizes = np.linalg.norm(away, axis=2).max(axis=1)
-    larger = SWING * artist.size / max(float(sizes.max()), 1e-300)
-    power = 10.0 ** math.floor(math.log10(max(larger, 1.0)))
-    factor = max(f * power for f in FACTORS if f * power <= max(larger, 1.0))
+    bends = float(sizes.max()) > STILL * artist.size
+    larger = max(SWING * artist.size / float(sizes.max()), 1.0) if bends else 1.0
+    power = 10.0 ** math.floor(math.log10(larger))
+    factor = max(f * power for f in FACTORS if f * power <= larger)
     pictures = artist.pictures(rigid + factor * (shown - rigid), rigid)
     first = int(np.argmax(sizes))
     rate = float(times[-1]) / (len(pictures) * SLOWER / 1000.0)
