@@ -2,6 +2,7 @@
 mesh that it was made from (`support/superelements.py`, which shares nothing with the package)."""
 
 import json
+import re
 import shutil
 from functools import cache
 from pathlib import Path
@@ -122,7 +123,7 @@ def test_embed_says_which_modes_are_kept_and_where_the_mass_stands(folder):
     words = ["--mount", "mount=spec.toml", "-o", "f.xml", "--full"]
     status, out, _ = call("embed", "craft.xml", *words)
     assert status == 3  # mode 3 is left out, and lies below those kept
-    assert "kept: modes 1, 2, 4, 7 of the 8 of the file." in " ".join(out.split())
+    assert re.search("kept: .*modes 1, 2, 4, 7 of the 8 of the file", " ".join(out.split()))
     flexible = bc.embed("craft.xml", {"mount": "spec.toml"}, retime=False)
     record = flexible.as_dict()["appendages"][0]
     assert record["modes_of_the_file"] == KEPT

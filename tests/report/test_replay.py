@@ -16,6 +16,8 @@ from scipy.linalg import eigh
 
 import beamchain as bc
 from beamchain.report import replay
+from beamchain.steps.deployment import commands
+from command import call
 from mechanics import by_differences, quiet
 from spacecraft import CRAFTS, spec
 
@@ -240,6 +242,93 @@ def test_a_turn_of_too_many_steps_is_not_drawn_and_the_page_says_so():
     assert films
     assert note.startswith("No turn is drawn: the turn takes")
     assert note in craft.report()
+
+
+# -- a run -----------------------------------------------------------------------------------------
+COMMANDED = """<mujoco><option gravity="0 0 0" timestep="0.01"/><worldbody><body name="bus">
+<freejoint/><inertial pos="0 0 0" mass="300" diaginertia="90 90 90"/>
+<geom type="box" size=".5 .5 .5" mass="0"/><site name="mount" pos=".5 0 0"/></body></worldbody>
+<actuator><motor name="z" site="mount" gear="0 0 0 0 0 1" ctrlrange="-5 5"/></actuator></mujoco>"""
+HISTORY = "time,z\n0,5\n2,-5\n4,0\n8,0\n"
+
+
+def films_of(page):
+    """Addresses and captions of the films of a page."""
+    figures = html.fromstring(page).xpath("//div[@class='films']/figure")
+    return {
+        figure.find("figcaption").text_content(): figure.find(".//img").get("src")
+        for figure in figures
+    }
+
+
+@pytest.mark.slow
+def test_the_page_films_the_users_own_commands(tmp_path):
+    """Its frames are drawn of the positions that the written file has when it is stepped in plain
+    MuJoCo."""
+    (tmp_path / "craft.xml").write_text(COMMANDED)
+    (tmp_path / "h.csv").write_text(HISTORY)
+    words = ["embed", tmp_path / "craft.xml", "--mount", f"mount={spec('rod')}"]
+    words += ["-o", tmp_path / "out.xml", "--torque"]
+    answer = call(*words, tmp_path / "h.csv")
+    assert answer.status in {0, 3}, answer.err
+    films = films_of((tmp_path / "out_report.html").read_text())
+    (told,) = (caption for caption in films if "simulated" in caption)
+    assert told.startswith("8 s under commands of z")
+    assert not any(" turned by " in caption for caption in films)
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "out.xml"))
+    data = mujoco.MjData(model)
+    positions = [data.qpos.copy()]
+    for step in range(800):
+        data.ctrl[0] = 5.0 if step < 200 else -5.0 if step < 400 else 0.0
+        mujoco.mj_step(model, data)
+        positions.append(data.qpos.copy())
+    film = frames(films[told])
+    assert replay.TURN < len(film) <= replay.RUN
+    shown = np.array(positions[:: 800 // (len(film) - 1)])
+    rigid = shown.copy()
+    rigid[:, 7:] = 0.0
+    artist = replay._Artist(model)
+    away = [np.abs(artist.points(a) - artist.points(b)) for a, b in zip(shown, rigid, strict=True)]
+    off = [np.linalg.norm(each, axis=1).max() for each in away]
+    stated = float(re.search(r"drawn faintly, by (\S+) m at most", told)[1])
+    assert max(off) == pytest.approx(stated, rel=0.05)
+    factor = re.search(r"drawn (\S+) times as large", told)
+    larger = rigid + (1.0 if factor is None else float(factor[1])) * (shown - rigid)
+    wanted = np.array([np.asarray(picture) for picture in artist.pictures(larger, rigid)])
+    found = np.roll(film, int(np.argmax(off)), axis=0)
+    assert found.shape == wanted.shape
+    changes = np.abs(np.diff(wanted.astype(int), axis=0)).mean(axis=(1, 2, 3)).max()
+    assert np.abs(found - wanted).mean(axis=(1, 2, 3)).max() < 0.5 * changes
+
+
+@pytest.mark.slow
+def test_a_run_in_which_nothing_moves_is_drawn_to_scale():
+    craft = bc.embed(COMMANDED, {"mount": spec("rod")})
+    given = commands(craft.model, "time,z\n0,0\n0.005,0\n", "h")  # less than a step
+    told = replay.craft_replays(craft, given).films[-1].told
+    assert "by 0 m at most, to scale" in told
+
+
+@pytest.mark.parametrize(
+    ("history", "more", "said"),
+    [
+        ("time,y\n0,1\n1,0\n", [], "give a column time, one or more of z, and at least two rows"),
+        ("time,z\n0,9\n1,0\n", [], "z = 9 is beyond its ctrlrange [-5, 5]"),
+        ("time,z\n0,1\n1e-6,0\n", [], "--torque ends at 1e-06 s; give times from 0.001"),
+        (HISTORY, ["--no-report"], "--torque is filmed on the page, which --no-report leaves out"),
+    ],
+)
+def test_commands_that_cannot_be_filmed_are_refused_and_nothing_is_written(
+    history, more, said, tmp_path
+):
+    (tmp_path / "craft.xml").write_text(COMMANDED)
+    (tmp_path / "h.csv").write_text(history)
+    words = ["embed", tmp_path / "craft.xml", "--mount", f"mount={spec('rod')}", *more]
+    answer = call(*words, "-o", tmp_path / "out.xml", "--torque", tmp_path / "h.csv")
+    assert answer.status == 2
+    assert answer.err.count("\n") == 1
+    assert said in answer.err
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["craft.xml", "h.csv"]
 
 
 # -- the page --------------------------------------------------------------------------------------

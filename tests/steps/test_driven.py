@@ -1,8 +1,10 @@
-"""Tests internals: `steps.driven`, `report.replay.turn_limits`, `studies.study._load_warnings`:
-what a run puts an appendage through.
+"""Tests internals: `steps.driven`, `report.replay.turn_limits` and `run_limits`,
+`studies.study._load_warnings`: what a run puts an appendage through.
 
 The sentences that come of it are tested through the public door in test_run_limits.py.
 """
+
+import re
 
 import numpy as np
 import pytest
@@ -12,8 +14,9 @@ from test_run_limits import SEED, craft, seed_fit
 import beamchain as bc
 from beamchain.engine.slew import Slew
 from beamchain.report.pages.study import answer, study_page
-from beamchain.report.replay import turn_limits
+from beamchain.report.replay import run_limits, turn_limits
 from beamchain.report.tables.study import reach_table
+from beamchain.steps.deployment import Run
 from beamchain.steps.driven import Driven, driven, keyframes, limit_sentences, run_of_turn
 from beamchain.steps.large_motion import LargeMotion
 from beamchain.studies import study as studies
@@ -107,6 +110,21 @@ def test_a_rendered_turn_warns():
     assert said_of(100.0) == []
     said = said_of(5.0)  # 0.28 rad/s, 0.112 rad/s^2
     assert ["spin" in s for s in said].count(True) == 1
+    assert any(s.startswith("slew reached 0.112 rad/s^2") for s in said)
+
+
+def test_a_filmed_run_quotes_what_its_positions_go_through():
+    """The hub turns at a rate that grows by 0.112 rad/s^2 to 0.28 rad/s."""
+    fit = seed_fit()
+    model = compiled(fit.scene_mjcf())
+    times = np.linspace(0.0, 2.5, 251)
+    angles = 0.056 * times**2
+    positions = np.tile(model.qpos0, (times.size, 1))
+    positions[:, [3, 6]] = np.column_stack([np.cos(angles / 2.0), np.sin(angles / 2.0)])
+    run = Run(times, positions, positions, positions, (), ())
+    said = run_limits(model, run, {f"{fit.spec.name}_link1": fit})
+    (spin,) = (s for s in said if "spin" in s)
+    assert float(re.search(r"spin reached ([\d.]+)", spin)[1]) == pytest.approx(0.28, rel=0.01)
     assert any(s.startswith("slew reached 0.112 rad/s^2") for s in said)
 
 

@@ -12,6 +12,9 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.text import Text
 
+    from beamchain.engine.library import mujoco
+    from beamchain.steps.deployment import Commands
+
 SpecPath = Annotated[
     Path,
     typer.Argument(
@@ -55,7 +58,16 @@ Poses = Annotated[
         "order.",
     ),
 ]
+Torque = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="CSV",
+        help="Film a simulation under these commands in place of a turn: a column time and others "
+        "named after actuators of the file; a row holds until the next.",
+    ),
+]
 LARGEST_HISTORY = 10_000_000  # bytes
+SHORTEST, LONGEST = 1e-3, 1e5  # of a run [s]
 
 
 def read_text(path: Path, option: str) -> str:
@@ -75,6 +87,23 @@ def read_text(path: Path, option: str) -> str:
         raise InputError(
             f"{option} {str(path)!r} cannot be read ({error}); give a CSV file of text."
         ) from None
+
+
+def read_commands(
+    model: "mujoco.MjModel", torque: Path, seconds: float | None = None
+) -> "Commands":
+    """The commands of actuators that --torque names, of a run of some seconds or else of one to
+    their last time."""
+    from beamchain.errors import InputError
+    from beamchain.steps.deployment import commands
+
+    given = commands(model, read_text(torque, "--torque"), torque.name)
+    last = float(given.times[-1])
+    if seconds is None and not SHORTEST <= last <= LONGEST:
+        raise InputError(
+            f"--torque ends at {last:g} s; give times from {SHORTEST:g} to {LONGEST:g} s."
+        )
+    return given
 
 
 def version(value: bool) -> None:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamchain.cli.common import Force, Full, Json
+from beamchain.cli.common import Force, Full, Json, Torque, read_commands
 from beamchain.cli.output import print_all, print_first, spinner, tell
 from beamchain.errors import InputError
 from beamchain.warning_codes import warnings_record
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from beamchain.craft.embedded import Embedded
+    from beamchain.steps.deployment import Commands
 
 
 CraftFile = Annotated[Path, typer.Argument(metavar="CRAFT.xml", help="The spacecraft's MJCF file.")]
@@ -70,6 +71,7 @@ def embed(
     remove: Remove = False,
     retime: Retime = None,
     report: Report = True,
+    torque: Torque = None,
     rigid: Rigid = False,
     loaded: Loaded = False,
     full: Full = False,
@@ -80,7 +82,8 @@ def embed(
 
     The hub is read from the spacecraft; the spacecraft's own elements and comments are not changed.
     Running the command again replaces an appendage; --remove restores the original.
-    OUT_report.html compares the assembled model with exact appendages.
+    OUT_report.html compares the assembled model with exact appendages, and films a turn or, with
+    --torque, a run under commands of your own.
 
     Example: beamchain embed craft.xml --mount panel_mount=array.toml -o flexible.xml
     """
@@ -89,6 +92,12 @@ def embed(
 
     names = [_split(word, remove)[0] for word in mount or []]
     page = beside(output, "_report.html") if report and not rigid else None
+    if torque is not None and page is None:
+        without = "--rigid" if rigid else "--no-report"
+        raise InputError(
+            f"--torque is filmed on the page, which {without} leaves out; give one of them."
+        )
+    given = None if torque is None else _commands(craft, torque)
     if remove:
         result = _take_out(craft, names, output, force=force, as_json=as_json)
         if result is None:
@@ -96,7 +105,7 @@ def embed(
     else:
         appendages = places(mount or [])
         outputs = [output, *([] if page is None else [page])]
-        inputs = [craft, *map(Path, appendages.values())]
+        inputs = [craft, *map(Path, appendages.values()), *([] if torque is None else [torque])]
         check_outputs(outputs, force=force, inputs=inputs, update=(craft, output))
         with spinner("fitting the appendages and proving the whole"):
             result = attach(
@@ -108,11 +117,27 @@ def embed(
                 loaded=loaded,
             )
             _ = result.cure, result.assembly  # kept: the proof, and what mends it
-    drawings = {} if page is None else {page: result.report(craft.name, output.name)}
+    drawings: dict[Path, str] = {}
+    if page is not None:
+        from beamchain.engine.library import one_thread
+        from beamchain.report import embed_report
+
+        with one_thread():
+            drawings[page] = embed_report(result, craft.name, output.name, given)
     files = result.write(output, force=force, also=drawings)
     tell(result.as_dict, lambda: _show(result, full=full), files, as_json)
     if not rigid and not _is_good(result):
         raise typer.Exit(3)
+
+
+def _commands(craft: Path, torque: Path) -> "Commands":
+    """The commands of --torque, of actuators that the bare spacecraft has."""
+    from beamchain.craft.documents import read_bare
+    from beamchain.engine.linearise import compile_model
+    from beamchain.mjcf.relocate import relocate
+
+    bare, _ = read_bare(craft)
+    return read_commands(compile_model(relocate(bare, None).text), torque)
 
 
 def _take_out(
@@ -198,7 +223,6 @@ def _show_tables(result: "Embedded") -> None:
     by_pose = result.loaded or (result.by_step and len(result.promise.poses) > 1)
     print_all(
         result.composite.sentence,
-        *tables.appendage_sentences(result),
         tables.appendage_table(result),
         tables.coupled_table(result.assembly),
         *timing_sentences(made, "the modes in this table are without it"),

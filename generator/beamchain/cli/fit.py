@@ -88,7 +88,7 @@ def _show_tables(result: "Fit") -> None:
             "with the values computed for that chain."
         )
     if result.promise is None:  # which is the in-band error, where there is one
-        print_all(tables.in_band_table(result))
+        print_all(tables.in_band_table([result]))
     if result.spec.payload is not None:
         print_all(
             "payload: the tip is exact with the root, so that your scene may attach any body "

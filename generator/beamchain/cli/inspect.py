@@ -113,10 +113,8 @@ def _show_steps(result: "StabilityStudy") -> None:
     from beamchain.report.tables import stability as tables
     from beamchain.report.tables.steps import step_table
 
-    print_all(result.own_step)
-    for budget in result.budgets:
-        title = f"{budget.name}: largest time step"
-        print_all(step_table(budget, title), tables.damping_table(budget))
+    steps = step_table({each.name: each for each in result.budgets}, "Largest time step")
+    print_all(result.own_step, steps, *map(tables.damping_table, result.budgets))
     print_all(
         tables.LIFTED if result.is_retimable else None,
         tables.large_motion_table(result) if result.large else None,
@@ -146,7 +144,7 @@ def _show(found: "Inspection", proof: "Embedded | None") -> None:
     )
     print_warnings(found.warnings, "note")
     title = f"Largest time steps (the model asks for {found.integrator}, {found.timestep:g} s)"
-    print_all(step_table(found.limits, title))
+    print_all(step_table({"": found.limits}, title))
     if proof is not None:
         print_all(coupled_table(proof.assembly), pose_table(proof), proof.time_error.words)
         print_warnings((w for w in proof.warnings if w not in found.warnings), "note")

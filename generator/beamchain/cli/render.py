@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from beamchain.cli.common import Folder, Force, explain, read_text
+from beamchain.cli.common import (
+    LONGEST,
+    SHORTEST,
+    Folder,
+    Force,
+    Torque,
+    explain,
+    read_commands,
+)
 from beamchain.cli.output import print_all, print_files, print_warnings
 from beamchain.errors import EngineError, InputError
 
@@ -19,7 +27,6 @@ if TYPE_CHECKING:
 # frames of a turn (at least), a run and an oscillation; how many a second; a GIF has every second
 FRAMES, RUN, CYCLE, RATE = 108, 168, 48, 25.0
 SKIP = 2
-SHORTEST, LONGEST = 1e-3, 1e5  # of a run [s]
 
 Scene = Annotated[
     Path,
@@ -68,14 +75,7 @@ def render(
             metavar="SECONDS", help="Film a simulation of so many seconds in place of a turn."
         ),
     ] = None,
-    torque: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="CSV",
-            help="Film a simulation under these commands: a column time and others named after "
-            "actuators of the file; a row holds until the next.",
-        ),
-    ] = None,
+    torque: Torque = None,
     pose: Annotated[
         str | None,
         typer.Option(metavar="KEYFRAME", help="Where --run or --torque starts."),
@@ -250,25 +250,15 @@ def _run(
     torque: Path | None,
 ) -> Shot:
     """A simulated run, beside its start or rigid appendages."""
-    from beamchain.engine.model_rows import sprung
-    from beamchain.steps.deployment import commands, hinge_stages, simulate_run
+    from beamchain.steps.deployment import hinge_stages, simulate_run
 
-    given = None if torque is None else commands(model, read_text(torque, "--torque"), torque.name)
+    given = None if torque is None else read_commands(model, torque, seconds)
     if seconds is None:
         assert given is not None
         seconds = float(given.times[-1])
-        if not SHORTEST <= seconds <= LONGEST:
-            raise InputError(
-                f"render: --torque ends at {seconds:g} s; give times from {SHORTEST:g} to "
-                f"{LONGEST:g} s, or --run SECONDS."
-            )
     done = simulate_run(model, key, seconds, RUN, hinge_stages(model, latch), given)
     note = f"{_rate(seconds, RUN)}, to scale"
-    ghosts = done.start
-    if given is not None:
-        bent = model.jnt_qposadr[sprung(model)]
-        ghosts = done.positions.copy()
-        ghosts[:, bent] = model.qpos0[bent]
+    ghosts = done.start if given is None else done.rigid
     begin = "the pose of the file" if key is None else f"keyframe {key!r}"
     under = "" if given is None else f" under commands of {', '.join(given.actuators)}"
     told = [f"simulated for {seconds:g} s from {begin}{under}; {note}"]

@@ -119,7 +119,7 @@ class Recovery:
         )
 
     def _repr_html_(self) -> str:
-        return report.recovery_html(self)
+        return report.table_html(report.recovery_table(self))
 
     @property
     def root_force(self) -> Array:

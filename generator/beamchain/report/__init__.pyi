@@ -9,7 +9,6 @@ from .headlines import embedded_headline as embedded_headline
 from .headlines import fit_headline as fit_headline
 from .headlines import fit_message as fit_message
 from .headlines import kept_words as kept_words
-from .headlines import modes_sentence as modes_sentence
 from .headlines import tip_sentence as tip_sentence
 from .margin_plots import nichols_figure as nichols_figure
 from .margin_plots import open_loop_figure as open_loop_figure
@@ -22,7 +21,6 @@ from .pages.notebook import embedded_text as embedded_text
 from .pages.notebook import fit_html as fit_html
 from .pages.notebook import fit_text as fit_text
 from .pages.notebook import margins_html as margins_html
-from .pages.notebook import recovery_html as recovery_html
 from .pages.notebook import table_html as table_html
 from .pages.study import study_page as study_page
 from .plant_plots import logarithmic as logarithmic

@@ -11,10 +11,9 @@ from beamchain.fitting.needs import AXES
 from beamchain.ports.motions import Array
 from beamchain.report.curves import ErrorCurve
 from beamchain.report.plots import (
+    ACCELERANCE_OVER_ERROR,
     BEAM,
     OURS,
-    WIDTH,
-    accelerance_over_error,
     alone,
     drawing,
     error_panel,
@@ -22,6 +21,7 @@ from beamchain.report.plots import (
     frame,
     literal,
     panel,
+    panels,
 )
 from beamchain.report.svg import to_svg
 
@@ -43,7 +43,7 @@ MOTIONS = (
 def assembly_figure(assembly: "Assembly") -> Figure:
     """The hub's accelerance in the motion whose largest error in the band is largest, and below it
     the error of all motions together, its largest in the band marked."""
-    figure, above, below = accelerance_over_error()
+    figure, (above, below) = panels(*ACCELERANCE_OVER_ERROR)
     kept = assembly.omega <= max(assembly.common, assembly.omega[0])
     off = np.abs(assembly.achieved - assembly.exact)[..., kept].max(axis=-1)
     size = np.abs(assembly.exact)[..., kept].max(axis=-1)
@@ -101,8 +101,7 @@ def sweep_pictures(sweep: "Sweep") -> dict[str, str]:
 def _frequencies(coupled: Array) -> str:
     """A histogram of every coupled mode, each on its own axis."""
     count = min(coupled.shape[1], MOST)
-    figure = Figure(figsize=(WIDTH, 1.0 + 1.1 * count), layout="constrained")
-    axes = figure.subplots(count, 1, squeeze=False)[:, 0]
+    figure, axes = panels(1.0 + 1.1 * count, *[1.0] * count)
     for k, (ax, values) in enumerate(zip(axes, coupled.T, strict=False), 1):
         mean, spread = float(values.mean()), float(values.std())
         ax.hist(values, bins=min(40, max(5, values.size // 10)), color=OURS)
@@ -118,8 +117,7 @@ def _frequencies(coupled: Array) -> str:
 @drawing()
 def _gains(sweep: "Sweep") -> str:
     """Every variant's gain over its mode, a panel per pair of signals."""
-    figure = Figure(figsize=(WIDTH, 0.6 + 3.0 * len(sweep.gains)), layout="constrained")
-    axes = figure.subplots(len(sweep.gains), 1, squeeze=False)[:, 0]
+    figure, axes = panels(0.6 + 3.0 * len(sweep.gains), *[1.0] * len(sweep.gains))
     for ax, (name, values) in zip(axes, sweep.gains.items(), strict=True):
         seen = np.flatnonzero(values.max(axis=0) > NONE * values.max())[:MOST]
         for place, k in enumerate(seen):

@@ -15,7 +15,6 @@ from beamchain.ports.compare import (
 )
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array
-from beamchain.structure.exact import UniformBeam
 
 if TYPE_CHECKING:
     from beamchain.fitting.result import Fit
@@ -79,28 +78,11 @@ def count(number: int, word: str) -> str:
     return f"{number} {word}{'' if number == 1 else 's'}"
 
 
-def beam_model(fit: "Fit", port: str) -> PortModel:
-    """The whole beam in a port with the damping that in-band errors are stated with:
-    the spec's, else 0.5 %."""
-    return with_damping(fit.spec.with_ratios(port, fit.full[port]), fit.spec.undamped_ratio)
-
-
 def undamped_accelerance(model: PortModel) -> Accelerance:
     """Accelerance of a port model without damping: the inverse of its dynamic mass,
     which a hinge at the root leaves."""
     bare = model.replaced(damping=np.zeros(model.modes))
     return lambda omega: np.linalg.inv(bare.D(omega).real.T).T.astype(np.float64)
-
-
-def exact_accelerance(fit: "Fit", port: str) -> Accelerance:
-    """Accelerance of the beam: the transcendental solution where there is one,
-    else all modes of the discretisation."""
-    beam = fit.beam
-    if port in PLANES and beam is not None and beam.uniform:
-        at = beam.segments[0].at(np.array([0.5]))
-        stiffness = at.bending_xy if port == "xy" else at.bending_xz
-        return UniformBeam(beam.length, float(stiffness[0]), float(at.mass[0])).W
-    return undamped_accelerance(fit.full[port])
 
 
 def span(fit: "Fit", port: str) -> tuple[float, float]:
@@ -134,8 +116,8 @@ def response(accelerance: Accelerance, limits: tuple[float, float], points: int 
 def responses(fit: "Fit", port: str) -> tuple[Response, Response]:
     """Undamped accelerances of the beam, and of the chain through MuJoCo."""
     limits = span(fit, port)
-    chain = undamped_accelerance(fit.achieved[port])
-    return response(exact_accelerance(fit, port), limits), response(chain, limits)
+    beam, chain = (undamped_accelerance(those[port]) for those in (fit.full, fit.achieved))
+    return response(beam, limits), response(chain, limits)
 
 
 def alike_ports(fit: "Fit") -> list[tuple[str, ...]]:
@@ -167,7 +149,7 @@ def worst_hub(fit: "Fit", port: str) -> tuple[Array, str]:
 def error_curve(fit: "Fit", port: str, hub: Array, limits: tuple[float, float]) -> ErrorCurve:
     """Error of the chain against the beam on the hub; its largest in the band is the in-band
     error."""
-    beam = beam_model(fit, port)
+    beam = with_damping(fit.spec.with_ratios(port, fit.full[port]), fit.spec.undamped_ratio)
     chain = fit.measured.damped_port(port)
     band = fit.bandwidth[port]
     block = Block(hub, beam, tuple(range(beam.motions)))

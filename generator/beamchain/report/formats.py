@@ -7,11 +7,8 @@ from typing import Any
 
 Format = Callable[[Any], str]
 
-#: what the errors of a study are called in tables and pictures
-STUDY_TITLES: dict[str, str] = {
-    "error": "Error of the hub's motion as simulated",
-    "error_appendage": "Error with the integrator's own rigid-hub error taken off, on its clock",
-}
+#: what the error of a study is called in its table and picture
+STUDY_TITLE = "Error of the hub's motion as simulated"
 
 ROUNDING = 1e-9  # damping ratio that computing alone makes
 

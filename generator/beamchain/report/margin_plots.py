@@ -18,6 +18,7 @@ from beamchain.report.plots import (
     literal,
     log_axis,
     panel,
+    panels,
     plain,
 )
 from beamchain.report.pose_looks import pose_legend, pose_looks
@@ -91,8 +92,7 @@ def open_loop_figure(several: "Sequence[Margins]") -> Figure:
     the least margins are marked."""
     loops = _by_loop(several)
     looks = pose_looks(_labels(several))
-    figure = Figure(figsize=(WIDTH, 4.2 * len(loops) + 0.4), layout="constrained")
-    axes = figure.subplots(2 * len(loops), 1, gridspec_kw={"height_ratios": [3, 2] * len(loops)})
+    figure, axes = panels(4.2 * len(loops) + 0.4, *[3.0, 2.0] * len(loops))
     for poses, gain, phase in zip(loops, axes[::2], axes[1::2], strict=True):
         for loop, look in zip(poses, looks, strict=True):
             gain.plot(loop.omega, _decibels(loop.response), label=look.label, **look.line())
@@ -152,8 +152,7 @@ def nichols_figure(several: "Sequence[Margins]") -> Figure:
     """Open loops in the Nichols plane with frequencies, a panel per loop."""
     loops = _by_loop(several)
     looks = pose_looks(_labels(several))
-    figure = Figure(figsize=(WIDTH, 3.9 * len(loops) + 0.4), layout="constrained")
-    axes = figure.subplots(len(loops), 1, squeeze=False)[:, 0]
+    figure, axes = panels(3.9 * len(loops) + 0.4, *[1.0] * len(loops))
     turn = np.linspace(0.0, 2.0 * np.pi, 200)
     circle = (-1.0 + DISTANCE * np.exp(1j * turn)).astype(np.complex128)
     for ax, poses in zip(axes, loops, strict=True):

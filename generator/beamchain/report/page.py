@@ -1,7 +1,6 @@
 """Pages from the templates beside this module,
 and the words and numbers that they are filled with."""
 
-import math
 import platform
 import re
 from collections.abc import Iterable
@@ -52,8 +51,6 @@ def page_text(template: str, folder: Path | None = None, **values: Any) -> str:
         "titles": [],
         "tiles": (),
         "zip": zip,
-        "infinity": math.inf,
-        "turn": math.tau,
         "spec_toml": spec_toml,
     }
     page = _environment(folder).get_template(template)

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-import control
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
@@ -13,13 +12,12 @@ from beamchain.ports.peaks import around, half_widths
 from beamchain.report.plots import (
     BEAM,
     OURS,
-    WIDTH,
     drawing,
     in_hz,
     literal,
     log_axis,
-    over_frequency,
     panel,
+    panels,
     plain,
     power,
 )
@@ -78,14 +76,6 @@ def _name_modes(ax: "Axes", scheduled: "ScheduledPlant", places: Array, size: Ar
         ax.annotate(literal(scheduled.modes[k]), at, (1.02, height), fontsize=7, **style)
 
 
-@drawing()
-def scheduled_figure(scheduled: "ScheduledPlant") -> Figure:
-    """The same as a figure of its own."""
-    figure, ax = panel(4.4)
-    plot_scheduled(scheduled, ax)
-    return figure
-
-
 def _grid(plants: "Sequence[Plant]") -> Array:
     """`(k,)` frequencies that resolve the modes [rad/s]; none is a mode's own,
     where an undamped plant is infinite."""
@@ -126,8 +116,7 @@ def bode_figure(plants: "Sequence[Plant]", labels: Sequence[str] = ()) -> Figure
         ax.text(0.5, 0.5, "no input moves an output", ha="center", va="center")
         return figure
     looks = pose_looks(labels or ["this pose"] * len(plants))
-    figure = Figure(figsize=(WIDTH, 2.6 * len(pairs) + 0.6), layout="constrained")
-    axes = figure.subplots(len(pairs), 1, squeeze=False)[:, 0]
+    figure, axes = panels(2.6 * len(pairs) + 0.6, *[1.0] * len(pairs))
     for ax, (i, j) in zip(axes, pairs, strict=True):
         for response, look in zip(responses, looks, strict=True):
             ax.loglog(omega, np.abs(response[i, j]), label=look.label, **look.line())
@@ -141,40 +130,4 @@ def bode_figure(plants: "Sequence[Plant]", labels: Sequence[str] = ()) -> Figure
     in_hz(axes[0])
     figure.supxlabel("frequency, rad/s", fontsize=9.5)
     pose_legend(figure, labels)
-    return figure
-
-
-@drawing()
-def singular_figure(plants: "Sequence[Plant]") -> Figure:
-    """Singular values of the first plant over frequency."""
-    omega = _grid(plants)
-    figure, ax = panel(3.4)
-    values = np.linalg.svd(np.moveaxis(_response(plants[0], omega), -1, 0), compute_uv=False)
-    drawn = np.maximum(values, 1e-12 * values.max(initial=1e-300))
-    ax.loglog(omega, drawn, color=OURS, linewidth=1.0)
-    logarithmic(ax, omega)
-    over_frequency(ax, "singular values")
-    return figure
-
-
-@drawing()
-def poles_figure(plants: "Sequence[Plant]", labels: Sequence[str] = ()) -> Figure:
-    """Poles of every plant, and the zeros of the pair with the largest modal gain of the first."""
-    plant = plants[0]
-    figure, ax = panel(3.8)
-    several = [np.asarray(one.poles(), dtype=np.complex128) for one in plants]
-    for poles, look in zip(several, pose_looks(labels or ["poles"]), strict=True):
-        ax.plot(poles.real, poles.imag, "x", color=look.colour, markersize=4, label=look.label)
-    gains = plant.gain.max(axis=0, initial=0.0)
-    i, j = np.unravel_index(int(np.argmax(gains)), gains.shape)
-    a, b, c, d = (np.asarray(getattr(plant, name), dtype=np.float64) for name in "ABCD")
-    one: Any = control.ss(a, b[:, [j]], c[[i]], d[np.ix_([i], [j])], plant.dt)
-    zeros = np.asarray(one.zeros(), dtype=np.complex128)
-    pair = f"{literal(plant.output_names[i])} per {literal(plant.input_names[j])}"
-    reach = 2.0 * float(np.abs(several[0]).max(initial=1e-12))
-    zeros = zeros[np.abs(zeros) < reach]
-    ax.plot(zeros.real, zeros.imag, "o", color=BEAM, fillstyle="none", label=f"zeros, {pair}")
-    unit = "" if plant.dt else ", rad/s"
-    ax.set(xlabel=f"real part{unit}", ylabel=f"imaginary part{unit}")
-    figure.legend(loc="outside upper left", ncols=2)
     return figure

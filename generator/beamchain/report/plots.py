@@ -37,6 +37,7 @@ ROUNDING = 1e-16  # the top of a picture of errors that are all less
 LONGEST, ENDING = 48, 16  # characters of a name, and of its end where the middle is left out
 # of a figure [inch]; text is then as large as the page's where the figure has the page's width
 WIDTH = 8.6
+ACCELERANCE_OVER_ERROR = 5.6, 1.5, 1.0  # height [inch] of two panels and their shares of it
 DASHES = ("solid", (0, (5, 2)), (0, (1.2, 1.6)))
 STYLE: Any = {
     "font.family": ["DejaVu Sans"],
@@ -108,7 +109,7 @@ def drawing(**settings: Any) -> Generator[None]:
 def response_figure(fit: "Fit", port: str) -> Figure:
     """Accelerance of the root, undamped, of the beam and of the chain through MuJoCo, and below it
     the error of the hub's motion, whose largest in the band is the in-band error."""
-    figure, above, below = accelerance_over_error()
+    figure, (above, below) = panels(*ACCELERANCE_OVER_ERROR)
     _accelerance(above, fit, port)
     hub, place = worst_hub(fit, port)
     curve = error_curve(fit, port, hub, span(fit, port))
@@ -117,13 +118,6 @@ def response_figure(fit: "Fit", port: str) -> Figure:
     title = f"error of the hub's motion, {place}"
     error_panel(below, curve, band, curve.largest(band) if stated is None else stated, title)
     return finished(figure)
-
-
-def accelerance_over_error() -> "tuple[Figure, Axes, Axes]":
-    """A new figure and its two panels over the same frequencies, to be `finished` once drawn."""
-    figure = Figure(figsize=(WIDTH, 5.6), layout="constrained")
-    above, below = figure.subplots(2, 1, height_ratios=(1.5, 1.0))
-    return figure, above, below
 
 
 def finished(figure: Figure) -> Figure:
@@ -245,10 +239,16 @@ def over_frequency(ax: "Axes", ylabel: str) -> None:
     ax.set(xlabel="frequency, rad/s", ylabel=ylabel)
 
 
-def panel(height: float) -> "tuple[Figure, Axes]":
-    """A new figure of a height [inch] with one panel."""
+def panels(height: float, *shares: float) -> "tuple[Figure, list[Axes]]":
+    """A new figure of a height [inch] with panels below each other that have these shares of it."""
     figure = Figure(figsize=(WIDTH, height), layout="constrained")
-    return figure, figure.add_subplot()
+    return figure, list(figure.subplots(len(shares), 1, squeeze=False, height_ratios=shares)[:, 0])
+
+
+def panel(height: float) -> "tuple[Figure, Axes]":
+    """The same with one panel."""
+    figure, (ax,) = panels(height, 1.0)
+    return figure, ax
 
 
 # -- the chain -------------------------------------------------------------------------------------

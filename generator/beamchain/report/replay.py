@@ -1,15 +1,16 @@
-"""Replays on the pages: films of a spacecraft's coupled modes and of a turn, drawn from the scene
-that MuJoCo itself makes of the model, without a screen."""
+"""Replays on the pages: films of a spacecraft's coupled modes and of a turn or a run, drawn from
+the scene that MuJoCo itself makes of the model, without a screen."""
 
 import base64
 import copy
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
+from scipy.spatial.transform import Rotation
 
 from beamchain.craft.mode_names import cantilever_names, strain_holders, strain_shares
 from beamchain.craft.moving_modes import oscillation
@@ -26,7 +27,8 @@ from beamchain.errors import EngineError, InputError
 from beamchain.ports.motions import Array
 from beamchain.report.film import webp
 from beamchain.report.headlines import strain_words
-from beamchain.steps.driven import limit_sentences, run_of_turn
+from beamchain.steps.deployment import Commands, Run, simulate_run
+from beamchain.steps.driven import Driven, driven, limit_sentences, run_of_turn
 from beamchain.steps.retime import without_timing
 
 if TYPE_CHECKING:
@@ -37,10 +39,12 @@ MODES = 4  # that are shown
 WIDTH, HIGHEST, MARGIN = 376, 240, 8  # of a picture [pixels],
 FINE = 2  # of which so many times as many are drawn
 SLIMMEST = 1.0 / 140.0  # of the craft's size: thinner solids would vanish
-CYCLE, TURN = 14, 27  # frames of an oscillation, and of a turn at most,
+CYCLE, TURN, RUN = 14, 27, 54  # frames of an oscillation, and of a turn or a run at most,
 EACH, SLOWER = 90, 110  # and ms that each of them is shown
 SWING = 0.08  # of the craft's size: elastic displacement up to which a turn is drawn
+STILL = 1e-9  # of the same: less is rounding, and drawn as it is
 FACTORS = (1.0, 2.0, 5.0)  # times powers of ten, by which that may be drawn larger than it is
+FINER = 9  # times the frames of a run: positions at most, from which its rates are taken
 MOST_WORK = 400_000  # steps times degrees of freedom of the simulation of a turn
 SLOW = 0.1  # of an appendage's first frequency: a slower turn is within all limits of spin
 ROUND = 12  # corners of a circle
@@ -78,8 +82,9 @@ class _Mode(NamedTuple):
 
 
 # -- what is shown ---------------------------------------------------------------------------------
-def craft_replays(embedded: "Embedded") -> Replays:
-    """Of the first coupled modes in the table of an embedded craft, and of a turn."""
+def craft_replays(embedded: "Embedded", given: Commands | None = None) -> Replays:
+    """Of the first coupled modes in the table of an embedded craft, and of a turn or, where they
+    are given, of a run under commands of its actuators."""
     modes = _named(embedded.untimed, *embedded.shapes_at("rest"))
     shown: list[_Mode] = []
     for number, row in enumerate(embedded.assembly.modes, 1):
@@ -88,7 +93,7 @@ def craft_replays(embedded: "Embedded") -> Replays:
             near = min(range(len(modes)), key=lambda k: abs(modes[k].omega - omega))
             shown.append(modes.pop(near)._replace(number=number))
     roots = {f"{a.prefix}link1": a.fit for a in embedded.appendages}
-    return _replays(embedded.model, embedded.untimed, shown, roots)
+    return _replays(embedded.model, embedded.untimed, shown, roots, given)
 
 
 def scene_replays(fit: "Fit") -> Replays:
@@ -120,17 +125,21 @@ def _replays(
     model: "mujoco.MjModel",
     modes: Sequence[_Mode],
     roots: "Mapping[str, Fit]",
+    given: Commands | None = None,
 ) -> Replays:
-    """Of modes of a model without timing, and of a turn of the same with its timing; `roots`: the
-    appendages by the bodies that are their roots."""
+    """Of modes of a model without timing, and of a turn of the same with its timing or its run
+    under commands; `roots`: the appendages by the bodies that are their roots."""
     artist = _Artist(model)
     films = [_mode_replay(artist, mode) for mode in modes]
     try:
         with quiet():
+            if given is not None:
+                return Replays([*films, _run_replay(artist, timed, given, roots)])
             most = MOST_WORK // model.nv
             slew = simulate(quiet_copy(timed), angle=None, frames=TURN, most=most, untimed=model)
     except EngineError as error:
-        return Replays(films, f"No turn is drawn: {str(error).partition(';')[0]}.")
+        what = "turn" if given is None else "run"
+        return Replays(films, f"No {what} is drawn: {str(error).partition(';')[0]}.")
     except InputError:  # it does not fly freely, or nothing bends
         return Replays(films)
     return Replays([*films, _turn_replay(artist, slew, roots)])
@@ -148,28 +157,13 @@ def _mode_replay(artist: "_Artist", mode: _Mode) -> Replay:
 
 
 def _turn_replay(artist: "_Artist", slew: Slew, roots: "Mapping[str, Fit]") -> Replay:
-    """A turn, over the same craft with rigid appendages; from where they bend most."""
-    some = np.s_[:: math.ceil(slew.times.size / TURN)]
-    shown, rigid = slew.positions[some], slew.shown(0.0)[some]
-    away = [artist.points(a) - artist.points(b) for a, b in zip(shown, rigid, strict=True)]
-    sizes = np.linalg.norm(away, axis=2).max(axis=1)
-    larger = SWING * artist.size / max(float(sizes.max()), 1e-300)
-    power = 10.0 ** math.floor(math.log10(max(larger, 1.0)))
-    factor = max(f * power for f in FACTORS if f * power <= max(larger, 1.0))
-    pictures = artist.pictures(slew.shown(factor)[some], rigid)
-    first = int(np.argmax(sizes))
-    rate = float(slew.times[-1]) / (len(pictures) * SLOWER / 1000.0)
+    """A turn."""
     title = (
         f"{slew.body} turned by {math.degrees(slew.angle):.3g}° about {'xyz'[slew.axis]} in "
         f"{slew.duration:.4g} s"
     )
     torque = f", by {slew.torque:.3g} N m, all that its actuators have" if slew.torque else ""
-    scale = "to scale" if factor == 1.0 else f"drawn {factor:g} times as large"
-    told = (
-        f"simulated in MuJoCo{torque}; it rings at {slew.omega:.5g} rad/s; appendages are off "
-        f"rigid ones, drawn faintly, by {float(sizes.max()):.2g} m at most, {scale}; {rate:.3g} "
-        "times as fast as it is"
-    )
+    how = f"simulated in MuJoCo{torque}; it rings at {slew.omega:.5g} rad/s"
     # it bends so little that only its spin can exceed a limit: what a chain leaves of a fine one
     # grows as the squares of bending and spin
     fast = {
@@ -178,25 +172,95 @@ def _turn_replay(artist: "_Artist", slew: Slew, roots: "Mapping[str, Fit]") -> R
         if slew.rate
         > SLOW * min((full.frequencies[0] for full in fit.full.values()), default=np.inf)
     }
-    exceeded = [said.rstrip(".") for said in turn_limits(artist.model, slew, fast)]
-    told = "; ".join([told, *exceeded])
-    return _replay([*pictures[first:], *pictures[:first]], SLOWER, title, told)
+    limits = turn_limits(artist.model, slew, fast)
+    shown = slew.positions, slew.shown(0.0)
+    return _motion_replay(artist, slew.times, *shown, TURN, title, [how, *limits])
+
+
+def _run_replay(
+    artist: "_Artist", model: "mujoco.MjModel", given: Commands, roots: "Mapping[str, Fit]"
+) -> Replay:
+    """A run under commands of actuators to their last time."""
+    seconds = float(given.times[-1])
+    step = float(model.opt.timestep)
+    # so many steps apart, all of them: rates are taken from how positions follow each other
+    apart = step * max(math.ceil(seconds / step / (FINER * RUN)), 1)
+    spaces = max(round(seconds / apart), 2)
+    run = simulate_run(model, None, spaces * apart, spaces + 1, given=given)
+    title = f"{seconds:.4g} s under commands of {', '.join(given.actuators)}"
+    told = ["simulated in MuJoCo", *run_limits(model, run, roots)]
+    return _motion_replay(artist, run.times, run.positions, run.rigid, RUN, title, told)
+
+
+def _motion_replay(
+    artist: "_Artist",
+    times: Array,
+    positions: Array,
+    straight: Array,
+    most: int,
+    title: str,
+    told: Sequence[str],
+) -> Replay:
+    """A motion of a craft over the same with rigid appendages, positions `(k, nq)` at times `(k,)`,
+    in so many frames at most; from where they bend most. `told`: how it was made, and what limits
+    it exceeds."""
+    some = np.s_[:: math.ceil(times.size / most)]
+    shown, rigid = positions[some], straight[some]
+    away = [artist.points(a) - artist.points(b) for a, b in zip(shown, rigid, strict=True)]
+    sizes = np.linalg.norm(away, axis=2).max(axis=1)
+    bends = float(sizes.max()) > STILL * artist.size
+    larger = max(SWING * artist.size / float(sizes.max()), 1.0) if bends else 1.0
+    power = 10.0 ** math.floor(math.log10(larger))
+    factor = max(f * power for f in FACTORS if f * power <= larger)
+    pictures = artist.pictures(rigid + factor * (shown - rigid), rigid)
+    first = int(np.argmax(sizes))
+    rate = float(times[-1]) / (len(pictures) * SLOWER / 1000.0)
+    scale = "to scale" if factor == 1.0 else f"drawn {factor:g} times as large"
+    how, *exceeded = (said.rstrip(".") for said in told)
+    off = (
+        f"appendages are off rigid ones, drawn faintly, by {float(sizes.max()):.2g} m at most, "
+        f"{scale}; {rate:.3g} times as fast as it is"
+    )
+    frames = [*pictures[first:], *pictures[:first]]
+    return _replay(frames, SLOWER, title, "; ".join([how, off, *exceeded]))
 
 
 def turn_limits(model: "mujoco.MjModel", slew: Slew, roots: "Mapping[str, Fit]") -> list[str]:
     """Sentences for the limits of large motion that a turn of the hub exceeds; `roots`: the
     appendages by the bodies that are their roots."""
-    out: list[str] = []
     data = rest(model, slew.positions[0])
     hub = spacecraft_body(model)
+
+    def turned(root: int) -> Driven:
+        turn = data.xmat[root].reshape(3, 3).T
+        axis = turn @ data.xmat[hub].reshape(3, 3)[:, slew.axis]
+        offset = turn @ (data.xpos[root] - data.subtree_com[hub])
+        return run_of_turn(slew.rate, slew.acceleration, axis, offset)
+
+    return _exceeded(model, roots, turned)
+
+
+def run_limits(model: "mujoco.MjModel", run: Run, roots: "Mapping[str, Fit]") -> list[str]:
+    """The same for a run, by how its positions follow each other."""
+    states = [rest(model, qpos) for qpos in run.positions]
+
+    def moved(root: int) -> Driven:
+        places = np.array([state.xpos[root] for state in states])
+        axes = np.array([state.xmat[root] for state in states]).reshape(-1, 3, 3)
+        motion = np.hstack([places, Rotation.from_matrix(axes).as_rotvec()])
+        return driven(motion, float(run.times[1]), np.zeros(3))
+
+    return _exceeded(model, roots, moved)
+
+
+def _exceeded(
+    model: "mujoco.MjModel", roots: "Mapping[str, Fit]", moved: Callable[[int], Driven]
+) -> list[str]:
+    """Sentences for the limits that appendages exceed; `moved`: what a root goes through."""
+    out: list[str] = []
     for name, fit in roots.items():
         if fit.space is None:
-            root = model.body(name).id
-            turn = data.xmat[root].reshape(3, 3).T
-            axis = turn @ data.xmat[hub].reshape(3, 3)[:, slew.axis]
-            offset = turn @ (data.xpos[root] - data.subtree_com[hub])
-            run = run_of_turn(slew.rate, slew.acceleration, axis, offset)
-            out += limit_sentences(fit.large_motion[0], run)
+            out += limit_sentences(fit.large_motion[0], moved(model.body(name).id))
     return out
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from beamchain.checks import unknown
 from beamchain.engine.library import mujoco
+from beamchain.engine.model_rows import sprung
 from beamchain.engine.operating_point import keyframe_names
 from beamchain.engine.runs import film, held_columns
 from beamchain.engine.signals import actuator_names
@@ -22,13 +23,14 @@ class Run(NamedTuple):
     """A simulated run.
 
     `times` `(k,)` [s]; `positions` `(k, nq)`; `start` `(k, nq)`: the shape at the start, on the
-    spacecraft where it is; `latched`: the hinges in the order in which they latched; `waiting`:
-    those that had not at the end.
+    spacecraft where it is; `rigid` `(k, nq)`: the positions with sprung joints at rest; `latched`:
+    the hinges in the order in which they latched; `waiting`: those that had not at the end.
     """
 
     times: Array
     positions: Array
     start: Array
+    rigid: Array
     latched: tuple[Latched, ...]
     waiting: tuple[str, ...]
 
@@ -147,4 +149,9 @@ def simulate_run(
     free = model.jnt_qposadr[model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE)]
     base = (free[:, None] + np.arange(7)).ravel()
     shape[:, base] = positions[:, base]
-    return Run(locked(times), locked(positions), locked(shape), tuple(latched), waiting)
+    rigid = positions.copy()
+    bent = model.jnt_qposadr[sprung(model)]
+    rigid[:, bent] = model.qpos0[bent]
+    return Run(
+        locked(times), locked(positions), locked(shape), locked(rigid), tuple(latched), waiting
+    )

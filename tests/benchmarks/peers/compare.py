@@ -68,12 +68,12 @@ def figure(record: dict, peers: dict[str, list[dict]], path: Path) -> None:
 def peer_panel(ax, own: list[dict], peers: dict[str, list[dict]], metric: str) -> None:
     """Fronts of the points of study.json and of other simulators' points by name,
     in one set of axes."""
-    from beamchain.report.study_plots import COLOURS, MARKS, STUDY_TITLES, WORST
+    from beamchain.report.study_plots import COLOURS, MARKS, STUDY_TITLE, WORST
 
     ax.set(
         xscale="log",
         yscale="log",
-        title=STUDY_TITLES[metric],
+        title=STUDY_TITLE,
         ylabel="error / largest elastic motion",
         xlabel="time, ms",
     )

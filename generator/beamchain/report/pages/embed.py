@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from beamchain.errors import EngineError
 from beamchain.fitting.spec_text import spec_toml
 from beamchain.report import plots
 from beamchain.report.craft_plots import assembly_figure
@@ -17,29 +16,28 @@ from beamchain.report.page import Verdict, page_text
 from beamchain.report.replay import craft_replays
 from beamchain.report.svg import to_svg
 from beamchain.report.tables import embed as tables
+from beamchain.report.tables import fit as fit_tables
 from beamchain.report.tables.first_screen import embedded_tiles
-from beamchain.report.tables.fit import left_out_table, mode_table
 
 if TYPE_CHECKING:
     from beamchain.craft.appendage import Appendage
     from beamchain.craft.embedded import Embedded
+    from beamchain.steps.deployment import Commands
 
 SAME = 1e-3  # relative difference of chains below which appendages of one spec are shown once
 
 
-def embed_report(embedded: "Embedded", craft: str, output: str) -> str:
-    """The text of the page; `craft` and `output` are the names of the files that
-    were read and written."""
+def embed_report(
+    embedded: "Embedded", craft: str, output: str, given: "Commands | None" = None
+) -> str:
+    """The text of the page; `craft` and `output` are the names of the files that were read and
+    written, `given` the commands of actuators under which it is filmed in place of a turn."""
     assembly = embedded.assembly
     appendages = embedded.appendages
     alike = _alike(appendages)
     figures = {"assembly": assembly_figure(assembly)}
     for i, group in enumerate(alike, 1):
         figures[f"chain{i}"] = plots.chain_figure(group.those[0].fit)
-    try:
-        steps, no_steps = tables.file_step_table(embedded), ""
-    except EngineError as error:
-        steps, no_steps = None, str(error)
     files = _spec_files(appendages)
     return page_text(
         "embed.html",
@@ -48,34 +46,18 @@ def embed_report(embedded: "Embedded", craft: str, output: str) -> str:
         tiles=embedded_tiles(embedded),
         embedded=embedded,
         assembly=assembly,
-        asked=_sources(embedded, craft, output),
         tables=tables,
         drawn={name: to_svg(figure, name) for name, figure in figures.items()},
-        replays=craft_replays(embedded),
+        replays=craft_replays(embedded, given),
         names=_user_names(appendages),
         alike=alike,
         imported=any(a.fit.space is not None for a in appendages),
-        mode_table=mode_table,
+        fit_tables=fit_tables,
         spring_sentence=spring_sentence,
-        left_out_table=left_out_table,
-        steps=steps,
-        no_steps=no_steps,
         gone=[m.exact for m in assembly.modes if m.mujoco is None and m.exact is not None],
         command=_command(embedded, craft, output, files),
         specs={file: a.spec for file, a in zip(files, appendages, strict=True)},
     )
-
-
-def _sources(embedded: "Embedded", craft: str, output: str) -> list[tuple[str, str]]:
-    """What was read and written."""
-    own_dofs = embedded.craft.nv
-    added_dofs = embedded.model.nv - own_dofs
-    return [
-        ("spacecraft", craft),
-        ("written", output),
-        ("whole spacecraft", embedded.composite.sentence),
-        ("degrees of freedom", f"{own_dofs} of the spacecraft, {added_dofs} of the appendages"),
-    ]
 
 
 def _spec_files(appendages: Sequence["Appendage"]) -> list[str]:

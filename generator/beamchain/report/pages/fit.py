@@ -1,6 +1,5 @@
 """The page of `fit`: what was asked, what came out, how far it is from the beam."""
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from beamchain.fitting.hub import assumed_hub
@@ -13,11 +12,10 @@ from beamchain.report.page import Verdict, page_text
 from beamchain.report.replay import scene_replays
 from beamchain.report.svg import to_svg
 from beamchain.report.tables import fit as tables
-from beamchain.report.tables.first_screen import fit_tiles
+from beamchain.report.tables.first_screen import appendage_words, fit_tiles
 from beamchain.report.tables.steps import step_table
 
 if TYPE_CHECKING:
-    from beamchain.fitting.options import Damping
     from beamchain.fitting.result import Fit
 
 TARGETS = {
@@ -48,7 +46,7 @@ def fit_report(fit: "Fit") -> tuple[str, dict[str, str]]:
         curves=groups,
         spring_sentence=spring_sentence,
         replays=scene_replays(fit),
-        steps=step_table(fit.written_limits),
+        steps=step_table({"": fit.written_limits}, "Largest time step"),
     )
     return page, pictures
 
@@ -101,28 +99,15 @@ def _verdict(fit: "Fit") -> Verdict:
 
 # -- what was asked --------------------------------------------------------------------------------
 def _specification(fit: "Fit") -> list[tuple[str, str]]:
-    """The specification in words, line by line."""
-    spec = fit.spec
-    mass = fit.line.rigid_mass()[0, 0]
-    size = f"{short(fit.line.length)} m long, {short(mass)} kg"
+    """What the specification comes to, line by line; it stands itself at the end of the page."""
     bands = (f"{port} up to {number(band)} rad/s" for port, band in fit.bandwidth.items())
-    lines = [
-        ("appendage", f"{size}: {_structure(fit)}"),
+    return [
+        ("appendage", appendage_words(fit)),
         ("modes to keep", _asked_modes(fit)),
         ("target", TARGETS[fit.kept_for]),
         ("hub", _hub(fit)),
         ("band", "; ".join(bands)),
     ]
-    if spec.damping is not None:
-        lines.append(("damping", _damping(spec.damping)))
-    if spec.payload is not None:
-        lines.append(
-            ("payload", f"{short(spec.payload.mass)} kg at the tip, attached by the scene")
-        )
-    if (scene := spec.scene) is not None:
-        timing = f"{scene.integrator}, step {fit.step:g} s, tolerance {scene.tolerance:g}"
-        lines.append(("scene", timing))
-    return lines
 
 
 def _hub(fit: "Fit") -> str:
@@ -133,38 +118,9 @@ def _hub(fit: "Fit") -> str:
     return f"{text}, root at {vector(hub.offset)} m from it" if any(hub.offset) else text
 
 
-def _damping(damping: "Damping") -> str:
-    ratio = damping.ratio
-    if isinstance(ratio, Mapping):
-        ratios = "; ".join(f"{port} {vector(values)}" for port, values in ratio.items())
-    elif isinstance(ratio, tuple):
-        ratios = f"{vector(ratio)} by mode of the file"
-    else:
-        ratios = f"{ratio:g}"
-    form = "a tendon per mode" if damping.form == "modal" else "plain joint damping"
-    return f"ratio {ratios}, as {form}"
-
-
 def _modes_word(fit: "Fit") -> str:
     """What the modes are, where they are no beam's."""
     return "the imported modes" if fit.spec.slosh is None else "the liquid's lateral modes"
-
-
-def _structure(fit: "Fit") -> str:
-    """What the appendage is made of."""
-    beam = fit.beam
-    if (liquid := fit.spec.slosh) is not None:
-        return (
-            f"liquid of {liquid.density:g} kg/m³ in a cylinder of {liquid.radius:g} m radius; "
-            f"modes at {liquid.acceleration:g} m/s² along its axis, "
-            f"{liquid.axis} of its place"
-        )
-    imported = fit.spec.imported
-    if beam is None:
-        return f"imported from {imported.file}" if imported is not None else "imported"
-    parts = {"segment": beam.segments, "compliant joint": beam.joints, "lumped body": beam.lumps}
-    counts = ", ".join(count(len(those), what) for what, those in parts.items() if those)
-    return counts.replace("bodys", "bodies")
 
 
 def _asked_modes(fit: "Fit") -> str:

@@ -10,7 +10,6 @@ from beamchain.report.table import Table
 from beamchain.report.tables.embed import coupled_table
 from beamchain.report.tables.fit import every_mode, mode_table
 from beamchain.report.tables.plant import closed_loop_table, margin_table
-from beamchain.report.tables.recovery import recovery_table
 from beamchain.report.tables.steps import step_sentence
 
 if TYPE_CHECKING:
@@ -18,7 +17,6 @@ if TYPE_CHECKING:
 
     from beamchain.control.margins import Margins
     from beamchain.craft.embedded import Embedded
-    from beamchain.craft.histories import Recovery
     from beamchain.fitting.result import Fit
 
 
@@ -62,11 +60,6 @@ def margins_html(margins: "Margins") -> str:
     """The margins, and what lies above the modes kept."""
     at_once = closed_loop_table([margins])
     return table_html(margin_table([margins]), margins.beyond) + table_html(at_once)
-
-
-def recovery_html(recovery: "Recovery") -> str:
-    """The extremes inside an appendage."""
-    return table_html(recovery_table(recovery))
 
 
 def table_html(table: Table, notes: "Iterable[str]" = (), title: str = "") -> str:

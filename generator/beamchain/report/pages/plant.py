@@ -8,6 +8,7 @@ from beamchain.control.realisation import Plant
 from beamchain.control.verdicts import margin_warnings
 from beamchain.report import margin_plots, plant_plots
 from beamchain.report.page import Verdict, page_text
+from beamchain.report.plots import drawing, panel
 from beamchain.report.svg import to_svg
 from beamchain.report.tables import plant as tables
 from beamchain.report.tables.first_screen import plant_tiles
@@ -25,18 +26,16 @@ def plant_report(
     scheduled = None if isinstance(found, Plant) else found
     plants = [found] if isinstance(found, Plant) else list(found.plants)
     labels = () if scheduled is None else scheduled.labels
-    figures = {
-        "bode": plant_plots.bode_figure(plants, labels),
-        "singular": plant_plots.singular_figure(plants),
-        "poles": plant_plots.poles_figure(plants, labels),
-    }
+    figures = {"bode": plant_plots.bode_figure(plants, labels)}
     if of_loops:
         figures["loops"] = margin_plots.open_loop_figure(of_loops)
         figures["nichols"] = margin_plots.nichols_figure(of_loops)
         figures["sensitivities"] = margin_plots.sensitivity_figure(of_loops)
         figures["closed"] = margin_plots.closed_poles_figure(of_loops)
     if scheduled is not None:
-        figures["angles"] = plant_plots.scheduled_figure(scheduled)
+        with drawing():
+            figures["angles"], ax = panel(4.4)
+            plant_plots.plot_scheduled(scheduled, ax)
     return page_text(
         "plant.html",
         name=name,

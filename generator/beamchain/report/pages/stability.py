@@ -1,15 +1,11 @@
 """The page of `inspect --steps`: steps that hold, and how far a chain may be driven."""
 
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from beamchain.fitting.spec import read_spec
 from beamchain.fitting.spec_text import spec_toml
-from beamchain.report import study_plots
-from beamchain.report.formats import number, short
 from beamchain.report.page import Verdict, page_text
-from beamchain.report.svg import to_svg
 from beamchain.report.tables import stability as tables
 from beamchain.report.tables.steps import step_table
 
@@ -19,40 +15,14 @@ if TYPE_CHECKING:
 
 def stability_report(study: "StabilityStudy", source: Path) -> str:
     """The text of the page; `source` is the SPEC.toml or MODEL.xml."""
-    drawn: dict[str, str] = {}
-    for i, limits in enumerate(study.budgets):
-        drawn[f"steps{i}"] = to_svg(study_plots.steps_figure(limits), f"steps{i}")
-        drawn[f"damping{i}"] = to_svg(study_plots.damping_figure(limits), f"damping{i}")
     return page_text(
         "stability.html",
         name=source.stem,
-        verdict=_steps_hold(study),
+        verdict=Verdict(not study.warnings, study.own_step),
         study=study,
         source=source,
-        asked=_source(study, source),
         tables=tables,
-        step_table=step_table,
-        drawn=drawn,
+        steps=step_table({each.name: each for each in study.budgets}, ""),
         names={limits.name.split()[0] for limits in study.budgets if limits.name},
         spec="" if source.suffix.lower() == ".xml" else spec_toml(read_spec(source)),
     )
-
-
-def _source(study: "StabilityStudy", source: Path) -> list[tuple[str, str]]:
-    """The file, and the modes of every model made of it."""
-    lines = [("file", source.name)]
-    for limits in study.budgets:
-        first = number(limits.frequencies[0])
-        last = number(limits.frequencies[-1])
-        lines.append((limits.name, f"{limits.frequencies.size} modes, {first} to {last} rad/s"))
-    return lines
-
-
-def _steps_hold(study: "StabilityStudy") -> Verdict:
-    largest = study.budgets[0].largest_step
-    least = min(largest.values())
-    longer = largest.get("RK4", 0.0)
-    text = f"{study.own_step.rstrip('.')}; every integrator is stable up to a step of "
-    text += f"{short(least)} s"
-    text += f" (RK4 up to {short(longer)} s)" if 1.05 * least < longer < math.inf else ""
-    return Verdict(not study.warnings, f"{text}.")

@@ -7,7 +7,7 @@ from beamchain.report import study_plots
 from beamchain.report.formats import short
 from beamchain.report.page import Verdict, page_text
 from beamchain.report.svg import to_svg
-from beamchain.report.tables.study import point_table, reach_table
+from beamchain.report.tables.study import reach_table
 from beamchain.studies.pareto import TARGETS, power, recommended_name
 
 if TYPE_CHECKING:
@@ -29,7 +29,6 @@ def study_page(study: "Study") -> tuple[str, dict[str, str]]:
         pictures=pictures,
         scenario=scenario_sentence(study),
         to_reach=reach_table(study),
-        points=point_table(study),
         commands=commands(study),
         feeding=how_to_feed(study),
     )

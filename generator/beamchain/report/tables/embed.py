@@ -2,15 +2,11 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from beamchain.engine.linearise import NUMBERS
 from beamchain.report.curves import kept_count
 from beamchain.report.formats import digits, number, relative, short, vector, whole
 from beamchain.report.table import Column, Rows, Table
-from beamchain.report.tables.steps import step_table
-from beamchain.steps.budget import budget
 
 if TYPE_CHECKING:
     from beamchain.craft.appendage import Appendage
@@ -30,31 +26,15 @@ def appendage_table(embedded: "Embedded") -> Table:
         column("at", "at"),
         column("prefix", "prefix", place="brief"),
         column("appendage", lambda a: size_words(a.fit), place="page"),
-        Column("mass centre in the base's axes", centres, "m", vector, place="page"),
+        Column("mass centre in the base's axes", centres, "m", vector),
         column("modes kept", lambda a: modes_kept(a.fit), place="page"),
         column("target", "fit.kept_for"),
         column("rigidly behind its root", "hub.mass", "kg", number),
-        column("on", _joints),
-        column("status", _status, place="page"),
+        column("on", lambda a: ", ".join(j.words for j in a.mount.joints) or "nothing that moves"),
     ]
     if any(a.loads for a in embedded.appendages):
         columns.append(column("carries", _carried, missing="-"))
     return Table("Appendages", tuple(columns))
-
-
-def appendage_sentences(embedded: "Embedded") -> list[str]:
-    """Where every appendage stands and, of imported ones, which modes of the file are kept."""
-    base = embedded.composite.body
-    out: list[str] = []
-    for a in embedded.appendages:
-        where = ", ".join(short(x) for x in embedded.mass_centres[a.at])
-        stands = f"its mass centre stands at ({where}) m in the axes of {base}"
-        line = f"{a.at}: {size_words(a.fit)}; {stands}"
-        space = a.fit.space
-        if space is not None and a.fit.kept_for == "clamped":
-            line += f"; kept: {space.kept_words}"
-        out.append(f"{line}.")
-    return out
 
 
 def _carried(appendage: "Appendage") -> str | None:
@@ -81,16 +61,6 @@ def modes_kept(fit: "Fit") -> str:
     if space is None or fit.kept_for != "clamped":
         return counts or "rigid"
     return f"{counts}: {space.kept_words}"
-
-
-def _joints(appendage: "Appendage") -> str:
-    joints = ", ".join(joint.words for joint in appendage.mount.joints)
-    return joints or "nothing that moves"
-
-
-def _status(appendage: "Appendage") -> str:
-    status = appendage.fit.status
-    return "as asked" if status.ok else status.message
 
 
 def _mode_columns(modes: "Sequence[Mode]", band: float) -> tuple[Column, ...]:
@@ -151,36 +121,3 @@ def kept_word(mode: "Mode", band: float) -> str:
     if mode.kept and mode.exact is not None and mode.exact <= band:
         return "yes"
     return "kept, beyond the band" if mode.kept else "no"
-
-
-def file_step_table(embedded: "Embedded") -> Table:
-    """The largest steps that the whole file allows, and whether its own is stable.
-
-    Raises:
-        EngineError: there is no step limit to state.
-    """
-    limits = budget(embedded.model)
-    integrator = NUMBERS[int(embedded.model.opt.integrator)]
-    timestep = float(embedded.model.opt.timestep)
-    state = "stable" if timestep < limits.largest_step[integrator] else "unstable: too large"
-    asked = f"the file's, step {timestep:g} s: {state}"
-    remarks = [asked if name == integrator else "" for name in limits.largest_step]
-    note = f"Of the whole file at rest; fastest mode {number(limits.frequencies.max())} rad/s."
-    table = step_table(limits)
-    return replace(table, columns=(*table.columns, Column("", remarks)), notes=(note,))
-
-
-def in_band_table(appendages: "Sequence[Appendage]") -> Table:
-    """Errors of equal appendages, each alone on the hub that its root feels."""
-    rows = [
-        (a.at, port, f"0 to {number(a.fit.bandwidth[port])}", error.accelerance_in_band or 0.0)
-        for a in appendages
-        for port, error in a.fit.readback_error.items()
-    ]
-    columns = (
-        Column("at", [at for at, *_ in rows]),
-        Column("port", [port for _, port, *_ in rows]),
-        Column("band", [band for *_, band, _ in rows], "rad/s"),
-        Column("in-band error", [error for *_, error in rows], format=relative),
-    )
-    return Table("In-band error", columns)

@@ -2,13 +2,13 @@
 
 import math
 from collections.abc import Sequence
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from beamchain.ports.compare import DEFAULT_RATIO
 from beamchain.ports.motions import PORTS
-from beamchain.report.curves import CHAIN
 from beamchain.report.formats import (
     damping_ratio,
     digits,
@@ -23,7 +23,6 @@ from beamchain.report.table import Column, Rows, Table
 from beamchain.structure.section import Equivalent
 
 if TYPE_CHECKING:
-    from beamchain.chain.chain import Tendon
     from beamchain.fitting.kept import LeftOut
     from beamchain.fitting.result import Fit, InSpace
     from beamchain.ports.motions import Array
@@ -250,29 +249,29 @@ def tendon_table(fit: "Fit") -> Table:
         column("frequency", lambda t: t.stiffness**0.5 or None, "rad/s", number, missing="-"),
         column("damping", "damping", "1/s", number),
         column("armature", "armature", format=number),
-        column("coefficients, by hinge", _coefficients, place="page"),
     )
     return Table("Tendons", columns)
 
 
-def _coefficients(tendon: "Tendon") -> str:
-    pairs = zip(tendon.freedoms, tendon.coefficients, strict=True)
-    return ", ".join(f"{hinge + 1} {port}: {value:.4g}" for (hinge, port), value in pairs)
-
-
-def in_band_table(fit: "Fit") -> Table:
-    """Error of the hub's motion, port by port."""
-    ports = list(fit.readback_error)
-    errors = [error.accelerance_in_band or 0.0 for error in fit.readback_error.values()]
+def in_band_table(fits: "Sequence[Fit]", at: Sequence[str] = ()) -> Table:
+    """Error of the hub's motion of appendages at some places, each alone, port by port."""
+    rows = [
+        (k, fit.bandwidth[port], port, error.accelerance_in_band or 0.0)
+        for k, fit in enumerate(fits)
+        for port, error in fit.readback_error.items()
+    ]
+    column = Rows(rows).column
     columns = (
-        Column("port", ports),
-        Column("band", [f"0 to {number(fit.bandwidth[port])}" for port in ports], "rad/s"),
-        Column(CHAIN, errors, format=relative),
+        column("port", itemgetter(2)),
+        column("band", lambda row: f"0 to {number(row[1])}", "rad/s"),
+        column("in-band error", itemgetter(3), format=relative),
     )
+    if at:
+        return Table("In-band error", (column("at", lambda row: at[row[0]]), *columns))
     note = "No hub is given: the worst of three, 0.1, 1 and 10 times the appendage's rigid mass."
-    if fit.hub_mass is not None:
+    if fits[0].hub_mass is not None:
         note = "On the hub of the spec."
-    if fit.promise is not None:
+    if fits[0].promise is not None:
         note += " Each port by itself; what the scene asks of the hub counts all ports together."
     return Table("In-band error", columns, (note,))
 
@@ -330,26 +329,6 @@ def mass_words(rigid: "Array") -> str:
     return f"Total mass {number(found['mass'])} kg, mass centre at ({where}) m from the root."
 
 
-Comparison = tuple[str, float, float]  # what it is, of the beam, of the chain
-
-
-def _comparison_table(title: str, what: str, rows: Sequence[Comparison], difference: str) -> Table:
-    differences = [_relative_difference(exact, chain) for _, exact, chain in rows]
-    columns = (
-        Column(what, [name for name, _, _ in rows]),
-        Column("beam", [exact for _, exact, _ in rows], format=number),
-        Column("chain, through MuJoCo", [chain for _, _, chain in rows], format=number),
-        Column(difference, differences, format=relative, missing="–"),
-    )
-    return Table(title, columns)
-
-
-def _relative_difference(exact: float, chain: float) -> float | None:
-    if exact:
-        return chain / exact - 1.0
-    return 0.0 if chain == exact else None
-
-
 def model_error_table(fit: "Fit", port: str) -> Table:
     """Held, free and on the hub: frequencies of the beam and of the chain in continuous time."""
     beam = fit.full[port]
@@ -370,7 +349,14 @@ def model_error_table(fit: "Fit", port: str) -> Table:
             zip(of_beam[:kept], of_chain[:kept], strict=False), start=1
         )
     ]
-    return _comparison_table(f"Model error in {port}", "frequencies, rad/s", rows, "model error")
+    column = Rows(rows).column
+    columns = (
+        column("frequencies, rad/s", itemgetter(0)),
+        column("beam", itemgetter(1), format=number),
+        column("chain, through MuJoCo", itemgetter(2), format=number),
+        column("model error", lambda row: row[2] / row[1] - 1.0, format=relative),
+    )
+    return Table(f"Model error in {port}", columns)
 
 
 def mass_record(rigid: "Array") -> dict[str, Any]:
@@ -378,21 +364,6 @@ def mass_record(rigid: "Array") -> dict[str, Any]:
     m = float(rigid[0, 0])
     com = [(rigid[1, 5] - rigid[2, 4]) / 2.0 / m, -rigid[0, 5] / m, rigid[0, 4] / m]
     return {"mass": m, "com": com, "inertia": rigid[3:, 3:]}
-
-
-def mass_table(fit: "Fit") -> Table:
-    """Mass, centre and inertia about the root, of the beam and of the chain."""
-    beam = mass_record(fit.line.rigid_mass())
-    chain = mass_record(fit.measured.rigid_mass)
-    rows = [("mass, kg", beam["mass"], chain["mass"])]
-    for axis, exact, achieved in zip("xyz", beam["com"], chain["com"], strict=True):
-        rows.append((f"centre of mass {axis}, m", exact, achieved))
-    for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)):
-        exact = float(beam["inertia"][i, j])
-        achieved = float(chain["inertia"][i, j])
-        if i == j or exact or achieved:
-            rows.append((f"inertia {'xyz'[i]}{'xyz'[j]}, kg m²", exact, achieved))
-    return _comparison_table("Mass, centre, inertia", "", rows, "relative difference")
 
 
 def bench_table(fit: "Fit") -> Table:
@@ -425,24 +396,6 @@ def left_out_table(items: "Sequence[LeftOut]") -> Table:
         "Cost: relative change of the hub's motion within the band that leaving it out alone makes."
     )
     return Table("Left out", columns, (note,))
-
-
-def look_table(fit: "Fit") -> Table:
-    """How far the drawn surfaces miss each kept mode; empty where there are none."""
-    residual = fit.look.residual.items()
-    rows = [(port, k, error) for port, errors in residual for k, error in enumerate(errors, 1)]
-    columns = (
-        Column("port", [port for port, _, _ in rows]),
-        Column("mode", [number for _, number, _ in rows], format=whole),
-        Column("error of the drawn surface", [error for _, _, error in rows], format=relative),
-    )
-    note = (
-        "Largest error of a vertex's displacement, relative to the largest displacement in that "
-        "mode; drawing changes no motion. All that links can do to a vertex is turn it about the "
-        "hinges: modes with different shapes about the same hinges, of two planes or of bending "
-        "and torsion, cannot all be met, and what is left is least in the sum of squares."
-    )
-    return Table("", columns, (note,))
 
 
 def kept_step_table(fit: "Fit") -> Table:

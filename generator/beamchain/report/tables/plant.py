@@ -13,9 +13,7 @@ if TYPE_CHECKING:
     from beamchain.control.realisation import Plant
     from beamchain.control.scheduled import ScheduledPlant
 
-LARGEST_PAIRS = 6  # pairs of input and output whose modal gains a page shows
 FEW = 4  # poses whose frequencies the terminal shows
-ROUNDING = 1e-9  # gain relative to the largest, below which it is rounding
 
 
 def input_table(plant: "Plant") -> Table:
@@ -51,21 +49,6 @@ def mode_table(plant: "Plant") -> Table:
     return Table(titled("Flexible modes", [plant.pose]), columns, notes)
 
 
-def allocation_tables(plant: "Plant") -> list[Table]:
-    """The command of every actuator for a torque about every axis, and what gives no torque."""
-    tables: list[Table] = []
-    for name, allocated in plant.allocations.items():
-        columns = [Column("actuator", allocated.actuators)]
-        for axis, commands in zip(allocated.about, allocated.commands.T.tolist(), strict=True):
-            columns.append(Column(f"{name}_{axis}", commands, "per N m", digits(4)))
-        notes = [
-            "without torque: " + ", ".join(f"{which} {share:+.3g}" for which, share in null.items())
-            for null in allocated.without_torque
-        ]
-        tables.append(Table(f"Commands of {name}", tuple(columns), tuple(notes)))
-    return tables
-
-
 def pose_table(scheduled: "ScheduledPlant") -> Table:
     """Frequencies of the modes in every pose."""
     columns = [Column("mode", scheduled.modes)]
@@ -74,20 +57,6 @@ def pose_table(scheduled: "ScheduledPlant") -> Table:
         rates = [None if math.isnan(w) else w for w in scheduled.frequency[i].tolist()]
         columns.append(Column(label, rates, format=number, place=place, missing="no oscillation"))
     return Table("Frequencies in every pose, rad/s", tuple(columns))
-
-
-def gain_table(plant: "Plant") -> Table:
-    """Gains of the modes in the pairs of input and output that have the largest."""
-    pairs = [(i, j) for i in range(plant.noutputs) for j in range(plant.ninputs)]
-    peaks = plant.gain.max(axis=0, initial=0.0)
-    largest = sorted(pairs, key=lambda pair: -float(peaks[pair]))[:LARGEST_PAIRS]
-    least = ROUNDING * peaks.max(initial=0.0)
-    columns = [Column("mode", plant.modes)]
-    for i, j in largest:
-        gains = [gain if gain > least else 0.0 for gain in plant.gain[:, i, j].tolist()]
-        name = f"{plant.input_names[j]} → {plant.output_names[i]}"
-        columns.append(Column(name, gains, format=digits(3)))
-    return Table("Modal gains", tuple(columns))
 
 
 def margin_text(value: float, count: int = 4) -> str:

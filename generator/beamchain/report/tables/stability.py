@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from beamchain.report.formats import damping_ratio, number, relative, short, step_text
+from beamchain.report.formats import damping_ratio, number, relative, short
 from beamchain.report.table import Column, Rows, Table
 
 if TYPE_CHECKING:
@@ -16,17 +16,6 @@ LIFTED = (
     "`beamchain retime` lifts what the appendages limit: they are then exact at longer steps, up "
     "to what the spacecraft's own springs and servos allow."
 )
-
-
-def limit_table(study: "StabilityStudy") -> Table:
-    """The largest stable steps."""
-    column = Rows(study.rows).column
-    columns = (
-        column("model", "name"),
-        column("integrator", "integrator"),
-        column("largest stable step", "largest", "s", step_text),
-    )
-    return Table("Largest stable step", columns)
 
 
 def damping_table(budget: "Budget") -> Table:

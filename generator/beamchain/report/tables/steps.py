@@ -1,11 +1,13 @@
 """Tables of time steps: what each integrator of MuJoCo allows."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from operator import itemgetter
 from typing import TYPE_CHECKING
 
 from beamchain.report.formats import step_text
-from beamchain.report.table import Column, Table
+from beamchain.report.table import Rows, Table
+from beamchain.steps.budget import HOST
 from beamchain.steps.modal import TimingMark
 
 if TYPE_CHECKING:
@@ -13,14 +15,22 @@ if TYPE_CHECKING:
     from beamchain.steps.limits import StepLimits
 
 
-def step_table(limits: "StepLimits | Budget", title: str = "Largest time step") -> Table:
-    """The largest steps that are stable, and those that keep the slowest mode."""
-    accuracy = [limits.accuracy.get(name, (None, None)) for name in limits.largest_step]
+def step_table(limits: "Mapping[str, StepLimits | Budget]", title: str) -> Table:
+    """The largest steps that are stable, and those that keep the slowest mode, of each model by its
+    name; an only one may have none."""
+    rows = [
+        (model, integrator, largest, *each.accuracy.get(integrator, (None, None)))
+        for model, each in limits.items()
+        for integrator, largest in each.largest_step.items()
+        if integrator != HOST
+    ]
+    column = Rows(rows).column
     columns = (
-        Column("integrator", list(limits.largest_step)),
-        Column("stable up to", list(limits.largest_step.values()), "s", step_text),
-        Column("first mode within 1 % up to", [one for one, _ in accuracy], "s", step_text),
-        Column("within 0.1 % up to", [tenth for _, tenth in accuracy], "s", step_text),
+        *((column("model", itemgetter(0)),) if any(limits) else ()),
+        column("integrator", itemgetter(1)),
+        column("stable up to", itemgetter(2), "s", step_text),
+        column("first mode within 1 % up to", itemgetter(3), "s", step_text),
+        column("within 0.1 % up to", itemgetter(4), "s", step_text),
     )
     return Table(title, columns)
 

@@ -1,9 +1,9 @@
-"""The tables of a study: what it takes to reach an error, and every setting measured."""
+"""The table of a study: what it takes to reach an error."""
 
 from operator import itemgetter
 from typing import TYPE_CHECKING
 
-from beamchain.report.formats import STUDY_TITLES, digits, relative, short
+from beamchain.report.formats import STUDY_TITLE, short
 from beamchain.report.table import Rows, Table
 from beamchain.studies.pareto import TARGETS, Reach, power
 
@@ -52,20 +52,4 @@ def reach_table(study: "Study") -> Table:
         column("time", itemgetter(5), "ms", as_written),
         column("per step over the rigid hub", itemgetter(6), format=as_written),
     )
-    return Table(STUDY_TITLES["error"], columns)
-
-
-def point_table(study: "Study") -> Table:
-    """All settings measured."""
-    column = Rows(study.points).column
-    columns = (
-        column("model", "model"),
-        column("n", "n", format=as_written),
-        column("integrator", "integrator"),
-        column("step", "timestep", "s", digits(4)),
-        column("error", "error", format="{:.2e}".format),
-        column("time", lambda point: 1e3 * point.seconds, "ms", digits(4)),
-        column("time per step", lambda point: 1e6 * point.seconds_per_step, "µs", digits(3)),
-        column("spread", "spread", format=relative),
-    )
-    return Table("Every point", columns)
+    return Table(STUDY_TITLE, columns)
