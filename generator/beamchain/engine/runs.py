@@ -118,9 +118,10 @@ def held_columns(
     names = [name for name in head if name != "time"]
     right = "time" in head and names and len({*head}) == len(head) and {*names} <= {*allowed}
     if not right or not 3 <= len(rows) <= LONGEST:
+        below = max(len(rows) - 1, 0)
         raise InputError(
-            f"{source} has the head {', '.join(head) or 'nothing'} and {max(len(rows) - 1, 0)} "
-            f"rows; give a column time, one or more of {', '.join(allowed)}, and at least two rows."
+            f"{source} has the head {', '.join(head) or 'nothing'} and {below} "
+            f"{'row' if below == 1 else 'rows'}; give a column time, one or more of {', '.join(allowed)}, and at least two rows."
         )
     for number, row in enumerate(rows[1:], 1):
         if len(row) != len(head):
