@@ -121,7 +121,8 @@ def held_columns(
         below = max(len(rows) - 1, 0)
         raise InputError(
             f"{source} has the head {', '.join(head) or 'nothing'} and {below} "
-            f"{'row' if below == 1 else 'rows'}; give a column time, one or more of {', '.join(allowed)}, and at least two rows."
+            f"{'row' if below == 1 else 'rows'}; give a column time, one or more of "
+            f"{', '.join(allowed)}, and at least two rows."
         )
     for number, row in enumerate(rows[1:], 1):
         if len(row) != len(head):
