@@ -1,5 +1,5 @@
 """Craft-seconds per second of many worlds at a stated error: flexible and exact in time,
-rigid at 1 ms, equal links.
+rigid at 1 ms and at the same step, equal links.
 
 The seed's boom on its hub, 60 s. Error: the hub's motion in the doublet against the exact
 structure, one world through `worlds.make` itself. Speed: an episode of 60 s, a random torque and
@@ -189,18 +189,19 @@ def table(target: float, host: str, most: int, rounds: int) -> None:
     mine = exact(target)
     period = mine.step
     rigid = Kind("rigid at 1 ms", driven(Entry(RIGID_HUB, 0, "Euler")), 1e-3, None, False)
+    same = Kind("rigid at the same step", rigid.model, period, None, False)
     chain = classical(target, period)
     print(f"\nerror {target:g}, a torque every {period:g} s, host {host}; craft-seconds per second")
     for kind in (mine, chain):
         print(f"  {kind.name}: error {kind.error:.1e}, {kind.model.nv} degrees of freedom")
     print(
-        f"{'worlds':>7} {'flexible':>10} {'rigid':>10} {'equal':>10} {'to rigid':>9} "
-        f"{'to equal':>9}"
+        f"{'worlds':>7} {'flexible':>10} {'rigid':>10} {'same step':>10} {'equal':>10} "
+        f"{'to rigid':>9} {'to same':>9} {'to equal':>9}"
     )
     each: dict[str, float] = {}
     for count in [c for c in COUNTS if c <= most]:
         runs: list[Run | None] = [Run(mine, count, host, period)]
-        for kind in (rigid, chain):
+        for kind in (rigid, same, chain):
             runs.append(
                 Run(kind, count, host, period) if affordable(kind, count, period, each) else None
             )
@@ -215,7 +216,7 @@ def table(target: float, host: str, most: int, rounds: int) -> None:
         for column in zip(*turns, strict=True):
             timed = [speed for speed in column if speed is not None]
             said.append(f"{statistics.median(timed):10.4g}" if timed else f"{'-':>10}")
-        for i in (1, 2):
+        for i in (1, 2, 3):
             ratios = [turn[0] / turn[i] for turn in turns if turn[i] is not None]
             said.append(f"{statistics.median(ratios):9.4g}" if ratios else f"{'-':>9}")
         print(*said, flush=True)
