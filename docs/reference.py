@@ -224,7 +224,7 @@ def target(prop: dict[str, Any]) -> str | None:
 
 def tables(definitions: dict[str, Any], root: str) -> dict[str, str]:
     """Heading of every definition, in the order in which the file comes to it."""
-    headings = {root: "Top level"}
+    places: dict[str, list[str]] = {root: []}
     todo = [("", root)]
     for path, name in todo:
         for key, prop in definitions[name]["properties"].items():
@@ -234,16 +234,23 @@ def tables(definitions: dict[str, Any], root: str) -> dict[str, str]:
                 named = one.get("additionalProperties")
                 inner = one["items"] if many else named
                 for found in options(inner) if isinstance(inner, dict) else [one]:
-                    if (deep := target(found)) is None or deep in headings:
+                    if (deep := target(found)) is None:
                         continue
-                    shape = definitions[deep]["properties"].get("shape")
                     full = f"{place}.NAME" if isinstance(named, dict) else place
                     text = f"[[{full}]]" if many else full if path else f"[{full}]"
-                    headings[deep] = f"`{text}`" + (
-                        f', shape "{shape["enum"][0]}"' if shape else ""
-                    )
-                    todo.append((full, deep))
-    return headings
+                    if deep not in places:
+                        todo.append((full, deep))
+                    places.setdefault(deep, []).append(f"`{text}`")
+    return {name: _heading(definitions[name], where) for name, where in places.items()}
+
+
+def _heading(definition: dict[str, Any], places: list[str]) -> str:
+    """What a table is called that may stand at these places."""
+    if not places:
+        return "Top level"
+    shape = definition["properties"].get("shape")
+    where = ", ".join(places) if len(places) < 3 else f"{places[0]} and others"
+    return where + (f', shape "{shape["enum"][0]}"' if shape else "")
 
 
 def kind(prop: dict[str, Any], root: str) -> str:
@@ -288,8 +295,8 @@ def keys(title: str, about: str, struct: type) -> str:
     definitions = msgspec.json.schema(struct)["$defs"]
     out = [
         f"# {title}\n",
-        f"{about} Units are SI and radians. A key without a default may be left out, and means "
-        "then what its description says.\n",
+        f"{about} Units are SI and radians. A key that is not required may be left out; where "
+        "it has no default, its description says what then holds.\n",
     ]
     for name, heading in tables(definitions, struct.__name__).items():
         table = definitions[name]

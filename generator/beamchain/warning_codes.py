@@ -47,8 +47,8 @@ CODES = {
     ),
     "contacts": (
         "bodies of the spacecraft touch, which is left out",
-        "Exclude pairs that only overlap as drawn (`<contact><exclude/>`). Weld bodies that "
-        "are docked in a file of its own and embed there.",
+        "Exclude pairs that only overlap as drawn (`<contact><exclude/>`). Weld "
+        "docked bodies together in a file of their own and embed there.",
     ),
     "counted-twice": (
         "the body that holds an appendage probably has the appendage's own mass",
@@ -157,8 +157,9 @@ CODES = {
     ),
     "large-motion": (
         "a run or a keyframe exceeds a chain's large-motion limits",
-        "Choose a slower manoeuvre; `beamchain inspect --steps` prints the limits. More modes help "
-        "little ([theory](../theory.md#7-large-motion)).",
+        "Choose a slower manoeuvre; `beamchain inspect --steps` prints the limits. More modes "
+        "allow more bending, not always more spin, and no more thrust "
+        "([theory](../theory.md#7-large-motion)).",
     ),
     "large-motion-unknown": (
         "the large-motion limits of the chain could not be computed",
@@ -200,7 +201,7 @@ CODES = {
     ),
     "long-delay": (
         "a dead time is longer than a period of its loop",
-        "Give `delay` in seconds.",
+        "Give `delay` in seconds. None, if the delay is that long: all figures include it.",
     ),
     "medium": (
         "the density or viscosity of a medium causes drag on the links",
@@ -260,7 +261,7 @@ CODES = {
         "the specification.",
     ),
     "pose-in-radians": (
-        "the pose of a hinge, in degrees, is a common angle in radians",
+        "an angle in `--pose` looks like radians",
         "`--pose` takes degrees for hinges: `drive=90`. In Python `pose` takes radians.",
     ),
     "pose-not-proven": (

@@ -156,10 +156,10 @@ class StepperDisturbance(Struct, frozen=True, kw_only=True, forbid_unknown_field
     joint: Annotated[str, field("joint that the drive turns")]
     rate: Annotated[float, field("steps per second", "1/s", above=0.0)]
     step: Annotated[
-        float | None, field("angle of a step of the set point [rad], of a slide [m]", "", above=0.0)
+        float | None, field("step of the set point: rad of a hinge, m of a slide", "", above=0.0)
     ] = None
     torque: Annotated[
-        float | None, field("torque of a pulse [N m], of a slide [N]", "", above=0.0)
+        float | None, field("size of a pulse: N m of a hinge, N of a slide", "", above=0.0)
     ] = None
     width: Annotated[float | None, field("length of a pulse of torque", "s", above=0.0)] = None
 

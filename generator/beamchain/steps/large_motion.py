@@ -252,8 +252,8 @@ class LargeMotion:
             Caution(
                 "large-motion",
                 f"{what} reached {value:.4g} {unit}, beyond the {getattr(self, what):.4g} {unit} "
-                f"up to which the chain stays within 1 % of a fine one in {self.port}; keep more "
-                "modes.",
+                f"up to which the chain stays within 1 % of a fine one in {self.port}; move more "
+                "slowly or, against bending, keep more modes.",
             )
             for what, value, unit in given
             if abs(value) > getattr(self, what)
