@@ -350,7 +350,7 @@ CODES = {
         "the poles of a model at its step are not those of exact motion",
         "Compare `sampled_error` with the tolerance "
         "([time](../time.md#two-figures-for-every-step)). Sprung or damped joints of the "
-        "spacecraft's own are never corrected.",
+        "spacecraft's own are corrected by `retime --retime-joints` only.",
     ),
     "turn-error": (
         "the step's error in the rotation of the rigid spacecraft exceeds the tolerance",
