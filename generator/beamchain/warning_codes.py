@@ -37,8 +37,8 @@ CODES = {
         "equal to the `x` of the port.",
     ),
     "collisions": (
-        "shapes of the appendages collide",
-        "Leave `scene.contacts` off in the specification; neighbouring links touch.",
+        "shapes of the appendages can touch others",
+        "None, if you asked for it by `scene.contacts`; the verification leaves contacts out.",
     ),
     "coloured-residuals": (
         "what an identified model leaves of a log is not white",

@@ -90,8 +90,8 @@ def _surroundings(model: "mujoco.MjModel", geoms: Sequence[int]) -> Iterator[str
     if collide and not disabled & int(mujoco.mjtDisableBit.mjDSBL_CONTACT):
         yield Caution(
             "collisions",
-            f"{len(collide)} shapes of the appendages collide, and neighbouring links touch; leave "
-            "scene.contacts off.",
+            f"{len(collide)} shapes of the appendages can touch others; contacts are left out of "
+            "the proof.",
         )
 
 

@@ -300,8 +300,9 @@ class Scene(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     integrator: Annotated[
         Integrator | Literal["auto"],
         field(
-            'integrator of MuJoCo ("discrete" takes springs implicitly too); "auto" takes Euler if '
-            "it turns the spacecraft at the rates within the tolerance, else RK4"
+            "integrator of the files of `fit`; `embed` follows the spacecraft's <option>. "
+            '"discrete" takes springs implicitly too; "auto" takes Euler if it turns the '
+            "spacecraft at the rates within the tolerance, else RK4"
         ),
     ] = "implicitfast"
     rates: Annotated[
