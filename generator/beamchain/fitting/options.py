@@ -300,7 +300,7 @@ class Scene(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     integrator: Annotated[
         Integrator | Literal["auto"],
         field(
-            "integrator of the files of `fit`; `embed` follows the spacecraft's <option>. "
+            "integrator of the files of `fit`; `embed` follows the spacecraft's own. "
             '"discrete" takes springs implicitly too; "auto" takes Euler if it turns the '
             "spacecraft at the rates within the tolerance, else RK4"
         ),

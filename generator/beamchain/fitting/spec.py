@@ -76,7 +76,8 @@ class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     sensors: Annotated[Sensors, field("sensors written with the appendage")] = Sensors()
     damping: Annotated[Damping | None, field("damping of the cantilever modes")] = None
     modes: Annotated[
-        Modes | None, field("number of modes kept per port; two in both planes where left out")
+        Modes | None,
+        field("modes kept per port; left out, a beam without a bandwidth keeps two in both planes"),
     ] = None
     root: Annotated[
         Root, field("the spacecraft, and the boundary condition at which the modes are exact")
