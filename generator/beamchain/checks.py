@@ -231,10 +231,9 @@ def _likeness(word: str, other: str) -> tuple[float, int]:
 def unknown(field: str, value: object, names: Iterable[str], cure: str = "") -> InputError:
     """The answer to a name that is none of those there are."""
     known = [name for name in names if name]
-    return InputError(
-        f"{field} = {value!r} is unknown; {meant(value, known)}choose from "
-        f"{', '.join(known) or 'none, for there are none'}.{f' {cure}' if cure else ''}"
-    )
+    choice = f"choose from {', '.join(known)}" if known else "there is none to choose"
+    more = f" {cure}" if cure else ""
+    return InputError(f"{field} = {value!r} is unknown; {meant(value, known)}{choice}.{more}")
 
 
 def whole_number(field: str, value: object, least: int, most: int) -> int:

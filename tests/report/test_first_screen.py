@@ -74,6 +74,21 @@ def test_a_craft_says_its_error_and_what_hangs_on_it():
     assert embedded_tiles(craft)[-1][0] == f"{added} degrees of freedom"
 
 
+def test_a_mode_that_only_the_chain_has_stands_for_no_exact_one():
+    """A light boom with a body at its tip keeps one mode about z; its chain's own lies at 12 rad/s,
+    twice the band, far from the boom's mode out of the plane."""
+    section = bc.Equivalent(bending_stiffness_xy=2780.0, linear_mass=0.07)
+    body = bc.Lump(x=7.0, mass=2.3, inertia=(0.01, 0.012, 0.014))
+    scene = bc.Scene(bandwidth=6.0, axes=("z",))
+    segment = bc.Segment(length=7.0, section=section)
+    spec = bc.Spec(name="light", segment=(segment,), lump=(body,), scene=scene)
+    craft = bc.embed(CRAFT.replace('pos="0.6 0 0"', 'pos="0.7 0 0.3"'), {"left": spec})
+    (own,) = (mode for mode in craft.assembly.modes if mode.exact is None)
+    assert own.mujoco == pytest.approx(12.0, rel=1e-3)
+    (told,) = (line for line in embedded_lines(craft) if line.startswith("  "))
+    assert "bending xy" in told
+
+
 def loop(name, disk, stable=True):
     at = {"gain_db": 6.02, "gain_frequency": 3.0, "phase": 45.0, "phase_frequency": 2.0}
     return SimpleNamespace(name=name, disk=disk, stable=stable, delay=math.inf, **at)

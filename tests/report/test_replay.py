@@ -315,7 +315,8 @@ def test_a_run_in_which_nothing_moves_is_drawn_to_scale():
         ("time,y\n0,1\n1,0\n", [], "give a column time, one or more of z, and at least two rows"),
         ("time,z\n0,9\n1,0\n", [], "z = 9 is beyond its ctrlrange [-5, 5]"),
         ("time,z\n0,1\n1e-6,0\n", [], "--torque ends at 1e-06 s; give times from 0.001"),
-        (HISTORY, ["--no-report"], "--torque is filmed on the page, which --no-report leaves out"),
+        (HISTORY, ["--no-report"], "the page of a new file; leave --no-report out"),
+        ("time,z\n0,5\n1e5,0\n", [], "a fast spin needs RK4 or less torque"),
     ],
 )
 def test_commands_that_cannot_be_filmed_are_refused_and_nothing_is_written(

@@ -121,7 +121,9 @@ def test_actuators_follow_the_history_that_is_given():
         ("time,rw,rw\n0,1,1\n1,0,0\n", "one or more of rw, other"),
         ("time,rw\n0,1.5\n1,0\n", r"rw = 1.5 is beyond its ctrlrange \[-1, 1\]"),
         ("time,rw\n0,1\n", "at least two rows"),
-        ("time,rw\n1,1\n2,0\n", "start at 0"),
+        ("time,rw\n1,1\n2,0\n", "row 1 has the time 1; give times that start at 0"),
+        ("time,rw\n0,1\n2,0\n1,0\n", "row 3 has the time 1; give times that start at 0"),
+        ("time,rw\n0,1\n1,x\n", "row 2 is 1, x; give one finite number per column"),
     ],
 )
 def test_histories_that_no_actuator_can_follow_are_refused(history, said):
@@ -138,7 +140,6 @@ def test_a_file_without_actuators_follows_no_history():
     ("arguments", "said"),
     [
         (["--torque", "h.csv", "--modes", "1"], "--modes and --torque are both given"),
-        (["--torque", "h.csv", "--exaggerate", "2"], "a run is drawn to scale"),
         (["--run", "1", "--modes", "1"], "--modes and --run are both given"),
         (["--run", "1", "--joint", "a"], "--joint and --run are both given"),
         (["--pose", "folded"], "--pose is of a run"),
@@ -146,7 +147,7 @@ def test_a_file_without_actuators_follows_no_history():
         (["--run", "1", "--angle", "9"], "--angle is of a turn"),
         (["--run", "0"], "--run = 0 is out of range"),
         (["--run", "nan"], "--run = nan is out of range"),
-        (["--run", "1", "--exaggerate", "2"], "a run is drawn to scale"),
+        (["--run", "1", "--exaggerate", "2"], "--run is drawn to scale"),
     ],
 )
 def test_options_of_a_run_are_checked(arguments, said, tmp_path):

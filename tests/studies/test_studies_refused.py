@@ -20,7 +20,7 @@ PROFILES = {
     "time,mz\n0,1\n": ("at least two rows",),
     "time,mz\n1,1\n2,0\n": ("start at 0",),
     "time,mz\n0,1\n0,0\n": ("ascend",),
-    "time,mz\n0,one\n1,0\n": ("one number per column",),
+    "time,mz\n0,one\n1,0\n": ("row 1 is 0, one; give one finite number per column",),
     "time,mz\n0,nan\n1,0\n": ("finite",),
 }
 

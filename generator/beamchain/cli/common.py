@@ -82,7 +82,7 @@ def read_text(path: Path, option: str) -> str:
                 f"{option} {str(path)!r} has more than the {LARGEST_HISTORY} bytes taken; thin it "
                 "out."
             )
-        return path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8-sig")  # as spreadsheets write it too
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(
             f"{option} {str(path)!r} cannot be read ({error}); give a CSV file of text."

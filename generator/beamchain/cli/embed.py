@@ -92,11 +92,9 @@ def embed(
 
     names = [_split(word, remove)[0] for word in mount or []]
     page = beside(output, "_report.html") if report and not rigid else None
-    if torque is not None and page is None:
-        without = "--rigid" if rigid else "--no-report"
-        raise InputError(
-            f"--torque is filmed on the page, which {without} leaves out; give one of them."
-        )
+    if torque is not None and (page is None or remove):
+        without = "--remove" if remove else "--rigid" if rigid else "--no-report"
+        raise InputError(f"--torque is filmed on the page of a new file; leave {without} out.")
     given = None if torque is None else _commands(craft, torque)
     if remove:
         result = _take_out(craft, names, output, force=force, as_json=as_json)

@@ -126,8 +126,8 @@ def render(
             raise InputError(f"render: {option} is of a run; give --run or --torque too.")
     if angle is not None and (is_run or modes):
         raise InputError("render: --angle is of a turn; leave it out.")
-    if is_run and exaggerate != 1.0:
-        raise InputError("render: a run is drawn to scale; leave --exaggerate out.")
+    if is_run and torque is None and exaggerate != 1.0:
+        raise InputError("render: --run is drawn to scale; leave --exaggerate out.")
     for name, value, low, high in (
         ("exaggerate", exaggerate, 0.0, 1e6),
         ("angle", 0.0 if angle is None else angle, -360.0, 360.0),
@@ -151,7 +151,7 @@ def render(
     if modes:
         shots = _modes(model, modes, exaggerate)
     elif is_run:
-        shots = [_run(model, run, pose, latch or [], torque)]
+        shots = [_run(model, run, pose, latch or [], torque, exaggerate)]
     else:
         turned = None if angle is None else math.radians(angle)
         shots = [_turn(model, turned, joint, exaggerate, fit)]
@@ -207,6 +207,10 @@ def _rate(seconds: float, frames: int) -> str:
     return f"time x {seconds / (frames - 1) * RATE:.2g}"
 
 
+def _scale(exaggerate: float) -> str:
+    return "to scale" if exaggerate == 1.0 else f"x {exaggerate:g}"
+
+
 def _clock(times: "Array", note: str) -> list[str]:
     """The time and a note, for every frame."""
     digits = 0 if times[-1] >= 100 else 1
@@ -227,8 +231,7 @@ def _turn(
 
     plain = without_timing(model)
     slew = simulate(model, angle=angle, frames=FRAMES, joint=joint, untimed=plain)
-    scale = "to scale" if exaggerate == 1.0 else f"x {exaggerate:g}"
-    note = f"{_rate(slew.times[-1], len(slew.times))}, bending {scale}"
+    note = f"{_rate(slew.times[-1], len(slew.times))}, bending {_scale(exaggerate)}"
     axis = None if slew.joint else "xyz"[slew.axis]
     sentence = (
         f"{slew.joint or slew.body} turned by {math.degrees(slew.angle):.4g} degrees"
@@ -248,6 +251,7 @@ def _run(
     key: str | None,
     latch: list[str],
     torque: Path | None,
+    exaggerate: float,
 ) -> Shot:
     """A simulated run, beside its start or rigid appendages."""
     from beamchain.steps.deployment import hinge_stages, simulate_run
@@ -257,8 +261,10 @@ def _run(
         assert given is not None
         seconds = float(given.times[-1])
     done = simulate_run(model, key, seconds, RUN, hinge_stages(model, latch), given)
-    note = f"{_rate(seconds, RUN)}, to scale"
-    ghosts = done.start if given is None else done.rigid
+    note = f"{_rate(seconds, RUN)}, {_scale(exaggerate)}"
+    shown, ghosts = done.positions, done.start
+    if given is not None:
+        shown, ghosts = done.rigid + exaggerate * (done.positions - done.rigid), done.rigid
     begin = "the pose of the file" if key is None else f"keyframe {key!r}"
     under = "" if given is None else f" under commands of {', '.join(given.actuators)}"
     told = [f"simulated for {seconds:g} s from {begin}{under}; {note}"]
@@ -266,7 +272,7 @@ def _run(
     late = f"{', '.join(done.waiting)} had not latched after {seconds:g} s; give a longer --run."
     warnings = [late] if done.waiting else []
     texts = _clock(done.times, note)
-    return Shot(done.positions, ghosts, texts, RUN // 2, 0, told, warnings)
+    return Shot(shown, ghosts, texts, RUN // 2, 0, told, warnings)
 
 
 def _modes(model: "mujoco.MjModel", count: int, exaggerate: float) -> list[Shot]:

@@ -16,6 +16,7 @@ from beamchain.engine.model_rows import along_all
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, PORTS, Array, square_root
 
+FAR = 0.5  # logarithm of frequencies that do not belong together, and what else is unlike
 SHARE = 0.1  # of the strain energy, above which an appendage is named
 CLUSTER = 1e-3  # relative gap of frequencies, below which modes may mix their shapes
 STILL = 1e-4  # of the kinetic energy, below which the bus is called still
@@ -102,7 +103,8 @@ def _shares(energy: Array, parts: Sequence[NDArray[np.intp]]) -> Array:
 def _pairs(exact: _Modes, ours: _Modes, kept: NDArray[np.bool_], mass: Array) -> dict[int, int]:
     """The mode of MuJoCo that belongs to an exact one, by their numbers; the kept ones first.
 
-    Modes belong together by frequency; `mass` `(nv, nv)`: of the bare craft. Modes of one cluster
+    Modes belong together by frequency, of those that are not kept only near ones, as chains have
+    modes of their own (fillers); `mass` `(nv, nv)`: of the bare craft. Modes of one cluster
     may mix their shapes, so it is clusters that are alike: what moves the craft along the same
     direction and strains the appendages half alike.
     """
@@ -128,7 +130,11 @@ def _pairs(exact: _Modes, ours: _Modes, kept: NDArray[np.bool_], mass: Array) ->
     for group in (np.flatnonzero(kept), np.flatnonzero(~kept)):
         free = np.setdiff1d(np.arange(ours.frequency.size), list(partner.values()))
         rows, columns = linear_sum_assignment(cost[free][:, group])
-        partner |= {int(group[j]): int(free[i]) for i, j in zip(rows, columns, strict=True)}
+        partner |= {
+            int(group[j]): int(free[i])
+            for i, j in zip(rows, columns, strict=True)
+            if kept[group[j]] or cost[free[i], group[j]] < FAR
+        }
     return partner
 
 

@@ -94,8 +94,8 @@ def film(
             advance()
             if data.time < before:  # MuJoCo starts anew where a state is not finite
                 raise EngineError(
-                    f"the simulation is unstable at the scene's step of {step:g} s; see beamchain "
-                    "inspect for the largest one."
+                    f"the simulation is unstable at the scene's step of {step:g} s; beamchain "
+                    "inspect states the largest one, and a fast spin needs RK4 or less torque."
                 )
         positions[k] = data.qpos
     return positions
@@ -130,13 +130,21 @@ def held_columns(
                 f"{source}: row {number} has {len(row)} numbers for {len(head)} columns; give one "
                 "number per column in every row."
             )
-    try:
-        table = np.array([[float(cell) for cell in row] for row in rows[1:]])
-    except ValueError as error:
-        raise InputError(f"{source}: {error}; give one number per column in every row.") from None
+        try:
+            finite = np.all(np.isfinite([float(cell) for cell in row]))
+        except ValueError:
+            finite = False
+        if not finite:
+            raise InputError(
+                f"{source}: row {number} is {', '.join(row)}; give one finite number per column."
+            )
+    table = np.array(rows[1:], dtype=np.float64)
     times = table[:, head.index("time")]
-    if not np.all(np.isfinite(table)) or times[0] != 0.0 or np.any(np.diff(times) <= 0.0):
+    late = np.flatnonzero(np.diff(times, prepend=-np.inf) <= 0.0)
+    if times[0] != 0.0 or late.size:
+        at = int(late[0]) if late.size else 0
         raise InputError(
-            f"{source}: times must start at 0 and ascend, and every number must be finite."
+            f"{source}: row {at + 1} has the time {times[at]:g}; give times that start at 0 and "
+            "ascend."
         )
     return names, times, table[:, [head.index(name) for name in names]]

@@ -8,6 +8,7 @@ from beamchain.engine.linearise import NUMBERS
 from beamchain.fitting.needs import AXES
 from beamchain.fitting.proof import needs_hub
 from beamchain.ports.compare import keeps_tolerance, tolerance_statement
+from beamchain.report.curves import count
 from beamchain.steps.cures import RUINED
 from beamchain.steps.sampled import judged_part, off_by
 
@@ -264,12 +265,13 @@ def modes_sentence(embedded: "Embedded") -> str:
     band = f"up to {assembly.band:.4g} rad/s"
     said = f"no kept mode lies {band}"
     if assembly.judged:
-        said = f"kept modes {band}, off by at most {assembly.worst:.1e}"
+        number = count(len(assembly.judged), "kept mode")
+        said = f"{number} {band}, off by at most {assembly.worst:.1e}"
     missing = 0 if embedded.met else len(assembly.left_out)
     if not missing:
         return said
-    count = "one mode in the band is" if missing == 1 else f"{missing} modes in the band are"
-    return f"{said}; {count} left out"
+    those = "one mode in the band is" if missing == 1 else f"{missing} modes in the band are"
+    return f"{said}; {those} left out"
 
 
 def _load_words(embedded: "Embedded") -> str:

@@ -83,12 +83,12 @@ class _Mode(NamedTuple):
 
 # -- what is shown ---------------------------------------------------------------------------------
 def craft_replays(embedded: "Embedded", given: Commands | None = None) -> Replays:
-    """Of the first coupled modes in the table of an embedded craft, and of a turn or, where they
+    """Of the first kept modes in the table of an embedded craft, and of a turn or, where they
     are given, of a run under commands of its actuators."""
     modes = _named(embedded.untimed, *embedded.shapes_at("rest"))
     shown: list[_Mode] = []
     for number, row in enumerate(embedded.assembly.modes, 1):
-        if row.mujoco is not None and modes and len(shown) < MODES:
+        if row.kept and row.mujoco is not None and modes and len(shown) < MODES:
             omega = row.mujoco
             near = min(range(len(modes)), key=lambda k: abs(modes[k].omega - omega))
             shown.append(modes.pop(near)._replace(number=number))
@@ -138,8 +138,9 @@ def _replays(
             most = MOST_WORK // model.nv
             slew = simulate(quiet_copy(timed), angle=None, frames=TURN, most=most, untimed=model)
     except EngineError as error:
-        what = "turn" if given is None else "run"
-        return Replays(films, f"No {what} is drawn: {str(error).partition(';')[0]}.")
+        if given is not None:
+            raise
+        return Replays(films, f"No turn is drawn: {str(error).partition(';')[0]}.")
     except InputError:  # it does not fly freely, or nothing bends
         return Replays(films)
     return Replays([*films, _turn_replay(artist, slew, roots)])

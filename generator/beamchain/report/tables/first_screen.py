@@ -90,13 +90,15 @@ def embedded_lines(embedded: "Embedded") -> Iterator[str]:
     if len(several) > APPENDAGES:
         yield f"and {len(several) - APPENDAGES} more appendages"
     if not rigid:
-        yield modes_sentence(embedded)
-        yield from _first_modes(embedded)
+        first = list(_first_modes(embedded))
+        among = ", among them" * (len(embedded.assembly.judged) > len(first))
+        yield f"{modes_sentence(embedded)}{among}{':' if first else ''}"
+        yield from first
 
 
 def _first_modes(embedded: "Embedded") -> Iterator[str]:
-    """The first coupled mode, and the one that adds most to the motion that scenes are about."""
-    rows = [mode for mode in embedded.assembly.modes if mode.words and mode.error is not None]
+    """The first kept mode, and the one that adds most to the motion that scenes are about."""
+    rows = [mode for mode in embedded.assembly.modes if mode.kept and mode.error is not None]
     if not rows:
         return
     motions = embedded.promise.motions
