@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.linalg import eigh
 
 import beamchain as bc
 import superelements as se
@@ -94,6 +95,21 @@ def test_the_grids_may_stand_in_the_specification(tmp_path):
     moved = [grids[2] | {"row": 13}, grids[0] | {"row": 1}, grids[1] | {"row": 7}]
     again = spec_of({"imported": {**imported, "grids": moved}}).imported.read()
     np.testing.assert_allclose(again.rigid_mass, data.rigid_mass, rtol=1e-9, atol=1e-9)
+
+
+def test_a_punch_file_is_held_in_the_components_that_are_stated(tmp_path):
+    """With the displacements of three grids held, their rotations vibrate with the rest."""
+    (tmp_path / "boom.pch").write_text(se.punch_text(FOUND))
+    grids = [
+        {"id": g, "at": list(se.PLACES[g]), "axes": se.output_axes(g).tolist(), "components": "123"}
+        for g in se.GRIDS
+    ]
+    imported = {"file": str(tmp_path / "boom.pch"), "grids": grids, "length": 2.0, "units": UNITS}
+    data = spec_of({"imported": imported}).imported.read()
+    free = np.r_[3:6, 9:12, 15:18, 18:40]
+    matrices = (m[np.ix_(free, free)] for m in (FOUND.stiffness, FOUND.mass))
+    wanted = np.sqrt(eigh(*matrices, eigvals_only=True))
+    assert data.frequencies == pytest.approx(wanted, rel=1e-6)
 
 
 @pytest.mark.parametrize("first", [0, 22])

@@ -170,6 +170,9 @@ def _from_punch(path: Path, interface: Interface) -> ModalData:
             "give asm, or grids."
         )
     rows = _rows_of(freedoms, points)
+    if interface.grids:
+        held = {(grid.id, int(c)) for grid in interface.grids for c in grid.components}
+        rows = {freedom: row for freedom, row in rows.items() if freedom in held}
     data = _modal_data(path, (mass, stiffness), rows, points, source, interface.ports)
     return _ignoring(data, bulk.dmig)
 
