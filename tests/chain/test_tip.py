@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 
+import beamchain as bc
 import readback as rb
 from appendages import close, seed_boom, stepped_boom, tapered_boom, tip_loaded_boom, unit_beam
 from arrays import deployed_array, space_beam, tube
@@ -210,3 +211,18 @@ def test_the_file_says_how_far_the_site_at_the_tip_is_off():
     worst = int(np.argmax(np.abs(off)))
     before = text[: text.index('<site name="boom_tip"')].rpartition("<!--")[2]
     assert f"tip motion off by {off[worst]:+.1%} in mode {worst + 1} of xy" in before
+
+
+def test_a_port_at_the_tip_makes_the_tip_exact():
+    """Modes of a clamped uniform beam of unit mass move their end by 2."""
+    section = bc.Equivalent(bending_stiffness_xy=1.0, linear_mass=1.0)
+    spec = bc.Spec(
+        name="boom",
+        segment=(bc.Segment(length=1.0, section=section),),
+        port=(bc.spec.Port(name="end", x=1.0),),
+        modes=bc.Modes(xy=2, xz=0),
+        scene=Scene(tip=True),
+    )
+    frequencies, moved = tip_through_differences(fit(spec).to_mjcf(), "boom_end", 1)
+    assert frequencies[:2] == pytest.approx([1.8751040687**2, 4.6940911330**2], rel=DIFFERENCES)
+    assert moved[:2] == pytest.approx(2.0, rel=DIFFERENCES)

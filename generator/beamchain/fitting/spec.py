@@ -260,14 +260,15 @@ class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
     @property
     def further(self) -> dict[str, float]:
-        """x of the further points that must be exact [m]: the ports,
-        and "tip" if it has a payload or the scene needs it."""
+        """x of the further points that must be exact [m]: the ports, and "tip" if it has a payload
+        or the scene needs it, and no port stands there."""
         if not self.is_beam:
             return {}
+        ports = {port.name: port.x for port in self.port}
         tip = self.payload is not None or (self.scene is not None and self.scene.tip)
-        return ({"tip": self.beam.length} if tip else {}) | {
-            port.name: port.x for port in self.port
-        }
+        if tip and self.beam.length not in ports.values():
+            return {"tip": self.beam.length} | ports
+        return ports
 
     def sites(self, length: float) -> dict[str, float]:
         """x of the sites other than the root's [m]; without a scene there is one at the tip,
