@@ -117,11 +117,9 @@ def embed(
             _ = result.cure, result.assembly  # kept: the proof, and what mends it
     drawings: dict[Path, str] = {}
     if page is not None:
-        from beamchain.engine.library import one_thread
         from beamchain.report import embed_report
 
-        with one_thread():
-            drawings[page] = embed_report(result, craft.name, output.name, given)
+        drawings[page] = embed_report(result, craft.name, output.name, given)
     files = result.write(output, force=force, also=drawings)
     tell(result.as_dict, lambda: _show(result, full=full), files, as_json)
     if not rigid and not _is_good(result):

@@ -606,7 +606,6 @@ class Embedded:
         as SVG text."""
         return report.assembly_svg(self.assembly)
 
-    @one_thread()
     def report(self, craft: str = "craft.xml", output: str = "flexible.xml") -> str:
         """The report as the text of one HTML file.
 

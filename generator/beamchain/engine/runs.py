@@ -3,6 +3,7 @@ under what its state asks for."""
 
 import csv
 import io
+import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 
@@ -124,6 +125,7 @@ def held_columns(
             f"{'row' if below == 1 else 'rows'}; give a column time, one or more of "
             f"{', '.join(allowed)}, and at least two rows."
         )
+    table: list[list[float]] = []
     for number, row in enumerate(rows[1:], 1):
         if len(row) != len(head):
             raise InputError(
@@ -131,15 +133,16 @@ def held_columns(
                 "number per column in every row."
             )
         try:
-            finite = np.all(np.isfinite([float(cell) for cell in row]))
+            values = [float(cell) for cell in row]
         except ValueError:
-            finite = False
-        if not finite:
+            values = [math.nan]
+        if not all(map(math.isfinite, values)):
             raise InputError(
                 f"{source}: row {number} is {', '.join(row)}; give one finite number per column."
             )
-    table = np.array(rows[1:], dtype=np.float64)
-    times = table[:, head.index("time")]
+        table.append(values)
+    numbers = np.array(table)
+    times = numbers[:, head.index("time")]
     late = np.flatnonzero(np.diff(times, prepend=-np.inf) <= 0.0)
     if times[0] != 0.0 or late.size:
         at = int(late[0]) if late.size else 0
@@ -147,4 +150,4 @@ def held_columns(
             f"{source}: row {at + 1} has the time {times[at]:g}; give times that start at 0 and "
             "ascend."
         )
-    return names, times, table[:, [head.index(name) for name in names]]
+    return names, times, numbers[:, [head.index(name) for name in names]]

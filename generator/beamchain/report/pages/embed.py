@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from beamchain.engine.library import one_thread
 from beamchain.fitting.spec_text import spec_toml
 from beamchain.report import plots
 from beamchain.report.craft_plots import assembly_figure
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 SAME = 1e-3  # relative difference of chains below which appendages of one spec are shown once
 
 
+@one_thread()
 def embed_report(
     embedded: "Embedded", craft: str, output: str, given: "Commands | None" = None
 ) -> str:
